@@ -3,8 +3,8 @@
     python benchmarks/service_latency.py --requests 200
 
 Overhead is the time that a caller waits less that of planning, proof and measures, as the answer tells it: HTTP,
-reading the problem, the way to the process and back, the motion as JSON. Each request differs, so that none is answered
-from the store. Also shown: the same through `optiplan.service.cell`, which turns the answer into arrays.
+reading the problem, the way to the process and back, the motion as JSON. Requests differ in seed or start. Also
+shown: the same through `optiplan.service.cell`, which turns the answer into arrays.
 """
 
 import sys

@@ -10,7 +10,7 @@ import errno
 import os
 import stat
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Set
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -30,18 +30,19 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class _Session:
-    """Real paths of the folders allowed (None: all), and what was read so far."""
+    """Real paths of the folders allowed (None: all), what was read so far, and the real paths of files looked at."""
 
     folders: tuple[Path, ...] | None = None
     contents: dict[Path, bytes] = field(default_factory=dict)
+    looked_at: set[Path] = field(default_factory=set)
 
 
 _current: ContextVar[_Session | None] = ContextVar("reading", default=None)
 
 
 @contextmanager
-def reading(folders: Iterable[Path | str] | None = None) -> Iterator[None]:
-    """Within it only files of `folders` (and below them) can be read, each once.
+def reading(folders: Iterable[Path | str] | None = None) -> Iterator[Set[Path]]:
+    """Within it only files of `folders` (and below them) can be read, each once; yields the real paths looked at.
 
     Args:
         folders: None allows all. Inside an outer `reading` the outer one's folders and contents hold, and further ones
@@ -51,9 +52,10 @@ def reading(folders: Iterable[Path | str] | None = None) -> Iterator[None]:
     allowed = outer.folders if folders is None else tuple(Path(os.path.realpath(folder)) for folder in folders)
     if folders is not None and outer.folders is not None:
         allowed = tuple(folder for folder in allowed or () if _inside(folder, outer.folders))
-    token = _current.set(_Session(allowed, outer.contents))
+    session = _Session(allowed, outer.contents, outer.looked_at)
+    token = _current.set(session)
     try:
-        yield
+        yield session.looked_at
     finally:
         _current.reset(token)
 
@@ -227,6 +229,8 @@ def _look(path: Path, where: Path) -> os.stat_result:
         raise IsADirectoryError(0, "a folder", str(path))
     if not stat.S_ISREG(found.st_mode) or _inside(where, NEVER):
         raise OSError(0, "not a regular file", str(path))
+    if (session := _current.get()) is not None:
+        session.looked_at.add(where)
     return found
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
+from pydantic_core import to_json
+
 from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue
 from optiplan.files import flush, read_bytes, replacing
@@ -63,13 +65,24 @@ def save_run(run: Saved, folder: Path) -> None:
     Raises:
         InputError: the folder cannot be made or written.
     """
-    files = {RUN: run.to_dict()}
-    if run.trajectory is not None:
-        files[TRAJECTORY] = {**run.trajectory.to_dict(rate=RATE), **run.more_samples(RATE)}
     try:
-        _write_all(folder, files)
+        _write_all(folder, run_files(run))
     except OSError as error:
         raise _unusable(folder, error, "a folder that can be written") from error
+
+
+def run_files(run: Saved) -> dict[str, bytes]:
+    """Return the files of a run folder by name; a run without trajectory has `run.json` alone."""
+    record = json.dumps(jsonable(run.to_dict()), allow_nan=False, indent=1, default=repr)
+    return {RUN: (record + "\n").encode(), **motion_file(run)}
+
+
+def motion_file(run: Saved, rate: float | None = RATE) -> dict[str, bytes]:
+    """Return `trajectory.json` with samples at a rate, Hz, at least; None: pieces alone. Empty without a trajectory."""
+    if run.trajectory is None:
+        return {}
+    data = {**run.trajectory.to_dict(rate=rate), **({} if rate is None else run.more_samples(rate))}
+    return {TRAJECTORY: to_json(data, inf_nan_mode="null") + b"\n"}
 
 
 def check_folder(folder: Path) -> None:
@@ -151,16 +164,13 @@ def _read_record(path: Path) -> dict[str, Any]:
     return record
 
 
-def _write_all(folder: Path, files: Mapping[str, Mapping[str, Any]]) -> None:
+def _write_all(folder: Path, files: Mapping[str, bytes]) -> None:
     """Write the files of a run, all or none; `run.json` is the last to be renamed into place."""
     with ExitStack() as stack:
         for name in (RUN, TRAJECTORY):  # the stack is left in reverse order
             if name in files:
                 temporary = stack.enter_context(replacing(folder / name))
-                text = json.dumps(
-                    jsonable(files[name]), allow_nan=False, indent=1 if name == RUN else None, default=repr
-                )
-                temporary.write_text(text + "\n", encoding="utf-8")
+                temporary.write_bytes(files[name])
                 flush(temporary)  # before the older run is taken away
         for name in (RUN, TRAJECTORY):
             (folder / name).unlink(missing_ok=True)

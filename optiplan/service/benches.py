@@ -45,9 +45,9 @@ class Benches:
         ]
         for *_, submission in asked[:: len(given.seeds)]:  # before any is queued
             await self._service.check(submission)
-        runs = []
+        name, runs = digest_of(given.model_dump())[:32], []
         for problem, label, submission in asked:
-            record = await self._service.submit(submission)
+            record = await self._service.submit(submission, name)
             runs.append([problem, label, submission.seed, record["id"]])
         bench = digest_of([given.name, runs])[:32]
         content = {
@@ -56,6 +56,7 @@ class Benches:
             "problems": [{"name": about["name"], "hash": about["hash"]} for about in checked],
             "planners": [vars(planner) | {"label": planner.shown} for planner in given.planners],
             "runs": runs,
+            "submission": name,
         }
         await self._service.write(lambda: self._table.add(bench, given.name, content))
         return await self.one(bench)
@@ -77,16 +78,16 @@ class Benches:
         return [await self.one(row["id"]) for row in rows]
 
     async def cancel(self, bench: str) -> None:
-        """Cancel what of a bench has not ended.
+        """Cancel what of a bench has not ended and nobody else wants.
 
         Raises:
             Refusal: there is none of this id.
         """
-        runs = (await self._row(bench))["content"]["runs"]
+        content = (await self._row(bench))["content"]
 
         def cancel() -> None:
-            for *_, run in runs:
-                self._service.queue.cancel(run)
+            for *_, run in content["runs"]:
+                self._service.queue.cancel(run, content.get("submission"))  # older benches have none
 
         await self._service.write(cancel)
 

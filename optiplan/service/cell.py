@@ -16,6 +16,7 @@ Example:
 """
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -109,27 +110,27 @@ class CellPlanner:
             rate: points a second of the answer, at least; fewer are quicker to send where motions are long.
             warm_start: `run` of an earlier motion, where not much has changed since: planning begins at it.
         """
-        asked: dict[str, Any] = {"problem": self.problem, "budget": budget, "deadline": deadline, "planner": planner}
-        asked |= {"rate": rate, "warm_start": warm_start or None}
-        if joints is not None:
-            state = {"joints": joints, "velocity": velocities, "acceleration": accelerations}
-            asked["start"] = {key: [float(x) for x in values] for key, values in state.items() if values is not None}
-        if target is not None:
-            pose = [float(x) for x in target]
-            asked["goal"] = {"pose": {"position": pose[:3], "quaternion": pose[3:]}}
-        elif joint_target is not None:
-            asked["goal"] = {"joints": [float(x) for x in joint_target]}
-        wait = (deadline or budget + 20.0) + 1.0
+        given = {"joints": joints, "velocities": velocities, "accelerations": accelerations, "target": target}
+        given |= {"joint_target": joint_target, "budget": [budget], "rate": [rate]}
+        given |= {"deadline": None if deadline is None else [deadline]}
+        try:
+            asked = _request({name: _numbers(name, value) for name, value in given.items() if value is not None})
+        except ValueError as error:
+            return CellMotion("failed", str(error))
+        asked |= {"problem": self.problem, "planner": planner, "warm_start": warm_start or None}
+        wait = max(0.0, asked.get("deadline") or asked["budget"] + 20.0) + 1.0
         try:
             answer = self._http.post("/api/plan", json=asked, timeout=wait)
+            if answer.status_code == 200:
+                return _motion(json.loads(answer.content))
         except httpx.TimeoutException:
             return CellMotion("late", f"no answer within {wait:g} s")
         except httpx.HTTPError as error:
             return CellMotion("unreachable", str(error))
-        if answer.status_code != 200:
-            status = {429: "busy", 503: "busy", 504: "late"}.get(answer.status_code, "failed")
-            return CellMotion(status, _error(answer))
-        return _motion(json.loads(answer.content))
+        except Exception as error:  # a closed connection, an answer that is none of ours: a controller goes on
+            return CellMotion("failed", f"{type(error).__name__}: {error}")
+        status = {429: "busy", 503: "busy", 504: "late"}.get(answer.status_code, "failed")
+        return CellMotion(status, _error(answer))
 
     def close(self) -> None:
         """Close the connection; the problem stays on the server."""
@@ -161,6 +162,35 @@ def _motion(answer: Mapping[str, Any]) -> CellMotion:
         run=answer["id"],
         **{key: np.array(points[key], float) for key in ("t", "q", "v", "a")},
     )
+
+
+def _numbers(name: str, values: Any) -> list[float]:
+    """Numbers as the server takes them; a `ValueError` says of which argument they are none."""
+    try:
+        found = [math.nan if isinstance(value, str | bytes) else float(value) for value in values]
+    except (TypeError, ValueError, OverflowError):
+        found = [math.nan]
+    if not all(map(math.isfinite, found)):
+        raise ValueError(f"{name}: found {' '.join(repr(values).split())[:80]}; expected finite numbers")
+    return found
+
+
+def _request(given: Mapping[str, list[float]]) -> dict[str, Any]:
+    """The numbers of a request, each where the server wants it."""
+    state = {"joints": "joints", "velocities": "velocity", "accelerations": "acceleration"}
+    start = {key: given[name] for name, key in state.items() if name in given}
+    if start and "joints" not in start:
+        raise ValueError("joints: found nothing; expected those at which the robot has these velocities, accelerations")
+    asked: dict[str, Any] = {name: given[name][0] for name in ("budget", "rate", "deadline") if name in given}
+    pose, joints = given.get("target"), given.get("joint_target")
+    if pose is not None and (joints is not None or len(pose) != 7):
+        found = f"{len(pose)} numbers" if joints is None else "a joint_target beside it"
+        raise ValueError(f"target: found {found}; expected x, y, z and the quaternion x, y, z, w, or a joint_target")
+    if pose is not None:
+        asked["goal"] = {"pose": {"position": pose[:3], "quaternion": pose[3:]}}
+    elif joints is not None:
+        asked["goal"] = {"joints": joints}
+    return asked | ({"start": start} if start else {})
 
 
 def _stem(problem: str | Path) -> str | None:

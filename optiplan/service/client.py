@@ -2,6 +2,7 @@
 
 import json
 import time
+import uuid
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -54,6 +55,7 @@ class Client:
             raise wrong_argument("Client", "url", described(url), "an address such as http://127.0.0.1:7100")
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         self.url = url.rstrip("/")
+        self._name = uuid.uuid4().hex
         self._http = httpx.Client(base_url=self.url, headers=headers, timeout=PATIENCE)
 
     def plan(
@@ -103,7 +105,7 @@ class Client:
             InputError, ServerError: as `plan`.
         """
         given = self._submission(_problem(problem), planner, options, budget, seed, deadline)
-        given |= {"warm_start": warm_start}
+        given |= {"warm_start": warm_start, "submission": self._name}
         return str(self._send("POST", "/api/runs", json=given).json()["id"])
 
     def status(self, run: str) -> dict[str, Any]:
@@ -179,12 +181,12 @@ class Client:
         raise ServerError(409, f"the run {run} is {answer['status']}")
 
     def cancel(self, run: str) -> None:
-        """Cancel a run; one that has ended stays as it is.
+        """Cancel a run that this client submitted; one that has ended, or that others submitted too, stays as it is.
 
         Raises:
             ServerError: there is none of that id.
         """
-        self._send("POST", f"/api/runs/{run}/cancel")
+        self._send("POST", f"/api/runs/{run}/cancel", params={"submission": self._name})
 
     def close(self) -> None:
         """Close the connections."""

@@ -12,7 +12,7 @@ Hash = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 """SHA-256, in hex."""
 
 RunId = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
-"""Digest of the problem, planner, options, seed, budget, deadline and version."""
+"""Of a queued run the digest of problem, planner, options, seed, budget, deadline and version; else of its own."""
 
 
 class StorableInput(BaseModel):
@@ -56,6 +56,14 @@ class Submission(ProblemInput):
     )
     deadline: float | None = Field(
         None, gt=0, le=1e6, description="Seconds from now after which no answer is wanted; the run is killed then"
+    )
+
+
+class QueuedSubmission(Submission):
+    """A submission to the queue."""
+
+    submission: RunId | None = Field(
+        None, description="Name of this submission, for cancelling it; made up where none is given"
     )
 
 
@@ -118,6 +126,12 @@ class RunAnswer(BaseModel):
     finished: float | None = None
 
 
+class SubmittedRun(RunAnswer):
+    """A run as it was submitted."""
+
+    submission: RunId = Field(description="For cancelling: the run ends once all its submissions are taken back")
+
+
 class RunList(BaseModel):
     """Runs, the last submitted first."""
 
@@ -150,6 +164,21 @@ class ProblemAnswer(BaseModel):
     name: str
     robot: str
     created: float
+
+
+class UploadAnswer(BaseModel):
+    """An uploaded file."""
+
+    file: str = Field(description="The path by which problems name it")
+    bytes: int
+    used: float = Field(description="When it was uploaded or used last, to some hours, s since 1970")
+
+
+class UploadList(BaseModel):
+    """The uploaded files, by path."""
+
+    uploads: list[UploadAnswer]
+    bytes: int = Field(description="Of all together")
 
 
 class RobotAnswer(BaseModel):

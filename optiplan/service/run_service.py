@@ -25,6 +25,7 @@ from optiplan.service.store.problem_table import ProblemTable
 from optiplan.service.store.retention import outdated, sweep
 from optiplan.service.store.run_table import NewRun, Record, RunTable
 from optiplan.service.store.tables import open_database, store_name
+from optiplan.service.store.uploads import Uploads
 from optiplan.service.store.write_probe import WriteProbe
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -51,6 +52,7 @@ class RunService:
         runs: the table of runs.
         problems: the table of stored problems.
         contents: the folder of contents.
+        uploads: the folder of uploaded files.
         pool: the solver processes.
         queue: the durable queue.
         solver: solves queued runs.
@@ -69,7 +71,7 @@ class RunService:
         """
         self.settings = settings
         self.contents = ContentFolder(settings.data / "contents", settings.spare)
-        settings.upload_folder.mkdir(parents=True, exist_ok=True)
+        self.uploads = Uploads(settings.upload_folder, settings.uploads, settings.upload_files)
         self.engine = open_database(settings.database_url)
         self.contents.claim(store_name(self.engine))
         self.runs, self.problems = RunTable(self.engine), ProblemTable(self.engine)
@@ -117,12 +119,12 @@ class RunService:
                 self._checked.popitem(last=False)
         return answer.data
 
-    def checked(self, request: Record) -> Mapping[str, Any] | None:
-        """What a problem is, where that is known already."""
-        return self._checked.get(digest_of(request))
-
-    async def submit(self, submission: Submission) -> Record:
+    async def submit(self, submission: Submission, name: str) -> Record:
         """Queue a run and return it, or the one that there is of the same submission.
+
+        Args:
+            submission: what to plan.
+            name: of who wants it, for `queue.cancel`.
 
         Raises:
             Refusal: the problem cannot be planned, the queue is full.
@@ -131,18 +133,19 @@ class RunService:
         self.check_budget(submission)
         about = await self.check(submission)
         request = await self.request(submission)
-        return await self.write(lambda: self._submit(submission, about, request))
+        return await self.write(lambda: self._submit(submission, name, about, request))
 
-    def _submit(self, submission: Submission, about: Mapping[str, Any], request: Record) -> Record:
+    def _submit(self, submission: Submission, name: str, about: Mapping[str, Any], request: Record) -> Record:
         self.contents.check_room()
         new = self.new_run(submission, about, "")
         known = self.runs.get(new.id)
-        if known is not None and known["status"] in ("queued", "running", "done"):
+        if known is not None and known["status"] == "done":
             return known
-        if (waiting := self.runs.waiting()) >= self.settings.queue:
+        waits = known is not None and known["status"] in ("queued", "running")
+        if not waits and (waiting := self.runs.waiting()) >= self.settings.queue:
             raise busy(f"{waiting} runs are queued, which is all that this server takes", min(60.0, 0.1 * waiting))
         new = self.new_run(submission, about, self.contents.put(json.dumps(request).encode()))
-        record, fresh = self.runs.submit(new)
+        record, fresh = self.runs.submit(new, name)
         if fresh:
             self.queue.enqueue(new.id)
         return record
@@ -219,10 +222,11 @@ class RunService:
             self.queue.forget(run)
 
     def tidy(self) -> None:
-        """Delete what is too old or too much, and contents that nothing refers to."""
+        """Delete runs and uploads that are too old or too much, and contents that nothing refers to."""
         for run in outdated(self.runs, self.settings):
             self.forget(run)
         sweep(self.contents, self.runs, self.problems)
+        self.uploads.sweep(self.settings.keep_days)
 
     async def read(self, look: Callable[[], Result]) -> Result:
         """Look something up in a thread for that."""

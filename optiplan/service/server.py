@@ -16,6 +16,7 @@ import uvicorn
 
 from optiplan.errors import OptiPlanError
 from optiplan.service.application import make_application
+from optiplan.service.guard.connections import guarded_protocol
 from optiplan.service.guard.json_log import log_to_stderr
 from optiplan.service.health import serve_health
 from optiplan.service.planner_service import PlannerService
@@ -165,6 +166,9 @@ def make_server(settings: ServiceSettings) -> "uvicorn.Server":
     """The server of an application, not yet running."""
     config = uvicorn.Config(
         make_application(settings),
+        http=guarded_protocol(settings),  # type: ignore[arg-type]  # what makes one will do
+        proxy_headers=bool(settings.proxies),
+        forwarded_allow_ips=list(settings.proxies),
         log_config=None,
         access_log=False,
         server_header=False,

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from sqlalchemy import make_url
+
 from optiplan.errors import InputError, Issue
 from optiplan.files import user_folder
 
@@ -31,6 +33,7 @@ class ServiceSettings:
         data: folder of contents and uploads, and of the database where that is SQLite. All machines that share a
             database share it.
         database: `sqlite:///…` or `postgresql://…`; empty: `service.sqlite` in `data`.
+        database_password: of PostgreSQL, in place of the one in `database`; empty: that one, or what libpq finds.
         host: address to listen on.
         port: 0: any that is free.
         token: every request carries it; empty: none needed, which only a loopback address allows.
@@ -45,16 +48,23 @@ class ServiceSettings:
         reading: longest time to read one problem, s.
         body: largest request, bytes.
         bodies: most obstacles and held objects of one problem, together.
+        head_time: s in which the head of a request has to come.
+        body_time: s in which its body has to come.
+        connections: most connections of one client at a time, which come through no proxy of ours.
+        proxies: addresses or networks of proxies, whose word on the client and on HTTPS is taken.
+        root_path: where a proxy has put this server, such as `/optiplan`; empty: at the top.
         rate: requests a second that one client may send in the long run; `burst` at once.
         burst: see `rate`.
-        keep_days: runs older than that are deleted.
+        keep_days: runs older than that are deleted, and uploads that nobody has used for so long.
         keep_bytes: most bytes of contents; the oldest runs go first.
-        uploads: most bytes of uploaded files.
+        uploads: most bytes of uploaded files; the longest unused go first.
+        upload_files: most uploaded files.
         spare: bytes that stay free on the disk; below it nothing new is taken on (507).
     """
 
     data: Path = field(default_factory=default_data)
     database: str = ""
+    database_password: str = field(default="", repr=False)
     host: str = "127.0.0.1"
     port: int = PORT
     token: str = ""
@@ -69,11 +79,17 @@ class ServiceSettings:
     reading: float = 10.0
     body: int = 5_000_000
     bodies: int = 2000
+    head_time: float = 10.0
+    body_time: float = 60.0
+    connections: int = 256
+    proxies: tuple[str, ...] = ()
+    root_path: str = ""
     rate: float = 200.0
     burst: int = 1000
     keep_days: float = 30.0
     keep_bytes: int = 10 * 10**9
     uploads: int = 10**9
+    upload_files: int = 10_000
     spare: int = 50 * 10**6
 
     @property
@@ -82,7 +98,10 @@ class ServiceSettings:
         url = self.database or f"sqlite:///{(self.data / 'service.sqlite').absolute()}"
         for scheme in ("postgresql://", "postgres://"):
             if url.startswith(scheme):
-                return "postgresql+psycopg://" + url.removeprefix(scheme)
+                url = "postgresql+psycopg://" + url.removeprefix(scheme)
+        if self.database_password:
+            named = make_url(url).set(password=self.database_password)
+            url = named.render_as_string(hide_password=False)
         return url
 
     @property

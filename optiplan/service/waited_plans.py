@@ -4,11 +4,11 @@ import asyncio
 import json
 import logging
 import time
+import uuid
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from pydantic_core import to_json
 from sqlalchemy.exc import SQLAlchemyError
 
 from optiplan.errors import OptiPlanError
@@ -20,7 +20,6 @@ from optiplan.service.refusals import Refusal, busy
 from optiplan.service.requests import refusal_of
 from optiplan.service.run_service import RunService
 from optiplan.service.store.run_table import NewRun, Record
-from optiplan.trajectory.trajectory import Trajectory
 
 _log = logging.getLogger("optiplan.service")
 
@@ -34,7 +33,7 @@ class WaitedRun:
 
     record: Record
     motion: bytes | None
-    keep: Callable[[], Any] | None = None
+    keep: Callable[[], Any]
 
 
 class WaitedPlans:
@@ -66,14 +65,6 @@ class WaitedPlans:
         """
         self._service.check_budget(submission)
         request, began = await self._service.request(submission), time.time()
-        known = self._service.checked(request)
-        if known is not None:
-            record = await self._service.read(
-                lambda: self._service.runs.get(self._service.new_run(submission, known, "").id)
-            )
-            if record is not None and record["status"] == "done":
-                stored = await self._service.content(record, TRAJECTORY)
-                return WaitedRun(record, await self._service.read(lambda: _sampled(stored, submission.rate)))
         if self._service.pool.waiting("plan") >= WAITING * self._service.settings.interactive:
             raise busy("too many callers wait for a plan", 1.0)
         left = submission.deadline or float("inf")
@@ -92,7 +83,8 @@ class WaitedPlans:
         if answer.death is not None:
             late = answer.death == "timeout" and left < wall
             raise Refusal(504 if answer.death == "timeout" else 503, "deadline" if late else answer.detail)
-        new = self._service.new_run(submission, answer.data, "")
+        # An attempt has an id of its own: within a budget of time, the next one finds another motion.
+        new = replace(self._service.new_run(submission, answer.data, ""), id=uuid.uuid4().hex)
         record = {**vars(new), **answer.data, "status": "failed" if answer.data["failure"] else "done"}
         record |= {"submitted": began, "started": began, "finished": time.time()}
         return WaitedRun(record, answer.files.get(TRAJECTORY), self._keeper(new, request, whole, began))
@@ -129,9 +121,7 @@ class WaitedPlans:
                 def write() -> None:
                     self._service.contents.check_room()
                     digest = self._service.contents.put(json.dumps(request).encode())
-                    self._service.runs.add_ended(
-                        NewRun(**{**vars(new), "request": digest}), self._service.solver.ended(end), began
-                    )
+                    self._service.runs.add_ended(replace(new, request=digest), self._service.solver.ended(end), began)
 
                 if end.death is None:
                     await self._service.write(write)
@@ -147,8 +137,3 @@ class WaitedPlans:
             task.add_done_callback(self._tasks.discard)
 
         return begin
-
-
-def _sampled(motion: bytes, rate: float | None) -> bytes:
-    """A trajectory.json with so many samples a second; None: as it is."""
-    return motion if rate is None else to_json(Trajectory.from_dict(json.loads(motion)).to_dict(rate or None))

@@ -1,7 +1,6 @@
 """Work in chunks on all cores: results in the order of the chunks, whatever the number of processes."""
 
 import multiprocessing
-import os
 from collections.abc import Callable
 from multiprocessing.connection import Connection, wait
 from typing import Generic, TypeVar
@@ -9,11 +8,6 @@ from typing import Generic, TypeVar
 from optiplan.errors import OptiPlanError
 
 R = TypeVar("R")
-
-
-def cores() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class ChunkedWork(Generic[R]):

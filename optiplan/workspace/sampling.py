@@ -10,13 +10,14 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.config.document import read_yaml
+from optiplan.cores import cores
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import HalfSpace, Obstacle, Scene
 from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
 from optiplan.robot.reference import robot_file
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.workspace.accuracy import tool_error
-from optiplan.workspace.parallel import ChunkedWork, cores, run_chunks
+from optiplan.workspace.parallel import ChunkedWork, run_chunks
 from optiplan.workspace.reach import Reach, reach, sampling_range
 from optiplan.workspace.voxels import Coverage, VoxelMap, ring_coverage, voxelise
 

@@ -3,6 +3,7 @@
 import json
 import time
 
+import httpx
 import numpy as np
 import pytest
 
@@ -105,6 +106,46 @@ def test_a_cell_that_reaches_nobody_is_told(server, quick):
     with CellPlanner(server.url, quick) as cell:
         cell._http.base_url = "http://127.0.0.1:9"
         assert cell.plan([0.4, 1.0]).status == "unreachable"
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({"velocities": [0.1, 0.2]}, "joints"),
+        ({"accelerations": [0.1, 0.2]}, "joints"),
+        ({"joints": [NAN, 1.0]}, "joints: found [nan, 1.0]"),
+        ({"joints": ["0.4", "1.0"]}, "joints"),
+        ({"joints": "12"}, "joints: found '12'"),
+        ({"joints": 0.4}, "joints: found 0.4"),
+        ({"joints": [0.4, 1.0], "velocities": [0.0, float("inf")]}, "velocities"),
+        ({"joints": [0.4, 1.0], "joint_target": [[0.1], [0.2, 0.3]]}, "joint_target"),
+        ({"target": [0.5, 0.2, 0.6]}, "target: found 3 numbers"),
+        ({"target": [0.5, 0.2, 0.6, 1, 0, 0, 0], "joint_target": [0.1, 0.2]}, "target"),
+        ({"budget": "soon"}, "budget"),
+        ({"budget": -1.0}, "budget"),
+        ({"deadline": NAN}, "deadline"),
+        ({"rate": 10**400}, "rate"),
+        ({"planner": object()}, "object"),
+        ({"warm_start": "x"}, "warm_start"),
+    ],
+)
+def test_a_cell_raises_nothing_whatever_it_is_given(server, quick, given, word):
+    with CellPlanner(server.url, quick) as cell:
+        refused = cell.plan(**given)
+    assert (refused.status, refused.verified) == ("failed", False)
+    assert word in refused.reason
+
+
+def test_a_cell_raises_nothing_whatever_it_is_answered(server, quick):
+    for content in (b"<html>", b"[]", b"{}", b'{"id": 1, "timings": {}, "trajectory": {"t": "x"}}'):
+        answer = httpx.MockTransport(lambda request, content=content: httpx.Response(200, content=content))
+        with CellPlanner(server.url, quick) as cell:
+            cell._http = httpx.Client(transport=answer, base_url="http://cell")
+            assert cell.plan([0.4, 1.0]).status == "failed"
+    assert cell.plan([0.4, 1.0]).status == "failed", "it is closed"
 
 
 def test_the_cells_client_is_handed_out_and_needs_nothing_of_ours(server, tmp_path):

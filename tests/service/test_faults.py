@@ -8,10 +8,12 @@ import pytest
 import sqlalchemy as sa
 from service_faults import PROBLEM, Plan, faults
 from service_process import HTTP, Program, postgres, postgres_folder, serving
+from sqlalchemy import make_url
 
 from optiplan.cli.main import run as command
 from optiplan.errors import OptiPlanError
 from optiplan.service.execution.leases import take_lease
+from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.tables import LAYOUT, about, open_database, store_name
 
@@ -130,6 +132,10 @@ def test_a_folder_belongs_to_one_database(tmp_path):
         (["--host", "0.0.0.0"], "OPTIPLAN_TOKEN"),
         (["--host", "192.0.2.1", "--token-file", "{token}"], "cannot listen"),
         (["--token-file", "/nowhere/token"], "token-file"),
+        (["--database-password-file", "/nowhere/password"], "--database postgresql://USER@HOST/NAME"),
+        (["--database", "postgresql://x@y/z", "--database-password-file", "/nowhere"], "database-password-file"),
+        (["--trusted-proxy", "10.0.0.0/99"], "trusted-proxy"),
+        (["--root-path", "optiplan"], "root-path"),
         (["--folder", "/nowhere"], "folder"),
         (["--database", "mysql://x/y"], "cannot be used"),
         (["--log-level", "loud"], "choose from"),
@@ -140,6 +146,14 @@ def test_a_server_that_cannot_start_says_why(arguments, word, tmp_path, capsys):
     arguments = [argument.format(token=tmp_path / "token") for argument in arguments]
     assert command(["serve", "--port", "0", "--data", str(tmp_path / "data"), *arguments]) == 2
     assert word in " ".join(capsys.readouterr().err.split())
+
+
+def test_the_password_of_a_database_comes_from_a_file():
+    secret = "p@ss/w:ord?"
+    settings = ServiceSettings(database="postgresql://optiplan@db:5433/optiplan", database_password=secret)
+    address = make_url(settings.database_url)
+    assert (address.username, address.password, address.host, address.port) == ("optiplan", secret, "db", 5433)
+    assert secret not in repr(settings)
 
 
 def test_a_worker_says_that_it_works(tmp_path):

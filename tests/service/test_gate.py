@@ -121,6 +121,27 @@ def test_a_token_in_the_address_becomes_a_cookie():
     assert ask(ServiceSettings(token=TOKEN), "POST", f"/?token={TOKEN}").status_code == 401
 
 
+def test_a_cookie_that_came_over_tls_never_goes_without():
+    async def call(scheme):
+        transport = httpx.ASGITransport(Gate(echo, ServiceSettings(token=TOKEN), RequestCounts()))
+        async with httpx.AsyncClient(transport=transport, base_url=f"{scheme}://127.0.0.1") as client:
+            return (await client.get(f"/?token={TOKEN}")).headers["set-cookie"]
+
+    assert "; Secure" in asyncio.run(call("https"))
+    assert "Secure" not in asyncio.run(call("http"))
+
+
+@pytest.mark.parametrize("prefix", ["", "/optiplan"])
+def test_below_a_path_of_a_proxy_the_address_and_the_cookie_are_below_it(prefix):
+    """Whether the proxy passes its own path on or takes it away."""
+    settings = ServiceSettings(token=TOKEN, root_path="/optiplan")
+    answer = ask(settings, path=f"{prefix}/studio?token={TOKEN}&a=1")
+    assert answer.headers["location"] == "/optiplan/studio?a=1"
+    assert "Path=/optiplan" in answer.headers["set-cookie"]
+    assert ask(settings, path=f"{prefix}/healthz").status_code == 200
+    assert ask(settings, path=f"{prefix}/metrics").status_code == 401
+
+
 def test_large_bodies_are_refused_whether_they_say_so_or_not():
     settings = ServiceSettings(body=1000)
     assert ask(settings, "POST", content=b"x" * 1000).text == "1000"

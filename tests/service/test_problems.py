@@ -2,9 +2,11 @@
 
 import json
 import time
+from pathlib import Path
 
 import pytest
 
+import optiplan as op
 from optiplan.problem.load import load_problem
 from optiplan.service.store.contents import FULL
 from tests.service.conftest import QUICK
@@ -173,6 +175,24 @@ def test_meshes_come_from_uploads_and_allowed_folders_alone(server, tmp_path):
     assert "outside the folders" in check(server, MESH.format(file=link)).text
     assert server.http.put("/api/uploads/part/tetra.obj", content=TETRAHEDRON).status_code == 201
     assert check(server, MESH.format(file="part/tetra.obj")).json()["valid"] is True
+
+
+def test_errors_show_no_paths_of_the_server(server):
+    data, meshes = server.service.settings.data, server.service.settings.folders[0]
+    (meshes / "broken.obj").write_bytes(b"v 1 2\n")
+    server.http.put("/api/uploads/arm/robot.yaml", content=b"version: 1\nurdf: missing.urdf\n")
+    server.http.put("/api/uploads/arm/broken.urdf", content=b"<robot")
+    problems = [MESH.format(file=file) for file in ("nowhere.obj", "arm", meshes / "broken.obj", meshes / "no.obj")]
+    problems += [
+        {"version": 1, "robot": robot, "start": {}} for robot in ("arm/robot.yaml", {"urdf": "arm/broken.urdf"})
+    ]
+    for problem in problems:
+        for path in ("/api/problems/validate", "/api/runs", "/api/plan"):
+            answer = server.http.post(path, json={"problem": problem})
+            assert answer.json().get("valid") is False or answer.status_code == 422
+            for folder in (data.parent, Path(op.__file__).parents[1], Path.home()):
+                assert f"{folder}/" not in answer.text
+    assert "nowhere.obj" in check(server, problems[0]).text
 
 
 def test_a_robot_file_outside_is_not_read(server, tmp_path):

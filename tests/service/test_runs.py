@@ -6,11 +6,14 @@ import io
 import json
 import time
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
+import optiplan as op
 from optiplan.problem.load import load_problem
 from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_verdict import judged
@@ -42,6 +45,25 @@ def test_the_run_folder_verifies_offline(server, tmp_path):
     problem = load_problem(tmp_path / "problem.yaml")
     assert done["problem"] == problem.hash
     assert judged(problem, load_run(tmp_path / "run")).verified
+
+
+def test_the_files_of_a_run_are_those_of_the_command_line(server, tmp_path):
+    """A platform on mecanum wheels, whose rates stand beside the samples of the joints."""
+    problem = {"version": 1, "name": "drive", "robot": "delbot", "group": "base", "planner": "quintic"}
+    problem |= {"start": {"configuration": "home"}, "goal": {"joints": [0.3, 0.1, 0.2]}}
+    op.plan(op.load_problem(problem)).save(tmp_path)
+    given = {"problem": problem, "budget": 5.0, "rate": 50}
+    waited = server.http.post("/api/plan", json=given).json()
+    queued = server.ended(server.submit(problem=problem)["id"])
+    own = {name: json.loads((tmp_path / name).read_text()) for name in ("run.json", "trajectory.json")}
+    assert len(own["trajectory.json"]["wheels"]) == len(own["trajectory.json"]["t"])
+    for run in (waited["id"], queued["id"]):
+        for name, wanted in own.items():
+            found = server.http.get(f"/api/runs/{run}/{name}").json()
+            assert found.keys() == wanted.keys()
+            assert name == "run.json" or found == wanted
+    assert waited["trajectory"].keys() == own["trajectory.json"].keys()
+    assert len(waited["trajectory"]["wheels"]) == len(waited["trajectory"]["t"]) < len(own["trajectory.json"]["t"])
 
 
 def test_a_program_is_not_written_where_it_would_be_late(server):
@@ -114,8 +136,6 @@ def test_a_motion_that_is_not_verified_is_no_program():
 
 def load_problem_data():
     """The quick problem as data."""
-    from ruamel.yaml import YAML
-
     return YAML(typ="safe").load(QUICK)
 
 
@@ -173,6 +193,48 @@ def test_a_running_run_is_cancelled_within_a_second(server):
     assert server.ended(run)["status"] == "cancelled"
 
 
+def test_cancelling_a_shared_run_does_not_end_that_of_another(server):
+    given = {"problem": NO_WAY, "budget": 60.0, "seed": 41}
+    first, second = (server.submit(**given) for _ in range(2))
+    run = first["id"]
+    assert second["id"] == run
+    assert second["submission"] != first["submission"]
+    cancel = f"/api/runs/{run}/cancel"
+    refused = server.http.post(cancel)
+    assert refused.status_code == 409
+    assert "submitted 2 times" in refused.json()["error"]
+    for _ in range(2):  # also when it is asked for again
+        left = server.http.post(cancel, params={"submission": first["submission"]})
+        assert left.json()["status"] in ("queued", "running")
+    time.sleep(0.5)
+    assert server.http.get(f"/api/runs/{run}").json()["status"] in ("queued", "running")
+    server.http.post(cancel, params={"submission": second["submission"]})
+    assert server.ended(run)["status"] == "cancelled"
+    for _ in range(2):
+        server.submit(**given)
+    server.http.post(cancel, params={"everyone": True})
+    assert server.ended(run)["status"] == "cancelled"
+    alone = server.submit(**given)["submission"]
+    assert server.http.post(cancel, params={"submission": alone}).status_code == 200
+    assert server.ended(run)["status"] == "cancelled", "those of a former try want nothing any more"
+
+
+def test_clients_and_benches_cancel_their_own(server):
+    with op.Client(server.url) as ours, op.Client(server.url) as theirs:
+        shared = op.load_problem({**YAML(typ="safe").load(NO_WAY), "seed": 42})
+        run = ours.submit(shared, budget=60.0)
+        assert ours.submit(shared, budget=60.0) == theirs.submit(shared, budget=60.0) == run
+        ours.cancel(run)
+        assert ours.status(run)["status"] in ("queued", "running")
+        asked = {"problems": [dict(shared.source)], "planners": ["rrtconnect"], "seeds": [42], "budget": 60.0}
+        bench = server.http.post("/api/benches", json=json.loads(json.dumps(asked))).json()
+        assert [cell["runs"] for cell in bench["cells"]] == [[run]]
+        theirs.cancel(run)
+        assert ours.status(run)["status"] in ("queued", "running")
+        server.http.post(f"/api/benches/{bench['id']}/cancel")
+        assert server.ended(run)["status"] == "cancelled"
+
+
 def test_a_queued_run_is_cancelled_at_once(server):
     long = server.submit(problem=NO_WAY, budget=60.0, seed=6)["id"]
     waiting = server.submit(problem=NO_WAY, budget=60.0, seed=7)["id"]
@@ -219,7 +281,23 @@ def test_plan_waits_and_gives_the_motion(server):
     stored = server.http.get(f"/api/runs/{run['id']}").json()  # waits for what is being kept
     assert stored["status"] == "done"
     assert server.http.get(f"/api/runs/{run['id']}/trajectory.json").json() == run["trajectory"]
-    assert server.submit(seed=21, budget=20.0)["id"] == run["id"]
+
+
+def test_what_is_kept_under_an_id_is_what_was_answered_with_it(server, problems):
+    """Each attempt is a run of its own: a plan within a budget of time is another one the next time."""
+    given = {"problem": (problems / "05_cage.yaml").read_text(), "budget": 0.25, "seed": 0}
+    with ThreadPoolExecutor(2) as callers:  # also while the one before is being kept
+        answers = list(callers.map(lambda _: server.http.post("/api/plan", json=given), range(6)))
+    runs = [answer.json() for answer in answers]
+    assert len({run["id"] for run in runs}) == len(runs)
+    for run in runs:
+        kept = server.http.get(f"/api/runs/{run['id']}").json()
+        assert (kept["status"], kept["duration"]) == (run["status"], run["duration"])
+        motion = server.http.get(f"/api/runs/{run['id']}/trajectory.json")
+        assert (motion.json() if motion.status_code == 200 else None) == run["trajectory"]
+    queued = server.submit(**given)
+    assert queued["id"] not in {run["id"] for run in runs}
+    server.ended(queued["id"])
 
 
 def test_plan_without_an_answer_says_why(server):
@@ -269,8 +347,5 @@ def test_who_waits_says_how_many_samples_and_the_stored_file_has_all(server, rat
     stored = server.http.get(f"/api/runs/{answer['id']}/trajectory.json").json()
     assert stored["pieces"] == motion["pieces"]
     assert len(stored["t"]) / answer["duration"] > 190
-    again = server.http.post("/api/plan", json=given).json()
-    assert again["id"] == answer["id"]
-    assert again["trajectory"] == motion, "the store answers likewise"
     assert server.http.post("/api/plan", json={**given, "rate": -1}).status_code == 422
     assert server.http.post("/api/runs", json={**given, "rate": 5}).status_code == 422

@@ -5,11 +5,12 @@ import os
 import numpy as np
 import pytest
 
+from optiplan.cores import cores
 from optiplan.errors import OptiPlanError
 from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
 from optiplan.robot.robot import load_robot
 from optiplan.workspace.accuracy import joint_resolution, tool_error
-from optiplan.workspace.parallel import ChunkedWork, cores, run_chunks
+from optiplan.workspace.parallel import ChunkedWork, run_chunks
 from optiplan.workspace.reach import Reach, reach, sampling_range
 from optiplan.workspace.sampling import CHUNK, WorkspaceOptions, robot_with_meshes, study_workspace
 from optiplan.workspace.voxels import DIRECTIONS, ring_coverage, sphere_directions, voxelise

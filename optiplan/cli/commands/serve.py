@@ -1,29 +1,73 @@
 """`optiplan serve` and `optiplan worker`: the planner as a service."""
 
 import os
+import re
+from ipaddress import ip_network
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from optiplan.cores import cores
 from optiplan.errors import InputError, Issue, OptiPlanError
 
-DATABASE = "sqlite:///PATH or postgresql://USER@HOST/NAME (default: SQLite in the data folder)"
-DATA = "folder for contents, uploads and the database, shared by all machines of a database"
-FOLDER = "folder from which problems may read meshes and robots, besides uploads (repeatable)"
-TOKEN = "file with the token that every request carries (or OPTIPLAN_TOKEN)"
+Database = Annotated[
+    str,
+    typer.Option(
+        metavar="URL",
+        help="sqlite:///PATH or postgresql://USER@HOST/NAME (default: SQLite in the data folder)",
+    ),
+]
+PasswordFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="file with the database's password, which arguments show to all on the machine"),
+]
+Data = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="folder for contents, uploads and the database, shared by all machines of a database",
+    ),
+]
+Folders = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="DIR",
+        help="folder from which problems may read meshes and robots, besides uploads (repeatable)",
+    ),
+]
+TokenFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="file with the token that every request carries (or OPTIPLAN_TOKEN)"),
+]
+HostNames = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help="host name that requests may use (repeatable)"),
+]
+Proxies = Annotated[
+    list[str] | None,
+    typer.Option(metavar="ADDRESS", help="proxy (or network) whose word on clients and HTTPS is taken (repeatable)"),
+]
+RootPath = Annotated[
+    str,
+    typer.Option(metavar="PATH", help="where a proxy has put this server, such as /optiplan"),
+]
+Memory = Annotated[float, typer.Option(min=300.0, metavar="MB", help="memory limit of a process")]
+LogLevel = Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")]
 
 
 def serve(
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="to listen on; other than loopback needs a token")] = "",
     port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="0: any")] = 7100,
-    database: Annotated[str, typer.Option(metavar="URL", help=DATABASE)] = "",
-    data: Annotated[Path | None, typer.Option(metavar="DIR", help=DATA)] = None,
-    token_file: Annotated[Path | None, typer.Option(metavar="FILE", help=TOKEN)] = None,
-    allow_host: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="host name that requests may use (repeatable)")
-    ] = None,
-    folder: Annotated[list[Path] | None, typer.Option(metavar="DIR", help=FOLDER)] = None,
+    database: Database = "",
+    database_password_file: PasswordFile = None,
+    data: Data = None,
+    token_file: TokenFile = None,
+    allow_host: HostNames = None,
+    trusted_proxy: Proxies = None,
+    root_path: RootPath = "",
+    connections: Annotated[int, typer.Option(min=1, metavar="N", help="connections of one client at a time")] = 256,
+    folder: Folders = None,
     solvers: Annotated[
         int | None, typer.Option(min=0, metavar="N", help="processes for the queue (default: one less than cores)")
     ] = None,
@@ -32,12 +76,16 @@ def serve(
     ] = 1,
     live: Annotated[int, typer.Option(min=0, metavar="N", help="live controllers at a time")] = 1,
     queue: Annotated[int, typer.Option(min=1, metavar="N", help="queued runs at most")] = 1000,
-    memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="memory limit of a process")] = 2000.0,
-    keep_days: Annotated[float, typer.Option(min=0.0, metavar="DAYS", help="how long runs are kept")] = 30.0,
+    memory: Memory = 2000.0,
+    keep_days: Annotated[float, typer.Option(min=0.0, metavar="DAYS", help="runs and unused uploads are kept")] = 30.0,
     keep_gb: Annotated[
         float, typer.Option(min=0.0, metavar="GB", help="disk space for runs; the oldest are deleted")
     ] = 10.0,
-    log_level: Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")] = "info",
+    uploads_gb: Annotated[
+        float, typer.Option(min=0.0, metavar="GB", help="disk space for uploads; the longest unused are deleted")
+    ] = 1.0,
+    upload_files: Annotated[int, typer.Option(min=0, metavar="N", help="uploaded files at most")] = 10_000,
+    log_level: LogLevel = "info",
 ) -> int:
     """Serve the planner to browsers and programs: REST, OpenAPI at /openapi.json, pages at /.
 
@@ -56,9 +104,13 @@ def serve(
         host=host or "127.0.0.1",
         port=port,
         database=database,
+        database_password=_database_password(database, database_password_file),
         data=data,
-        token=_token(token_file),
+        token=_secret(token_file, "token") or os.environ.get("OPTIPLAN_TOKEN", "").strip(),
         hosts=tuple(allow_host or ()),
+        proxies=_proxies(trusted_proxy),
+        root_path=_root_path(root_path),
+        connections=connections,
         folders=_folders(folder),
         solvers=_solvers(solvers),
         interactive=interactive,
@@ -67,20 +119,23 @@ def serve(
         memory=memory,
         keep_days=keep_days,
         keep_bytes=int(1e9 * keep_gb),
+        uploads=int(1e9 * uploads_gb),
+        upload_files=upload_files,
     )
     return run_server(settings, _level(log_level))
 
 
 def worker(
-    database: Annotated[str, typer.Option(metavar="URL", help=DATABASE)],
-    data: Annotated[Path | None, typer.Option(metavar="DIR", help=DATA)] = None,
-    folder: Annotated[list[Path] | None, typer.Option(metavar="DIR", help=FOLDER)] = None,
-    solvers: Annotated[int | None, typer.Option(min=1, metavar="N", help="processes (default: all cores)")] = None,
-    memory: Annotated[float, typer.Option(min=300.0, metavar="MB", help="memory limit of a process")] = 2000.0,
+    database: Database,
+    database_password_file: PasswordFile = None,
+    data: Data = None,
+    folder: Folders = None,
+    solvers: Annotated[int | None, typer.Option(min=1, metavar="N", help="processes (default: cores given)")] = None,
+    memory: Memory = 2000.0,
     health_port: Annotated[
         int, typer.Option(min=0, max=65535, metavar="N", help="answer /healthz and /readyz on 127.0.0.1 (0: nowhere)")
     ] = 0,
-    log_level: Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")] = "info",
+    log_level: LogLevel = "info",
 ) -> int:
     """Solve queued runs of a database, beside its server or on another machine.
 
@@ -92,9 +147,10 @@ def worker(
 
     settings = _settings(
         database=database,
+        database_password=_database_password(database, database_password_file),
         data=data,
         folders=_folders(folder),
-        solvers=solvers or len(os.sched_getaffinity(0)),
+        solvers=solvers or cores(),
         memory=memory,
     )
     return run_worker(settings, _level(log_level), health_port)
@@ -107,7 +163,7 @@ def _settings(data: Path | None, **given: Any) -> Any:
 
 
 def _solvers(given: int | None) -> int:
-    return max(1, len(os.sched_getaffinity(0)) - 1) if given is None else given
+    return max(1, cores() - 1) if given is None else given
 
 
 def _folders(given: list[Path] | None) -> tuple[Path, ...]:
@@ -117,18 +173,43 @@ def _folders(given: list[Path] | None) -> tuple[Path, ...]:
     return tuple(path.resolve() for path in given or ())
 
 
-def _token(file: Path | None) -> str:
-    """The token, of the file or else of the environment; empty without either."""
+def _secret(file: Path | None, what: str) -> str:
+    """The content of a file with a secret; empty without a file."""
     if file is None:
-        return os.environ.get("OPTIPLAN_TOKEN", "").strip()
+        return ""
+    expected = f"a file with the {what}"
     try:
-        token = file.read_text("utf-8").strip()
+        found = file.read_text("utf-8").strip()
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "no text"
-        raise InputError([Issue(str(file), None, "token-file", str(reason).lower(), "a file with the token")]) from None
-    if not token:
-        raise InputError([Issue(str(file), None, "token-file", "an empty file", "a file with the token")])
-    return token
+        raise InputError([Issue(str(file), None, f"{what}-file", str(reason).lower(), expected)]) from None
+    if not found:
+        raise InputError([Issue(str(file), None, f"{what}-file", "an empty file", expected)])
+    return found
+
+
+def _database_password(database: str, file: Path | None) -> str:
+    if file is not None and not database.startswith(("postgresql://", "postgres://")):
+        found, expected = "a password for SQLite", "--database postgresql://USER@HOST/NAME beside it"
+        raise InputError([Issue(str(file), None, "database-password-file", found, expected)])
+    return _secret(file, "database-password")
+
+
+def _proxies(given: list[str] | None) -> tuple[str, ...]:
+    for proxy in given or ():
+        try:
+            ip_network(proxy, strict=False)
+        except ValueError:
+            expected = "an address such as 127.0.0.1, or a network such as 10.0.0.0/8"
+            raise InputError([Issue("command line", None, "trusted-proxy", f"'{proxy}'", expected)]) from None
+    return tuple(given or ())
+
+
+def _root_path(given: str) -> str:
+    path = given.rstrip("/")
+    if path and not re.fullmatch(r"(/[A-Za-z0-9._~-]+)+", path):
+        raise InputError([Issue("command line", None, "root-path", f"'{given}'", "a path such as /optiplan")])
+    return path
 
 
 def _level(name: str) -> str:

@@ -18,6 +18,7 @@ from optiplan.problem.problem import Problem
 from optiplan.resources import robots_dir
 from optiplan.robot.robot import Robot, load_robot, robot_names
 from optiplan.runs.pipeline import chosen
+from optiplan.service.store.uploads import mark_used
 
 KEPT, KEPT_ROBOTS = 32, 16
 """Problems and robots that stay loaded."""
@@ -103,8 +104,10 @@ class ProblemReader:
         if isinstance(document.data, dict):
             document = replace(document, data=document.data | instead)
             self._count(document)
-        with reading(self.folders):
-            return Problem.of(read_problem(document, self._base, self.robot).whole())
+        with reading(self.folders) as files:
+            problem = Problem.of(read_problem(document, self._base, self.robot).whole())
+        mark_used(self._base, files)
+        return problem
 
     def _parsed(self, text: str, path: Path) -> Document:
         """The document of a text; the last ones are kept, for requests that differ in start and goal alone."""

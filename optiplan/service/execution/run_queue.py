@@ -131,11 +131,12 @@ class RunQueue:
         elif status.status != "ENQUEUED" and not self._held(run, status.executor_id):
             DBOS.resume_workflow(run, queue_name=QUEUE)
 
-    def cancel(self, run: str) -> None:
-        """Cancel a run, wherever it is."""
-        self._runs.cancel(run)
-        if (event := self._active.get(run)) is not None:
+    def cancel(self, run: str, submission: str | None = None, everyone: bool = False) -> int:
+        """Cancel a run, wherever it is, if nobody else wants it; return for how many it goes on."""
+        left = self._runs.cancel(run, submission, everyone)
+        if not left and (event := self._active.get(run)) is not None:
             event.set()
+        return left
 
     def forget(self, run: str) -> None:
         """Delete what the queue knows of a run."""

@@ -88,14 +88,20 @@ def _answer(tasks: Any, request: Mapping[str, Any], progress: "Progress") -> tup
         json.dumps(answer, allow_nan=False)
         return answer, files
     except InputError as error:
-        return {"error": str(error), "issues": [vars(issue) for issue in error.issues]}, {}
+        issues = [_without_paths(vars(issue), tasks.hide_paths) for issue in error.issues]
+        return {"error": tasks.hide_paths(str(error)), "issues": issues}, {}
     except OptiPlanError as error:
-        return {"error": str(error), "issues": []}, {}
+        return {"error": tasks.hide_paths(str(error)), "issues": []}, {}
     except MemoryError:
         return {"error": "it takes more memory than this server allows", "issues": []}, {}
     except BaseException as error:
         text = "".join(traceback.format_exception(error, limit=-8))
-        return {"error": f"internal error: {type(error).__name__}: {error}", "issues": [], "bug": text}, {}
+        shown = tasks.hide_paths(f"internal error: {type(error).__name__}: {error}")
+        return {"error": shown, "issues": [], "bug": text}, {}
+
+
+def _without_paths(issue: Mapping[str, Any], hide: Callable[[str], str]) -> Message:
+    return {key: hide(value) if isinstance(value, str) else value for key, value in issue.items()}
 
 
 class Progress:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic_core import to_json
 
 from optiplan.files import reading
 from optiplan.planners.base import Budget, stages_of
@@ -16,8 +15,9 @@ from optiplan.problem.problem import Problem
 from optiplan.resources import problems_dir
 from optiplan.runs import pipeline
 from optiplan.runs.run import Run
-from optiplan.runs.run_folder import RATE, RUN, TRAJECTORY
+from optiplan.runs.run_folder import RATE, motion_file, run_files
 from optiplan.service.execution.problem_reader import PlannerChoice, ProblemReader
+from optiplan.service.execution.shown_paths import path_hider
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
 
@@ -28,11 +28,16 @@ _WARM_UP = 1.0  # s
 
 
 class Tasks:
-    """Answers requests, with robots and problems kept in between."""
+    """Answers requests, with robots and problems kept in between.
+
+    Attributes:
+        hide_paths: takes the folders of this machine out of an error message.
+    """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
         folders = [Path(folder) for folder in settings["folders"]]
         self._reader = ProblemReader(Path(settings["base"]), folders, settings["bodies"])
+        self.hide_paths = path_hider([Path(settings["base"]), *folders])
 
     def warm_up(self) -> None:
         """Plan the first example, so that libraries are loaded, code is compiled and caches are filled."""
@@ -61,7 +66,7 @@ class Tasks:
         about, rate = _about(run) | _identity(problem, choice), request.get("rate")
         if request.get("early"):
             progress.answered(about, motion_file(run, RATE if rate is None else rate or None))
-        return about, {**motion_file(run), **record_file(run)}
+        return about, run_files(run)
 
     def page(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """The page of runs, each of them from the texts of its two files."""
@@ -118,19 +123,6 @@ class Tasks:
         from optiplan.service.execution.studio import branches
 
         return branches(self._reader.read(request), request["pose"], request.get("near")), {}
-
-
-def record_file(run: Run) -> dict[str, bytes]:
-    """The content of `run.json`, as a run folder has it."""
-    record = json.dumps(jsonable(run.to_dict()), allow_nan=False, indent=1, default=repr)
-    return {RUN: (record + "\n").encode()}
-
-
-def motion_file(run: Run, rate: float | None = RATE) -> dict[str, bytes]:
-    """The content of `trajectory.json`, as a run folder has it, sampled at a rate, Hz; nothing without a motion."""
-    if run.trajectory is None:
-        return {}
-    return {TRAJECTORY: to_json(run.trajectory.to_dict(rate=rate)) + b"\n"}  # numbers are finite, as of any trajectory
 
 
 def _identity(problem: Problem, choice: PlannerChoice) -> dict[str, Any]:

@@ -4,12 +4,14 @@ It looks, in this order, at the name by which it is called, where it comes from,
 and how large the body is; then it sends the headers that keep an answer where it belongs, and writes a line of log.
 """
 
+import asyncio
 import hmac
 import json
 import logging
 import time
 import uuid
 from collections.abc import MutableMapping
+from contextlib import suppress
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
@@ -17,7 +19,7 @@ from urllib.parse import parse_qsl, urlencode
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from optiplan.service.guard.metrics import RequestCounts
-from optiplan.service.guard.rates import Rates
+from optiplan.service.guard.rates import Rates, client_of
 from optiplan.service.settings import ServiceSettings
 from optiplan.viewer.safety import HEADERS, LOOPBACK, host_name, same_origin
 
@@ -31,6 +33,8 @@ PAGE = (
     "base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
 )
 """Content policy of what has none of its own: everything from this server, nothing inside the page."""
+LINGER = 30.0
+"""s in which the rest of a body that is refused may still come."""
 
 _log = logging.getLogger("optiplan.requests")
 
@@ -61,12 +65,13 @@ class Gate:
                 await self._app(scope, receive, send)
             return  # no websockets here
         call = _Call(scope, receive, send, self._settings.body)
+        asked = {**scope, "method": "GET"} if scope["method"] == "HEAD" else scope  # of which the head is sent
         try:
-            self._check(scope, call)
-            if (clean := self._token_in_address(scope)) is not None:
-                await call.redirect(clean, f"{COOKIE}={self._settings.token}; HttpOnly; SameSite=Strict; Path=/")
+            self._check(asked, call)
+            if (clean := self._token_in_address(asked)) is not None:
+                await call.redirect(clean, self._cookie(scope))
             else:
-                await self._app(scope, call.receive, call.send)
+                await self._app(asked, call.receive, call.send)
         except Refused as error:
             await call.refuse(error)
         except Exception:
@@ -82,9 +87,9 @@ class Gate:
             raise Refused(403, "this server is called by a name that is not its own; see --allow-host")
         if origin is not None and not same_origin(origin, host or ""):
             raise Refused(403, "requests from pages of other servers are refused")
-        if self._settings.token and scope["path"] not in OPEN and not self._has_token(scope, call):
+        if self._settings.token and self._path(scope) not in OPEN and not self._has_token(scope, call):
             raise Refused(401, "a token is needed: Authorization: Bearer …", {"WWW-Authenticate": "Bearer"})
-        client = (scope.get("client") or ("local", 0))[0]
+        client = client_of((scope.get("client") or ("local", 0))[0])
         if (wait := self._rates.wait(client)) > 0.0:
             raise Refused(429, "too many requests", {"Retry-After": str(max(1, round(wait)))})
         length = call.headers.get("content-length", "0")
@@ -114,35 +119,79 @@ class Gate:
         if not self._settings.token or scope["method"] != "GET" or "token" not in dict(query):
             return None
         rest = urlencode([pair for pair in query if pair[0] != "token"])
-        path = "/" + str(scope["path"]).lstrip("/")  # `//elsewhere` is another server
+        path = self._settings.root_path + "/" + self._path(scope).lstrip("/")  # `//elsewhere` is another server
         return f"{path}?{rest}" if rest else path
+
+    def _path(self, scope: Scope) -> str:
+        """The path below where a proxy has put this server, whether the proxy passes that on or not."""
+        path, root = str(scope["path"]), self._settings.root_path
+        return path.removeprefix(root) if root and path.startswith(root + "/") else path
+
+    def _cookie(self, scope: Scope) -> str:
+        """The token as a cookie that pages of others cannot use; where it came by TLS, it never goes without."""
+        secure = "; Secure" if scope.get("scheme") == "https" else ""
+        path = self._settings.root_path or "/"
+        return f"{COOKIE}={self._settings.token}; HttpOnly; SameSite=Strict; Path={path}{secure}"
 
 
 class _Call:
-    """One request on its way: its body is counted, its answer gets our headers."""
+    """One request on its way: its body is counted, its answer gets our headers.
+
+    An answer ends once its request has come whole: who sends all before it reads would find a broken connection.
+    """
 
     def __init__(self, scope: Scope, receive: Receive, send: Send, most: int) -> None:
         self.id, self.began, self.status = uuid.uuid4().hex[:16], time.perf_counter(), 0
         self.headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         self._receive, self._send, self._most, self._read = receive, send, most, 0
+        self._head = scope["method"] == "HEAD"
+        comes = self.headers.get("content-length", "0") != "0" or "transfer-encoding" in self.headers
+        self._whole = not comes
+        """Whether nothing more of the body comes."""
+        self._held_back = self.headers.get("expect", "").lower() == "100-continue"
+        """Whether the client sends the body only once it is asked for."""
+        self._done = False
 
     async def receive(self) -> Message:
-        """A part of the body, unless it is too large with that."""
+        """A part of the body; the first that makes it too large is refused, whatever the application says to that."""
+        self._held_back = False
         message = await self._receive()
+        self._whole = not message.get("more_body", False)
         self._read += len(message.get("body", b""))
         if self._read > self._most:
-            raise _too_large(self._most)
+            error = _too_large(self._most)
+            await self.refuse(error)
+            raise error
         return message
 
     async def send(self, message: Message) -> None:
-        """A part of the answer."""
+        """A part of the answer; nothing after its end."""
+        if self._done:
+            return
         if message["type"] == "http.response.start":
             self.status = message["status"]
             known = {name.lower() for name, _ in message["headers"]}
             ours = {**HEADERS, "Content-Security-Policy": PAGE, "X-Request-Id": self.id, "Cache-Control": "no-store"}
             extra = [(name.lower().encode(), value.encode()) for name, value in ours.items()]
             message["headers"] = [*message["headers"], *(pair for pair in extra if pair[0] not in known)]
+            await self._send(message)
+            if not self._head:
+                return
+            message = {"type": "http.response.body", "body": b""}
+        if not message.get("more_body", False):
+            self._done = True
+            if not (self._whole or self._held_back):
+                await self._send({**message, "more_body": True})
+                await self._pour_away()
+                message = {"type": "http.response.body", "body": b""}
         await self._send(message)
+
+    async def _pour_away(self) -> None:
+        """Read the rest of a body that nobody wants, for some time."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(LINGER):
+                while (await self._receive()).get("more_body", False):
+                    pass
 
     async def refuse(self, why: Refused) -> None:
         """Answer with an error, unless an answer has begun."""

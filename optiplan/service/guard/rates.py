@@ -1,10 +1,22 @@
 """How often clients ask: a bucket of tokens each, which fills at a constant rate."""
 
+import ipaddress
 import time
 from collections import OrderedDict
 
 CLIENTS = 10_000
 """Clients that are remembered; the one that asked longest ago is forgotten first."""
+
+
+def client_of(host: str) -> str:
+    """Whom an address stands for: of IPv6 the network of 64 bits, of which one client has all addresses."""
+    try:
+        address = ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return host
+    if address.version == 4 or address.ipv4_mapped:
+        return str(address.ipv4_mapped if address.version == 6 else address)
+    return str(ipaddress.ip_network((address, 64), strict=False))
 
 
 class Rates:

@@ -11,6 +11,13 @@
     await show();
   }
 
+  // A run that others submitted too ends for all only if that is meant.
+  async function cancel(path) {
+    const answer = await fetch(path, { method: "POST" });
+    if (answer.status === 409 && confirm((await answer.json()).error + "\n\nCancel it for everyone?")) await fetch(path + "?everyone=true", { method: "POST" });
+    await show();
+  }
+
   function card(run) {
     const ended = !["queued", "running"].includes(run.status), name = run.name + " · " + run.planner;
     const picture = ended
@@ -23,7 +30,7 @@
     box.addEventListener("change", () => { chosen[box.checked ? "add" : "delete"](run.id); byId("compare").disabled = chosen.size < 2; });
     const button = ended
       ? make("button", { type: "button", textContent: "Delete", onclick: () => send("DELETE", "api/runs/" + run.id) })
-      : make("button", { type: "button", textContent: "Cancel", onclick: () => send("POST", `api/runs/${run.id}/cancel`) });
+      : make("button", { type: "button", textContent: "Cancel", onclick: () => cancel(`api/runs/${run.id}/cancel`) });
     const tools = make("div", { className: "tools" }, make("label", {}, box, "compare"), button);
     const parts = [make("div", { className: "head" }, title, make("span", { className: "badge " + look(run), textContent: word(run) })), picture,
       make("div", { className: "facts", textContent: facts.filter(Boolean).join(" · ") })];

@@ -91,7 +91,7 @@
     state.points = [];
     curve();
     if (status !== 202) { tell("failed", data.error); return; }
-    state.run = data.id;
+    Object.assign(state, { run: data.id, submission: data.submission });
     byId("cancel").disabled = false;
     tell(data.status, "");
     if (state.events) state.events.close();
@@ -145,7 +145,7 @@
     if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) plan();
   });
   byId("plan").addEventListener("click", plan);
-  byId("cancel").addEventListener("click", () => fetch(`api/runs/${state.run}/cancel`, { method: "POST" }));
+  byId("cancel").addEventListener("click", () => fetch(`api/runs/${state.run}/cancel?submission=${state.submission}`, { method: "POST" }));
   byId("back").addEventListener("click", () => { byId("page").hidden = byId("back").hidden = true; byId("page").src = "about:blank"; });
   byId("start").addEventListener("click", () => edit("start", { joints: state.q }));
   byId("goal").addEventListener("click", () => edit("goal", { joints: state.q }));

@@ -128,8 +128,8 @@ async def events(
             return
         if not after:
             yield _line(None, {"type": "status", "status": record["status"]})
-        async for number, data in feed.events(run, after, stopping):
-            yield _line(number, data)
+        async for line in feed.events(run, after, stopping):
+            yield _line(*line)
 
     return event_stream(lines)
 

@@ -1,25 +1,17 @@
 """Routes of problems: check, store, look, delete; and the files that problems name."""
 
 import json
-import re
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Body, Path, Query
+from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
-from optiplan.files import write_bytes
 from optiplan.problem.schema.problem import problem_schema
 from optiplan.service.models import CheckAnswer, ProblemAnswer, ProblemInput
 from optiplan.service.refusals import Refusal, not_found
 from optiplan.service.routes.answers import HashPath, Json, Service, errors
-from optiplan.service.store.contents import folder_size
 
 router = APIRouter(prefix="/api", default_response_class=Json)
-
-PART = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}")
-"""A folder or file of an upload: no hidden ones, nothing that leads upwards."""
-DEEPEST = 8
-"""Folders within folders."""
 
 
 @router.get("/schema", responses=errors())
@@ -81,31 +73,6 @@ async def delete(hash: HashPath, service: Service) -> Response:
     if not await service.write(lambda: service.problems.delete(hash)):
         raise not_found("problem", hash)
     return Response(status_code=204)
-
-
-@router.put("/uploads/{path:path}", status_code=201, responses=errors(413, 422, 507))
-async def upload(
-    path: Annotated[str, Path(description="Where problems find it: mesh and robot files by this name")],
-    content: Annotated[bytes, Body(media_type="application/octet-stream")],
-    service: Service,
-) -> Json:
-    """Upload a mesh, URDF, SRDF or robot.yaml, which problems then name by this path; an older one is replaced."""
-    parts = path.split("/")
-    if len(parts) > DEEPEST or not all(PART.fullmatch(part) for part in parts):
-        raise Refusal(422, f"path: found {path[:80]!r}; expected names of letters, digits, '.', '_', '-' between '/'")
-    folder = service.settings.upload_folder
-
-    def keep() -> None:
-        service.contents.check_room()
-        if folder_size(folder) + len(content) > service.settings.uploads:
-            raise Refusal(507, f"uploads may take {service.settings.uploads / 1e6:.0f} MB in all")
-        try:
-            write_bytes(folder.joinpath(*parts), content)
-        except (FileExistsError, NotADirectoryError, IsADirectoryError):
-            raise Refusal(422, f"path: '{path}' is a folder, or below a file") from None
-
-    await service.write(keep)
-    return Json({"file": path, "bytes": len(content)}, 201)
 
 
 def _answer(row: dict[str, Any]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import io
 import json
 import tempfile
+import uuid
 import zipfile
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,7 +14,7 @@ from starlette.background import BackgroundTask
 
 from optiplan.runs.export import FORMATS, depends_on_time, export
 from optiplan.runs.run_folder import RUN, TRAJECTORY
-from optiplan.service.models import PlanAnswer, PlanRequest, RunAnswer, RunList, Submission
+from optiplan.service.models import PlanAnswer, PlanRequest, QueuedSubmission, RunAnswer, RunId, RunList, SubmittedRun
 from optiplan.service.refusals import Refusal, not_found
 from optiplan.service.routes.answers import Json, RunPath, Service, errors, files, run_answer, run_answers
 from optiplan.service.store.run_table import ENDED
@@ -25,10 +26,11 @@ MEDIA = {"csv": "text/csv", "json": "application/json", "ros": "application/yaml
 BYTES = "application/octet-stream"
 
 
-@router.post("/runs", status_code=202, response_model=RunAnswer, responses=errors(404, 413, 422, 503, 507))
-async def submit(submission: Submission, service: Service) -> Json:
+@router.post("/runs", status_code=202, response_model=SubmittedRun, responses=errors(404, 413, 422, 503, 507))
+async def submit(submission: QueuedSubmission, service: Service) -> Json:
     """Queue a run. The same submission is the same run: its id again, with the answer where there is one."""
-    return Json(run_answer(await service.submit(submission)), 202)
+    name = submission.submission or uuid.uuid4().hex
+    return Json(run_answer(await service.submit(submission, name)) | {"submission": name}, 202)
 
 
 @router.get("/runs", response_model=RunList, responses=errors(422))
@@ -58,11 +60,22 @@ async def delete(run: RunPath, service: Service) -> Response:
     return Response(status_code=204)
 
 
-@router.post("/runs/{run}/cancel", response_model=RunAnswer, responses=errors(404, 422))
-async def cancel(run: RunPath, service: Service) -> Json:
-    """Cancel a run: at once where it waits, within a second where it runs; one that has ended stays as it is."""
+@router.post("/runs/{run}/cancel", response_model=RunAnswer, responses=errors(404, 409, 422))
+async def cancel(
+    run: RunPath,
+    service: Service,
+    submission: Annotated[RunId | None, Query(description="The one to take back, as its answer names it")] = None,
+    everyone: Annotated[bool, Query(description="Cancel the run whoever submitted it")] = False,
+) -> Json:
+    """Cancel a run: at once where it waits, within a second where it runs; one that has ended stays as it is.
+
+    A run that was submitted several times ends once all submissions are taken back.
+    """
     await service.run(run)
-    await service.write(lambda: service.queue.cancel(run))
+    left = await service.write(lambda: service.queue.cancel(run, submission, everyone))
+    if left and submission is None:
+        words = "?submission=… with the `submission` of yours, or ?everyone=true"
+        raise Refusal(409, f"the run was submitted {left} times, by others too; expected {words}")
     return Json(run_answer(await service.run(run)))
 
 
@@ -118,13 +131,15 @@ async def exported(
 
 @router.post("/plan", response_model=PlanAnswer, responses=errors(404, 413, 422, 503, 504, 507))
 async def plan(submission: PlanRequest, service: Service, request: Request) -> Response:
-    """Plan and wait for the answer, past the queue: for callers that need the motion now. Who goes away, cancels."""
+    """Plan and wait for the answer, past the queue: for callers that need the motion now. Who goes away, cancels.
+
+    Each request is planned and has an id of its own, under which the motion that was answered is kept.
+    """
     run = await service.waited.plan(submission, request.is_disconnected)
     head = json.dumps(run_answer(run.record), allow_nan=False, separators=(",", ":"))
     motion = b"null" if run.motion is None else run.motion.rstrip()
     body = head[:-1].encode() + b',"trajectory":' + motion + b"}"
-    later = None if run.keep is None else BackgroundTask(run.keep)
-    return Response(body, media_type="application/json", background=later)
+    return Response(body, media_type="application/json", background=BackgroundTask(run.keep))
 
 
 async def _file(service: Any, run: str, name: str) -> Response:

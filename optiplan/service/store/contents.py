@@ -72,7 +72,7 @@ class ContentFolder:
             write_bytes(path, content)
         except OSError as error:
             if error.errno in FULL:
-                raise StorageFullError(f"the disk of {self.folder} is full") from error
+                raise StorageFullError("the disk of the data folder is full") from error
             raise
         return digest
 
@@ -96,7 +96,7 @@ class ContentFolder:
         """
         free = shutil.disk_usage(self.folder).free
         if free < self.spare:
-            raise StorageFullError(f"the disk of {self.folder} has {free / 1e6:.0f} MB left; nothing new is taken on")
+            raise StorageFullError(f"the disk of the data folder has {free / 1e6:.0f} MB left; nothing new is taken on")
 
     def older_than(self, seconds: float) -> set[str]:
         """Digests of the contents that have been there for so long."""
@@ -111,13 +111,3 @@ class ContentFolder:
         if len(digest) != 64 or not set(digest) <= set("0123456789abcdef"):
             raise ValueError(f"no digest: {digest!r}")
         return self.folder / digest[:2] / digest
-
-
-def folder_size(folder: Path) -> int:
-    """Bytes of the files below a folder."""
-    return sum(
-        entry.stat().st_size
-        for place, _, names in os.walk(folder)
-        for name in names
-        if (entry := Path(place, name)).is_file()
-    )

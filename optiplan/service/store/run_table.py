@@ -8,7 +8,7 @@ from typing import Any, Literal
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
-from optiplan.service.store.tables import Clock, events, runs
+from optiplan.service.store.tables import Clock, events, runs, submissions
 
 RunState = Literal["queued", "running", "done", "failed", "cancelled"]
 ENDED: tuple[RunState, ...] = ("done", "failed", "cancelled")
@@ -28,7 +28,7 @@ _OUTCOME = (*("verified", "duration", "ratio", "failure", "timings", "contents")
 
 @dataclass(frozen=True)
 class NewRun:
-    """What a submission asks for; `id` is the digest of all that decides the answer."""
+    """What is asked for; `id` is the digest of all that decides the answer, or of one attempt that is waited for."""
 
     id: str
     name: str
@@ -61,11 +61,20 @@ class RunTable:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
 
-    def submit(self, new: NewRun) -> tuple[Record, bool]:
-        """Return the run of a submission and whether it is to be queued now: it is new, or to be tried again."""
+    def submit(self, new: NewRun, submission: str) -> tuple[Record, bool]:
+        """Return the run of a submission and whether it is to be queued now: it is new, or to be tried again.
+
+        Args:
+            new: the run.
+            submission: names who wants it, for `cancel`.
+        """
         values = {**vars(new), "status": "queued", "submitted": Clock()}
         with self._engine.begin() as connection:
-            known = connection.execute(sa.select(runs).where(runs.c.id == new.id)).mappings().first()
+            mine = (submissions.c.run == new.id) & (submissions.c.submission == submission)
+            connection.execute(submissions.delete().where(mine))
+            connection.execute(submissions.insert().values(run=new.id, submission=submission))
+            query = sa.select(runs).where(runs.c.id == new.id).with_for_update()  # none cancels it meanwhile
+            known = connection.execute(query).mappings().first()
             if known is None:
                 try:
                     with connection.begin_nested():
@@ -75,6 +84,7 @@ class RunTable:
                 return self._found(connection, new.id), True
             if not _again(dict(known)):
                 return dict(known), False
+            connection.execute(submissions.delete().where((submissions.c.run == new.id) & ~mine))  # of the former try
             fresh: Record = {"cancel": False, "tries": 0, "bytes": 0, **dict.fromkeys(_OUTCOME)}
             same = (runs.c.id == new.id) & (runs.c.status == known["status"])
             won = connection.execute(runs.update().where(same).values(**fresh, **values)).rowcount
@@ -139,7 +149,7 @@ class RunTable:
         return self._change(run, ("running",), values, runs.c.holder == holder, event=_end_event(end))
 
     def add_ended(self, new: NewRun, end: RunEnd, started: float) -> None:
-        """Record a run that was never queued, unless one of its id is there and has an answer, or will have one.
+        """Record a run that was never queued, whose id is its own.
 
         Args:
             new: what was asked for.
@@ -149,19 +159,35 @@ class RunTable:
         began = Clock() - (time.time() - started)
         values = {**vars(new), **vars(end), "submitted": began, "started": began, "finished": Clock()}
         with self._engine.begin() as connection:
-            stale = (runs.c.id == new.id) & runs.c.status.in_(("failed", "cancelled"))
-            connection.execute(runs.delete().where(stale))
-            try:
-                with connection.begin_nested():
-                    connection.execute(runs.insert().values(cancel=False, tries=1, **values))
-            except sa.exc.IntegrityError:
-                return
+            connection.execute(runs.insert().values(cancel=False, tries=1, **values))
 
-    def cancel(self, run: str) -> None:
-        """Cancel a run: at once where it waits, by its holder where it runs."""
-        now = {"status": "cancelled", "finished": Clock()}
-        if not self._change(run, ("queued",), now, event=_end_event(RunEnd("cancelled"))):
-            self._change(run, ("running",), {"cancel": True})
+    def cancel(self, run: str, submission: str | None = None, everyone: bool = False) -> int:
+        """Take a submission back, and cancel its run if no other is left: at once where it waits, else by its holder.
+
+        Args:
+            run: its id.
+            submission: the one to take back; None: the only one.
+            everyone: whether to cancel the run whoever wants it.
+
+        Returns:
+            How many submissions are left for which the run goes on; 0 if it is cancelled or has ended.
+        """
+        of_run = submissions.c.run == run
+        mine = of_run if everyone else of_run & (submissions.c.submission == (submission or ""))
+        with self._engine.begin() as connection:
+            connection.execute(submissions.delete().where(mine))
+            connection.execute(sa.select(runs.c.id).where(runs.c.id == run).with_for_update())  # none submits meanwhile
+            left = int(connection.scalar(sa.select(sa.func.count()).where(of_run)) or 0)
+            if left > (1 if submission is None else 0):
+                return left
+            connection.execute(submissions.delete().where(of_run))
+            now = {"status": "cancelled", "finished": Clock()}
+            change = runs.update().where(runs.c.id == run)
+            if connection.execute(change.where(runs.c.status == "queued").values(**now)).rowcount:
+                connection.execute(events.insert().values(run=run, data=_end_event(RunEnd("cancelled"))))
+            else:
+                connection.execute(change.where(runs.c.status == "running").values(cancel=True))
+        return 0
 
     def to_be_cancelled(self, holder: str) -> list[str]:
         """The runs of a holder that somebody wants cancelled."""
@@ -182,6 +208,7 @@ class RunTable:
             if row is not None:
                 connection.execute(runs.delete().where(which))
                 connection.execute(events.delete().where(events.c.run == run))
+                connection.execute(submissions.delete().where(submissions.c.run == run))
         return None if row is None else dict(row)
 
     def digests_in_use(self) -> set[str]:

@@ -101,6 +101,14 @@ events = sa.Table(
 )
 """What happened in a run, in order; no number is given twice."""
 
+submissions = sa.Table(
+    "optiplan_submissions",
+    metadata,
+    sa.Column("run", sa.String(64), nullable=False, index=True),
+    sa.Column("submission", sa.String(64), nullable=False),
+)
+"""Who wants a run: one row for each submission of it that was not taken back."""
+
 benches = sa.Table(
     "optiplan_benches",
     metadata,

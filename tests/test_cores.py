@@ -1,0 +1,30 @@
+"""The cores that a process is given: of a container with a share of the machine, that share."""
+
+import os
+
+import pytest
+
+from optiplan.cores import cores
+
+ALL = len(os.sched_getaffinity(0))
+
+
+@pytest.mark.parametrize(
+    ("text", "given"),
+    [("max 100000", ALL), ("100000 100000", 1), ("150000 100000", 1), ("50000 100000", 1), ("9e9 100000", ALL)],
+)
+def test_a_share_of_the_machine_is_what_it_is_worth(tmp_path, text, given):
+    (tmp_path / "cpu.max").write_text(text + "\n")
+    assert cores(tmp_path) == given
+
+
+@pytest.mark.parametrize(("quota", "given"), [("-1", ALL), ("100000", 1)])
+def test_groups_of_the_first_version_say_it_in_two_files(tmp_path, quota, given):
+    (tmp_path / "cpu").mkdir()
+    (tmp_path / "cpu/cpu.cfs_quota_us").write_text(quota)
+    (tmp_path / "cpu/cpu.cfs_period_us").write_text("100000")
+    assert cores(tmp_path) == given
+
+
+def test_without_a_group_all_cores_are_given(tmp_path):
+    assert cores(tmp_path) == ALL
