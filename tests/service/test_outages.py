@@ -208,7 +208,7 @@ def clocks_apart(url, monkeypatch, folder):
 
     request = contents.put(json.dumps({"problem": QUICK}).encode())
     monkeypatch.setattr(time, "time", lambda: real() - 3600.0)
-    runs.submit(NewRun("1" * 32, "a", "0" * 64, "planar2r", request, "quintic", 0, 5.0, 30.0))
+    runs.submit(NewRun("1" * 32, "a", "0" * 64, "planar2r", request, "quintic", 0, 5.0, 30.0), "one")
     monkeypatch.setattr(time, "time", real)
     record = runs.begin("1" * 32, "worker")
     solver = RunSolver(ServiceSettings(data=folder), EventWriter(runs), contents, Pool())
