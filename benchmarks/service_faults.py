@@ -3,16 +3,26 @@
     python benchmarks/service_faults.py --rounds 20 --jobs 100
     python benchmarks/service_faults.py --rounds 20 --jobs 100 --postgres --workers 2
     python benchmarks/service_faults.py --rounds 0 --jobs 100 --postgres --workers 2    (who did what)
+    python benchmarks/service_faults.py --rounds 20 --outages 2 10 60 full --at-once 6
+    python benchmarks/service_faults.py --rounds 20 --outages 2 10 60 full --at-once 6 --postgres
 
 Every run ends once: the log of ends that the database keeps (one event `end` a run) says so. Every answer that a
 server gives is whole: `run.json` and `trajectory.json` of each run that is done are fetched and verified offline.
+
+With `--outages`, nothing is killed: the database goes away for so many seconds, or its disk is full, while a run is
+solved (`service_outages.py`). Runs submitted before, during and after it end, each once; `/readyz` of server and worker
+tells the outage as long as it lasts, and is ok afterwards; no thread dies; SIGTERM ends all processes within their
+grace, in every second round while the database is away again. The rounds of an outage run `--at-once` side by side.
 """
 
+import argparse
 import json
 import random
+import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +30,9 @@ from typing import Any
 
 import httpx
 import sqlalchemy as sa
-from published import table_parser, write_markdown
+from published import print_table, table_parser, write_markdown
+from service_outages import HEADINGS as OUTAGE_HEADINGS
+from service_outages import Kind, Round, outage_rounds, outage_row
 from service_process import HTTP, Program, postgres
 
 from optiplan.problem.load import problem_from_dict
@@ -163,7 +175,33 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=0)
     parser.add_argument("--postgres", action="store_true", help="a server of Debian's package, started for this")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--outages", nargs="+", metavar="S", help="s that the database is away, or 'full': its disk is")
+    parser.add_argument("--at-once", type=int, default=4, metavar="N", help="rounds of an outage side by side")
     given = parser.parse_args()
+    if given.outages:
+        lengths = [None if word == "full" else float(word) for word in given.outages]
+        kind: Kind = "PostgreSQL" if given.postgres else "SQLite"
+        found = {length: outage_rounds(kind, length, given.rounds, given.at_once) for length in lengths}
+        rows = [outage_row(kind, length, rounds) for length, rounds in found.items()]
+        print_table(OUTAGE_HEADINGS, rows)
+        write_markdown(given.markdown, OUTAGE_HEADINGS, rows)
+        raise SystemExit(_tell_faults(found))
+    _killed(given)
+
+
+def _tell_faults(found: Mapping[float | None, Sequence[Round]]) -> int:
+    """Print what was wrong in which round; return the exit code."""
+    for length, rounds in found.items():
+        for number, one in enumerate(rounds):
+            for fault in one.faults:
+                print(
+                    f"outage {'full' if length is None else f'{length:g} s'}, round {number}: {fault}", file=sys.stderr
+                )
+    return int(any(one.faults for rounds in found.values() for one in rounds))
+
+
+def _killed(given: argparse.Namespace) -> None:
+    """Run the rounds of kills and tell."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="optiplan-faults-")))
         database = stack.enter_context(postgres()) if given.postgres else ""

@@ -13,6 +13,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from optiplan.errors import OptiPlanError
 from optiplan.runs.run_folder import TRAJECTORY
+from optiplan.service.execution.event_writer import AWAY, RETRY
 from optiplan.service.execution.run_solver import GRACE, LEAD
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob
 from optiplan.service.models import PlanRequest
@@ -25,6 +26,8 @@ _log = logging.getLogger("optiplan.service")
 
 WAITING = 8
 """Callers per interactive process that may wait for it."""
+PATIENCE = 5.0
+"""s that who asks for a run waits until it is kept."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +52,9 @@ class WaitedPlans:
         await asyncio.gather(*self._tasks)
 
     async def kept(self, run: str) -> None:
-        """Wait until a run that was answered is kept."""
+        """Wait until a run that was answered is kept, as long as the database takes it."""
         if (saving := self._saving.get(run)) is not None:
-            await asyncio.shield(saving)
+            await asyncio.wait([saving], timeout=PATIENCE)
 
     async def plan(self, submission: PlanRequest, gone: Callable[[], Any]) -> WaitedRun:
         """Plan while the caller waits.
@@ -108,6 +111,15 @@ class WaitedPlans:
             if await gone():
                 job.cancel.set()
 
+    async def _until_written(self, write: Callable[[], None]) -> None:
+        """Have something written, once the database takes it."""
+        while True:
+            try:
+                return await self._service.write(write)
+            except AWAY as error:
+                _log.warning("a run that was answered is kept later: %s", error)
+                await asyncio.sleep(RETRY)
+
     def _keeper(
         self, new: NewRun, request: Record, whole: "asyncio.Future[SolverAnswer]", began: float
     ) -> Callable[[], Any]:
@@ -124,7 +136,7 @@ class WaitedPlans:
                     self._service.runs.add_ended(replace(new, request=digest), self._service.solver.ended(end), began)
 
                 if end.death is None:
-                    await self._service.write(write)
+                    await self._until_written(write)
             except (OptiPlanError, SQLAlchemyError, OSError) as error:  # costs the record, not the answer
                 _log.warning("run %s is not kept: %s", new.id, error)
             finally:

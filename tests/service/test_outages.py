@@ -10,8 +10,10 @@ from concurrent.futures import Future
 
 import pytest
 import sqlalchemy as sa
-from service_process import HTTP, postgres_folder, postgres_server, serving
+from service_outages import outage_round
+from service_process import HTTP, free_port, postgres_folder, postgres_server, serving
 
+from optiplan.service.client import Client
 from optiplan.service.execution import leases
 from optiplan.service.execution.event_writer import EventWriter
 from optiplan.service.execution.leases import take_lease
@@ -79,6 +81,14 @@ def test_a_change_that_the_database_does_not_take_is_made_later(server, monkeypa
     assert server.ended(run)["verified"]
     assert change.failed.is_set()
     assert [event["type"] for _, event in events_of(server, run)].count("end") == 1
+
+
+def test_a_plan_that_was_answered_is_kept_once_the_database_takes_it(server, monkeypatch):
+    add = Breaking(server.service.runs.add_ended, DatabaseAwayError("it is gone", False))
+    monkeypatch.setattr(server.service.runs, "add_ended", add)
+    run = server.http.post("/api/plan", json={"problem": QUICK, "seed": 910}).json()
+    assert server.ended(run["id"])["duration"] == run["duration"]
+    assert add.failed.is_set()
 
 
 def test_an_end_that_is_refused_for_good_is_a_failure(server, monkeypatch):
@@ -365,6 +375,28 @@ def test_a_stop_ends_streams_with_an_event(tmp_path):
         assert server.stop() == 0
         watcher.join(30.0)
     assert heard[-1]["type"] == "stopping"
+
+
+def test_a_client_watches_on_after_its_server_was_started_again(tmp_path):
+    port = str(free_port())
+    with serving(tmp_path / "data", "--solvers", "1", "--port", port) as server, Client(server.url) as client:
+        body = {"problem": NO_WAY, "budget": 6.0}
+        run = HTTP.post(f"{server.url}/api/runs", json=body).json()["id"]
+        events = client.watch(run)
+        heard = [next(events), next(events)]
+        assert server.stop() == 0
+        with serving(tmp_path / "data", "--solvers", "1", "--port", port):
+            heard.extend(events)
+    assert heard[-1] == {"type": "end", "status": "failed", "verified": False}
+    assert sum(event["type"] == "end" for event in heard) == 1
+    assert len({event["by"] for event in heard if "by" in event}) == 2, "it was solved by the second server"
+
+
+@pytest.mark.parametrize("kind", ["SQLite", pytest.param("PostgreSQL", marks=needs_postgres)])
+def test_a_server_and_a_worker_live_through_an_outage(kind):
+    found = outage_round(kind, 2.0)
+    assert found.faults == []
+    assert found.answered == 8
 
 
 def test_an_end_is_recorded_with_its_event(tmp_path):

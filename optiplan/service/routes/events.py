@@ -118,13 +118,15 @@ async def events(
     feed: EventFeed = request.app.state.feed
     after = await service.read(partial(_known, service, run, last_event_id))
 
+    over = record["status"] in ENDED
+    then = await service.read(partial(service.runs.events_after, after, [run])) if over else []
+
     async def lines(stopping: anyio.Event) -> Lines:
-        if record["status"] in ENDED:
-            then = await service.read(lambda: service.runs.events_after(after, [run]))
-            for number, _, data in then:
+        if over:
+            for one, _, data in then:
                 if data["type"] != "end":
-                    yield _line(number, data)
-            yield _line(max((number for number, _, _ in then), default=None), _end(record))
+                    yield _line(one, data)
+            yield _line(then[-1][0] if then else None, _end(record))
             return
         if not after:
             yield _line(None, {"type": "status", "status": record["status"]})
