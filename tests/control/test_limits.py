@@ -198,7 +198,7 @@ def test_bounds_of_distances_are_bounds(panda):
     everything = np.arange(len(limit.labels))
     for _ in range(40):
         q = np.clip(q + rng.normal(0.0, 0.03, 7), panda.limits.lower, panda.limits.upper)
-        view = limit.view(c.configuration(op.State(q)), view)
+        view = limit.view(c.configuration(op.State(q)), view, 0.0)
         assert (limit.distances(c.configuration(op.State(q)), everything) >= view.bound - 1e-6).all()
 
 
