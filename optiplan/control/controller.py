@@ -158,8 +158,7 @@ class Controller:
         self._rows.collect(c, state, dt, groups)
         x = self._solve(c, state, dt, outcome)
         if x is not None and not self._accept(x, outcome):
-            outcome.why = "no command was found that keeps all limits and can be stopped clear"
-            x = None
+            x = self._way_out(outcome)
         if x is None:
             self._guard.keep(state, brake, dt, self.time + dt)
             self._answers.reset()
@@ -240,6 +239,39 @@ class Controller:
                 x[:] = candidate
                 return True
         return False
+
+    def _way_out(self, outcome: StepOutcome) -> Array | None:
+        """Velocities away from what is too near, where the robot stands and can stop clear from them; None otherwise.
+
+        `why` of the outcome then says what stands in the way, and what was tried.
+        """
+        state, dt, t = outcome.state, outcome.dt, self.time + outcome.dt
+        outcome.why = "no command was found that keeps all limits and can be stopped clear"
+        if state.v.any():
+            return None
+        tried: list[str] = []
+        low, high = self._box.low, self._box.high
+        for name, direction in self._guard.ways_out():
+            size = float(np.abs(direction).max())
+            tried.append(name)
+            if size < 1e-9:
+                continue
+            d = direction / size
+            # As fast as the bounds allow in this direction; a quarter of it where the way bends.
+            ends = np.where(d > 0.0, high, low)
+            most = float((ends[np.abs(d) > 1e-3] / d[np.abs(d) > 1e-3]).min())
+            for share in (1.0, 0.25):
+                x = self._box_clip(share * most * d)
+                if self._guard.accepts(self._next(state, x, dt), dt, t, outcome.brake, outcome.slack):
+                    self._answers.how, outcome.share = "way out", share
+                    return x
+        nearest = self._guard.nearest
+        if nearest is not None and tried:
+            outcome.why += (
+                f"; '{nearest.a}' and '{nearest.b}' are {1e3 * nearest.distance:.3g} mm apart; ways that were tried: "
+                f"that of the tasks, whole, half and a quarter, and straight away from {', from '.join(tried)}"
+            )
+        return None
 
     def _next(self, state: State, x: Array, dt: float) -> State:
         """The state at the end of the step."""

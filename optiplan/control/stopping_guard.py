@@ -1,6 +1,6 @@
 """`StoppingGuard`: accepts a command only if the robot can stop from it, clear of everything."""
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterator, Sequence
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from optiplan.trajectory.state import State
 
 SLIP = 1e-7
 """m; by how much a distance that is too small already may shrink until it is large enough: what it is exact to."""
+
+WAYS = 4
+"""Pairs that a way out is looked for from, one by one."""
 
 
 class StoppingGuard:
@@ -120,6 +123,23 @@ class StoppingGuard:
             self._look(self._configuration, t)
             for least, view in zip(self._least, self._views, strict=False):
                 least[view.near] = np.minimum(least[view.near], view.distance)
+
+    def ways_out(self) -> Iterator[tuple[str, Array]]:
+        """Directions (n,) of the joints that lead away from what is too near, with names, the best first.
+
+        First away from all of it together, each distance the more the less it is, then from each alone.
+        """
+        near: list[tuple[float, str, Array]] = []
+        for limit, view in zip(self._limits, self._views, strict=False):
+            for k in np.flatnonzero(view.distance < limit.margin[view.near]).tolist():
+                lack = float(limit.margin[view.near[k]] - view.distance[k])
+                gradient = view.gradient[k, : len(self._per_jerk)]
+                near.append((lack, limit.labels[int(view.near[k])], gradient))
+        near.sort(key=lambda entry: -entry[0])
+        if len(near) > 1:
+            yield "all of these", np.sum([lack * gradient for lack, _, gradient in near], axis=0)
+        for _, label, gradient in near[:WAYS]:
+            yield label, gradient
 
     @property
     def nearest(self) -> NearestPair | None:
