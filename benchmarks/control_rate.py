@@ -259,7 +259,7 @@ def rows_in_view(robot: op.Robot, limit: op.ClearanceLimit, result: Result) -> l
     """How many pairs were near enough to be rows, at every hundredth step."""
     controller, before, found = op.Controller(robot, []), None, []
     for q in result.q[::100]:
-        before = limit.view(controller.configuration(op.State(q)), before)
+        before = limit.view(controller.configuration(op.State(q)), before, 0.0)
         found.append(len(before.near))
     return found
 

@@ -16,13 +16,18 @@ class Configuration:
 
     Attributes:
         q: (n,), rad or m; `v`: (n,), rad/s or m/s.
+
+    Args:
+        robot: the robot.
+        model: its model with joints of moving obstacles, which are then of q; None: its own.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, model: pin.Model | None = None) -> None:
         self.robot = robot
-        self._model, self._data = robot.model, robot.model.createData()
+        self._model = robot.model if model is None else model
+        self._data = self._model.createData()
         self._plain = unfold(robot.model)
-        self._plain_data = self._data if self._plain.model is robot.model else self._plain.model.createData()
+        self._plain_data = self._data if self._plain.model is self._model else self._plain.model.createData()
         self._ahead: Configuration | None = None
         self._ahead_is_current = self._rates_are_current = False
         self.q, self.v = np.zeros(robot.n), np.zeros(robot.n)

@@ -60,6 +60,9 @@ class Controller:
         longest_step: s; steps may differ in length and be as long as this. In a longer one the robot goes on along its
             stop, and the step says so.
 
+    Attributes:
+        time: s since the motions of the scene's obstacles began; a step adds its own. Set it where another clock runs.
+
     Raises:
         InputError: an argument that does not fit.
 
@@ -124,6 +127,7 @@ class Controller:
         for limit in self.limits:
             if isinstance(limit, RowLimit):
                 limit.meet(self._box, self._by_acceleration)
+        self.time = 0.0
         self._configuration = Configuration(robot)
         self._report = StepReporter(robot, self._box, self._rows)
         self._no_equations = np.zeros((0, n)), np.zeros(0)
@@ -150,17 +154,17 @@ class Controller:
         brake = self._box.brake(state, dt)
         outcome = StepOutcome(state, dt, brake)
         self._answers.solve_seconds = 0.0
-        groups = self._guard.rows(c, state, dt)
+        groups = self._guard.rows(c, state, dt, self.time)
         self._rows.collect(c, state, dt, groups)
         x = self._solve(c, state, dt, outcome)
         if x is not None and not self._accept(x, outcome):
-            outcome.why = "no command was found that keeps all limits and can be stopped clear"
-            x = None
+            x = self._way_out(outcome)
         if x is None:
-            self._guard.keep(state, brake)
+            self._guard.keep(state, brake, dt, self.time + dt)
             self._answers.reset()
         outcome.x, outcome.how = (brake.v, "braking") if x is None else (x, self._answers.how)
         outcome.next = self._guard.state
+        self.time += dt
         outcome.solve_seconds = self._answers.solve_seconds
         return self._report.step(outcome, self._guard.nearest, begin)
 
@@ -178,7 +182,8 @@ class Controller:
         """A step along the stop."""
         brake = self._box.brake(state, dt)
         outcome = StepOutcome(state, dt, brake, next=brake, x=brake.v, how="braking", why=why)
-        self._guard.keep(state, brake)
+        self._guard.keep(state, brake, dt, self.time + dt)
+        self.time += dt
         return self._report.step(outcome, self._guard.nearest, begin)
 
     def configuration(self, state: State) -> Configuration:
@@ -226,14 +231,47 @@ class Controller:
 
     def _accept(self, x: Array, outcome: StepOutcome) -> bool:
         """Whether the robot can stop from there; if not, from half the way back to braking, or a quarter of it."""
-        state, dt, brake = outcome.state, outcome.dt, self._box.slowing
+        state, dt, brake, t = outcome.state, outcome.dt, self._box.slowing, self.time + outcome.dt
         for share in (1.0, 0.5, 0.25):
             candidate = x if share == 1.0 else brake + share * (x - brake)
-            if self._guard.accepts(self._next(state, candidate, dt), dt, outcome.slack):
+            if self._guard.accepts(self._next(state, candidate, dt), dt, t, outcome.brake, outcome.slack):
                 outcome.share = share
                 x[:] = candidate
                 return True
         return False
+
+    def _way_out(self, outcome: StepOutcome) -> Array | None:
+        """Velocities away from what is too near, where the robot stands and can stop clear from them; None otherwise.
+
+        `why` of the outcome then says what stands in the way, and what was tried.
+        """
+        state, dt, t = outcome.state, outcome.dt, self.time + outcome.dt
+        outcome.why = "no command was found that keeps all limits and can be stopped clear"
+        if state.v.any():
+            return None
+        tried: list[str] = []
+        low, high = self._box.low, self._box.high
+        for name, direction in self._guard.ways_out():
+            size = float(np.abs(direction).max())
+            tried.append(name)
+            if size < 1e-9:
+                continue
+            d = direction / size
+            # As fast as the bounds allow in this direction; a quarter of it where the way bends.
+            ends = np.where(d > 0.0, high, low)
+            most = float((ends[np.abs(d) > 1e-3] / d[np.abs(d) > 1e-3]).min())
+            for share in (1.0, 0.25):
+                x = self._box_clip(share * most * d)
+                if self._guard.accepts(self._next(state, x, dt), dt, t, outcome.brake, outcome.slack):
+                    self._answers.how, outcome.share = "way out", share
+                    return x
+        nearest = self._guard.nearest
+        if nearest is not None and tried:
+            outcome.why += (
+                f"; '{nearest.a}' and '{nearest.b}' are {1e3 * nearest.distance:.3g} mm apart; ways that were tried: "
+                f"that of the tasks, whole, half and a quarter, and straight away from {', from '.join(tried)}"
+            )
+        return None
 
     def _next(self, state: State, x: Array, dt: float) -> State:
         """The state at the end of the step."""

@@ -1,6 +1,6 @@
 """`StoppingGuard`: accepts a command only if the robot can stop from it, clear of everything."""
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterator, Sequence
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from optiplan.trajectory.state import State
 
 SLIP = 1e-7
 """m; by how much a distance that is too small already may shrink until it is large enough: what it is exact to."""
+
+WAYS = 4
+"""Pairs that a way out is looked for from, one by one."""
 
 
 class StoppingGuard:
@@ -40,13 +43,17 @@ class StoppingGuard:
         self._dt, self._per_jerk = 0.0, 1.0 / box.jerk
         self._abilities = _abilities(box, 0.0)
         self.state: State | None = None
+        self._t, self._timed = 0.0, not all(limit.still for limit in self._limits)
+        self._spare = make_braking_path(robot)
+        self._braked: State | None = None
+        self._ahead: dict[StopLimit, Array] = {}
 
-    def rows(self, c: Configuration, state: State, dt: float) -> list[tuple[str, LimitRows]]:
-        """Rows of all limits for a step from a state, at which `c` is."""
+    def rows(self, c: Configuration, state: State, dt: float, t: float) -> list[tuple[str, LimitRows]]:
+        """Rows of all limits for a step from a state, at which `c` is, at time t, s."""
         if not self._limits:
             return []
-        if not self._continues(state):
-            self._look(c)
+        if not self._continues(state, t):
+            self._look(c, t)
             self._least = []
         if dt != self._dt:
             self._dt, self._abilities, self._per_jerk = dt, _abilities(self._box, dt), 1.0 / self._box.jerk
@@ -55,15 +62,18 @@ class StoppingGuard:
         for limit, view, least in zip(self._limits, self._views, self._least, strict=True):
             _raise(least, limit, view)
         return [
-            (limit.name, limit.rows(view, state.v, self._abilities, dt))
+            (limit.name, limit.rows(view, state.v, self._abilities, dt, t))
             for limit, view in zip(self._limits, self._views, strict=True)
             if len(view.near)
         ]
 
-    def accepts(self, candidate: State, dt: float, relaxed: Container[str] = ()) -> bool:
-        """Whether the robot stays clear from a state on, if it brakes there; then the next step starts there.
+    def accepts(
+        self, candidate: State, dt: float, t: float, brake: State | None = None, relaxed: Container[str] = ()
+    ) -> bool:
+        """Whether the robot stays clear from a state at time t on, if it brakes there; then the next step starts there.
 
-        Limits of speeds have to hold until it stands, too, but for those that are `relaxed`.
+        Limits of speeds have to hold until it stands, too, but for those that are `relaxed`. Where moving obstacles
+        come too near also if the robot brakes, to the state `brake` now, they must only not do so sooner.
         """
         if not all(limit.name in relaxed or limit.keeps(candidate, dt) for limit in self._kept):
             return False
@@ -73,32 +83,63 @@ class StoppingGuard:
             way, started = self._longest_way(candidate), False
             views = []
             for limit, before, least in zip(self._limits, self._views, self._least, strict=True):
-                view = limit.view(c, before)
+                view = limit.view(c, before, t)
                 if not limit.is_far(view, way, least):
                     if not started:
                         self._path.start(candidate.q, candidate.v, candidate.a, self._box, dt)
                         started = True
-                    if not limit.stop_is_clear(self._path, view, least):
-                        return False
+                    if not limit.stop_is_clear(self._path, view, least, t):
+                        if limit.still or brake is None or not self._stays_as_far(limit, brake, dt, t):
+                            return False
+                        if not limit.stop_is_clear(self._path, view, np.where(limit.moving, -np.inf, least), t):
+                            return False
                 views.append(view)
             self._views = views
-        self.state = candidate
+        self.state, self._t = candidate, t
         return True
 
-    def keep(self, start: State, state: State) -> None:
-        """Brake from a state to another, whatever is near there.
+    def _stays_as_far(self, limit: StopLimit, brake: State, dt: float, t: float) -> bool:
+        """Whether moving obstacles come too near no sooner, and no nearer then, than where the robot brakes now."""
+        if self._braked is not brake:
+            self._braked, self._ahead = brake, {}
+        if limit not in self._ahead:
+            self._spare.start(brake.q, brake.v, brake.a, self._box, dt)
+            self._ahead[limit] = limit.ahead(self._spare, t)
+        braking, found = self._ahead[limit], limit.ahead(self._path, t)
+        first = int(np.argmax(braking < limit.at_least)) if (braking < limit.at_least).any() else len(braking) - 1
+        return bool((found >= np.minimum(braking, limit.at_least) - SLIP)[: first + 1].all())
+
+    def keep(self, start: State, state: State, dt: float, t: float) -> None:
+        """Brake from a state to another, at time t, whatever is near there.
 
         Where `start` is the last accepted state, the stop from it was found clear: what distances must be at least
         falls by what rounding costs, and no more.
         """
-        if not self._continues(start):
+        if not self._continues(start, t - dt):
             self._least = []
-        self.state = state
+        self.state, self._t = state, t
         if self._limits:
             self._configuration.update(state.q, state.v)
-            self._look(self._configuration)
+            self._look(self._configuration, t)
             for least, view in zip(self._least, self._views, strict=False):
                 least[view.near] = np.minimum(least[view.near], view.distance)
+
+    def ways_out(self) -> Iterator[tuple[str, Array]]:
+        """Directions (n,) of the joints that lead away from what is too near, with names, the best first.
+
+        First away from all of it together, each distance the more the less it is, then from each alone.
+        """
+        near: list[tuple[float, str, Array]] = []
+        for limit, view in zip(self._limits, self._views, strict=False):
+            for k in np.flatnonzero(view.distance < limit.margin[view.near]).tolist():
+                lack = float(limit.margin[view.near[k]] - view.distance[k])
+                gradient = view.gradient[k, : len(self._per_jerk)]
+                near.append((lack, limit.labels[int(view.near[k])], gradient))
+        near.sort(key=lambda entry: -entry[0])
+        if len(near) > 1:
+            yield "all of these", np.sum([lack * gradient for lack, _, gradient in near], axis=0)
+        for _, label, gradient in near[:WAYS]:
+            yield label, gradient
 
     @property
     def nearest(self) -> NearestPair | None:
@@ -123,14 +164,16 @@ class StoppingGuard:
         late = size * self._per_jerk + box.delay + 3.0 * self._dt
         return np.asarray(speed * (late + 0.5 * speed * self._abilities.per_acceleration))
 
-    def _continues(self, state: State) -> bool:
+    def _continues(self, state: State, t: float) -> bool:
         last = self.state
-        return bool(self._views) and last is not None and (state is last or bool((state.q == last.q).all()))
+        if not self._views or last is None or (self._timed and abs(t - self._t) > 1e-9):
+            return False
+        return state is last or bool((state.q == last.q).all())
 
-    def _look(self, c: Configuration) -> None:
+    def _look(self, c: Configuration, t: float) -> None:
         """What is near at a configuration."""
         before: Sequence[DistanceView | None] = self._views or [None] * len(self._limits)
-        self._views = [limit.view(c, view) for limit, view in zip(self._limits, before, strict=True)]
+        self._views = [limit.view(c, view, t) for limit, view in zip(self._limits, before, strict=True)]
 
 
 def _raise(least: Array, limit: StopLimit, view: DistanceView) -> None:
@@ -139,8 +182,8 @@ def _raise(least: Array, limit: StopLimit, view: DistanceView) -> None:
     It never falls from step to step, else distances that are too small could shrink by SLIP in each.
     """
     now = np.maximum(least[view.near], view.distance - SLIP)
-    least[:] = limit.at_least
-    least[view.near] = np.minimum(now, limit.at_least)
+    least[:] = limit.least
+    least[view.near] = np.minimum(now, limit.least[view.near])
 
 
 def _abilities(box: JointBox, dt: float) -> Abilities:

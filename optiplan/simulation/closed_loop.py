@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.control.step import ControlStep
 from optiplan.geometry.scene import Scene
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
@@ -88,6 +89,7 @@ def simulate(loop: Loop, progress: Callable[[float], None] | None = None) -> Log
     watch = None if loop.scene is None else ContactWatch(loop.robot, loop.scene, dt)
     recorder = Recorder(loop.robot, loop.limits, steps, dt, plant.input)
     statuses: Counter[str] = Counter()
+    step: ControlStep | None = None
     for first in range(0, steps + 1, BLOCK):
         count = min(BLOCK, steps + 1 - first)
         t: Array = np.asarray((first + np.arange(count)) * dt, dtype=np.float64)
@@ -105,15 +107,23 @@ def simulate(loop: Loop, progress: Callable[[float], None] | None = None) -> Log
                 for value, held in line.after(command.value):
                     applied = plant.advance(value, held, push)
             recorder.add(q, v, command, applied, target)
-            if command.step is not None:
-                statuses[command.step.status] += 1
+            step = command.step
+            if step is not None:
+                statuses[step.status] += 1
             if watch is not None:
                 for pair in plant.contacts():
                     watch.touch(pair, float(t[k]))
         recorder.end_block(t, watch)
         if progress is not None:
             progress(min(1.0, (first + count) / (steps + 1)))
-    return recorder.log(statuses, watch)
+    return recorder.log(statuses, watch, _unkept(step))
+
+
+def _unkept(step: ControlStep | None) -> str:
+    """What did not hold at the end; empty where all did."""
+    if step is None or step.status != "recovering":
+        return ""
+    return f"limits did not hold at the end: {', '.join(step.slack)}"
 
 
 def _targets(reference: Reference, t: Array, dt: float) -> Callable[[int], JointTarget | ToolTarget]:

@@ -89,7 +89,7 @@ class Log:
         active: by limit, share of the steps in which it held the command back.
         statuses: how many steps the controller had each status.
         solve_seconds: (K,) time of the controller's steps, s; empty for controllers of the joints.
-        stopped: why the loop ended early; empty if it did not.
+        stopped: why the loop ended early, or what did not hold at its end; empty otherwise.
     """
 
     joint_names: tuple[str, ...]

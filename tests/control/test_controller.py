@@ -268,3 +268,19 @@ def test_answers_do_not_depend_on_the_solver(panda, solver):
             state = controller.step(state, 0.004).state
         ends.append(state.q)
     assert ends[0] == pytest.approx(ends[1], abs=1e-5)
+
+
+def test_where_no_way_leads_out_the_step_says_what_stands_in_the_way_and_what_was_tried(panda):
+    """A thin wall through the hand: whichever way it goes, another body comes nearer."""
+    ready = panda.configurations["ready"]
+    hand = op.Controller(panda, []).configuration(op.State(ready)).pose(panda.frame_id("panda_hand")).translation
+    wall = op.Box("wall", size=(0.002, 0.6, 0.6), position=tuple(hand))
+    controller = op.Controller(panda, [op.PostureTask("ready")], scene=op.Scene([wall]))
+    state = op.State(ready)
+    for _ in range(20):
+        step = controller.step(state, DT)
+        state = step.state
+    assert step.status == "stopped"
+    assert "'wall'" in step.reason
+    assert "mm apart" in step.reason
+    assert "straight away from all of these, from panda_" in step.reason

@@ -55,9 +55,9 @@ def test_a_stop_is_clear_if_every_step_of_it_is(request, delbot, name, native):
         ends = np.minimum(found[0], found[-1]) - 1e-7
         least = np.minimum(ends, found.min(axis=0) + rng.choice([-1e-6, 1e-6, 1e-3]))
         dips += bool((found.min(axis=0) < ends - 1e-4).any())
-        look = limit.view if native else (lambda here, before: StopLimit.view(limit, here, before))
+        look = limit.view if native else (lambda *given: StopLimit.view(limit, *given))
         check = limit.stop_is_clear if native else (lambda *given: StopLimit.stop_is_clear(limit, *given))
-        verdicts.append(check(path, look(c(op.State(q)), None), least))
+        verdicts.append(check(path, look(c(op.State(q)), None, 0.0), least, 0.0))
         assert verdicts[-1] == bool((found >= least).all())
     assert 0.2 * len(verdicts) < sum(verdicts) < 0.8 * len(verdicts)
     assert dips > 0.2 * len(verdicts), "distances are often least in the middle"

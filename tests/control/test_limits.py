@@ -179,7 +179,7 @@ def test_gradients_of_distances(panda, baxter):
         c = op.Controller(robot, [])
         q = next(iter(robot.configurations.values()))
         here = c.configuration(op.State(q))
-        view = limit.view(here, None)
+        view = limit.view(here, None, 0.0)
         assert len(view.near) > 3
         h = 1e-6
         for j in range(robot.n):
@@ -198,5 +198,63 @@ def test_bounds_of_distances_are_bounds(panda):
     everything = np.arange(len(limit.labels))
     for _ in range(40):
         q = np.clip(q + rng.normal(0.0, 0.03, 7), panda.limits.lower, panda.limits.upper)
-        view = limit.view(c.configuration(op.State(q)), view)
+        view = limit.view(c.configuration(op.State(q)), view, 0.0)
         assert (limit.distances(c.configuration(op.State(q)), everything) >= view.bound - 1e-6).all()
+
+
+@pytest.fixture
+def near_neighbours(tmp_path):
+    """A turning post on a base with a gap of 0.3 mm, an arm on the post, and a knob that turns off its middle."""
+
+    def link(name, shape, at):
+        return f'<link name="{name}"><collision><origin xyz="{at}"/><geometry>{shape}</geometry></collision></link>'
+
+    def joint(name, parent, child, at, axis):
+        limit = '<limit lower="-3" upper="3" velocity="2" effort="50"/>'
+        ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{at}"/><axis xyz="{axis}"/>'
+        return f'<joint name="{name}" type="revolute">{ends}{limit}</joint>'
+
+    (tmp_path / "post.urdf").write_text(
+        '<robot name="post">'
+        + link("base", '<cylinder radius="0.1" length="0.1"/>', "0 0 0.05")
+        + link("post", '<cylinder radius="0.06" length="0.3"/>', "0 0 0.15")
+        + link("arm", '<box size="0.4 0.05 0.05"/>', "0.2 0 0")
+        + joint("turn", "base", "post", "0 0 0.1003", "0 0 1")
+        + joint("lift", "post", "arm", "0.1 0 0.25", "0 1 0")
+        + "</robot>"
+    )
+    (tmp_path / "post.srdf").write_text('<robot name="post"/>')  # which excuses no pair
+    (tmp_path / "robot.yaml").write_text(
+        "version: 1\nname: post\nurdf: post.urdf\nsrdf: post.srdf\ngroup: [turn, lift]\ntool_frame: arm\n"
+        "limits: {acceleration: 5, jerk: 100}\n"
+    )
+    return str(tmp_path / "robot.yaml")
+
+
+def test_neighbours_that_are_nearer_than_asked_hold_nothing_up(near_neighbours):
+    robot, limit = op.load_robot(near_neighbours), op.ClearanceLimit(op.Scene(), at_least=0.005)
+    task = op.PostureTask([1.0, 0.3], cost=1.0, gain=4.0)
+    controller = op.Controller(robot, [task], limits=joints(limit))
+    assert limit.structure == {"base and post": pytest.approx(0.0003, rel=0.02)}
+    state, statuses = op.State([0.0, 0.0]), set()
+    for _ in range(1500):
+        step = controller.step(state, DT)
+        state = step.state
+        statuses.add(step.status)
+    assert "recovering" not in statuses
+    np.testing.assert_allclose(state.q, [1.0, 0.3], atol=1e-3)
+
+
+def test_what_is_asked_of_a_pair_whose_distance_varies_is_what_it_can_keep(near_neighbours):
+    limit = op.ClearanceLimit(op.Scene(), at_least=0.3)
+    limit.bind(op.load_robot(near_neighbours))
+    assert 0.0 < limit.structure["post and arm"] < 0.3
+    assert limit.least.min() < 0.001
+
+
+def test_a_pair_that_always_touches_is_an_error(panda):
+    held = op.Box("block", size=(0.3, 0.3, 0.3), position=(0, 0, 0)).attached_to("panda_link4")
+    with pytest.raises(op.InputError) as error:
+        op.Controller(panda, [], scene=op.Scene(attached=[held]))
+    assert "touch in every configuration" in str(error.value)
+    assert "block" in str(error.value)

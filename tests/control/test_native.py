@@ -91,7 +91,7 @@ def test_views_rows_and_stops_agree(panda, box):
     for _ in range(60):
         q = np.clip(q + rng.normal(0.0, 0.06, 7), panda.limits.lower, panda.limits.upper)
         here = c.configuration(op.State(q))
-        native, python = limit.view(here, native), StopLimit.view(limit, here, python)
+        native, python = limit.view(here, native, 0.0), StopLimit.view(limit, here, python, 0.0)
         np.testing.assert_array_equal(native.near, python.near)
         np.testing.assert_allclose(native.distance, python.distance, atol=1e-8)
         seen = np.isfinite(python.bound)
@@ -100,8 +100,8 @@ def test_views_rows_and_stops_agree(panda, box):
         np.testing.assert_allclose(native.gradient[apart], python.gradient[apart], atol=1e-5)
         path.start(q, 2.0 * rng.normal(size=7), np.zeros(7), box, DT)
         least = np.minimum(native.bound - 1e-6, rng.uniform(0.0, 0.1))
-        verdicts.append(limit.stop_is_clear(path, native, least))
-        assert StopLimit.stop_is_clear(limit, path, python, least) == verdicts[-1]
+        verdicts.append(limit.stop_is_clear(path, native, least, 0.0))
+        assert StopLimit.stop_is_clear(limit, path, python, least, 0.0) == verdicts[-1]
     assert 5 < sum(verdicts) < 55, "both answers are worth comparing"
 
 

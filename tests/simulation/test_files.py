@@ -204,7 +204,7 @@ def test_execute_and_its_arguments():
 
 def test_a_task_is_refused_at_its_line(file):
     """Objects change hands in it; a loop would leave them where they are at first."""
-    text = "version: 1\nproblem: 40_panda_sorts_cubes\nreference:\n  moving: {amplitude: [0.1, 0, 0], frequency: [1, 0, 0], lasting: 1}\n"
+    text = "version: 1\nproblem: 40_panda_sorts_cubes\nreference:\n  step: {joint: panda_joint1, by: 0.1}\n"
     with pytest.raises(InputError) as error:
         read_control(file(text + "controller: {task_space: {}}\nplant: {engine: ideal}\n"))
     (issue,) = error.value.issues

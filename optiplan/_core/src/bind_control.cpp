@@ -25,18 +25,18 @@ static StopPath make_path(const Vector &q, const Vector &v, const Vector &a, con
     return path;
 }
 
-// `effects` (2, n): how far each joint turns, rad, and slides, m, what it carries. `rules`: influence, kept.
+// `effects` (2, n): how far each joint turns, rad, and slides, m, what it carries. `influence` (P,), `kept`: see WatchRules.
 static void make_watch(ClearanceWatch *self, const World &world, const Matrix &arms, const Matrix &reaches,
-                       const Matrix &effects, const Vector &rules) {
+                       const Matrix &effects, const Vector &influence, double kept) {
     expect(arms.shape(0) == world.pairs().size() && arms.shape(1) == static_cast<std::size_t>(world.tree().planned),
            "moment arms (P, n)");
     expect(reaches.shape(0) == world.pairs().size() && reaches.shape(1) == 2, "reaches (P, 2)");
     const std::size_t n = arms.shape(1);
     expect(effects.shape(0) == 2 && effects.shape(1) == n, "turns and slides (2, n)");
-    expect(rules.size() == 2, "influence, kept");
-    const double *e = effects.data(), *r = rules.data();
+    expect(influence.size() == arms.shape(0), "influence (P,)");
+    const double *e = effects.data(), *i = influence.data();
     new (self) ClearanceWatch(world, to_vector(arms), to_vector(reaches), {{e, e + n}, {e + n, e + 2 * n}},
-                              {r[0], r[1]});
+                              {{i, i + influence.size()}, kept});
 }
 
 static View look(ClearanceWatch &watch, const Vector &q, const View *before) {
@@ -46,23 +46,26 @@ static View look(ClearanceWatch &watch, const Vector &q, const View *before) {
 }
 
 static bool stop_is_clear(ClearanceWatch &watch, const StopPath &path, const View &start, const Vector &least) {
-    expect(path.q.size() == watch.joints() && start.bound.size() == watch.pairs() && least.size() == watch.pairs(),
+    expect(path.size() == watch.joints() && start.bound.size() == watch.pairs() && least.size() == watch.pairs(),
            "path, view and distances (P,) of this watch");
     return watch.stop_is_clear(path, start, least.data());
 }
 
-// Rows of `StopLimit.rows`: G (K, n), low (K,), unit (K,). `rules`: dt, at_least, buffer, rate.
+// Rows of `StopLimit.rows`: G (K, n), low (K,), unit (K,). `least`, `margin`, `drift` (K,), the last what distances change
+// by themselves in the step; `rules`: dt, rate.
 static nb::tuple stop_rows(const Matrix &gradient, const Vector &distance, const Vector &v, const Vector &delay,
-                           const Vector &per_acceleration, const Vector &rules) {
+                           const Vector &per_acceleration, const Vector &least, const Vector &margin,
+                           const Vector &drift, const Vector &rules) {
     const std::size_t count = distance.size(), n = same_size({&v, &delay, &per_acceleration});
-    expect(gradient.shape(0) == count && gradient.shape(1) == n && rules.size() == 4, "gradients (K, n), four rules");
-    const double dt = rules.data()[0], at_least = rules.data()[1], buffer = rules.data()[2];
-    const double share = std::min(1.0, rules.data()[3] * dt);
+    expect(gradient.shape(0) == count && gradient.shape(1) >= n && rules.size() == 2, "gradients (K, n), two rules");
+    expect(least.size() == count && margin.size() == count && drift.size() == count, "least, margin, drift (K,)");
+    const std::size_t all = gradient.shape(1);
+    const double dt = rules.data()[0], share = std::min(1.0, rules.data()[1] * dt);
     std::vector<double> G(count * n), low(count), unit(count);
     for (std::size_t k = 0; k < count; ++k) {
         double squares = 0.0, held = 0.0, stops = 0.0;
         for (std::size_t j = 0; j < n; ++j) {
-            const double g = gradient.data()[k * n + j], speed = v.data()[j], brake = per_acceleration.data()[j];
+            const double g = gradient.data()[k * all + j], speed = v.data()[j], brake = per_acceleration.data()[j];
             const bool towards = g * speed < 0.0;
             const double slope = delay.data()[j] + (towards ? std::fabs(speed) * brake : 0.0);
             const double row = G[k * n + j] = g * (dt + slope);
@@ -71,8 +74,8 @@ static nb::tuple stop_rows(const Matrix &gradient, const Vector &distance, const
             if (towards) stops += g * (speed * std::fabs(speed) * brake);
         }
         unit[k] = std::max(std::sqrt(squares), 1e-6);
-        const double d = distance.data()[k], b = d - (at_least + buffer) + held - 0.5 * stops;
-        low[k] = (held - (d < at_least ? std::min(b, 0.0) : share * b)) / unit[k];
+        const double d = distance.data()[k], b = d - margin.data()[k] + held - 0.5 * stops;
+        low[k] = (held - drift.data()[k] - (d < least.data()[k] ? std::min(b, 0.0) : share * b)) / unit[k];
         for (std::size_t j = 0; j < n; ++j) G[k * n + j] /= unit[k];
     }
     return nb::make_tuple(to_numpy(std::move(G), {count, n}), to_numpy(std::move(low), {count}),
@@ -140,6 +143,16 @@ void bind_control(nb::module_ &m) {
             for (std::size_t j = 0; j < n; ++j) found[j] = self.strongest(j, first, last);
             return to_numpy(std::move(found), {n});
         }, "first"_a, "last"_a)
+        .def("carry", [](StopPath &self, const Matrix &coefficients, const Vector &until, double horizon) {
+            const std::size_t count = until.size(), size = coefficients.shape(1);
+            expect(coefficients.shape(0) == count, "coefficients (k, powers), until (k,)");
+            std::vector<Drift> drifts(count);
+            for (std::size_t k = 0; k < count; ++k) {
+                const double *row = coefficients.data() + k * size;
+                drifts[k] = {{row, row + size}, until.data()[k]};
+            }
+            self.carry(std::move(drifts), horizon);
+        }, "coefficients"_a, "until"_a, "horizon"_a)
         .def("at", [](const StopPath &self, int step) {
             std::vector<double> q(self.q.size());
             self.at(step, q.data());
@@ -170,8 +183,8 @@ void bind_control(nb::module_ &m) {
             return part(self, view.gradient, {view.near.size(), view.q.size()});
         });
     nb::class_<ClearanceWatch>(m, "ClearanceWatch")
-        .def("__init__", &make_watch, "world"_a, "arms"_a, "reaches"_a, "effects"_a, "rules"_a,
-             nb::keep_alive<1, 2>())
+        .def("__init__", &make_watch, "world"_a, "arms"_a, "reaches"_a, "effects"_a, "influence"_a,
+             "kept"_a, nb::keep_alive<1, 2>())
         .def("look", &look, "q"_a, "before"_a.none())
         .def("stop_is_clear", &stop_is_clear, "path"_a, "start"_a, "least"_a);
     m.def("joint_box", &joint_box, "q"_a, "v"_a, "a"_a, "table"_a, "order"_a, "rules"_a);
@@ -179,7 +192,8 @@ void bind_control(nb::module_ &m) {
         expect(J.shape(0) <= J.shape(1), "a matrix with no more rows than columns");
         return singular_values(J.data(), J.shape(0), J.shape(1));
     }, "J"_a);
-    m.def("stop_rows", &stop_rows, "gradient"_a, "distance"_a, "v"_a, "delay"_a, "per_acceleration"_a, "rules"_a);
+    m.def("stop_rows", &stop_rows, "gradient"_a, "distance"_a, "v"_a, "delay"_a, "per_acceleration"_a,
+          "least"_a, "margin"_a, "drift"_a, "rules"_a);
     m.def("solve_from", &solve_from, "H"_a, "g"_a, "C"_a, "low"_a, "high"_a, "lower"_a, "upper"_a, "A"_a, "b"_a,
           "bounds"_a, "rows"_a, "rules"_a);
 }

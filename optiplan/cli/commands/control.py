@@ -32,7 +32,7 @@ def control(
       optiplan view runs/cell
 
     Exit code: 0 ran to its end, nothing touched · 2 bad input · 3 no motion was found to follow
-    · 4 bodies touched, or the motion grew without bound.
+    · 4 bodies touched, the motion grew without bound, or a limit did not hold at its end.
     """
     from optiplan.cli.printing.control_log import show_simulation
     from optiplan.runs.run_folder import check_folder

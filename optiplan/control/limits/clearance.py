@@ -9,6 +9,7 @@ from optiplan.arrays import Array, Index
 from optiplan.collision.native_model import NativeCollisionModel, planning_model
 from optiplan.control.braking_path import NativeBrakingPath
 from optiplan.control.configuration import Configuration
+from optiplan.control.limits.moving_obstacles import AHEAD, HORIZON, ObstacleJoints, PathAmongMoving
 from optiplan.control.limits.stop_limits import KEPT, DistanceView, StopLimit, StopPath
 from optiplan.control.tasks.base import checked_number
 from optiplan.errors import described, wrong_argument
@@ -17,6 +18,13 @@ from optiplan.robot.robot import Robot
 
 AT_LEAST = 0.005
 """m; kept where no other distance is given: what planners aim at."""
+SAMPLES = 48
+"""Configurations in which a pair is looked at before it is taken for one that its structure keeps near."""
+SAME = 2e-2
+"""Share by which a distance that no joint changes may differ from one configuration to another: round bodies are
+meshes, and bearings are not exact."""
+EVERY = 0.01
+"""s between the moments at which it is asked what braking would come to among moving obstacles."""
 
 
 class ClearanceLimit(StopLimit):
@@ -24,6 +32,10 @@ class ClearanceLimit(StopLimit):
 
     Distances are measured only of pairs that the travel since their last query may have brought near: in the native
     core, or by coal where that is not there or does not know a shape.
+
+    Attributes:
+        structure: m, by the names of pairs that never come as far apart as `at_least`, since they are neighbours: what
+            of them is kept instead; where no joint changes it, that it is.
 
     Args:
         scene: obstacles, attached objects, allowed contacts; None: the robot alone.
@@ -33,7 +45,7 @@ class ClearanceLimit(StopLimit):
             largest speed of the robot's bodies, or they brake hard when they come into view.
 
     Raises:
-        InputError: a distance that is not > 0, no scene.
+        InputError: a distance that is not > 0, no scene; when it is bound, a pair that touches in every configuration.
     """
 
     name: ClassVar[str] = "clearance"
@@ -52,35 +64,113 @@ class ClearanceLimit(StopLimit):
         """Make the bodies, and bounds of how far joints move them."""
         super().bind(robot)
         self.model = planning_model(robot, self.scene)
-        limits = robot.limits
+        limits, bounds = robot.limits, self.model.bounds
+        self._obstacles = ObstacleJoints(self.model.motions)
         stroke = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
-        self.arms = self.model.bounds.moment_arms(np.where(np.isfinite(stroke), stroke, np.pi))
+        stroke = np.append(np.where(np.isfinite(stroke), stroke, np.pi), np.zeros(self._obstacles.size))
+        self.arms = bounds.moment_arms(stroke)
         self.labels = tuple(f"{pair.name_a} and {pair.name_b}" for pair in self.model.pairs)
-        bounds = self.model.bounds
+        self.ask()
+        self.structure = self._structure(robot)
         self._follows = bool(robot.followers)
         self._leaders = np.abs(bounds.kinematics.coupling) > 0.0  # columns of followers have their multiplier already
         self._joints = bounds.joint[bounds.pairs]
         first, second = bounds.kinematics.carries[self._joints].swapaxes(0, 1)  # (P, J) each
         self._common = ((first & second) * np.arange(1, first.shape[1] + 1)).max(axis=1, initial=0)
         self._reaches = np.where(self._joints > 0, bounds.body_reaches()[bounds.pairs], 0.0)
+        self.still = not self.model.motions
+        if not self.still:
+            self._among_moving(robot)
         self._watch = None
         if isinstance(self.model, NativeCollisionModel) and self.model.world is not None:
             arms, reaches = np.ascontiguousarray(self.arms), np.ascontiguousarray(self._reaches)
-            effects, rules = np.array([self.turns, self.slides]), np.array([self.influence, KEPT])
-            self._watch = core.ClearanceWatch(self.model.world, arms, reaches.reshape(-1, 2), effects, rules)
+            effects = np.array([self.turns, self.slides])
+            given = arms, reaches.reshape(-1, 2), effects, self.comes_in, KEPT
+            self._watch = core.ClearanceWatch(self.model.world, *given)
 
-    def view(self, c: Configuration, before: DistanceView | None) -> DistanceView:
+    def _structure(self, robot: Robot) -> dict[str, float]:
+        """Ask no more of a pair than its bodies' places on the robot allow; see `structure`.
+
+        A pair that is nearer than `at_least` in all of SAMPLES configurations is taken for one. Where its distance is
+        the same in all of them, no joint changes it, and it is not looked at; else half the largest is kept.
+
+        Raises:
+            InputError: a pair that touches in all of them.
+        """
+        lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
+        # The golden ratio's sequence in n dimensions: even, and the same each time.
+        ratio = float(np.roots([1.0, *[0.0] * (robot.n - 1), -1.0, -1.0]).real.max())
+        shares = np.outer(np.arange(1, SAMPLES + 1), ratio ** -np.arange(1.0, robot.n + 1)) % 1.0
+        found = self.model.near(lower + shares * (upper - lower), self.at_least)
+        by_itself = self.arms[:, robot.n :].sum(axis=1) > 0.0
+        near = np.bincount(found.pairs, minlength=len(self.labels)).tolist()
+        structure = {}
+        for k in [k for k, count in enumerate(near) if count == SAMPLES and not by_itself[k]]:
+            distance = found.distance[found.pairs == k]
+            least, most = float(distance.min()), float(distance.max())
+            if most <= 0.0:
+                a, b = self.model.pairs[k].name_a, self.model.pairs[k].name_b
+                touch = f"'{a}' and '{b}' that touch in every configuration of {robot.name}"
+                raise wrong_argument(
+                    "ClearanceLimit", "scene", touch, "bodies that can be apart, or an allowed contact"
+                )
+            if most - least <= SAME * most:
+                self.least[k] = self.margin[k] = self.comes_in[k] = -np.inf
+                structure[self.labels[k]] = least
+            else:
+                self.least[k], self.margin[k] = 0.5 * most, 0.6 * most
+                structure[self.labels[k]] = 0.5 * most
+        return structure
+
+    def _among_moving(self, robot: Robot) -> None:
+        """Take the joints of moving obstacles behind those of the robot."""
+        none, slide = np.zeros(self._obstacles.size), np.ones(self._obstacles.size)
+        self.turns, self.slides = np.append(self.turns, none), np.append(self.slides, slide)
+        self._placed = Configuration(robot, self.model.model)
+        self.moving = np.asarray(self.arms[:, robot.n :].sum(axis=1) > 0.0)
+        self.comes_in = self.comes_in + AHEAD * self.moving
+
+    def view(self, c: Configuration, before: DistanceView | None, t: float) -> DistanceView:
         """See `StopLimit.view`."""
+        if not self.still:
+            q = np.append(c.q, self._obstacles.at(t))
+            if self._watch is None:
+                self._placed.update(q, np.zeros(len(q)))
+                return super().view(self._placed, before, t)
+        else:
+            q = c.q
         if self._watch is None:
-            return super().view(c, before)
-        found = self._watch.look(c.q, None if before is None else before.native)
-        return DistanceView(c.q, found.bound, found.near, found.distance, found.gradient, found)
+            return super().view(c, before, t)
+        found = self._watch.look(q, None if before is None else before.native)
+        return DistanceView(q, found.bound, found.near, found.distance, found.gradient, found)
 
-    def stop_is_clear(self, path: StopPath, start: DistanceView, least: Array) -> bool:
-        """See `StopLimit.stop_is_clear`."""
+    def drift(self, view: DistanceView, t: float) -> Array:
+        """See `StopLimit.drift`: gradients with respect to where obstacles are, times their velocities."""
+        size = self._obstacles.size
+        return np.asarray(view.gradient[:, -size:] @ self._obstacles.rates(t))
+
+    def is_far(self, start: DistanceView, way: Array, least: Array) -> bool:
+        """See `StopLimit.is_far`; what moves by itself is looked at in `stop_is_clear`."""
+        return self.still and super().is_far(start, way, least)
+
+    def stop_is_clear(self, path: StopPath, start: DistanceView, least: Array, t: float) -> bool:
+        """See `StopLimit.stop_is_clear`; obstacles go on moving, for HORIZON at least."""
         if self._watch is None or not isinstance(path, NativeBrakingPath):
-            return super().stop_is_clear(path, start, least)
+            if not self.still:
+                path = PathAmongMoving(path, self._obstacles, t, self._placed)
+            return super().stop_is_clear(path, start, least, t)
+        if not self.still:
+            path.native.carry(*self._obstacles.coefficients(t), HORIZON)
         return self._watch.stop_is_clear(path.native, start.native, least)
+
+    def ahead(self, path: StopPath, t: float) -> Array:
+        """See `StopLimit.ahead`; every EVERY s for HORIZON."""
+        times = np.arange(0.0, HORIZON, EVERY)
+        Q = np.array([path.at(min(round(time / path.dt), path.steps)) for time in times])
+        found = self.model.near(self.model.at_times(Q, t + times), self.at_least)
+        least, own = np.full(len(times), np.inf), self.moving[found.pairs]
+        np.minimum.at(least, found.rows[own], found.distance[own])
+        return least
 
     def distances(self, c: Configuration, which: Index) -> Array:
         """Distances, m, negative where bodies overlap; meshes that overlap are measured by their hulls."""

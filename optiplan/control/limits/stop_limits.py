@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Flags, Index
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.row_limit import LimitRows
@@ -62,6 +62,9 @@ class StopLimit(ControlLimit):
 
     Attributes:
         at_least: m; `influence`: distances up to which they are rows, m; `rate`: 1/s.
+        least: (P,), m, what of it is asked of each; margin: (P,), m, what rows keep.
+        moving: (P,), whether a distance changes by itself, as obstacles move; `still`: none does.
+        comes_in: (P,), m, `influence` of each.
         arms: (P, n), travel of the bodies of each distance against each other at most, per rad or m of each joint.
         turns: (n,), rad that a joint turns what it carries, and slides (n,), m that it slides it, per rad or m.
         labels: (P,), what each is about.
@@ -74,12 +77,24 @@ class StopLimit(ControlLimit):
     turns: Array
     slides: Array
     labels: tuple[str, ...]
+    least: Array
+    margin: Array
+    moving: Flags
+    still: bool
+    comes_in: Array
 
     def bind(self, robot: Robot) -> None:
         """Look up what the joints do."""
         revolute = robot.kinematics.revolute > 0.5
         self.turns = robot.kinematics.planned_bound(revolute.astype(np.float64))
         self.slides = robot.kinematics.planned_bound((~revolute).astype(np.float64))
+
+    def ask(self) -> None:
+        """Ask `at_least` of all distances; after `labels` are known."""
+        self.least = np.full(len(self.labels), self.at_least)
+        self.margin, self.moving = self.least + BUFFER, np.zeros(len(self.labels), dtype=bool)
+        self.still = True
+        self.comes_in = np.full(len(self.labels), self.influence)
 
     def distances(self, c: Configuration, which: Index) -> Array:
         """Distances (K,), m, at a configuration."""
@@ -109,60 +124,68 @@ class StopLimit(ControlLimit):
         least = np.where(square <= np.abs(difference), np.minimum(d_0, d_1), height)
         return np.asarray(np.where((d_0 > 0.0) & (d_1 > 0.0), least, -np.inf))
 
-    def view(self, c: Configuration, before: DistanceView | None) -> DistanceView:
-        """What is near at a configuration; `before` is any earlier view, which spares most queries."""
+    def view(self, c: Configuration, before: DistanceView | None, t: float) -> DistanceView:
+        """What is near at a configuration at time t, s; `before` is any earlier view, which spares most queries."""
         if before is None:
             bound, near = np.full(len(self.labels), -np.inf), np.zeros(0, dtype=np.intp)
         else:
             bound = before.bound - self.arms @ np.abs(c.q - before.q)
             near = before.near
-        due = bound < self.influence
+        due = bound < self.comes_in
         if len(near):
-            due[near] |= bound[near] < KEPT * self.influence
+            due[near] |= bound[near] < KEPT * self.comes_in[near]
         which = np.flatnonzero(due)
         found = self.distances(c, which)
         bound[which] = found
-        kept = found < KEPT * self.influence
+        kept = found < KEPT * self.comes_in[which]
         if kept.all():
             return DistanceView(c.q, bound, which, found, self.gradients(c, which))
         return DistanceView(c.q, bound, which[kept], found[kept], self.gradients(c, which)[kept])
 
-    def rows(self, view: DistanceView, v: Array, abilities: "Abilities", dt: float) -> LimitRows:
+    def rows(self, view: DistanceView, v: Array, abilities: "Abilities", dt: float, t: float) -> LimitRows:
         """Rows of what is in view at the configuration of this step, in which joints have velocities v (n,)."""
         labels = tuple([self.labels[k] for k in view.near.tolist()])
         endless = np.full(len(labels), np.inf)
+        least, margin = self.least[view.near], self.margin[view.near]
+        drift = np.zeros(len(labels)) if self.still else self.drift(view, t)
+        if not self.still:
+            margin = margin + _lost(drift, view.gradient[:, : len(v)], abilities)
+        delay, brake = abilities.delay, abilities.per_acceleration
         if core is not None:
-            rules = np.array([dt, self.at_least, BUFFER, self.rate])
-            delay, brake = abilities.delay, abilities.per_acceleration
-            G, low, unit = core.stop_rows(view.gradient, view.distance, v, delay, brake, rules)
+            rules = np.array([dt, self.rate])
+            given = view.gradient, view.distance, v, delay, brake, least, margin, dt * drift, rules
+            G, low, unit = core.stop_rows(*given)
             return LimitRows(G, low, endless, unit, labels)
-        g = view.gradient
+        g = view.gradient[:, : len(v)]
         towards = g * v < 0.0
-        slope = abilities.delay + towards * (np.abs(v) * abilities.per_acceleration)
+        slope = delay + towards * (np.abs(v) * brake)
         G = g * (dt + slope)
         unit = np.maximum(np.sqrt(np.einsum("ij,ij->i", G, G)), 1e-6)
         held = (g * slope) @ v
-        b = (
-            view.distance
-            - (self.at_least + BUFFER)
-            + held
-            - 0.5 * ((towards * g) @ (v * np.abs(v) * abilities.per_acceleration))
-        )
+        b = view.distance - margin + held - 0.5 * ((towards * g) @ (v * np.abs(v) * brake))
         share = min(1.0, self.rate * dt)
-        gain = np.where(view.distance < self.at_least, np.minimum(b, 0.0), share * b)
-        return LimitRows(G / unit[:, None], (held - gain) / unit, endless, unit, labels)
+        gain = np.where(view.distance < least, np.minimum(b, 0.0), share * b)
+        return LimitRows(G / unit[:, None], (held - dt * drift - gain) / unit, endless, unit, labels)
+
+    def drift(self, view: DistanceView, t: float) -> Array:
+        """How quickly distances in view change at time t where the robot stands, (K,), m/s."""
+        raise NotImplementedError
+
+    def ahead(self, path: "StopPath", t: float) -> Array:
+        """The least of the distances that are `moving`, m, now and then along a stop that begins at time t."""
+        raise NotImplementedError
 
     def is_far(self, start: DistanceView, way: Array, least: Array) -> bool:
         """Whether no way of the joints of at most `way` (n,) brings any distance below `least` (P,)."""
         return bool((start.bound - self.arms @ way >= least).all())
 
-    def stop_is_clear(self, path: "StopPath", start: DistanceView, least: Array) -> bool:
+    def stop_is_clear(self, path: "StopPath", start: DistanceView, least: Array, t: float) -> bool:
         """Whether distances stay at least `least` (P,) from where `start` was taken until the robot stands.
 
         They do where the travel of all joints is less than is left. Else the stop is asked at its end, and between two
         of its steps wherever `between` and `_deviation` do not tell that the distance stays large enough, down to
         single steps. Nothing is taken for granted about the shapes of the bodies or of their paths.
-        Holds at: every step of the stop.
+        Holds at: every step of the stop, which begins at time t, s.
         """
         if (start.distance < least[start.near]).any():
             return False
@@ -209,6 +232,16 @@ class StopLimit(ControlLimit):
         turned, slid = moving @ (self.turns * way), moving @ (self.slides * way)
         unsteady = arms @ path.strongest(ends.first, ends.last)
         return np.asarray(0.125 * (time * time * unsteady + turned * (arms @ way + slid)))
+
+
+def _lost(drift: Array, g: Array, abilities: Abilities) -> Array:
+    """What distances (K,) lose, m, until the joints, all together, have matched the rate w < 0 at which they shrink.
+
+    |w| τ + w² / 2 sum_j |g_j| A_j, with the gradient g (K, n).
+    """
+    brakes = np.where(abilities.per_acceleration > 0.0, 1.0 / np.maximum(abilities.per_acceleration, 1e-9), 1e9)
+    toward = np.maximum(-drift, 0.0)
+    return np.asarray(toward * (float(abilities.delay.max()) + 0.5 * toward / np.maximum(np.abs(g) @ brakes, 1e-3)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -39,9 +39,9 @@ View ClearanceWatch::look(const double *q, const View *before) {
         for (std::int64_t p : before->near) seen_[p] = 1;
     }
     const Placement at = placed(q);
-    const double stays = rules_.kept * rules_.influence;
     for (std::size_t p = 0; p < count; ++p) {
-        if (!(view.bound[p] < (seen_[p] ? stays : rules_.influence))) continue;
+        const double comes = rules_.influence[p], stays = rules_.kept * comes;
+        if (!(view.bound[p] < (seen_[p] ? stays : comes))) continue;
         const Contact contact{0, static_cast<int>(p), world_.nearest_points(at, static_cast<int>(p), INF)};
         const double distance = view.bound[p] = contact.witness.distance;
         if (!(distance < stays)) continue;
@@ -109,7 +109,7 @@ bool ClearanceWatch::part_is_clear(const StopPath &path, const Part &part, const
     }
     if (before.which.empty()) return true;
     before.last = (part.first + part.last) / 2;
-    path.at(before.last, before.last_q.data());
+    path.whole(before.last, before.last_q.data());
     before.last_at = placed(before.last_q.data());
     if (!measure(before.last_at, before.which, least, before.last_distance)) return false;
     if (!part_is_clear(path, before, least)) return false;

@@ -13,8 +13,8 @@ namespace optiplan {
 
 // Of P pairs and n joints. Distances in m.
 struct WatchRules {
-    double influence;  // distances up to which pairs come into view
-    double kept;       // multiple of it up to which they stay
+    std::vector<double> influence;  // (P,), distances up to which pairs come into view
+    double kept;                    // multiple of it up to which they stay
 };
 
 // What a planned joint does to what it carries: turns by so many rad, slides by so many m, for each rad or m of its own.

@@ -30,7 +30,48 @@ void StopPath::at(int step, double *q_out, double *v_out) const {
     }
 }
 
+double Drift::at(double t) const {
+    double found = 0.0;
+    t = std::min(t, until);
+    for (std::size_t k = coefficients.size(); k-- > 0;) found = found * t + coefficients[k];
+    return found;
+}
+
+double Drift::way(double t) const {
+    double found = 0.0, power = t = std::min(t, until);
+    for (std::size_t k = 1; k < coefficients.size(); ++k, power *= t) found += k * std::fabs(coefficients[k]) * power;
+    return found;
+}
+
+double Drift::strongest(double begin, double end) const {
+    const double t = std::min(end, until);
+    double bend = 0.0, speed = 0.0, power = 1.0;
+    for (std::size_t k = 1; k < coefficients.size(); ++k) {
+        const double size = k * std::fabs(coefficients[k]);
+        speed += size * power;
+        if (k > 1) bend += (k - 1) * size * (k > 2 ? power / t : 1.0);
+        power *= t;
+    }
+    return begin < until && until < end ? bend + 2.0 * speed / (end - begin) : bend;
+}
+
+void StopPath::carry(std::vector<Drift> joints, double horizon) {
+    drifts = std::move(joints);
+    steps = std::max(steps, static_cast<int>(std::ceil(horizon / dt)));
+    end.resize(q.size()), way.resize(q.size());
+    for (const Drift &drift : drifts) {
+        end.push_back(drift.at(steps * dt));
+        way.push_back(drift.way(steps * dt));
+    }
+}
+
+void StopPath::whole(int step, double *out) const {
+    at(step, out);
+    for (std::size_t k = 0; k < drifts.size(); ++k) out[q.size() + k] = drifts[k].at(step * dt);
+}
+
 double StopPath::strongest(std::size_t j, int first, int last) const {
+    if (j >= q.size()) return drifts[j - q.size()].strongest(first * dt, last * dt);
     double most = 0.0, before = 0.0;
     for (int p = 0; p < stops[j].size; ++p) {
         const Phase &phase = stops[j].phases[p];
