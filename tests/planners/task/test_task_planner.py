@@ -178,7 +178,7 @@ def test_looking_ahead_leaves_out_lines_that_are_too_heavy():
     assert run.trajectory(run.trajectory.segments[0].end)[0] == pytest.approx(2.6, abs=1e-5)
     stretched = replace(weak, task=op.Problem("panda", "ready", task=[line]).task)
     failed = op.plan(stretched, budget=60.0)
-    assert failed.failure.kind == "unsupported"
+    assert failed.failure.kind == "limits"
     assert failed.failure.detail.startswith("step 1 (line): gravity alone exceeds the torque limits along the line")
 
 
