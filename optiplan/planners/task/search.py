@@ -187,7 +187,7 @@ class TaskSearch:
             stage.to(leg.move.action.goal), stage.model, self.budget, _CANDIDATES, nearer=not leg.chain
         )
         if isinstance(sampler, Failure):
-            failures.append(((-1, 0.0), of_step(sampler, leg.move, state, stage)))
+            failures.append(((-1, 0.0), of_step(sampler, leg.move, state, self.stages.problem.robot, stage)))
             return []
         good: list[_Node] = []
         tried = 0
@@ -285,7 +285,7 @@ class TaskSearch:
         if result.trajectory is None:
             self.cut_short |= share.over
             failure = result.failure or Failure("no-path", "no motion was found")
-            return of_step(failure, leg.move, state, stage)
+            return of_step(failure, leg.move, state, self.stages.problem.robot, stage)
         arrived = Situation(stage.whole(result.trajectory.end, state), state.scene)
         chain = do_chain(self.stages, arrived, leg.chain, self.budget)
         if chain.failure is not None:

@@ -136,7 +136,11 @@ class DhSpec(DhPoseSpec):
     def _angles_fit(self) -> Self:
         if self.unit == "rad":
             links = (self.base, *self.rows, *self.links)
-            posed: tuple[DhPoseSpec, ...] = (self, *self.links, *(body for link in links for body in link.geometry or ()))
+            posed: tuple[DhPoseSpec, ...] = (
+                self,
+                *self.links,
+                *(body for link in links for body in link.geometry or ()),
+            )
             for one in posed:
                 check_angles(one.rpy)
         return self
