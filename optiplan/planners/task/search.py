@@ -243,7 +243,8 @@ class TaskSearch:
                 self.infos = [leg.info for leg in found]
                 return [done for leg in found for done in leg.done]
             failure = found if failure is None else max(failure, found, key=_step_number)
-        assert failure is not None or self.budget.over
+        if failure is None and not self.budget.over:
+            failure = Failure("no-path", "no ends of the moves were found from which every step leads to the next")
         return failure or out_of_time(self.budget, "planning the task")
 
     def _along(
