@@ -7,11 +7,14 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from enum import IntEnum
-from typing import Any
+from typing import Any, TextIO
 
 from rich.console import Console
 
 from optiplan.errors import InputError, OptiPlanError
+
+UNWRAPPED = 1000
+"""Columns of what is no terminal: other programs read lines, and wrapped ones are none."""
 
 
 class Exit(IntEnum):
@@ -26,12 +29,17 @@ class Exit(IntEnum):
 
 def results() -> Console:
     """Return a console on stdout, made at each use so that it follows redirections."""
-    return Console(highlight=False)
+    return Console(highlight=False, width=_width(sys.stdout))
 
 
 def messages() -> Console:
     """Console on stderr."""
-    return Console(stderr=True, highlight=False)
+    return Console(stderr=True, highlight=False, width=_width(sys.stderr))
+
+
+def _width(stream: TextIO) -> int | None:
+    """Return the columns of a stream: those of the terminal; `UNWRAPPED` of a pipe or file, or what COLUMNS says."""
+    return None if stream.isatty() or "COLUMNS" in os.environ else UNWRAPPED
 
 
 def print_json(data: Mapping[str, Any]) -> None:

@@ -13,20 +13,54 @@ HALF_TURN = 1e-9
 """Components of a unit quaternion smaller than this are rounding when the shorter of two ways round is chosen."""
 
 
+_LARGEST_ANGLE = 2.0 * math.pi + 1e-3
+"""rad; a turn to either side, as people round it: what is larger was meant in degrees."""
+
+
+def check_angles(rpy: Sequence[float]) -> None:
+    """Refuse angles beyond a whole turn.
+
+    Raises:
+        ValueError: there is one, in degrees most likely.
+    """
+    for angle in rpy:
+        if not abs(angle) <= _LARGEST_ANGLE:
+            raise ValueError(f"found {angle:g}; expected angles in rad, within a turn (6.2832); for degrees: rpy_deg")
+
+
+def in_radians(data: Any) -> Any:
+    """Return a mapping with `rpy`, rad, in place of `rpy_deg`, and anything else as it is.
+
+    Raises:
+        ValueError: it has both.
+    """
+    if not isinstance(data, Mapping) or data.get("rpy_deg") is None:
+        return data
+    if data.get("rpy") is not None:
+        raise ValueError("found both rpy and rpy_deg; expected at most one of them")
+    try:
+        turned = [math.radians(angle) for angle in data["rpy_deg"] if not isinstance(angle, bool)]
+    except TypeError:
+        return data  # its own check says what is wrong with it
+    return {**{key: value for key, value in data.items() if key != "rpy_deg"}, "rpy": turned}
+
+
 def pose_from_data(data: Mapping[str, Any]) -> pin.SE3:
     """Pose X_AB from `position` [x, y, z] in m and one of `rpy` and `quaternion`, the identity for what is left out.
 
-    `rpy` [r, p, y], rad: rotations about the *fixed* axes x, then y, then z of A: R_AB = Rz(y) Ry(p) Rx(r), as in URDF.
-    `quaternion` [x, y, z, w] of unit length.
+    `rpy` [r, p, y], rad, or `rpy_deg`: rotations about the *fixed* axes x, then y, then z of A:
+    R_AB = Rz(y) Ry(p) Rx(r), as in URDF. `quaternion` [x, y, z, w] of unit length.
 
     Raises:
-        ValueError: both rotations are given, or the quaternion is not a unit quaternion.
+        ValueError: several rotations are given, an angle is beyond a turn, or the quaternion is not a unit quaternion.
     """
+    data = in_radians(data)
     rpy, quaternion = data.get("rpy"), data.get("quaternion")
     if rpy is not None and quaternion is not None:
         raise ValueError("found both rpy and quaternion; expected at most one of them")
     rotation = np.eye(3)
     if rpy is not None:
+        check_angles(rpy)
         rotation = pin.rpy.rpyToMatrix(*map(float, rpy))
     elif quaternion is not None:
         rotation = pin.Quaternion(unit(quaternion)).toRotationMatrix()

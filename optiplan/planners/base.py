@@ -22,6 +22,7 @@ FailureKind = Literal[
     "limits",
     "singularity",
     "reach",
+    "infeasible",
     "unsupported",
     "budget",
     "cancelled",
@@ -37,6 +38,7 @@ FailureKind = Literal[
 * `constraint`: every motion found violates a path constraint, or every end of the goal does.
 * `limits`: it is not within limits in the duration or with the shape that was asked for.
 * `singularity`, `reach`: the path that was asked for cannot be followed any further.
+* `infeasible`: no motion can do it: gravity alone exceeds the torque limits at the start, the goal or a via.
 * `unsupported`: the problem asks for what this planner, or this robot, cannot do.
 * `budget`, `cancelled`: the time ended, or somebody ended the search.
 * `input`, `bug`: of a comparison of planners, one raised an error about its options, or one that it must not raise.

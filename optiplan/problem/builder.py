@@ -28,7 +28,8 @@ from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import AlternativeSpec, PoseGoalSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.ends import CONFIGURATIONS, AlternativeSpec, PoseGoalSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.task import GripperSpec
 from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
 
@@ -158,9 +159,7 @@ class Compiler:
         spec = part.value
         tolerance = HIT if spec.tolerance is None else spec.tolerance
         if spec.pose is None:
-            named = spec.configuration is not None
-            one = StartSpec(configuration=spec.configuration) if named else StartSpec(joints=spec.joints)
-            q = self.configuration(robot, part.place, one)
+            q = self.configuration(robot, part.place, stated_configuration(spec))
             return None if q is None else JointGoal(q, tolerance)
         both = spec.pose.tolerance or ToleranceSpec(position=tolerance, orientation=tolerance)
         pose = PoseGoalSpec(**spec.pose.model_dump(exclude={"tolerance"}), tolerance=both)
@@ -219,7 +218,7 @@ class Compiler:
         return frame
 
     def configuration(self, robot: Robot, place: Place, spec: StartSpec) -> Array | None:
-        """Return the joint values of `joints` or `configuration`, (n,), if there are n within the limits."""
+        """Return the joint values of one of `CONFIGURATIONS`, (n,), rad or m, if there are n within the limits."""
         place = (*place, spec.kind)
         if spec.configuration is not None:
             if spec.configuration not in robot.configurations:
@@ -227,21 +226,24 @@ class Compiler:
                 return None
             q = np.array(robot.configurations[spec.configuration], float)
         else:
-            q = np.array(spec.joints, float)
+            q = np.array(spec.value, float)
         if len(q) != robot.n:
             self.report(place, f"{len(q)} values", f"{robot.n} values, one for each of {', '.join(robot.joint_names)}")
             return None
+        if spec.joints_deg is not None:
+            q = np.where(robot.revolute, np.deg2rad(q), q)
         return q if self._within_limits(robot, place, q) else None
 
     def _within_limits(self, robot: Robot, place: Place, q: Array) -> bool:
         lower, upper = robot.limits.lower, robot.limits.upper
         outside = np.flatnonzero((q < lower) | (q > upper))
         for j in outside:
-            at = (*place, int(j)) if place[-1] == "joints" else place
+            at = (*place, int(j)) if place[-1] in ("joints", "joints_deg") else place
+            degrees = place[-1] == "joints" and robot.revolute[j] and abs(q[j]) > 2.0 * np.pi
             self.report(
                 at,
                 f"{robot.joint_names[j]} = {q[j]:.10g}, outside its limits",
-                f"a value in [{lower[j]:.10g}, {upper[j]:.10g}]",
+                f"a value in [{lower[j]:.10g}, {upper[j]:.10g}]{' rad; for degrees: joints_deg' if degrees else ''}",
             )
         return len(outside) == 0
 
@@ -331,6 +333,11 @@ class Compiler:
     def unknown(self, place: Place, kind: str, found: str, valid: Iterable[str]) -> None:
         """Record a name that is not among the valid ones."""
         self.report(place, f"unknown {kind} '{found}'", choices(found, sorted(valid)))
+
+
+def stated_configuration(spec: ViaSpec | GripperSpec) -> StartSpec:
+    """Return the configuration that a via or a gripper is to have."""
+    return StartSpec(**{key: value for key in CONFIGURATIONS if (value := getattr(spec, key)) is not None})
 
 
 def _joints(robot: Robot, groups: Iterable[str]) -> set[str]:

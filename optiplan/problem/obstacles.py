@@ -14,7 +14,12 @@ from optiplan.problem.statement import Values, checked
 
 
 def Box(
-    name: str, size: Values, position: Values = (0, 0, 0), rpy: Values | None = None, quaternion: Values | None = None
+    name: str,
+    size: Values,
+    position: Values = (0, 0, 0),
+    rpy: Values | None = None,
+    quaternion: Values | None = None,
+    rpy_deg: Values | None = None,
 ) -> Obstacle:
     """A cuboid centred on its frame.
 
@@ -24,6 +29,7 @@ def Box(
         position: of the centre in the world [x, y, z], m.
         rpy: [roll, pitch, yaw] about the fixed axes x, then y, then z of the world, rad.
         quaternion: [x, y, z, w] of unit length, instead of `rpy`.
+        rpy_deg: `rpy` in degrees.
 
     Raises:
         InputError: an argument that does not fit.
@@ -33,7 +39,7 @@ def Box(
         >>> op.Box("shelf", size=(0.8, 0.3, 0.02), position=(0.5, 0, 0.4))
         Obstacle: shelf, Box(size=(0.8, 0.3, 0.02)), at [0.5, 0, 0.4] m
     """
-    return _obstacle("Box", name, {"box": size}, (position, rpy, quaternion), "size")
+    return _obstacle("Box", name, {"box": size}, (position, rpy, quaternion, rpy_deg), "size")
 
 
 def Sphere(name: str, radius: float, position: Values = (0, 0, 0)) -> Obstacle:
@@ -44,7 +50,7 @@ def Sphere(name: str, radius: float, position: Values = (0, 0, 0)) -> Obstacle:
         radius: m.
         position: of the centre in the world [x, y, z], m.
     """
-    return _obstacle("Sphere", name, {"sphere": radius}, (position, None, None), "radius")
+    return _obstacle("Sphere", name, {"sphere": radius}, (position,), "radius")
 
 
 def Cylinder(
@@ -54,6 +60,7 @@ def Cylinder(
     position: Values = (0, 0, 0),
     rpy: Values | None = None,
     quaternion: Values | None = None,
+    rpy_deg: Values | None = None,
 ) -> Obstacle:
     """A cylinder along its axis z, centred on its frame; see `Box`.
 
@@ -64,9 +71,10 @@ def Cylinder(
         position: of the centre in the world [x, y, z], m.
         rpy: [roll, pitch, yaw], rad.
         quaternion: [x, y, z, w], instead of `rpy`.
+        rpy_deg: `rpy` in degrees.
     """
     shape = {"cylinder": {"radius": radius, "length": length}}
-    return _obstacle("Cylinder", name, shape, (position, rpy, quaternion))
+    return _obstacle("Cylinder", name, shape, (position, rpy, quaternion, rpy_deg))
 
 
 def Capsule(
@@ -76,6 +84,7 @@ def Capsule(
     position: Values = (0, 0, 0),
     rpy: Values | None = None,
     quaternion: Values | None = None,
+    rpy_deg: Values | None = None,
 ) -> Obstacle:
     """A cylinder with round caps along its axis z, centred on its frame; see `Box`.
 
@@ -86,9 +95,10 @@ def Capsule(
         position: of the centre in the world [x, y, z], m.
         rpy: [roll, pitch, yaw], rad.
         quaternion: [x, y, z, w], instead of `rpy`.
+        rpy_deg: `rpy` in degrees.
     """
     shape = {"capsule": {"radius": radius, "length": length}}
-    return _obstacle("Capsule", name, shape, (position, rpy, quaternion))
+    return _obstacle("Capsule", name, shape, (position, rpy, quaternion, rpy_deg))
 
 
 def HalfSpace(name: str, normal: Values = (0, 0, 1), offset: float = 0.0) -> Obstacle:
@@ -103,7 +113,7 @@ def HalfSpace(name: str, normal: Values = (0, 0, 1), offset: float = 0.0) -> Obs
     return _obstacle("HalfSpace", name, shape, ((0, 0, 0), None, None))
 
 
-def Mesh(
+def Mesh(  # noqa: PLR0913
     name: str,
     file: Path | str,
     scale: float | Values = 1.0,
@@ -111,6 +121,7 @@ def Mesh(
     position: Values = (0, 0, 0),
     rpy: Values | None = None,
     quaternion: Values | None = None,
+    rpy_deg: Values | None = None,
 ) -> Obstacle:
     """The triangles of a file; see `Box`.
 
@@ -122,13 +133,14 @@ def Mesh(
         position: of the file's origin in the world [x, y, z], m.
         rpy: [roll, pitch, yaw], rad.
         quaternion: [x, y, z, w], instead of `rpy`.
+        rpy_deg: `rpy` in degrees.
 
     Raises:
         InputError: the file is missing or no mesh, or another argument does not fit.
     """
     path = path_argument("Mesh", "file", file, f"the path of a mesh file ({FORMATS})")
     shape = {"mesh": {"file": str(path.resolve()), "scale": scale, "convex": convex}}
-    return _obstacle("Mesh", name, shape, (position, rpy, quaternion))
+    return _obstacle("Mesh", name, shape, (position, rpy, quaternion, rpy_deg))
 
 
 def PointCloud(
@@ -138,6 +150,7 @@ def PointCloud(
     position: Values = (0, 0, 0),
     rpy: Values | None = None,
     quaternion: Values | None = None,
+    rpy_deg: Values | None = None,
 ) -> Obstacle:
     """Everything within `radius` of the points of a file; see `Box`.
 
@@ -151,13 +164,14 @@ def PointCloud(
         position: of the file's origin in the world [x, y, z], m.
         rpy: [roll, pitch, yaw] about the fixed axes x, then y, then z of the world, rad.
         quaternion: [x, y, z, w], instead of `rpy`.
+        rpy_deg: `rpy` in degrees.
 
     Raises:
         InputError: the file is missing or holds no points, or another argument does not fit.
     """
     path = path_argument("PointCloud", "file", file, f"the path of a point cloud file ({POINT_FORMATS})")
     shape = {"points": {"file": str(path.resolve()), "radius": radius}}
-    return _obstacle("PointCloud", name, shape, (position, rpy, quaternion))
+    return _obstacle("PointCloud", name, shape, (position, rpy, quaternion, rpy_deg))
 
 
 def Octree(
@@ -166,6 +180,7 @@ def Octree(
     position: Values = (0, 0, 0),
     rpy: Values | None = None,
     quaternion: Values | None = None,
+    rpy_deg: Values | None = None,
 ) -> Obstacle:
     """The occupied cells of an OctoMap file; see `Box`. Cells that it does not know count as free.
 
@@ -175,22 +190,24 @@ def Octree(
         position: of the file's origin in the world [x, y, z], m.
         rpy: [roll, pitch, yaw] about the fixed axes x, then y, then z of the world, rad.
         quaternion: [x, y, z, w], instead of `rpy`.
+        rpy_deg: `rpy` in degrees.
 
     Raises:
         InputError: the file is missing or holds no occupied cell, or another argument does not fit.
     """
     path = path_argument("Octree", "file", file, f"the path of an octree file ({OCTREE_FORMATS})")
-    return _obstacle("Octree", name, {"octree": {"file": str(path.resolve())}}, (position, rpy, quaternion))
+    return _obstacle("Octree", name, {"octree": {"file": str(path.resolve())}}, (position, rpy, quaternion, rpy_deg))
 
 
 def _obstacle(
-    function: str, name: str, shape: dict[str, Any], at: tuple[Any, Any, Any], only: str | None = None
+    function: str, name: str, shape: dict[str, Any], at: tuple[Any, ...], only: str | None = None
 ) -> Obstacle:
     """Check and build; `only` names the argument of a shape that has just one."""
     ((kind, stated),) = shape.items()
     names = {f"shape.{kind}": only} if only else {f"shape.{kind}.{key}": key for key in stated}
-    pose = {key: value for key, value in zip(("position", "rpy", "quaternion"), at, strict=True) if value is not None}
-    arguments = {**names, **{f"pose.{key}": key for key in ("position", "rpy", "quaternion")}, "pose": "rpy"}
+    keys = ("position", "rpy", "quaternion", "rpy_deg")
+    pose = {key: value for key, value in zip(keys, at, strict=False) if value is not None}
+    arguments = {**names, **{f"pose.{key}": key for key in keys}, "pose": "rpy"}
     spec = checked(ObstacleSpec, {"name": name, "shape": shape, "pose": pose}, function, arguments)
     X_WO, words = stated_pose(spec.pose)
     solid = shape_from_spec(spec.shape)

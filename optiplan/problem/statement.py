@@ -34,6 +34,7 @@ class Pose:
         frame: a link or fixed frame of the robot; None: its tool frame.
         position_tolerance: m; None: 1e-4 (of a via point: 1e-6).
         orientation_tolerance: rad; None: 1e-3 (of a via point: 1e-6).
+        rpy_deg: `rpy` in degrees; the pose then has `rpy`.
 
     Raises:
         InputError: a vector of another length, both rotations, a quaternion not of unit length, a tolerance not > 0.
@@ -50,11 +51,12 @@ class Pose:
     frame: str | None = None
     position_tolerance: float | None = None
     orientation_tolerance: float | None = None
+    rpy_deg: Values | None = None
 
     def __post_init__(self) -> None:
         names = {"tolerance.position": "position_tolerance", "tolerance.orientation": "orientation_tolerance"}
         spec = checked(PoseGoalSpec, self.to_data(), "Pose", names)
-        for name in ("position", "rpy", "quaternion"):
+        for name in ("position", "rpy", "rpy_deg", "quaternion"):
             object.__setattr__(self, name, getattr(spec, name))
 
     @classmethod
@@ -86,7 +88,7 @@ class Pose:
     def to_data(self) -> dict[str, Any]:
         """As a problem file says it."""
         tolerance = {"position": self.position_tolerance, "orientation": self.orientation_tolerance}
-        parts = {"frame": self.frame, "position": self.position, "rpy": self.rpy, "quaternion": self.quaternion}
+        parts = {key: getattr(self, key) for key in ("frame", "position", "rpy", "rpy_deg", "quaternion")}
         stated = {**parts, "tolerance": {key: value for key, value in tolerance.items() if value is not None} or None}
         return {key: plain(value) for key, value in stated.items() if value is not None}
 
@@ -117,6 +119,7 @@ class Region:
         about: likewise.
         offset: pose of the frame in the region; a `Pose`, or a mapping of `position` and `rpy` or `quaternion`.
         frame: a link or fixed frame of the robot; None: its tool frame.
+        rpy_deg: `rpy` in degrees; the region then has `rpy`.
 
     Raises:
         InputError: a range that is empty, rotations free about two axes, everything free.
@@ -134,10 +137,11 @@ class Region:
     about: Mapping[str, Range] | str = field(default_factory=dict)
     offset: Pose | Mapping[str, Any] | None = None
     frame: str | None = None
+    rpy_deg: Values | None = None
 
     def __post_init__(self) -> None:
         spec = checked(RegionSpec, self.to_data(), "Region", {})
-        for name in ("position", "rpy", "quaternion"):
+        for name in ("position", "rpy", "rpy_deg", "quaternion"):
             object.__setattr__(self, name, getattr(spec, name))
 
     def to_data(self) -> dict[str, Any]:

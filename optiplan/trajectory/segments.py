@@ -1,7 +1,7 @@
 """Segments of a motion: when which step of a task is done."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from optiplan.errors import InputError, Issue
@@ -23,6 +23,8 @@ class Segment:
         name: of the step.
         begin: s.
         end: s.
+        object: that is taken or released; empty of other kinds.
+        link: that takes it or lets it go.
     """
 
     step: int
@@ -30,20 +32,23 @@ class Segment:
     name: str
     begin: float
     end: float
+    object: str = ""
+    link: str = ""
 
     def scaled(self, factor: float) -> "Segment":
         """Return the segment of a motion that takes so many times as long."""
-        return Segment(self.step, self.kind, self.name, self.begin * factor, self.end * factor)
+        return replace(self, begin=self.begin * factor, end=self.end * factor)
+
+    def to_data(self) -> dict[str, Any]:
+        """Return it JSON-ready; without `object` and `link` where it has none."""
+        return {key: value for key, value in asdict(self).items() if value != ""}
 
 
 def segment_data(segments: Sequence[Segment]) -> dict[str, Any]:
     """Return `segments` and, for programs that act upon them, `events` with their time `t`, s; JSON-ready."""
-    events = [
-        {"t": one.begin, "end": one.end, "step": one.step, "kind": one.kind, "name": one.name}
-        for one in segments
-        if one.kind in EVENTS
-    ]
-    return {"segments": [asdict(one) for one in segments], "events": events}
+    data = [one.to_data() for one in segments]
+    events = [{"t": one.pop("begin"), **one} for one in map(dict, data) if one["kind"] in EVENTS]
+    return {"segments": data, "events": events}
 
 
 def read_segments(data: Mapping[str, Any], file: str) -> tuple[Segment, ...]:
@@ -62,10 +67,13 @@ def read_segments(data: Mapping[str, Any], file: str) -> tuple[Segment, ...]:
             if any(isinstance(one[key], bool | str) for key in ("step", "begin", "end")):
                 raise TypeError("texts and truth values are no numbers")
             times = float(one["begin"]), float(one["end"])
-            segment = Segment(int(one["step"]), str(one["kind"]), str(one["name"]), *times)
-            if not (segment.kind + segment.name).isprintable():  # they stand in programs that are exported
+            held = str(one.get("object", "")), str(one.get("link", ""))
+            segment = Segment(int(one["step"]), str(one["kind"]), str(one["name"]), *times, *held)
+            if not "".join(
+                (segment.kind, segment.name, *held)
+            ).isprintable():  # they stand in programs that are exported
                 raise ValueError(segment.name)
             found.append(segment)
-        except (TypeError, KeyError, ValueError, OverflowError):
+        except (TypeError, KeyError, ValueError, OverflowError, AttributeError):
             raise InputError([Issue(file, None, f"segments[{k}]", f"{one!r:.60}", expected)]) from None
     return tuple(found)

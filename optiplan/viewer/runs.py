@@ -1,7 +1,6 @@
 """Data of one run for the page: sampled motion, verdict in words, and place of the failure."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -111,7 +110,7 @@ def show_run(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _W
     """JSON-ready form of a run for the page."""
     shown: dict[str, Any] = {"label": run.label, "facts": [], "problems": [], "duration": 0.0}
     shown["badge"] = _badge(run)
-    shown["segments"] = [] if run.trajectory is None else [asdict(one) for one in run.trajectory.segments]
+    shown["segments"] = [] if run.trajectory is None else [one.to_data() for one in run.trajectory.segments]
     shown["stops"] = stops_told(run.record)
     shown["row"] = _row(run)
     failure, report = run.failure or {}, run.report or {}

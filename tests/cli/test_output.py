@@ -72,3 +72,20 @@ def test_interrupts_wait(monkeypatch):
         assert seen == ["saved", "interrupt"]
     finally:
         signal.signal(signal.SIGINT, previous)
+
+
+def test_lines_to_a_pipe_are_not_wrapped(optiplan, tmp_path, monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    _, out, _ = optiplan("plan", "27_circle", "--out", tmp_path / "run")
+    whole = [line for line in out.splitlines() if line.startswith("links without geometry")]
+    assert len(whole[0]) > 120
+    assert whole[0].endswith("grasp")
+    monkeypatch.setenv("COLUMNS", "60")
+    _, out, _ = optiplan("verify", "27_circle", tmp_path / "run")
+    assert max(map(len, out.splitlines())) <= 60
+
+
+def test_a_motion_that_ends_where_it_began_has_no_bound(optiplan, tmp_path):
+    _, out, _ = optiplan("plan", "27_circle", "--out", tmp_path / "run")
+    assert "no lower bound: it ends where it began" in out
+    assert "bound, 0.000 s" not in out

@@ -253,7 +253,7 @@ CONTRACT = {
     "stay": Case(stay, None),
     "endless": Case(endless, None),
     "weak": Case(weak, None),
-    "too-weak": Case(too_weak, _only("unsupported"), _only("unsupported")),
+    "too-weak": Case(too_weak, _only("infeasible"), _only("infeasible")),
     "out-of-reach": Case(out_of_reach, _only("goal-unreachable"), _only("goal-unreachable")),
     "start-in-box": Case(start_in_box, _only("start-in-collision"), _only("start-in-collision")),
     "goal-in-box": Case(goal_in_box, _only("goal-in-collision"), _only("goal-in-collision")),

@@ -34,7 +34,7 @@ def test_an_arm_too_heavy_for_its_motors_is_told(name):
     began = time.perf_counter()
     failure = plan(name, 0.1).failure
     assert time.perf_counter() - began < 5.0
-    assert failure.kind == "unsupported"
+    assert failure.kind == "infeasible"
     assert "gravity" in failure.detail
     limit = cases.free().limits.torque[cases.robot("panda").joint_names.index(failure.witness["joint"])]
     robot, q = cases.robot("panda"), np.array(failure.witness["q"])

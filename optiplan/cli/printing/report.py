@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from optiplan.planners.base import Failure
-from optiplan.runs.run import Run
+from optiplan.runs.run import SMALLEST_BOUND, Run
 from optiplan.verify.report import Check, Report
 
 BOUNDS = {
@@ -98,6 +98,8 @@ def _quality(run: Run) -> str:
     words = f"duration [bold]{run.duration:.3f} s[/]"
     if run.lower_bound is None:
         return words
+    if run.lower_bound < SMALLEST_BOUND:
+        return f"{words} · no lower bound: it ends where it began"
     whose = BOUNDS[run.lower_bound_of]
     ratio = "" if run.ratio is None else f"[bold]{run.ratio:.3f}[/] × the "
     return f"{words} · {ratio}{whose}, {run.lower_bound:.3f} s"

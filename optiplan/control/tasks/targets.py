@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, described, wrong_argument
-from optiplan.geometry.poses import pose_from_data, pose_from_matrix
+from optiplan.geometry.poses import check_angles, pose_from_data, pose_from_matrix
 from optiplan.problem.statement import Pose
 
 Target = Any
@@ -59,6 +59,10 @@ def as_rotation(owner: object, value: Target) -> pin.SE3:
     """
     rpy = _numbers(value, (3,))
     if rpy is not None:
+        try:
+            check_angles(rpy.tolist())
+        except ValueError as error:
+            raise wrong_argument(type(owner).__name__, "target", described(value), str(error)) from None
         return pin.SE3(pin.rpy.rpyToMatrix(*rpy.tolist()), np.zeros(3))
     rotation = _numbers(value, (3, 3))
     expected = "a rotation matrix (3, 3), [roll, pitch, yaw], rad, or a pose"

@@ -36,26 +36,30 @@ def end_collides(model: CollisionModel, q: Array, end: Literal["start", "goal"])
 
 def too_heavy(robot: Robot, limits: Limits, waypoints: Array) -> Failure:
     """Return the failure for a free path through waypoints (k, n) on which gravity exceeds the torque limits."""
+    gravity = Gravity(robot, limits.torque)
+    for end, q in (("start", waypoints[0]), ("goal", waypoints[-1])):
+        if gravity.too_much(q):
+            return end_too_heavy(gravity, q[None], end)
     Q = np.vstack([waypoints[:1], *(np.linspace(a, b, 50) for a, b in pairwise(waypoints))])
-    return _heavy(Gravity(robot, limits.torque), Q, "on the free path that was found")
+    return _heavy("limits", gravity, Q, "on the free path that was found")
 
 
 def end_too_heavy(gravity: Gravity, Q: Array, end: str) -> Failure:
     """Return the failure for gravity above the torque limits at the `start`, or at every `goal`: Q (N, n)."""
-    return _heavy(gravity, Q, f"at the {end}")
+    return _heavy("infeasible", gravity, Q, f"at the {end}")
 
 
 def line_too_heavy(gravity: Gravity, Q: Array) -> Failure | None:
     """Return the failure for gravity above the torque limits at one of the configurations Q (N, n) along a line."""
-    return _heavy(gravity, Q, "along the line") if any(map(gravity.too_much, Q)) else None
+    return _heavy("limits", gravity, Q, "along the line") if any(map(gravity.too_much, Q)) else None
 
 
-def _heavy(gravity: Gravity, Q: Array, where: str) -> Failure:
+def _heavy(kind: FailureKind, gravity: Gravity, Q: Array, where: str) -> Failure:
     torques = np.array([gravity.torque(q) for q in Q])
     k, j = np.unravel_index(int(np.argmax(torques / gravity.limit)), torques.shape)
     name, torque, limit = gravity.joint_names[j], float(torques[k, j]), float(gravity.limit[j])
     detail = f"gravity alone exceeds the torque limits {where}: {name} takes {torque:.4g} of {limit:.4g} N·m"
-    return Failure("unsupported", detail, {"q": Q[k].tolist(), "joint": name, "torque": torque})
+    return Failure(kind, detail, {"q": Q[k].tolist(), "joint": name, "torque": torque})
 
 
 def out_of_time(budget: Budget, doing: str) -> Failure:

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure
@@ -23,6 +24,7 @@ from optiplan.planners.task.stages import Situation, Stage, Stages
 from optiplan.problem.problem import JointGoal
 from optiplan.problem.task.scene_change import scene_after
 from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep
+from optiplan.robot.robot import Robot
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -30,6 +32,9 @@ _AVOIDANCES = (4.0, 20.0)  # of limits, by arms with more joints than they need;
 
 _SAMPLES = 50
 """Configurations along a line at which the arm is asked whether it can hold itself and its load."""
+
+_STANDING = 1e-4
+"""m: what is held stands on what is nearer to it than this when it is lifted."""
 
 _ROUNDED = (1.0, 0.4, 0.0)
 """Shares of the blends of lines that are tried, in this order."""
@@ -99,7 +104,7 @@ def _do_all(stages: Stages, state: Situation, steps: Sequence[TaskStep], budget:
     for step, after in zip_longest(steps, steps[1:]):
         found = _do(stages, state, step, budget, _LineEnds(corner, None if after is None else after.action, rounded))
         if isinstance(found, Failure):
-            return Chain(tuple(done), of_step(found, step, state))
+            return Chain(tuple(done), of_step(found, step, state, stages.problem.robot))
         done.append(found)
         state, corner = found.after, found.corner
     return Chain(tuple(done))
@@ -126,7 +131,7 @@ class _LineEnds:
         return (line(start, end) if way is None else BlendedLine(way, self.begins, corner)), corner
 
 
-def of_step(failure: Failure, step: TaskStep, state: Situation, stage: Stage | None = None) -> Failure:
+def of_step(failure: Failure, step: TaskStep, state: Situation, robot: Robot, stage: Stage | None = None) -> Failure:
     """Return a failure that names its step, with the configuration of the whole robot as its witness."""
     witness: dict[str, Any] = {**failure.witness, "step": step.number, "step_name": step.name}
     q = witness.get("q")
@@ -134,7 +139,31 @@ def of_step(failure: Failure, step: TaskStep, state: Situation, stage: Stage | N
         witness["q"] = stage.whole(np.asarray(q, float), state).tolist()
     if "motion" in witness and stage is not None and len(stage.columns) < len(state.q):
         del witness["motion"]
-    return replace(failure, detail=f"{step.words}: {failure.detail}", witness=witness)
+    return replace(
+        failure, detail=f"{step.words}: {failure.detail}{_remedy(failure, step, state, robot)}", witness=witness
+    )
+
+
+def _remedy(failure: Failure, step: TaskStep, state: Situation, robot: Robot) -> str:
+    """Return what to write where an object touches what it is lifted from; empty for any other failure."""
+    pair = list(failure.witness.get("pair", ()))
+    taken = [step.action.body] if isinstance(step.action, Attach) else [one.name for one in state.scene.attached]
+    body = next((name for name in taken if name in pair), None)
+    if body is None:
+        return ""
+    other = next((name for name in pair if name != body), body)
+    if other not in {one.name for one in state.scene.obstacles}:
+        return ""
+    if isinstance(step.action, Attach):
+        distance, steps = float(failure.witness["distance"]), "this step and in that which lifts it"
+    else:
+        found = NamedPairs(robot, state.scene, [(body, other)]).clearance(state.q)
+        distance, steps = np.inf if found is None else found.distance, "this step"
+    if distance > _STANDING:
+        return ""
+    higher = 1e3 * (_STANDING + max(0.0, -distance))
+    allowed = f"`allowed_collisions: [[{body}, {other}]]` in {steps}"
+    return f"; '{body}' stands on '{other}': write {allowed}, or place '{body}' {higher:.3g} mm away from it"
 
 
 def _do(stages: Stages, state: Situation, step: TaskStep, budget: Budget, ends: _LineEnds) -> Done | Failure:

@@ -33,7 +33,7 @@ from optiplan.planners.task.via_moves import ViaMoves, unsupported
 from optiplan.planners.task.waiting import standstill, waiting
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.steps import Dwell
+from optiplan.problem.task.steps import Attach, Detach, Dwell
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
@@ -176,7 +176,7 @@ def _timed(done: Done, budget: Budget) -> "Trajectory | float | Failure":
     if motion is None:
         problem, curve = done.stage.problem, done.curve
         heavy = too_heavy(problem.robot, problem.limits, curve(np.linspace(0.0, curve.duration, 200)))
-        return of_step(heavy, done.step, done.before, done.stage)
+        return of_step(heavy, done.step, done.before, done.stage.problem.robot, done.stage)
     return motion
 
 
@@ -194,10 +194,21 @@ def joined(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
             parts.append(standstill(problem.robot, first.before.q, motion))
         since = begin
         for one, end in zip(stretch.done, stretch.ends, strict=True):
-            segments.append(Segment(one.step.number, one.step.kind, one.step.name, since, begin + end))
+            step = one.step
+            segments.append(Segment(step.number, step.kind, step.name, since, begin + end, *_object_and_link(one)))
             since = begin + end
         begin = since
     return replace(in_turn(parts or [standstill(problem.robot, problem.start, 1e-3)]), segments=tuple(segments))
+
+
+def _object_and_link(done: Done) -> tuple[str, str]:
+    """Return what is taken or released, and the link that does it; empty of other steps."""
+    action = done.step.action
+    if isinstance(action, Attach):
+        return action.body, action.link
+    if isinstance(action, Detach):
+        return action.body, next(held.link for held in done.before.scene.attached if held.name == action.body)
+    return "", ""
 
 
 def whole(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) -> Trajectory:

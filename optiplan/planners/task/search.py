@@ -189,7 +189,7 @@ class TaskSearch:
             stage.to(leg.move.action.goal), stage.model, self.budget, _CANDIDATES, nearer=not leg.chain
         )
         if isinstance(sampler, Failure):
-            failures.append(((-1, 0.0), of_step(sampler, leg.move, state, stage)))
+            failures.append(((-1, 0.0), of_step(sampler, leg.move, state, self.stages.problem.robot, stage)))
             return []
         good: list[_Node] = []
         tried = 0
@@ -245,7 +245,8 @@ class TaskSearch:
                 self.infos = [leg.info for leg in found]
                 return [done for leg in found for done in leg.done]
             failure = found if failure is None else max(failure, found, key=_step_number)
-        assert failure is not None or self.budget.over
+        if failure is None and not self.budget.over:
+            failure = Failure("no-path", "no ends of the moves were found from which every step leads to the next")
         return failure or out_of_time(self.budget, "planning the task")
 
     def _along(
@@ -294,7 +295,7 @@ class TaskSearch:
         if result.trajectory is None:
             self.cut_short |= share.over
             failure = result.failure or Failure("no-path", "no motion was found")
-            return of_step(failure, leg.move, state, stage)
+            return of_step(failure, leg.move, state, self.stages.problem.robot, stage)
         arrived = Situation(stage.whole(result.trajectory.end, state), state.scene)
         chain = do_chain(self.stages, arrived, leg.chain, self.budget)
         if chain.failure is not None:

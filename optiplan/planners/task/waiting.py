@@ -27,7 +27,7 @@ def waiting(problem: Problem, stretches: list[Stretch], budget: Budget) -> list[
         timed = _passing(replace(problem, scene=problem.scene.later(begin)), stretch, budget)
         if isinstance(timed, Failure):
             first = stretch.done[0]
-            return of_step(timed, first.step, first.before, first.stage)
+            return of_step(timed, first.step, first.before, problem.robot, first.stage)
         found.append(timed)
         begin += timed.ends[-1]
     return found

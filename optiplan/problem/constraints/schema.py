@@ -1,13 +1,14 @@
 """The schema of path constraints in a problem file."""
 
 import math
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
 from optiplan.config.document import Number, Strict
 from optiplan.config.values import Coordinate, Direction, ExactlyOne, Length, Name, NamePair, Quaternion, Size, Vector
-from optiplan.geometry.pose_schema import PoseSpec, ToleranceSpec
+from optiplan.geometry.pose_schema import Angles, PoseSpec, ToleranceSpec
+from optiplan.geometry.poses import in_radians
 
 
 def _ordered(values: tuple[float, ...]) -> tuple[float, ...]:
@@ -90,17 +91,23 @@ class RelativePoseSpec(ConstraintSpec, PoseSpec):
 
 
 class FixedOrientationSpec(ConstraintSpec):
-    """The frame keeps its orientation in the world, `rpy` or `quaternion`, within an angle, rad."""
+    """The frame keeps its orientation in the world, `rpy`, `rpy_deg` or `quaternion`, within an angle, rad."""
 
-    rpy: Vector | None = None
+    rpy: Angles | None = None
+    rpy_deg: Vector | None = None
     quaternion: Quaternion | None = None
     within: Annotated[Length, Field(le=math.pi)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _radians(cls, data: Any) -> Any:
+        return in_radians(data)
 
     @model_validator(mode="after")
     def _one(self) -> Self:
         if (self.rpy is None) == (self.quaternion is None):
             found = "neither" if self.rpy is None else "both"
-            raise ValueError(f"found {found}; expected rpy or quaternion")
+            raise ValueError(f"found {found}; expected rpy, rpy_deg or quaternion")
         return self
 
 

@@ -15,6 +15,11 @@ from optiplan.config.values import (
 from optiplan.geometry.pose_schema import PoseSpec, ToleranceSpec
 from optiplan.problem.regions.schema import RegionSpec
 
+CONFIGURATIONS = ("joints", "joints_deg", "configuration")
+"""How a configuration can be said."""
+
+_NAMED = f"{', '.join(CONFIGURATIONS[:-1])} or {CONFIGURATIONS[-1]}"
+
 
 class PoseGoalSpec(PoseSpec):
     """The pose of `frame` (default: the robot's tool frame) in the world."""
@@ -29,14 +34,16 @@ Rates = Annotated[tuple[Number, ...] | None, AfterValidator(lambda rates: rates 
 
 
 class StartSpec(ExactlyOne):
-    """`joints`: one value per planned joint; or `configuration`: a name in the robot file.
+    """`joints`: one value per planned joint, or `joints_deg`; or `configuration`: a name in the robot file.
 
+    In `joints_deg` turning joints are in degrees, sliding ones in m.
     `velocity` (rad/s or m/s) and `acceleration` (rad/s² or m/s²), one value per planned joint: at rest without them.
     """
 
     BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
 
     joints: tuple[Number, ...] | None = None
+    joints_deg: tuple[Number, ...] | None = None
     configuration: Name | None = None
     velocity: Rates = None
     acceleration: Rates = None
@@ -44,8 +51,8 @@ class StartSpec(ExactlyOne):
     @model_validator(mode="after")
     def _state(self) -> Self:
         for key in ("velocity", "acceleration"):
-            if getattr(self, key) is not None and self.kind not in ("joints", "configuration"):
-                raise ValueError(f"found {key} with {self.kind}; expected it with joints or configuration only")
+            if getattr(self, key) is not None and self.kind not in CONFIGURATIONS:
+                raise ValueError(f"found {key} with {self.kind}; expected it with {_NAMED} only")
         return self
 
 
@@ -78,6 +85,7 @@ class ViaSpec(Strict):
     """
 
     joints: tuple[Number, ...] | None = None
+    joints_deg: tuple[Number, ...] | None = None
     configuration: Name | None = None
     pose: ViaPoseSpec | None = None
     tolerance: Length | None = None
@@ -86,10 +94,10 @@ class ViaSpec(Strict):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        kinds = [key for key in ("joints", "configuration", "pose") if getattr(self, key) is not None]
+        kinds = [key for key in (*CONFIGURATIONS, "pose") if getattr(self, key) is not None]
         if len(kinds) != 1:
             found = " and ".join(kinds) or "none of them"
-            raise ValueError(f"found {found}; expected exactly one of: joints, configuration, pose")
+            raise ValueError(f"found {found}; expected exactly one of: {', '.join(CONFIGURATIONS)}, pose")
         if self.pose is not None and self.pose.tolerance is not None and self.tolerance is not None:
             raise ValueError("found a tolerance of the via and one of its pose; expected at most one of them")
         return self
@@ -106,5 +114,5 @@ def timed(vias: tuple[ViaSpec, ...]) -> tuple[ViaSpec, ...]:
     return vias
 
 
-ENDS = ("joints", "configuration", "pose", "region")
+ENDS = (*CONFIGURATIONS, "pose", "region")
 """What one end of a motion can be."""

@@ -16,7 +16,7 @@ from optiplan.config.values import (
 )
 from optiplan.problem.constraints.schema import PathConstraintSpec
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import ENDS, AlternativeSpec, PoseGoalSpec, ViaSpec, timed
+from optiplan.problem.schema.ends import CONFIGURATIONS, ENDS, AlternativeSpec, PoseGoalSpec, ViaSpec, timed
 from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
 
 
@@ -24,6 +24,7 @@ class MoveSpec(Strict):
     """Go to one end, or any of several, past `via`, with the joints of `group` (default: that of the problem)."""
 
     joints: tuple[Number, ...] | None = None
+    joints_deg: tuple[Number, ...] | None = None
     configuration: Name | None = None
     pose: PoseGoalSpec | None = None
     region: RegionSpec | None = None
@@ -133,15 +134,16 @@ class DetachSpec(Strict):
 
 
 class GripperSpec(Strict):
-    """Joints of a `group` move to `joints`, rad or m, or to their values in a named configuration."""
+    """Joints of a `group` move to `joints`, rad or m, to `joints_deg`, or to their values in a named configuration."""
 
     group: Name
     joints: tuple[Number, ...] | None = None
+    joints_deg: tuple[Number, ...] | None = None
     configuration: Name | None = None
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
-        _exactly_one(self, ("joints", "configuration"))
+        _exactly_one(self, CONFIGURATIONS)
         return self
 
 

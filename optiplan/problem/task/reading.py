@@ -10,10 +10,10 @@ from optiplan.arrays import Array
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
-from optiplan.problem.builder import Compiler, frame_names, link_names
+from optiplan.problem.builder import Compiler, frame_names, link_names, stated_configuration
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import LocatedValue
-from optiplan.problem.schema.ends import ENDS, AlternativeSpec, PoseGoalSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.ends import ENDS, AlternativeSpec, PoseGoalSpec, ViaSpec
 from optiplan.problem.schema.task import (
     ApproachSpec,
     AttachSpec,
@@ -211,9 +211,7 @@ class TaskReader:
         joints = self._joints(place, spec.group)
         if joints is None:
             return
-        named = spec.configuration is not None
-        one = StartSpec(configuration=spec.configuration) if named else StartSpec(joints=spec.joints)
-        q = self.compiler.configuration(self._alone(joints, spec.group), place, one)
+        q = self.compiler.configuration(self._alone(joints, spec.group), place, stated_configuration(spec))
         if q is not None:
             yield Move(joints, (JointGoal(q),))
 

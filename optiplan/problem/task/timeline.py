@@ -10,6 +10,7 @@ from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_change import carrying, scene_after, scene_during
 from optiplan.problem.task.steps import Attach, Detach, TaskStep
 from optiplan.trajectory.cut import cut
+from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
 MEETING = 1e-9
@@ -46,6 +47,8 @@ def mismatch(problem: Problem, trajectory: Trajectory) -> str:
     for step, segment in zip(task, segments, strict=True):
         if (segment.step, segment.kind) != (step.number, step.kind):
             return f"a segment of step {segment.step} ({segment.kind}) instead of {step.number} ({step.kind})"
+        if held := _other_object(problem, step, segment):
+            return held
         lasts = segment.end - segment.begin
         if not (0.0 <= lasts if not step.event else lasts == 0.0) or not -MEETING <= segment.begin:
             return f"{step.words} from {segment.begin:.6g} to {segment.end:.6g} s"
@@ -58,6 +61,25 @@ def mismatch(problem: Problem, trajectory: Trajectory) -> str:
         if segment.end > segment.begin and not end > begin:
             return f"{step.words} from {segment.begin!r} to {segment.end!r} s, which other steps take"
     return ""
+
+
+def _other_object(problem: Problem, step: TaskStep, segment: Segment) -> str:
+    """Return in words which other object or link a segment names than its step has; empty if none or nothing."""
+    if segment.object == segment.link == "":
+        return ""
+    links = {held.name: held.link for held in problem.scene.attached}
+    for one in problem.task:
+        if one is step:
+            break
+        if isinstance(one.action, Attach):
+            links[one.action.body] = one.action.link
+    expected = ("", "")
+    if isinstance(step.action, Attach):
+        expected = step.action.body, step.action.link
+    elif isinstance(step.action, Detach):
+        expected = step.action.body, links[step.action.body]
+    found = segment.object, segment.link
+    return "" if found == expected else f"'{found[0]}' and '{found[1]}' of {step.words} instead of {expected}"
 
 
 def _apart(a: float, b: float) -> bool:

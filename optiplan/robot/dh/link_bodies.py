@@ -13,7 +13,7 @@ from optiplan.robot.dh.table import DhTable
 
 def body_pose(body: DhPoseSpec, spec: DhSpec) -> pin.SE3:
     """Pose X_LB of a body in its link."""
-    return pin.SE3(pin.rpy.rpyToMatrix(*map(spec.angle, body.rpy)), np.array(body.position))
+    return pin.SE3(pin.rpy.rpyToMatrix(*spec.rotation(body)), np.array(body.position))
 
 
 def default_bodies(spec: DhSpec) -> list[list[BodySpec]]:

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from optiplan.config.document import Number, Strict
+from optiplan.geometry.poses import check_angles
 from optiplan.robot.dh.table import DhRow, DhTable
 
 Name = Annotated[str, Field(min_length=1)]
@@ -22,10 +23,17 @@ class DhRoundSpec(Strict):
 
 
 class DhPoseSpec(Strict):
-    """`position`, m, and `rpy` about fixed axes, in the unit of the table."""
+    """`position`, m, and `rpy` about fixed axes, in the unit of the table, or `rpy_deg`."""
 
     position: Vector = Field(default_factory=lambda: [0.0, 0.0, 0.0])
     rpy: Vector = Field(default_factory=lambda: [0.0, 0.0, 0.0])
+    rpy_deg: Vector | None = None
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> Self:
+        if self.rpy_deg is not None and any(self.rpy):
+            raise ValueError("found both rpy and rpy_deg; expected at most one of them")
+        return self
 
 
 class BodySpec(DhPoseSpec):
@@ -123,6 +131,25 @@ class DhSpec(DhPoseSpec):
     def angle(self, value: float) -> float:
         """An angle of the file in rad."""
         return math.radians(value) if self.unit == "deg" else value
+
+    @model_validator(mode="after")
+    def _angles_fit(self) -> Self:
+        if self.unit == "rad":
+            links = (self.base, *self.rows, *self.links)
+            posed: tuple[DhPoseSpec, ...] = (
+                self,
+                *self.links,
+                *(body for link in links for body in link.geometry or ()),
+            )
+            for one in posed:
+                check_angles(one.rpy)
+        return self
+
+    def rotation(self, pose: DhPoseSpec) -> list[float]:
+        """Roll, pitch and yaw of a pose of the file, rad."""
+        if pose.rpy_deg is not None:
+            return [math.radians(angle) for angle in pose.rpy_deg]
+        return [self.angle(angle) for angle in pose.rpy]
 
     def table(self) -> DhTable:
         """The table itself, in rad and m."""

@@ -132,8 +132,9 @@ def test_out_that_is_a_file_is_refused_before_the_work(optiplan, free):
     assert "is a file; expected a folder" in err
 
 
-def test_the_report_is_short_and_within_80_columns(optiplan, free):
+def test_the_report_is_short_and_within_80_columns(optiplan, free, monkeypatch):
     """The verdict first, what it is about, and every check only when asked for."""
+    monkeypatch.setenv("COLUMNS", "80")
     short, full = optiplan("plan", free)[1], optiplan("plan", free, "--full")[1]
     for out in (short, full):
         assert max(map(len, out.splitlines())) <= 80

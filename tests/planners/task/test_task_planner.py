@@ -1,6 +1,7 @@
 """A task is planned, proved, stored and read again; each way of cheating is refused."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -178,7 +179,7 @@ def test_looking_ahead_leaves_out_lines_that_are_too_heavy():
     assert run.trajectory(run.trajectory.segments[0].end)[0] == pytest.approx(2.6, abs=1e-5)
     stretched = replace(weak, task=op.Problem("panda", "ready", task=[line]).task)
     failed = op.plan(stretched, budget=60.0)
-    assert failed.failure.kind == "unsupported"
+    assert failed.failure.kind == "limits"
     assert failed.failure.detail.startswith("step 1 (line): gravity alone exceeds the torque limits along the line")
 
 
@@ -255,3 +256,41 @@ def test_exports_name_the_events(run, tmp_path):
     run.export(tmp_path / "cube.json", cyclic=True, rate=250.0)
     events = json.loads((tmp_path / "cube.json").read_text())["events"]
     assert [event["step"] for event in events] == [2, 3, 6, 7]
+    held = [(event.get("object"), event.get("link")) for event in events]
+    assert held[0] == held[3] == (events[0]["object"], "panda_hand")
+    assert held[1] == held[2] == (None, None)
+    assert events[0]["object"] in events[0]["name"]
+    stored = op.Trajectory.from_dict(json.loads((tmp_path / "cube.json").read_text()))
+    assert op.verify(run.problem, stored).verified
+    for wrong in ({"object": "table"}, {"link": "panda_leftfinger"}):
+        others = tuple(replace(one, **wrong) if one.object else one for one in stored.segments)
+        report = op.verify(run.problem, replace(stored, segments=others))
+        assert [check.name for check in report.failures] == ["steps"]
+
+
+@pytest.mark.parametrize("gap", [0.0, -1e-4])
+def test_what_stands_on_a_table_is_lifted_with_what_the_message_says(gap):
+    message = lifted(gap)
+    assert message.startswith("step 3 (retreat)" if gap == 0.0 else "step 2 (attach part)")
+    assert "`allowed_collisions: [[part, belt]]` in this step" in message
+    distance = float(re.search(r"place 'part' ([\d.]+) mm away from it", message)[1])
+    assert distance == pytest.approx(0.1 - 1e3 * gap)
+    assert lifted(gap + 1e-3 * distance) == ""
+    assert lifted(gap, allowed_collisions=[("part", "belt")]) == ""
+
+
+def lifted(gap, **step):
+    """Why a part above a belt cannot be lifted."""
+    scene = op.Scene(
+        [op.Box("belt", (0.4, 0.4, 0.1), (0.5, 0, 0.15)), op.Box("part", (0.04, 0.04, 0.06), (0.5, 0, 0.23 + gap))]
+    )
+    down = op.Pose((0.5, 0, 0.24), rpy=(np.pi, 0, 0))
+    hand = [("part", link) for link in ("panda_hand", "panda_leftfinger", "panda_rightfinger")]
+    task = op.Task().approach(down, 0.1, allowed_collisions=hand)
+    task = task.attach("part", "panda_hand", touch=["panda_leftfinger", "panda_rightfinger"], **step).retreat(
+        0.15, **step
+    )
+    run = op.plan(op.Problem("panda", "ready", scene=scene, task=task), budget=10.0)
+    detail = "" if run.failure is None else run.failure.detail
+    assert run.verified == (run.failure is None)
+    return detail
