@@ -1,7 +1,7 @@
 """Checks of a task: every step, and every part of the motion with the scene and the load that it has there."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import zip_longest
 from typing import Any, TypeVar
 
@@ -23,6 +23,7 @@ from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import collision
 from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.torque import torque
+from optiplan.verify.line_speeds import LineSpeed, line_speed
 from optiplan.verify.line_ways import LineWay, frame_at, line_constraints, line_way
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import constraint, covering, masses, step_place
@@ -68,7 +69,7 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
         *_worst_of(_ends(parts), "goal"),
         *_worst_of(_passed(parts), "via"),
         *_worst_of(_lines(parts, policy), "line"),
-        *_worst_of(_speeds(parts, policy), "line speed"),
+        *_line_speeds(parts, policy),
         _standing(problem, trajectory, parts, policy),
         *_constraints(problem, trajectory, parts, scenes, policy),
         *limit_checks.of_the_whole(problem, trajectory, policy),
@@ -108,7 +109,9 @@ def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
             for link in s.action.touch
         }
     )
+    slow = [f"{step.words}: {speed}" for step, speed in _speeds_held(_parts(problem, trajectory)) if speed.why]
     return (
+        *([f"lines slower than asked: {'; '.join(slow)}"] if slow else []),
         *([f"what is held: {'; '.join(said)}"] if said else []),
         *([f"taken though nothing that may touch it is near: {'; '.join(afar)}"] if afar else []),
         *([f"masses while they are held: {', '.join(weights)}"] if weights else []),
@@ -211,6 +214,27 @@ def _speeds(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
         for check in path_constraints(own, part.lasting(), policy):
             known = replace(_later(_named(check, part), part.begin), covers=())
             yield covering(known, f"{step_place(k)}.speed")
+
+
+def _line_speeds(parts: Sequence[_Part], policy: VerifyPolicy) -> list[Check]:
+    """Return the check of speeds on lines; the detail says what the slowest holds of its speed, the witness all."""
+    found = list(_speeds_held(parts))
+    if not found:
+        return []
+    lines = [{"step": step.number, **asdict(speed)} for step, speed in found]
+    step, slowest = min(found, key=lambda one: one[1].held / one[1].asked)
+    (check,) = _worst_of(_speeds(parts, policy), "line speed")
+    return [
+        replace(check, detail=f"{check.detail}; {step.words}: {slowest}", witness={**check.witness, "lines": lines})
+    ]
+
+
+def _speeds_held(parts: Iterable[_Part]) -> Iterator[tuple[TaskStep, LineSpeed]]:
+    """Yield lines that state a speed, with what is held of it."""
+    for part in parts:
+        action = part.step.action
+        if part.motion is not None and isinstance(action, StraightLine) and np.isfinite(action.speed):
+            yield part.step, line_speed(part.problem, part.motion, action)
 
 
 def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], policy: VerifyPolicy) -> Check:

@@ -100,11 +100,19 @@ def tool_scale(robot: Robot, tool: ToolLimits | None, trajectory: Trajectory, t:
     t = sample_times(trajectory) if t is None else t
     if tool is None or not len(t):
         return 0.0
+    return float(tool_shares(robot, tool, trajectory, t).max()) / (1.0 - _RESERVE)
+
+
+def tool_shares(robot: Robot, tool: ToolLimits, trajectory: Trajectory, t: Array) -> Array:
+    """Return the share of its limits that the tool takes at times t (k,): (k,); a slower motion takes less by as much.
+
+    It is the largest of speed, turning speed and the root of the acceleration, each over its limit.
+    """
     twist, acceleration = tool_motion(robot, tool.frame, [trajectory(t, order) for order in range(3)])
-    speed, turn = np.linalg.norm(twist[:, :3], axis=1).max(), np.linalg.norm(twist[:, 3:], axis=1).max()
-    force = np.linalg.norm(acceleration[:, :3], axis=1).max()
-    share = max(speed / tool.linear, turn / tool.angular, np.sqrt(force / tool.linear_acceleration))
-    return float(share) / (1.0 - _RESERVE)
+    speed, turn = np.linalg.norm(twist[:, :3], axis=1), np.linalg.norm(twist[:, 3:], axis=1)
+    force = np.linalg.norm(acceleration[:, :3], axis=1)
+    parts = speed / tool.linear, turn / tool.angular, np.sqrt(force / tool.linear_acceleration)
+    return np.asarray(np.max(parts, axis=0))
 
 
 def tool_motion(robot: Robot, frame: str, Q: list[Array]) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.timing.compose import compose
 from optiplan.trajectory.timing.jerk_limited import smooth_law
-from optiplan.trajectory.timing.path_constraints import Rows, ToolLimits, rows_at, tool_scale
+from optiplan.trajectory.timing.path_constraints import Rows, ToolLimits, rows_at, tool_scale, tool_shares
 from optiplan.trajectory.timing.s_curve import s_curve
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -28,6 +28,8 @@ _PARTS_FASTEST = 800  # of that of the fastest law, which is as good as its grid
 _PARTS_OF_PIECE = 4  # of each of its pieces, but not where that would make more than _MOST_PARTS
 _MOST_PARTS = 2000
 _ROUNDS, _BEYOND = 6, 1e-3  # of halving parts; share of a limit by which a law may exceed it between points of the grid
+_EASED, _BEYOND_LIMITS = 4, 1e-3  # laws, each slower where the one before passed limits by more than this share
+_PLACES, _AROUND = 401, 2  # of a path, at which laws are made slower; and as many to either side
 
 
 @dataclass(frozen=True)
@@ -89,8 +91,7 @@ def time_path_by_law(
     kept = replace(limits, jerk=np.full_like(limits.jerk, np.inf)) if method == "toppra" else limits
     path = path.scaled(uniform_law(path, kept).duration)  # ds/dt is about 1 then, whatever the path's own parameter is
     laws = [uniform_law(path, kept)]
-    law = None if method == "uniform" or options.stop() else _law(path, robot, kept, options)
-    laws += [] if law is None else [law]
+    laws += [] if method == "uniform" or options.stop() else _laws(path, robot, kept, options)
     found = [(motion, law) for law in laws if (motion := _held(path, law, robot, kept, options)) is not None]
     if not found:
         return None
@@ -108,12 +109,59 @@ def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
     return Trajectory(("s",), np.concatenate([[0.0], np.cumsum(times)]), pieces[:, :, None])
 
 
-def _law(path: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> Trajectory | None:
+def _laws(path: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> list[Trajectory]:
+    """Return laws; where the tool has limits, each is slower than the one before where that passed limits, there alone.
+
+    A law is held at points; what it misses between them would slow the whole motion down, so that the tool would
+    nowhere run as fast as it may.
+    """
+    places = np.linspace(0.0, path.duration, _PLACES)
+    slower, found = np.ones(_PLACES), list[Trajectory]()
+    while len(found) < _EASED and not (found and options.stop()):
+        law = _law(path, robot, limits, options, (places, slower))
+        if law is None:
+            break
+        found.append(law)
+        if options.tool is None and not options.tool_parts:
+            break
+        share = _shares_around(law, compose(path, law), robot, limits, options)
+        if share.max() <= 1.0 + _BEYOND_LIMITS:
+            break
+        slower = slower * np.maximum(1.0, (1.0 + _BEYOND_LIMITS) * share)
+    return found
+
+
+def _shares_around(law: Trajectory, motion: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> Array:
+    """Return the largest share of limits that joints and tool take around `_PLACES` of the path, (K,).
+
+    A motion that is slower there takes less by as much: it is the root of an acceleration's, the cubic root of a
+    jerk's.
+    """
+    t = sample_times(motion)
+    s = law(t, clamp=True)[:, 0] / law.end[0]
+    rates = [np.abs(motion(t, order)) / bound for order, bound in enumerate(limits.rates, 1)]
+    shares = np.max([rate.max(axis=1) ** (1.0 / order) for order, rate in enumerate(rates, 1)], axis=0)
+    whole = [] if options.tool is None else [(0.0, 1.0, options.tool)]
+    for begin, end, tool in (*whole, *options.tool_parts):
+        inside = (s >= begin) & (s <= end)
+        shares[inside] = np.maximum(shares[inside], tool_shares(robot, tool, motion, t[inside]))
+    found = np.zeros(_PLACES)
+    np.maximum.at(found, np.rint(np.clip(s, 0.0, 1.0) * (_PLACES - 1)).astype(int), shares)
+    around = np.pad(found, _AROUND, mode="edge")
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(around, 2 * _AROUND + 1).max(axis=1))
+
+
+def _law(
+    path: Trajectory, robot: Robot, limits: Limits, options: TimingOptions, slower: tuple[Array, Array]
+) -> Trajectory | None:
+    """Return the fastest law where speeds are so many times lower, (K,), at places (K,) of the path, as limits ask."""
+
     def rows(s: Array) -> Rows:
         found = rows_at(path, robot, limits, options.tool, s)
         for begin, end, tool in options.tool_parts:
             inside = (s >= begin * path.duration) & (s <= end * path.duration)
             found.speed[inside] = np.minimum(found.speed[inside], rows_at(path, robot, limits, tool, s[inside]).speed)
+        found.speed[:] /= np.interp(s, *slower)
         return found
 
     if np.isfinite(limits.jerk).any():
