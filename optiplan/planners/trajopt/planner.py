@@ -23,6 +23,7 @@ from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.among_moving import plan_among_moving
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents, Way
+from optiplan.planners.trajopt.end_search import EndSearch
 from optiplan.planners.trajopt.incumbent import Incumbent
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.moving import plan_moving
@@ -159,7 +160,11 @@ class _Run:
                 straight = self.attempts.attempt("straight", control, within, lambda: self.paths.at_once(sampler))
                 self.direct = straight is not None
         self.info["cut_short"] = early.over and not self.incumbent.candidates
-        return self._further(sampler)
+        failure = self._further(sampler)
+        if not problem.one_end and self.incumbent.candidates:
+            self.attempts.refine()
+            EndSearch(problem, sampler, self.attempts, self.paths, self.coarse).run()
+        return failure
 
     def _further(self, sampler: GoalSampler) -> Failure | None:
         """Try sampled paths, lines with a bump and the best curve with a bump in turn, while `Patience` allows.

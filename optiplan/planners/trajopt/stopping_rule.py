@@ -71,6 +71,17 @@ class Patience:
         gain = max((second - first) / best, gap * gap / max(again, 1)) / (1 + self.in_vain)
         return max(0.0, gain * self.budget.seconds / PRICE - self.seconds) if PRICE else inf
 
+    def worth_an_end(self, best: float, bound: float, in_vain: int, seconds: float) -> bool:
+        """Return whether to try another end of the goal, of whose motions none costs less than `bound`.
+
+        It is expected to gain g² / (1 + k), with g = 1 - bound / best as in `worth` and k ends tried in vain since the
+        last gain; that is held against the work, s, of an end tried so far.
+        """
+        if self.good_enough * bound >= best:
+            return False
+        gap = 1.0 - bound / best
+        return gap * gap / (1 + in_vain) * self.budget.seconds > PRICE * seconds
+
 
 def counted(searcher: Searcher, patience: Patience, most: float, state: float = STATE) -> Searcher:
     """Wrap a searcher: count its states as work of `state` seconds each and end it for good at `most` of work."""
