@@ -77,9 +77,10 @@ def main() -> int:
     headings = ("problem", "best s", *(f"seed {seed}" for seed in range(arguments.seeds)), "cpu s 50", "within 2 %")
     figures = summary(rows)
     print_table(headings, table)
-    remark = "{within} of {problems} goals have every seed within 2 % of the best ({share:.1%}); of all runs {runs:.1%}."
-    print(remark.format(**figures), file=sys.stderr)
-    write_markdown(arguments.markdown, headings, table, [remark.format(**figures)])
+    form = "{within} of {problems} goals have every seed within 2 % of the best ({share:.1%}); of all runs {runs:.1%}."
+    remark = form.format(**figures)
+    print(remark, file=sys.stderr)
+    write_markdown(arguments.markdown, headings, table, [remark])
     print_json({"budget": arguments.budget, "commit": commit(), **figures, "rows": rows})
     return int(not figures["share"] >= arguments.share)
 
@@ -145,7 +146,8 @@ def pose_problem(file: Path) -> op.Problem:
 
 def grouped(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     """Return the runs of each problem, by seed."""
-    groups = {name: [row for row in rows if row["problem"] == name] for name in dict.fromkeys(r["problem"] for r in rows)}
+    names = dict.fromkeys(row["problem"] for row in rows)
+    groups = {name: [row for row in rows if row["problem"] == name] for name in names}
     return {name: sorted(group, key=lambda row: int(row["seed"])) for name, group in groups.items()}
 
 

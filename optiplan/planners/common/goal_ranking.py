@@ -20,6 +20,7 @@ from optiplan.planners.common.gravity import Gravity
 from optiplan.problem.goals import SHARE, GoalOptions, goal_configurations
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
+from optiplan.robot.limits import Limits
 from optiplan.trajectory.timing.lower_bound import joint_times
 
 _LOOKING = 0.25  # share of the budget after which colliding goal configurations only are a failure
@@ -34,7 +35,7 @@ Box: TypeAlias = tuple[Array, Array]
 _APART = 0.1
 """s at full speed of some joint: ends that are nearer to each other are one."""
 
-_DRAWS, _IN_VAIN = 80, 15
+_DRAWS, _IN_VAIN = 300, 15
 """Configurations drawn for ends within some time of the start, at most, and those in a row that bring none after which
 the chance that another one does is small: 1 / 17, by Laplace's rule of succession."""
 _FINE = 1e-3, 1e-2  # m and rad: within a tolerance that small all configurations collide if one does
@@ -172,14 +173,13 @@ class GoalSampler:
         if any(np.array_equal(q, other) for other in self._slid):
             return []
         self._slid.append(q)
-        velocity = self._problem.limits.velocity
+        limits = self._problem.limits
         ends = [nearer.towards_start(q, self._model) for nearer in self._nearer if nearer.contains(q)]
         found = [passed[-1] for passed in ends if passed] or [q]
         new = [
             end
             for end in found
-            if all((np.abs(end - other) / velocity).max() > _APART for other in self._nearest)
-            and not self._gravity.too_much(end)
+            if all(apart(end, other, limits) for other in self._nearest) and not self._gravity.too_much(end)
         ]
         self._nearest += new
         self._slid += new
@@ -287,6 +287,11 @@ class _Draw:
         """Return a uniform point (3,) of the unit ball."""
         direction = self._rng.standard_normal(3)
         return np.asarray(direction / np.linalg.norm(direction) * self._rng.uniform() ** (1.0 / 3.0))
+
+
+def apart(q: Array, other: Array, limits: Limits) -> bool:
+    """Return whether two ends (n,) are not one: some joint takes a tenth of a second from one to the other."""
+    return float((np.abs(q - other) / limits.velocity).max()) > _APART
 
 
 def _complete(problem: Problem, goal: GoalEnd) -> bool:

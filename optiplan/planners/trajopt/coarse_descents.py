@@ -78,7 +78,7 @@ class CoarseDescents:
         return None if found is None else Way(path, *found)
 
     def from_curve(self, control: Array, best: float) -> tuple[Array, float] | None:
-        """Return control points (K, n) and the duration, s, to which a curve with all spans (K, n) descends, likewise."""
+        """Return the control points (K, n) and the duration, s, of the coarse curve from one with all spans (K, n)."""
         coarse, full = self._among(self.optimiser.model), self.optimiser
         instants = np.linspace(0.0, 1.0, _FITTED)
         points = full.basis.at(instants) @ full.within_limits(control)

@@ -1,18 +1,19 @@
 """The ends of a goal that is a set of configurations, tried by their lower bounds before a search stops."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.planners.common.goal_ranking import GoalSampler
+from optiplan.planners.common.goal_ranking import GoalSampler, apart
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents
 from optiplan.planners.trajopt.incumbent import Incumbent
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.path_search import PathSearch
-from optiplan.planners.trajopt.stopping_rule import Patience
+from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
 from optiplan.problem.problem import Problem
 
 _SEARCH = 0.1
@@ -38,7 +39,6 @@ class EndSearch:
         attempts: optimise curves.
         paths: searches.
         coarse: descents that tell what curves lead to.
-        tried: (n,) each.
     """
 
     problem: Problem
@@ -46,21 +46,24 @@ class EndSearch:
     attempts: Attempts
     paths: PathSearch
     coarse: CoarseDescents
-    tried: list[Array] = field(default_factory=list)
     _ends: list[Array] = field(default_factory=list)
     _surveyed: float = np.inf
+    _tries: Counter[bytes] = field(default_factory=Counter)
+    _record: EndsInVain = field(default_factory=EndsInVain)
 
     def run(self) -> None:
         """Try ends until none is left whose bound makes it worth its work, or the budget is over."""
-        began, vain = self._patience.seconds, 0
-        while not self._over:
-            end = next(self._worth(began, vain), None)
+        if self.problem.one_end:
+            return
+        while self._incumbent.candidates and not self._over:
+            end = self._next()
+            self._incumbent.info["ends"] = {"known": len(self._ends), "tried": self._record.tried}
             if end is None:
                 return
-            before = self._incumbent.cost
-            self.tried.append(end)
+            before, began = self._incumbent.cost, self._patience.seconds
+            self._tries[end.tobytes()] += 1
             self._try(end)
-            vain = 0 if self._incumbent.cost < before else vain + 1
+            self._record.record(self._patience.seconds - began, SAME * self._incumbent.cost < before)
 
     @property
     def _incumbent(self) -> Incumbent:
@@ -74,22 +77,33 @@ class EndSearch:
     def _over(self) -> bool:
         return self.attempts.before_refining.over
 
-    def _worth(self, began: float, vain: int) -> Iterator[Array]:
-        """Yield the ends (n,) that are not tried yet and worth it, the least bound first."""
+    def _next(self) -> Array | None:
+        """Return the end (n,) to try next: of those tried least the one with the least bound; None if not worth it."""
         incumbent = self._incumbent
         if incumbent.cost < self._surveyed:
             self._surveyed = incumbent.cost
-            self._ends = self.sampler.nearest_ends(incumbent.longest, lambda: self._over)
-        ends = [q for q in self._ends if incumbent.constraints.end_holds(q)]
+            self._ends = self._survey()
+        bounds = self.problem.lower_bounds(self._ends) if self._ends else np.zeros(0)
+        worth: list[tuple[int, int]] = []
+        for k, (end, bound) in enumerate(zip(self._ends, bounds, strict=True)):
+            least, tries = incumbent.cost_bound(float(bound)), self._tries[end.tobytes()]
+            if self._patience.worth_an_end(incumbent.cost, least, tries, self._record):
+                worth.append((tries, k))
+        return self._ends[min(worth)[1]] if worth else None
+
+    def _survey(self) -> list[Array]:
+        """Return the ends (n,) that are below the best motion: those of branches, then others apart from them."""
+        incumbent = self._incumbent
+        nearest = self.sampler.nearest_ends(incumbent.longest, lambda: self._over)
+        known = [*nearest, *self.paths.promising(self.sampler)]
+        ends: list[Array] = []
+        for q in known:
+            if incumbent.constraints.end_holds(q) and all(apart(q, other, self.problem.limits) for other in ends):
+                ends.append(q)
         bounds = self.problem.lower_bounds(ends) if ends else np.zeros(0)
-        if len(bounds) and bounds[0] < incumbent.soonest:
-            incumbent.bounded(float(bounds[0]))
-        each = (self._patience.seconds - began) / max(len(self.tried), 1)
-        for end, bound in zip(ends, bounds, strict=True):
-            if any(np.array_equal(end, other) for other in self.tried):
-                continue
-            if self._patience.worth_an_end(incumbent.cost, incumbent.cost_bound(float(bound)), vain, each):
-                yield end
+        if len(bounds) and bounds.min() < incumbent.soonest:
+            incumbent.bounded(float(bounds.min()))
+        return ends
 
     def _try(self, end: Array) -> None:
         """Optimise the most promising of the curves to an end (n,)."""

@@ -160,19 +160,17 @@ class _Run:
                 straight = self.attempts.attempt("straight", control, within, lambda: self.paths.at_once(sampler))
                 self.direct = straight is not None
         self.info["cut_short"] = early.over and not self.incumbent.candidates
-        failure = self._further(sampler)
-        if not problem.one_end and self.incumbent.candidates:
-            self.attempts.refine()
-            EndSearch(problem, sampler, self.attempts, self.paths, self.coarse).run()
-        return failure
+        return self._further(sampler)
 
     def _further(self, sampler: GoalSampler) -> Failure | None:
         """Try sampled paths, lines with a bump and the best curve with a bump in turn, while `Patience` allows.
 
-        Lines are skipped once one of them has failed, until a search has failed too.
+        Lines are skipped once one of them has failed, until a search has failed too. After every round, and before the
+        search stops, the ends are tried whose bounds make it worth it.
         """
         failure: Failure | None = None
         rng = np.random.default_rng(self.problem.seed)
+        ends = EndSearch(self.problem, sampler, self.attempts, self.paths, self.coarse)
         for number in range(self.options.seeds):
             if not self._worth():
                 break
@@ -193,6 +191,8 @@ class _Run:
                 self._expect(self._coming(sampler, number, rng, line=False))
                 control = self._with_bump(self.incumbent.curve.control, rng)
                 self.attempts.attempt("bump", control, self.attempts.before_refining)
+            ends.run()
+        ends.run()
         if self.incumbent.candidates:
             return None
         return failure if failure is not None else self.attempts.why_not()
