@@ -32,6 +32,10 @@ class Descent:
         self._e = np.zeros(6)
         self._diagonal = slice(None, None, self._rows + 1)
 
+    def hold_within(self, lower: Array, upper: Array) -> None:
+        """Keep configurations within these bounds (n,) from now on, which lie within the limits, rad or m."""
+        self._low, self._high = lower, upper
+
     def aim(self, X_WG: pin.SE3) -> None:
         """Choose the pose that the frame should have."""
         self._p, self._R = X_WG.translation.copy(), X_WG.rotation.copy()

@@ -3,6 +3,7 @@
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
 from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.libraries import loading
 from optiplan.planners.common.goal_sets import goal_set
@@ -12,6 +13,7 @@ from optiplan.trajectory.timing.lower_bound import joint_times, lower_bound
 _STEPS, _LEAST_GAIN = 25, 1e-3
 _FIRST, _SHORTEST, _LONGEST = 0.3, 0.02, 0.4
 _SMOOTH = 1e-3  # weight of the squared step beside the time, so that the minimiser is unique
+_NEAR, _APART = 0.04, 1e-3  # m: pairs of bodies nearer than that hold a step up, and keep this apart
 
 
 class NearerEnds:
@@ -23,7 +25,9 @@ class NearerEnds:
         min_{d, tau} tau + 1/2 1e-3 |d / s|^2   s.t.  |q_j + d_j - start_j| <= tau s_j,  |d_j| <= r s_j,  limits
 
     and the rows of the goal's set; then the configuration is brought back into it, and the step is accepted if the
-    bound has fallen. Sequential linear programming in a trust region r.
+    bound has fallen. Sequential linear programming in a trust region r. Among obstacles there are rows d_k + grad d_k
+    . d >= min(d_k, 1 mm) of the clearances d_k of all near pairs as well, and a step that collides is refused: what is
+    found stays free, and slides along what is in its way.
     """
 
     def __init__(self, problem: Problem, goal: PoseGoal | RegionGoal) -> None:
@@ -38,18 +42,21 @@ class NearerEnds:
         """Return whether q (n,) is in the goal."""
         return self._set.contains(q)
 
-    def towards_start(self, q: Array) -> list[Array]:
-        """Return the steps from q (n,) within the goal, the soonest reached last; empty where none is sooner."""
+    def towards_start(self, q: Array, model: CollisionModel | None = None) -> list[Array]:
+        """Return the steps from q (n,) within the goal, the soonest reached last; empty where none is sooner.
+
+        With a model, among its obstacles, from a q that is free.
+        """
         passed: list[Array] = []
         q = np.where(self._moving, q, self._start)
         bound, radius = lower_bound(self._start, q, self._limits), _FIRST
         for _ in range(0 if self._set.point else _STEPS):
             if radius < _SHORTEST or bound == 0.0:
                 break
-            step = self._step(q, bound, radius)
+            step = self._step(q, bound, radius, model)
             new = None if step is None else self._set.settle(q + step)
             reached = np.inf if new is None else lower_bound(self._start, new, self._limits)
-            if new is None or reached >= bound:
+            if new is None or reached >= bound or (model is not None and model.collides(new)):
                 radius *= 0.4
                 continue
             if reached > (1.0 - _LEAST_GAIN) * bound:
@@ -58,7 +65,7 @@ class NearerEnds:
             passed.append(q)
         return passed
 
-    def _step(self, q: Array, bound: float, radius: float) -> Array | None:
+    def _step(self, q: Array, bound: float, radius: float, model: CollisionModel | None) -> Array | None:
         """Return the best step d (n,) within the trust region, by the linearised pose; None if infeasible."""
         with loading():
             import piqp
@@ -73,8 +80,15 @@ class NearerEnds:
         weights, cost = np.diag(np.append(_SMOOTH / scale**2, 1e-9)), np.append(np.zeros(n), 1.0)
         solver = piqp.DenseSolver()
         A = np.hstack([own.A, np.zeros((len(own.b), 1))])
-        G = np.vstack([*to_start, np.hstack([own.G, np.zeros((len(own.h), 1))])])
-        h = np.concatenate([-offset, offset, own.h])
+        apart, clearance = (np.zeros((0, n)), np.zeros(0)) if model is None else _apart(model, q)
+        G = np.vstack([*to_start, np.pad(np.vstack([own.G, -apart]), ((0, 0), (0, 1)))])
+        h = np.concatenate([-offset, offset, own.h, clearance - np.minimum(clearance, _APART)])
         solver.setup(weights, cost, A, own.b, G, np.full(len(h), -np.inf), h, low, high)
         solved = solver.solve() == piqp.PIQP_SOLVED
         return np.where(self._moving, solver.result.x[:n], 0.0) if solved else None
+
+
+def _apart(model: CollisionModel, q: Array) -> tuple[Array, Array]:
+    """Return gradients (k, n) and distances (k,), m, of the pairs that are near at q (n,)."""
+    found = model.near(q[None], _NEAR)
+    return model.gradients(q[None], found), found.distance

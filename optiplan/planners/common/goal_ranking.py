@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import cycle
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +12,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
-from optiplan.kinematics.ik.numeric import pose_error, random_seeds
+from optiplan.kinematics.ik.numeric import joints_that_move, pose_error, random_seeds
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import end_collides, end_too_heavy, out_of_time
 from optiplan.planners.common.goal_improvement import NearerEnds
@@ -19,6 +20,8 @@ from optiplan.planners.common.gravity import Gravity
 from optiplan.problem.goals import SHARE, GoalOptions, goal_configurations
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
+from optiplan.robot.limits import Limits
+from optiplan.trajectory.timing.lower_bound import joint_times
 
 _LOOKING = 0.25  # share of the budget after which colliding goal configurations only are a failure
 _STARTS = 40  # inverse kinematics runs for each configuration requested of `more`, at most
@@ -27,6 +30,14 @@ _DISTINCT, _NEARLY = (
     0.02,
 )  # rad or m: least difference of sampled configurations, and of those moved towards the start
 _ITERATIONS = 60
+Box: TypeAlias = tuple[Array, Array]
+"""Lower and upper bounds (n,) of configurations, within the limits, rad or m."""
+_APART = 0.1
+"""s at full speed of some joint: ends that are nearer to each other are one."""
+
+_DRAWS, _IN_VAIN = 300, 15
+"""Configurations drawn for ends within some time of the start, at most, and those in a row that bring none after which
+the chance that another one does is small: 1 / 17, by Laplace's rule of succession."""
 _FINE = 1e-3, 1e-2  # m and rad: within a tolerance that small all configurations collide if one does
 
 
@@ -97,6 +108,8 @@ class GoalSampler:
         poses = [goal for goal in problem.goal if not isinstance(goal, JointGoal)]
         self._nearer = [NearerEnds(problem, goal) for goal in poses] if nearer else []
         self._drawn: list[Array] = []
+        self._slid: list[Array] = []
+        self._nearest: list[Array] = []
         self.configurations: list[Array] = []
         first = goal_configurations(problem, model, self._rng, replace(options, count=4 * options.count))
         held = [q for q in first.configurations if not self._gravity.too_much(q)]
@@ -110,6 +123,8 @@ class GoalSampler:
         self.configurations = ranked
         self._add([end for q in ranked[: options.count] if not options.stop() for end in self._sooner(q)])
         self._draws = self._draw([_draw(problem, goal, self._rng) for goal in poses])
+        systematic = np.random.default_rng(0)
+        self._within = [_draw(problem, goal, systematic) for goal in poses]
 
     def more(self, count: int, stop: Callable[[], bool] = lambda: False) -> list[Array]:
         """Return up to `count` new configurations, with those moved from them towards the start.
@@ -129,6 +144,54 @@ class GoalSampler:
                 new.append(q)
         new += [end for q in new if not stop() for end in self._sooner(q)]
         return self._add(new)
+
+    def nearest_ends(self, soonest: float, stop: Callable[[], bool] = lambda: False) -> list[Array]:
+        """Return the ends (n,) that may be reached sooner than in `soonest` s: one of each branch, by their bounds.
+
+        An end of a branch is where the bound has a local minimum among the free configurations of a goal: what was
+        found slides along obstacles, limits and the redundancy until none is nearer. Other branches are drawn from
+        configurations of which every joint is within reach of the start in that time: outside of them is no such end.
+        They come from one stream of numbers whatever the seed. All that is found joins `configurations`.
+        """
+        new = [end for q in list(self.configurations) if not stop() for end in self._branch_of(q)]
+        box, vain = self._reach(soonest), 0
+        for k in range(0 if self.complete or not self._within else _DRAWS):
+            if stop() or vain >= _IN_VAIN:
+                break
+            q = self._within[k % len(self._within)](box)
+            if q is None or not self._good(q):
+                continue
+            ends = [end for end in self._branch_of(q) if self._problem.lower_bounds([end])[0] < soonest]
+            vain = 0 if ends else vain + 1
+            new += ends
+        self._add(new)
+        bounds = self._problem.lower_bounds(self._nearest) if self._nearest else np.zeros(0)
+        return [self._nearest[k] for k in np.argsort(bounds, kind="stable") if bounds[k] < soonest]
+
+    def _branch_of(self, q: Array) -> list[Array]:
+        """Return the end of the branch of a free configuration (n,), if it is a new one."""
+        if any(np.array_equal(q, other) for other in self._slid):
+            return []
+        self._slid.append(q)
+        limits = self._problem.limits
+        ends = [nearer.towards_start(q, self._model) for nearer in self._nearer if nearer.contains(q)]
+        found = [passed[-1] for passed in ends if passed] or [q]
+        new = [
+            end
+            for end in found
+            if all(apart(end, other, limits) for other in self._nearest) and not self._gravity.too_much(end)
+        ]
+        self._nearest += new
+        self._slid += new
+        return new
+
+    def _reach(self, duration: float) -> Box:
+        """Return the bounds (n,) of the configurations that each joint alone may reach from the start in so many s."""
+        limits, start = self._problem.limits, self._problem.start
+        distances = np.append(0.0, np.geomspace(1e-4, 100.0, 400))
+        times = joint_times(np.repeat(distances[:, None], len(start), axis=1), limits)
+        far = np.array([np.interp(duration, of_joint, distances) for of_joint in times.T])
+        return np.maximum(limits.lower, start - far), np.minimum(limits.upper, start + far)
 
     def add(self, q: Array) -> None:
         """Take a configuration (n,) that was found elsewhere, in the goal and free, where gravity allows it."""
@@ -160,24 +223,35 @@ class GoalSampler:
                 passed = ends.towards_start(q)
                 yield from [end for end in passed[::-1] if self._good(end)][:1]
 
-    def _draw(self, draws: list[Callable[[], Array | None]]) -> Iterator[Array | None]:
+    def _draw(self, draws: "list[_Draw | _RegionDraw]") -> Iterator[Array | None]:
         """Run the inverse kinematics once for each of the poses in turn."""
         for draw in cycle(draws):
             yield draw()
 
 
-def _draw(problem: Problem, goal: PoseGoal | RegionGoal, rng: np.random.Generator) -> Callable[[], Array | None]:
+def _draw(problem: Problem, goal: PoseGoal | RegionGoal, rng: np.random.Generator) -> "_Draw | _RegionDraw":
     """Return what gives a random configuration (n,) in a goal, or None if its initial guess does not converge."""
-    if isinstance(goal, PoseGoal):
-        return _Draw(problem, goal, rng)
-    sampler = RegionSampler(problem.robot, goal)
+    return _Draw(problem, goal, rng) if isinstance(goal, PoseGoal) else _RegionDraw(problem, goal, rng)
 
-    def draw() -> Array | None:
-        seed = random_seeds(problem.robot, problem.start, rng, 1, goal.frame)[0]
-        q, inside = sampler.drawn(seed, rng)
+
+def _guess(problem: Problem, frame: str, rng: np.random.Generator, box: Box | None) -> Array:
+    """Return a random configuration (n,) within a box, by default the limits; joints beside the frame stay."""
+    if box is None:
+        return random_seeds(problem.robot, problem.start, rng, 1, frame)[0]
+    return np.where(joints_that_move(problem.robot, frame), rng.uniform(*box), problem.start)
+
+
+class _RegionDraw:
+    """Random configurations in a region, from random initial guesses."""
+
+    def __init__(self, problem: Problem, goal: RegionGoal, rng: np.random.Generator) -> None:
+        self._problem, self._goal, self._rng = problem, goal, rng
+        self._sampler = RegionSampler(problem.robot, goal)
+
+    def __call__(self, box: Box | None = None) -> Array | None:
+        """Return a configuration (n,) from a guess within a box; None if it does not converge."""
+        q, inside = self._sampler.drawn(_guess(self._problem, self._goal.frame, self._rng, box), self._rng)
         return q if inside else None
-
-    return draw
 
 
 class _Draw:
@@ -187,10 +261,11 @@ class _Draw:
         self._problem, self._goal, self._rng = problem, goal, rng
         self._descent = Descent(problem.robot, goal.frame, goal.orientation < np.pi)
 
-    def __call__(self) -> Array | None:
-        """Return a configuration (n,) within half the tolerance; None if this initial guess does not converge."""
-        goal, start = self._goal, self._problem.start
-        seed = random_seeds(self._problem.robot, start, self._rng, 1, goal.frame)[0]
+    def __call__(self, box: Box | None = None) -> Array | None:
+        """Return a configuration (n,) within half the tolerance, in a box; None if this guess does not converge."""
+        goal, seed = self._goal, _guess(self._problem, self._goal.frame, self._rng, box)
+        if box is not None:
+            self._descent.hold_within(*box)
         self._descent.aim(self._target())
         q = self._descent.descend(seed, _ITERATIONS)
         position, angle = pose_error(self._descent.place(q), goal.X_WG)
@@ -212,6 +287,11 @@ class _Draw:
         """Return a uniform point (3,) of the unit ball."""
         direction = self._rng.standard_normal(3)
         return np.asarray(direction / np.linalg.norm(direction) * self._rng.uniform() ** (1.0 / 3.0))
+
+
+def apart(q: Array, other: Array, limits: Limits) -> bool:
+    """Return whether two ends (n,) are not one: some joint takes a tenth of a second from one to the other."""
+    return float((np.abs(q - other) / limits.velocity).max()) > _APART
 
 
 def _complete(problem: Problem, goal: GoalEnd) -> bool:

@@ -39,7 +39,7 @@ _END_STEPS = 40
 _FITTED = 300
 """Instants of the best curve at which one with more spans is fitted to it."""
 
-Kind = Literal["straight", "line", "sampled", "relaxed", "bump", "close", "finer", "end"]
+Kind = Literal["straight", "line", "sampled", "relaxed", "bump", "close", "finer", "goal", "end"]
 
 
 @dataclass(eq=False)

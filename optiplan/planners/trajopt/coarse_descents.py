@@ -73,10 +73,22 @@ class CoarseDescents:
             path: free there.
             best: cost of the best motion known, s.
         """
-        full, velocity = self.optimiser, self.optimiser.problem.limits.velocity
+        velocity = self.optimiser.problem.limits.velocity
+        found = self._descended(model, along_path(self._among(model).basis, path.waypoints, velocity), best)
+        return None if found is None else Way(path, *found)
+
+    def from_curve(self, control: Array, best: float) -> tuple[Array, float] | None:
+        """Return the control points (K, n) and the duration, s, of the coarse curve from one with all spans (K, n)."""
+        coarse, full = self._among(self.optimiser.model), self.optimiser
+        instants = np.linspace(0.0, 1.0, _FITTED)
+        points = full.basis.at(instants) @ full.within_limits(control)
+        return self._descended(full.model, coarse.basis.fit(instants, points), best)
+
+    def _descended(self, model: CollisionModel, control: Array, best: float) -> tuple[Array, float] | None:
+        """Return a curve with all spans and its duration, s, from a coarse one; None where that stays in obstacles."""
         with self.watch.stage("sampling"):
             coarse = self._among(model)
-            control = coarse.within_limits(along_path(coarse.basis, path.waypoints, velocity))
+            control = coarse.within_limits(control)
             descender = coarse.descender(control)
             descender.set_samples(coarse.instants(control, _SPACING))
             hopeless = _HOPELESS / WORSE * best
@@ -86,7 +98,7 @@ class CoarseDescents:
                 return None
             instants = np.linspace(0.0, 1.0, _FITTED)
             points = coarse.basis.at(instants) @ found.control
-            return Way(path, full.basis.fit(instants, points), found.duration)
+            return self.optimiser.basis.fit(instants, points), found.duration
 
     def _among(self, model: CollisionModel) -> Optimiser:
         if model not in self._coarse:

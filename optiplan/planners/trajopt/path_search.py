@@ -167,6 +167,20 @@ class PathSearch:
         self._ways.sort(key=lambda way: way.duration)
         return self._ways.pop(0) if self._ways else failure
 
+    def toward(self, sampler: GoalSampler, goal: Array, most: float) -> Way | None:
+        """Return the way along a path to one goal (n,), found within `most` of work, s; None without one.
+
+        The path is sampled between thinner obstacles, and between the real ones where the line to it is free there.
+        """
+        for depth in (_DEPTHS[0], _DEPTHS[-1]):
+            check = self._check(depth)
+            path = self._sample(sampler, check, self.patience.seconds + most, None, goal)
+            if isinstance(path, Failure):
+                return None
+            if len(path.waypoints) > 2 or not depth:
+                return self.coarse.descend(check.model, path, self.incumbent.rough)
+        return None
+
     def _another(self, sampler: GoalSampler) -> SampledPath | Failure:
         """Return a path between obstacles that are thin enough, but not so thin that the straight line is free."""
         while True:
@@ -192,9 +206,16 @@ class PathSearch:
         return self._checks[depth]
 
     def _sample(
-        self, sampler: GoalSampler, check: MotionCheck, most: float, repair: Callable[[Array], Array | None] | None
+        self,
+        sampler: GoalSampler,
+        check: MotionCheck,
+        most: float,
+        repair: Callable[[Array], Array | None] | None,
+        goal: Array | None = None,
     ) -> SampledPath | Failure:
         """Return a path of the next seed to any of the promising goals, sampled within `most` of work in all, s.
+
+        To one goal (n,) alone, where one is given.
 
         Between thinner obstacles the short rounds that others begin with are left out: a long one finds a path sooner.
         """
@@ -205,7 +226,7 @@ class PathSearch:
         share = _SEARCH if self.incumbent.candidates else _FIRST_SEARCH
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
         with self.watch.stage("sampling"):
-            goals = self.promising(sampler)
+            goals = self.promising(sampler) if goal is None else [goal]
             if self._on_constraints.apply:
                 return self._on_constraints.path(goals, budget, number)
             relaxed = None if repair is None else through_thinner(repair)
@@ -217,7 +238,7 @@ class PathSearch:
                 alternate=counted(kpiece, self.patience, most, STATE / ALTERNATE_RATIO),
                 relaxed=counted(relaxed, self.patience, most, STATE / ALTERNATE_RATIO) if relaxed else None,
                 longest=np.inf if real else self.incumbent.longest,
-                more_goals=sampler.more,
+                more_goals=sampler.more if goal is None else lambda count, stop: [],
                 begun=begun,
                 early=self._stopping if real and not self.incumbent.candidates else None,
             )

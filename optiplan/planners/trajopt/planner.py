@@ -22,6 +22,7 @@ from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.among_moving import plan_among_moving
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents, Way
+from optiplan.planners.trajopt.end_search import EndSearch
 from optiplan.planners.trajopt.incumbent import Incumbent
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.moving import plan_moving
@@ -158,10 +159,12 @@ class _Run:
     def _further(self, sampler: GoalSampler) -> Failure | None:
         """Try sampled paths, lines with a bump and the best curve with a bump in turn, while `Patience` allows.
 
-        Lines are skipped once one of them has failed, until a search has failed too.
+        Lines are skipped once one of them has failed, until a search has failed too. After every round, and before the
+        search stops, the ends are tried whose bounds make it worth it.
         """
         failure: Failure | None = None
         rng = np.random.default_rng(self.problem.seed)
+        ends = EndSearch(self.problem, sampler, self.attempts, self.paths, self.coarse)
         for number in range(self.options.seeds):
             if not self._worth():
                 break
@@ -182,6 +185,8 @@ class _Run:
                 self._expect(self._coming(sampler, number, rng, line=False))
                 control = self._with_bump(self.incumbent.curve.control, rng)
                 self.attempts.attempt("bump", control, self.attempts.before_refining)
+            ends.run()
+        ends.run()
         if self.incumbent.candidates:
             return None
         return failure if failure is not None else self.attempts.why_not()

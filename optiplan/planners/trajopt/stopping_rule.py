@@ -71,6 +71,45 @@ class Patience:
         gain = max((second - first) / best, gap * gap / max(again, 1)) / (1 + self.in_vain)
         return max(0.0, gain * self.budget.seconds / PRICE - self.seconds) if PRICE else inf
 
+    def worth_an_end(self, best: float, bound: float, tries: int, end_search: "EndsInVain") -> bool:
+        """Return whether to try an end of the goal, to which no motion costs less than `bound`, once more.
+
+        It is expected to gain g² / (1 + k) (1 + t), with g = 1 - bound / best as in `worth`, k ends tried in vain since
+        the last gain and t tries of this end before; as a share of `best` for each second of the work of a try so far,
+        that must exceed `PRICE` / budget.
+        """
+        if self.good_enough * bound >= best:
+            return False
+        gap = 1.0 - bound / best
+        gain = gap * gap / ((1 + end_search.in_vain) * (1 + tries))
+        return gain * self.budget.seconds > PRICE * end_search.each
+
+
+@dataclass(eq=False)
+class EndsInVain:
+    """Record of the ends of a goal that were tried.
+
+    Attributes:
+        tried: how often, all together.
+        in_vain: since the last gain.
+        seconds: of work.
+    """
+
+    tried: int = 0
+    in_vain: int = 0
+    seconds: float = 0.0
+
+    @property
+    def each(self) -> float:
+        """Return the work of a try, s; 0 before the first."""
+        return self.seconds / max(self.tried, 1)
+
+    def record(self, seconds: float, gained: bool) -> None:
+        """Record a try, its work, s, and whether it gained more than nothing."""
+        self.tried += 1
+        self.seconds += seconds
+        self.in_vain = 0 if gained else self.in_vain + 1
+
 
 def counted(searcher: Searcher, patience: Patience, most: float, state: float = STATE) -> Searcher:
     """Wrap a searcher: count its states as work of `state` seconds each and end it for good at `most` of work."""

@@ -1,0 +1,130 @@
+"""The ends of a goal that is a set of configurations, tried by their lower bounds before a search stops."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.common.goal_ranking import GoalSampler, apart
+from optiplan.planners.trajopt.attempts import Attempts
+from optiplan.planners.trajopt.coarse_descents import CoarseDescents
+from optiplan.planners.trajopt.incumbent import Incumbent
+from optiplan.planners.trajopt.initial_guess import along_path
+from optiplan.planners.trajopt.path_search import PathSearch
+from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
+from optiplan.problem.problem import Problem
+
+_SEARCH = 0.1
+"""Work, s, of a search for a path to one end."""
+
+_PROMISING = 1.03
+"""Duration of a coarse curve in that of the best one up to which it is optimised: they tell it within some percent."""
+
+
+@dataclass(eq=False)
+class EndSearch:
+    """Tries the ends of a goal that no motion has led to yet, those with the least bound first.
+
+    The configurations in a pose or a region are finitely many branches, each with its redundancy; of each the end that
+    is nearest to the start is a local minimum of the bound (`GoalSampler.nearest_ends`). The motion to an end begins as
+    the best one bent to that end, as the straight line, or as a sampled path: each descends as a coarse curve, and the
+    shortest of them is optimised where it promises a shorter motion than the best. An end whose bound is not below the
+    best motion is not tried: no motion to it is shorter.
+
+    Attributes:
+        problem: that is planned.
+        sampler: of its ends.
+        attempts: optimise curves.
+        paths: searches.
+        coarse: descents that tell what curves lead to.
+    """
+
+    problem: Problem
+    sampler: GoalSampler
+    attempts: Attempts
+    paths: PathSearch
+    coarse: CoarseDescents
+    _ends: list[Array] = field(default_factory=list)
+    _surveyed: float = np.inf
+    _tries: Counter[bytes] = field(default_factory=Counter)
+    _record: EndsInVain = field(default_factory=EndsInVain)
+
+    def run(self) -> None:
+        """Try ends until none is left whose bound makes it worth its work, or the budget is over."""
+        if self.problem.one_end:
+            return
+        while self._incumbent.candidates and not self._over:
+            end = self._next()
+            self._incumbent.info["ends"] = {"known": len(self._ends), "tried": self._record.tried}
+            if end is None:
+                return
+            before, began = self._incumbent.cost, self._patience.seconds
+            self._tries[end.tobytes()] += 1
+            self._try(end)
+            self._record.record(self._patience.seconds - began, SAME * self._incumbent.cost < before)
+
+    @property
+    def _incumbent(self) -> Incumbent:
+        return self.attempts.incumbent
+
+    @property
+    def _patience(self) -> Patience:
+        return self.attempts.patience
+
+    @property
+    def _over(self) -> bool:
+        return self.attempts.before_refining.over
+
+    def _next(self) -> Array | None:
+        """Return the end (n,) to try next: of those tried least the one with the least bound; None if not worth it."""
+        incumbent = self._incumbent
+        if incumbent.cost < self._surveyed:
+            self._surveyed = incumbent.cost
+            self._ends = self._survey()
+        bounds = self.problem.lower_bounds(self._ends) if self._ends else np.zeros(0)
+        worth: list[tuple[int, int]] = []
+        for k, (end, bound) in enumerate(zip(self._ends, bounds, strict=True)):
+            least, tries = incumbent.cost_bound(float(bound)), self._tries[end.tobytes()]
+            if self._patience.worth_an_end(incumbent.cost, least, tries, self._record):
+                worth.append((tries, k))
+        return self._ends[min(worth)[1]] if worth else None
+
+    def _survey(self) -> list[Array]:
+        """Return the ends (n,) that are below the best motion: those of branches, then others apart from them."""
+        incumbent = self._incumbent
+        nearest = self.sampler.nearest_ends(incumbent.longest, lambda: self._over)
+        known = [*nearest, *self.paths.promising(self.sampler)]
+        ends: list[Array] = []
+        for q in known:
+            if incumbent.constraints.end_holds(q) and all(apart(q, other, self.problem.limits) for other in ends):
+                ends.append(q)
+        bounds = self.problem.lower_bounds(ends) if ends else np.zeros(0)
+        if len(bounds) and bounds.min() < incumbent.soonest:
+            incumbent.bounded(float(bounds.min()))
+        return ends
+
+    def _try(self, end: Array) -> None:
+        """Optimise the most promising of the curves to an end (n,)."""
+        found = [one for one in self._curves(end) if one is not None]
+        control, duration = min(found, key=lambda one: one[1], default=(None, np.inf))
+        if control is not None and self._incumbent.cost_bound(duration) < _PROMISING * self._incumbent.rough:
+            before = self._incumbent.cost
+            if self.attempts.attempt("goal", control, self.attempts.before_refining) is None:
+                return
+            if self._incumbent.cost < before:
+                self.attempts.free_end()
+
+    def _curves(self, end: Array) -> Iterator[tuple[Array, float] | None]:
+        """Yield the curves (K, n) to an end that coarse ones became, with their durations, s."""
+        basis, start, rough = self.attempts.optimiser.basis, self.problem.start, self._incumbent.rough
+        curve, still = self._incumbent.curve, np.zeros((2, len(start)))
+        line = along_path(basis, np.array([start, end]), self.problem.limits.velocity)
+        yield self.coarse.from_curve(line, rough)
+        if curve is not None:
+            bent = basis.moved_ends(curve.control, np.vstack([[start], still]), np.vstack([[end], still]))
+            yield self.coarse.from_curve(bent, rough)
+        way = self.paths.toward(self.sampler, end, _SEARCH)
+        if way is not None and way.control is not None:
+            yield way.control, way.duration
