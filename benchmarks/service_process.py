@@ -97,37 +97,84 @@ def postgres_folder() -> Path | None:
     return found[-1].parent if found else None
 
 
+class Postgres:
+    """A PostgreSQL of our own on a free port, with an empty database, which can be stopped and started.
+
+    Attributes:
+        url: address of the database.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Make and start it in an empty folder.
+
+        Raises:
+            RuntimeError: none is installed, or it does not start.
+        """
+        programs = postgres_folder()
+        if programs is None:
+            raise RuntimeError("PostgreSQL is not installed (Debian: apt-get install postgresql)")
+        self._programs, self._folder, self._port = programs, folder, free_port()
+        self._as_user: Sequence[str] = ()
+        if os.getuid() == 0:  # it refuses to run as root
+            shutil.chown(folder, "postgres")
+            self._as_user = ("runuser", "-u", "postgres", "--")
+        self.url = f"postgresql://optiplan@127.0.0.1:{self._port}/optiplan"
+        made = self._call("initdb", "-U", "optiplan", "-A", "trust", "-E", "UTF8")
+        if made.returncode or not self.start():
+            raise RuntimeError(f"PostgreSQL does not start: {made.stderr[-500:]}")
+        where = ["-h", "127.0.0.1", "-p", str(self._port), "-U", "optiplan"]
+        subprocess.run([str(programs / "createdb"), *where, "optiplan"], check=True, capture_output=True, cwd=folder)
+
+    def start(self) -> bool:
+        """Start it; return whether it runs."""
+        options = f"-p {self._port} -k {self._folder} -c listen_addresses=127.0.0.1"
+        begun = self._call("pg_ctl", "-l", str(self._folder / "log"), "-o", options, "-w", "start")
+        return begun.returncode == 0 or self.runs
+
+    def stop(self) -> None:
+        """Stop it at once, as a machine that goes away does."""
+        self._call("pg_ctl", "-m", "immediate", "-w", "stop")
+
+    @property
+    def runs(self) -> bool:
+        """Whether it runs."""
+        return self._call("pg_ctl", "status").returncode == 0
+
+    def _call(self, program: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
+        command = [*self._as_user, str(self._programs / program), "-D", str(self._folder / "data"), *arguments]
+        with tempfile.TemporaryFile("w+") as errors:  # no pipe, which the server would keep open
+            done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=errors, text=True, cwd=self._folder)
+            errors.seek(0)
+            return subprocess.CompletedProcess(command, done.returncode, "", errors.read())
+
+
 @contextmanager
-def postgres() -> Iterator[str]:
-    """A PostgreSQL of our own on a free port, with an empty database; yields its address.
+def postgres_server() -> Iterator[Postgres]:
+    """A PostgreSQL of our own, gone at the end.
 
     Raises:
         RuntimeError: none is installed, or it does not start.
     """
-    programs = postgres_folder()
-    if programs is None:
-        raise RuntimeError("PostgreSQL is not installed (Debian: apt-get install postgresql)")
-    folder, port = Path(tempfile.mkdtemp(prefix="optiplan-postgres-")), free_port()
-    as_user: Sequence[str] = ()
-    if os.getuid() == 0:  # it refuses to run as root
-        shutil.chown(folder, "postgres")
-        as_user = ("runuser", "-u", "postgres", "--")
-    data, log = folder / "data", folder / "log"
+    folder = Path(tempfile.mkdtemp(prefix="optiplan-postgres-"))
+    server = None
     try:
-        make = [*as_user, str(programs / "initdb"), "-D", str(data), "-U", "optiplan", "-A", "trust", "-E", "UTF8"]
-        made = subprocess.run(make, capture_output=True, text=True, cwd=folder)
-        options = f"-p {port} -k {folder} -c listen_addresses=127.0.0.1"
-        start = [*as_user, str(programs / "pg_ctl"), "-D", str(data), "-l", str(log), "-o", options, "-w", "start"]
-        begun = subprocess.run(start, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=folder)
-        if made.returncode or begun.returncode:
-            raise RuntimeError(f"PostgreSQL does not start: {made.stderr[-500:]} {begun.stderr[-500:]}")
-        create = [str(programs / "createdb"), "-h", "127.0.0.1", "-p", str(port), "-U", "optiplan", "optiplan"]
-        subprocess.run(create, check=True, capture_output=True, cwd=folder)
-        yield f"postgresql://optiplan@127.0.0.1:{port}/optiplan"
+        server = Postgres(folder)
+        yield server
     finally:
-        stop = [*as_user, str(programs / "pg_ctl"), "-D", str(data), "-m", "immediate", "stop"]
-        subprocess.run(stop, capture_output=True, cwd=folder)
+        if server is not None:
+            server.stop()
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def postgres() -> Iterator[str]:
+    """The address of an empty database in a PostgreSQL of our own.
+
+    Raises:
+        RuntimeError: none is installed, or it does not start.
+    """
+    with postgres_server() as server:
+        yield server.url
 
 
 def wait_until_ready(url: str, patience: float = START) -> float:

@@ -25,9 +25,12 @@ from optiplan.service.routes.answers import Json
 from optiplan.service.routes.events import EventFeed
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import StorageFullError
+from optiplan.service.store.tables import DatabaseAwayError
 
 TIDY = 600.0
 """s between two looks at what is too old."""
+KEEPING = 3.0
+"""s that runs which were answered have to be kept when the server stops."""
 ABOUT = "Plans robot motions that are proved free of collision and within limits. Errors: `{error, issues}`."
 
 _log = logging.getLogger("optiplan.service")
@@ -55,7 +58,8 @@ def make_application(settings: ServiceSettings) -> ASGIApp:
     app.add_exception_handler(Refusal, _refused)
     app.add_exception_handler(OptiPlanError, _wrong)
     app.add_exception_handler(StorageFullError, _full)
-    app.add_exception_handler(sa.exc.OperationalError, _database)
+    app.add_exception_handler(DatabaseAwayError, _database)
+    app.add_exception_handler(sa.exc.TimeoutError, _database)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http)
     return Gate(YamlBodies(app), settings, app.state.metrics)
@@ -66,10 +70,15 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     service: PlannerService = app.state.service
     await asyncio.to_thread(service.start)
     tidying = asyncio.ensure_future(_keep_tidy(service))
-    yield
-    tidying.cancel()
-    await service.waited.finish()
-    await asyncio.to_thread(service.close)
+    try:
+        yield
+    finally:
+        tidying.cancel()
+        try:
+            await asyncio.wait_for(service.waited.finish(), KEEPING)
+        except Exception as error:
+            _log.error("runs that were answered are not kept: %s", error or type(error).__name__)
+        await asyncio.to_thread(service.close)
 
 
 async def _keep_tidy(service: PlannerService) -> None:
@@ -95,10 +104,9 @@ def _full(request: Request, error: Any) -> Json:
 
 
 def _database(request: Request, error: Any) -> Json:
-    reason = str(error.orig).strip()
-    if "full" in reason or "No space" in reason:
-        return Json({"error": f"the disk of the database is full: {reason}", "issues": []}, 507)
-    _log.error("the database does not answer: %s", reason)
+    if getattr(error, "full", False):
+        return Json({"error": "the disk of the database is full", "issues": []}, 507)
+    _log.error("%s", error)
     return Json({"error": "the database does not answer", "issues": []}, 503, headers={"Retry-After": "2"})
 
 

@@ -1,6 +1,7 @@
 """`Client`: the functions of `import optiplan as op`, done by a server."""
 
 import json
+import time
 import uuid
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -21,6 +22,11 @@ from optiplan.trajectory.trajectory import Trajectory
 
 PATIENCE = 30.0
 """s that a server has to answer what takes no planning, and beyond the budget what does."""
+RESUME = 30.0
+"""s for which a stream of events that broke off is taken up again; `RETRY` s between two tries."""
+RETRY = 1.0
+AWAY = (0, 429, 502, 503, 504)
+"""Statuses of a server, or of a proxy before it, that may answer soon; 0: none answers."""
 
 
 class ServerError(OptiPlanError):
@@ -112,25 +118,49 @@ class Client:
         return found
 
     def watch(self, run: str) -> Iterator[dict[str, Any]]:
-        """What happens in a run, until it has ended.
+        """What happens in a run, until it has ended; a connection that breaks on the way is made anew.
 
         Yields:
             `type` and more: `status`; `stage` with `fraction`; `best` with `seconds` and `duration`, of a verified
             motion; `end` with `status` and `verified`.
 
         Raises:
-            ServerError: there is none of that id, or the server goes away.
+            ServerError: there is none of that id, or the server is gone for longer than `RESUME`, s.
         """
-        try:
-            with self._http.stream("GET", f"/api/runs/{run}/events", timeout=httpx.Timeout(PATIENCE)) as lines:
-                if lines.status_code != 200:
-                    lines.read()
-                    _check(lines)
-                for line in lines.iter_lines():
-                    if line.startswith("data:"):
-                        yield json.loads(line[5:])
-        except httpx.HTTPError as error:
-            raise ServerError(0, f"{self.url}: {error or type(error).__name__}") from error
+        connected, seen, lost = False, "", 0.0  # the last event, and since when nothing comes
+        while True:
+            try:
+                for number, event in self._events(run, seen):
+                    connected, seen, lost = True, number or seen, 0.0
+                    if event["type"] == "stopping":
+                        break
+                    yield event
+                    if event["type"] == "end":
+                        return
+                why = "the stream ended before the run"
+            except (httpx.HTTPError, ServerError) as error:
+                if not connected or getattr(error, "status", 0) not in AWAY:
+                    raise _gone(self.url, error) from error
+                why = str(error)
+            lost = lost or time.monotonic()
+            if time.monotonic() - lost > RESUME:
+                raise ServerError(0, f"{self.url}: {why}")
+            time.sleep(RETRY)
+
+    def _events(self, run: str, seen: str) -> Iterator[tuple[str, dict[str, Any]]]:
+        """The events of a stream, with their ids; those after the one that was seen."""
+        headers, number = {"Last-Event-ID": seen} if seen else {}, ""
+        path = f"/api/runs/{run}/events"
+        with self._http.stream("GET", path, headers=headers, timeout=httpx.Timeout(PATIENCE)) as lines:
+            if lines.status_code != 200:
+                lines.read()
+                _check(lines)
+            for line in lines.iter_lines():
+                if line.startswith("id:"):
+                    number = line[3:].strip()
+                elif line.startswith("data:"):
+                    yield number, json.loads(line[5:])
+                    number = ""
 
     def run(self, run: str, problem: Problem | None = None) -> Run:
         """A run that has ended; its motion is verified afresh here.
@@ -226,6 +256,10 @@ class Client:
 
 def _problem(given: Any) -> Problem:
     return given if isinstance(given, Problem) else load_problem(given)
+
+
+def _gone(url: str, error: Exception) -> ServerError:
+    return error if isinstance(error, ServerError) else ServerError(0, f"{url}: {error or type(error).__name__}")
 
 
 def _check(answer: httpx.Response) -> None:

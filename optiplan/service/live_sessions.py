@@ -6,11 +6,14 @@ from collections.abc import AsyncIterator
 from contextlib import suppress
 from typing import Any
 
+import anyio
+
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob
 from optiplan.service.models import LiveRequest
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.requests import refusal_of
 from optiplan.service.run_service import RunService
+from optiplan.service.streams import next_of
 
 UNSEEN = 30.0
 """s that a controller runs on without a watcher."""
@@ -59,13 +62,13 @@ class LiveSession:
             self._unseen = now
         return now - self._unseen > UNSEEN
 
-    async def events(self) -> AsyncIterator[State]:
-        """States as they come, until it has ended."""
+    async def events(self, stopping: anyio.Event) -> AsyncIterator[State]:
+        """States as they come, until it has ended or the server stops."""
         queue: asyncio.Queue[State] = asyncio.Queue(4)
         self._watchers.add(queue)
         try:
             while True:
-                event = await queue.get()
+                event = await next_of(queue, stopping) or {"type": "end", "reason": "the server stops"}
                 yield event
                 if event["type"] == "end":
                     return

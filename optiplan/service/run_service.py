@@ -11,9 +11,11 @@ from typing import Any, TypeVar
 
 import optiplan
 from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.service.execution.event_writer import EventWriter
 from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.execution.run_solver import RunSolver
 from optiplan.service.execution.solver_pool import Lane, SolverAnswer, SolverJob, SolverPool
+from optiplan.service.health import HealthCheck
 from optiplan.service.models import ProblemInput, Submission
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.requests import digest_of, names_files, refusal_of
@@ -24,6 +26,7 @@ from optiplan.service.store.retention import outdated, sweep
 from optiplan.service.store.run_table import NewRun, Record, RunTable
 from optiplan.service.store.tables import open_database, store_name
 from optiplan.service.store.uploads import Uploads
+from optiplan.service.store.write_probe import WriteProbe
 from optiplan.trajectory.trajectory import Trajectory
 
 Result = TypeVar("Result")
@@ -53,6 +56,7 @@ class RunService:
         pool: the solver processes.
         queue: the durable queue.
         solver: solves queued runs.
+        health: says whether this process can work.
     """
 
     def __init__(self, settings: ServiceSettings, serving: bool = True) -> None:
@@ -73,8 +77,10 @@ class RunService:
         self.runs, self.problems = RunTable(self.engine), ProblemTable(self.engine)
         callers: dict[Lane, int] = {"plan": settings.interactive, "look": 1, "live": settings.live} if serving else {}
         self.pool = SolverPool(settings, {**callers, "queue": settings.solvers})
-        self.solver = RunSolver(settings, self.runs, self.contents, self.pool)
-        self.queue = RunQueue(settings, self.engine, self.runs, self.solver)
+        events = EventWriter(self.runs)
+        self.solver = RunSolver(settings, events, self.contents, self.pool)
+        self.queue = RunQueue(settings, self.engine, self.runs, events, self.solver)
+        self.health = HealthCheck(self.pool, self.queue, WriteProbe(self.engine), self.contents)
         self._checked: OrderedDict[str, Mapping[str, Any]] = OrderedDict()
         self._texts: OrderedDict[str, Record] = OrderedDict()
         self._writers = ThreadPoolExecutor(WRITERS, "write")

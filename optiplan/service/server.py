@@ -3,9 +3,12 @@
 import asyncio
 import logging
 import os
+import select
 import signal
 import socket
 import sys
+import threading
+import time
 from types import FrameType
 from typing import Any
 
@@ -15,6 +18,7 @@ from optiplan.errors import OptiPlanError
 from optiplan.service.application import make_application
 from optiplan.service.guard.connections import guarded_protocol
 from optiplan.service.guard.json_log import log_to_stderr
+from optiplan.service.health import serve_health
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.settings import ServiceSettings
 from optiplan.viewer.safety import LOOPBACK
@@ -23,8 +27,14 @@ SHORTEST_TOKEN = 16
 """Characters."""
 SWITCH = 5e-4
 """s after which a thread that computes lets others run: answers do not wait for the queue's threads."""
-PATIENCE = 5
+PATIENCE = 3
 """s that connections have to end when the server stops."""
+GRACE = 20.0
+"""s within which a process has ended after a signal, whatever hangs in it."""
+LINGER = 2.0
+"""s that threads have to end once all work is closed."""
+
+_BEGIN, _END = b"b", b"e"
 
 _log = logging.getLogger("optiplan.service")
 
@@ -38,26 +48,73 @@ def run_server(settings: ServiceSettings, level: str = "info") -> int:
     check_token(settings)
     log_to_stderr(level)
     sys.setswitchinterval(SWITCH)
-    with listening(settings) as sock:
+    with listening(settings) as sock, _LastResort() as last:
         server = make_server(settings)
+        server.on_stop = last.begin  # type: ignore[attr-defined]
         server.on_ready = lambda: _announce(settings.host, sock)  # type: ignore[attr-defined]
         asyncio.run(server.serve(sockets=[sock]))
     return 0
 
 
-def run_worker(settings: ServiceSettings, level: str = "info") -> int:
+def run_worker(settings: ServiceSettings, level: str = "info", health_port: int = 0) -> int:
     """Solve queued runs until a signal ends it; runs under way are put back.
 
+    Args:
+        settings: of the process.
+        level: of what is logged.
+        health_port: where `/healthz` and `/readyz` are answered, to callers on this machine; 0: nowhere.
+
     Raises:
-        OptiPlanError: the database or the folder cannot be used.
+        OptiPlanError: the database, the folder or the port cannot be used.
     """
     log_to_stderr(level)
     service, signals = PlannerService(settings, serving=False), _pipe_of_stop_signals()
+    if health_port:
+        serve_health(service.health, health_port)
     service.start()
     print(f"working on the queue with {settings.solvers} processes (ctrl-C ends)", flush=True)
-    os.read(signals, 1)
-    service.close()
+    with _LastResort() as last:
+        os.read(signals, 1)
+        last.begin()
+        service.close()
     return 0
+
+
+class _LastResort(threading.Thread):
+    """Ends the process where a signal does not: threads may hang in a library or in the kernel.
+
+    As a context: what is within has `GRACE` s from `begin`, and threads that are left have `LINGER` s from its exit.
+    Without `begin`, nothing is ended.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(name="last resort", daemon=True)
+        self._reading, self._writing = os.pipe()
+        self._code = 0
+
+    def begin(self) -> None:
+        """Let the time begin; a signal's handler may call this."""
+        os.write(self._writing, _BEGIN)
+
+    def __enter__(self) -> "_LastResort":
+        self.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._code = 0 if kind is None else 1
+        os.write(self._writing, _END)
+
+    def run(self) -> None:
+        """Wait for the signal, then for the end."""
+        if os.read(self._reading, 1) == _END:
+            return
+        until = time.monotonic() + GRACE
+        while select.select([self._reading], [], [], max(0.0, until - time.monotonic()))[0]:
+            if os.read(self._reading, 1) == _END:
+                time.sleep(LINGER)
+                os._exit(self._code)
+        _log.error("not ended within %g s of a signal: ended by force", GRACE)
+        os._exit(1)
 
 
 def _pipe_of_stop_signals() -> int:
@@ -124,11 +181,13 @@ def make_server(settings: ServiceSettings) -> "uvicorn.Server":
 
 
 class _Server(uvicorn.Server):
-    """Calls `on_ready` once it answers; a signal ends it, and that is a good end."""
+    """Calls `on_ready` once it answers, `on_stop` at a signal; a signal ends it, and that is a good end."""
 
     on_ready: Any = staticmethod(lambda: None)
+    on_stop: Any = staticmethod(lambda: None)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        self.on_stop()
         self.force_exit = self.should_exit and sig == signal.SIGINT  # pressed twice
         self.should_exit = True
 

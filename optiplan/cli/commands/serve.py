@@ -132,6 +132,9 @@ def worker(
     folder: Folders = None,
     solvers: Annotated[int | None, typer.Option(min=1, metavar="N", help="processes (default: cores given)")] = None,
     memory: Memory = 2000.0,
+    health_port: Annotated[
+        int, typer.Option(min=0, max=65535, metavar="N", help="answer /healthz and /readyz on 127.0.0.1 (0: nowhere)")
+    ] = 0,
     log_level: LogLevel = "info",
 ) -> int:
     """Solve queued runs of a database, beside its server or on another machine.
@@ -150,7 +153,7 @@ def worker(
         solvers=solvers or cores(),
         memory=memory,
     )
-    return run_worker(settings, _level(log_level))
+    return run_worker(settings, _level(log_level), health_port)
 
 
 def _settings(data: Path | None, **given: Any) -> Any:

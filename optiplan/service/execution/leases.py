@@ -5,7 +5,10 @@ PostgreSQL: a session holds an advisory lock, which the server drops with the co
 
 import fcntl
 import hashlib
+import logging
 import os
+import threading
+import time
 import uuid
 from contextlib import suppress
 from pathlib import Path
@@ -14,11 +17,25 @@ from typing import Protocol
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
+from optiplan.service.store.tables import postgres_options
+
+RENEW = 1.0
+"""s between two looks at the session that holds a lock."""
+LAPSE = 8.0
+"""s without a lock after which a process counts as dead: one that lives has its lock again by then, after an outage."""
+
+_log = logging.getLogger("optiplan.service")
+
 
 class Lease(Protocol):
     """The lease of this process, by which others know that it lives."""
 
     name: str
+
+    @property
+    def held(self) -> bool:
+        """Whether what holds it works."""
+        ...
 
     def alive(self, name: str) -> bool:
         """Whether the process that has the lease of this name lives."""
@@ -45,6 +62,10 @@ class _FileLease:
             if not self.alive(other.name):
                 other.unlink(missing_ok=True)
 
+    @property
+    def held(self) -> bool:
+        return True
+
     def alive(self, name: str) -> bool:
         if name == self.name:
             return True
@@ -68,39 +89,93 @@ class _FileLease:
 
 
 class _SessionLease:
-    """Holds a connection of its own; where that breaks, the lease is taken again at the next question."""
+    """Holds a session of its own, in which a thread takes the lock again as soon as an outage is over."""
 
     def __init__(self, engine: Engine) -> None:
         self.name = uuid.uuid4().hex
-        self._engine = sa.create_engine(engine.url, poolclass=sa.NullPool, isolation_level="AUTOCOMMIT")
-        self._connection = self._engine.connect()
-        self._connection.execute(_LOCK, {"key": _key(self.name)})
+        options = postgres_options(engine.url.render_as_string(hide_password=False))
+        self._engine = sa.create_engine(
+            engine.url, poolclass=sa.NullPool, isolation_level="AUTOCOMMIT", connect_args=options
+        )
+        self._using = threading.Lock()
+        self._session: sa.Connection | None = None
+        self._mine = False
+        self._missing: dict[str, float] = {}
+        self._stop = threading.Event()
+        self._locked()
+        self._thread = threading.Thread(target=self._keep, name="lease", daemon=True)
+        self._thread.start()
+
+    @property
+    def held(self) -> bool:
+        return self._thread.is_alive()
 
     def alive(self, name: str) -> bool:
+        """Whether the process of a lease lives: its lock is held, or has not been missed for `LAPSE` s in a row.
+
+        Raises:
+            SQLAlchemyError: the database is away; so is every lock, and the time without one begins anew.
+        """
         if name == self.name:
             return True
-        try:
-            got = self._connection.scalar(_TRY, {"key": _key(name)})
-        except sa.exc.SQLAlchemyError:
-            self._renew()
-            got = self._connection.scalar(_TRY, {"key": _key(name)})
-        if got:
-            self._connection.execute(_UNLOCK, {"key": _key(name)})
-        return not got
+        with self._using:
+            session = self._locked()
+            try:
+                got = session.scalar(_TRY, {"key": _key(name)})
+                if got:
+                    session.execute(_UNLOCK, {"key": _key(name)})
+            except sa.exc.SQLAlchemyError:
+                self._drop()
+                raise
+            if not got:
+                self._missing.pop(name, None)
+                return True
+            return time.monotonic() - self._missing.setdefault(name, time.monotonic()) < LAPSE
 
     def close(self) -> None:
-        with suppress(sa.exc.SQLAlchemyError):
-            self._connection.close()
+        self._stop.set()
+        self._thread.join(RENEW)
+        if self._using.acquire(timeout=RENEW):  # else it waits for a database that does not answer
+            self._drop()
         self._engine.dispose()
 
-    def _renew(self) -> None:
-        with suppress(sa.exc.SQLAlchemyError):
-            self._connection.close()
-        self._connection = self._engine.connect()
-        self._connection.execute(_LOCK, {"key": _key(self.name)})
+    def _keep(self) -> None:
+        while not self._stop.wait(RENEW):
+            try:
+                with self._using:
+                    self._locked()
+            except Exception as error:  # the database may be away for a while
+                _log.warning("the lock of this process cannot be held: %s", str(error).split("\n")[0])
+
+    def _locked(self) -> sa.Connection:
+        """The session, with the lock of this process; a session that has ended is made anew.
+
+        Where an old session of ours still has the lock, that keeps us alive, and the next look tries again.
+        """
+        try:
+            if self._session is None:
+                self._session = self._engine.connect()
+                self._mine = False
+            if self._mine:
+                self._session.execute(_LOOK)
+            else:
+                self._mine = bool(self._session.scalar(_TRY, {"key": _key(self.name)}))
+        except sa.exc.SQLAlchemyError:
+            self._drop()
+            raise
+        return self._session
+
+    def _drop(self) -> None:
+        """Let go of the session; after an outage every process needs time to take its lock again."""
+        session, self._session = self._session, None
+        self._missing.clear()
+        if session is not None:
+            with suppress(sa.exc.SQLAlchemyError):
+                session.invalidate()
+                session.close()
 
 
-_LOCK = sa.text("SELECT pg_advisory_lock(:key)")
+_LOOK = sa.text("SELECT 1")
 _TRY = sa.text("SELECT pg_try_advisory_lock(:key)")
 _UNLOCK = sa.text("SELECT pg_advisory_unlock(:key)")
 

@@ -6,7 +6,6 @@ their workflows eligible again, so that each is solved to its end once.
 
 import logging
 import threading
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -14,7 +13,9 @@ from typing import Any
 from dbos import DBOS, SetWorkflowID
 from sqlalchemy.engine import Engine
 
+from optiplan.service.execution.event_writer import AWAY, EventWriter, until_written
 from optiplan.service.execution.leases import take_lease
+from optiplan.service.execution.run_solver import failed
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.run_table import Record, RunEnd, RunTable
 
@@ -32,6 +33,9 @@ AT_ONCE = 500
 LOST_AFTER = 5.0
 """s after which a queued run has a workflow, else it is made again."""
 
+PATIENCE = 3
+"""s for each of: threads, runs under way, events to come to an end when the queue is closed."""
+
 _log = logging.getLogger("optiplan.service")
 
 Solve = Callable[[Record, threading.Event], RunEnd]
@@ -41,12 +45,16 @@ Solve = Callable[[Record, threading.Event], RunEnd]
 class RunQueue:
     """The queue of one database, as one process sees it; there is one in a process."""
 
-    def __init__(self, settings: ServiceSettings, engine: Engine, runs: RunTable, solve: Solve) -> None:
-        self._settings, self._runs, self._solve = settings, runs, solve
+    def __init__(
+        self, settings: ServiceSettings, engine: Engine, runs: RunTable, events: EventWriter, solve: Solve
+    ) -> None:
+        self._settings, self._engine, self._runs, self._events, self._solve = settings, engine, runs, events, solve
         self._lease = take_lease(engine, settings.data / "alive")
         self._active: dict[str, threading.Event] = {}
+        self._activating = threading.Lock()
         self._stop = threading.Event()
-        self._threads = [threading.Thread(target=loop, daemon=True) for loop in (self._watch, self._keep_recovering)]
+        loops = {"watch": self._watch, "recover": self._keep_recovering}
+        self._threads = [threading.Thread(target=loop, name=name, daemon=True) for name, loop in loops.items()]
 
     def start(self) -> None:
         """Begin to take runs, if this process solves any."""
@@ -57,6 +65,7 @@ class RunQueue:
             config={
                 "name": "optiplan",
                 "system_database_url": self._settings.database_url,
+                "system_database_engine": self._engine,  # whose errors end a try: its own would sleep on for minutes
                 "executor_id": self._lease.name,
                 "application_version": VERSION,
                 "log_level": "ERROR",
@@ -73,8 +82,19 @@ class RunQueue:
                 polling_interval_sec=POLLING,
                 on_conflict="always_update",
             )
+        self._events.start()
         for thread in self._threads:
             thread.start()
+
+    @property
+    def ended(self) -> list[str]:
+        """Names of the threads without which no run is taken, or none ends, that have ended."""
+        found = [thread.name for thread in self._threads if not thread.is_alive()]
+        found += [] if self._events.alive else ["events"]
+        found += [] if self._lease.held else ["lease"]
+        taker = f"queue-worker-{QUEUE}"  # as DBOS names it
+        taken = not self._settings.solvers or any(thread.name == taker for thread in threading.enumerate())
+        return found if taken else [*found, taker]
 
     def close(self) -> None:
         """Stop; runs under way are put back into the queue."""
@@ -83,13 +103,24 @@ class RunQueue:
         for cancel in list(self._active.values()):
             cancel.set()
         for thread in self._threads:
-            thread.join(5.0)
-        DBOS.destroy(workflow_completion_timeout_sec=5)
+            if thread.is_alive():
+                thread.join(PATIENCE)
+        DBOS.destroy(workflow_completion_timeout_sec=PATIENCE)
+        self._events.close(PATIENCE)
         _current = None
         self._lease.close()
 
     def enqueue(self, run: str) -> None:
-        """Make sure that a queued run has a workflow that somebody will take; safe to do twice."""
+        """Make sure that a queued run has a workflow that somebody will take; safe to do twice.
+
+        While the database is away nothing is done: `recover` makes up for it.
+        """
+        try:
+            self._enqueue(run)
+        except AWAY as error:
+            _log.warning("run %s is put into the queue later: %s", run, error)
+
+    def _enqueue(self, run: str) -> None:
         status = DBOS.get_workflow_status(run)
         if status is not None and status.status in ("SUCCESS", "ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED"):
             DBOS.delete_workflow(run)  # of a former try
@@ -121,7 +152,7 @@ class RunQueue:
             if gone and self._runs.release(record["id"], holder):
                 self.enqueue(record["id"])
                 count += 1
-        before = time.time() - patience
+        before = self._runs.now() - patience
         queued = [one["id"] for one in self._runs.of_states(["queued"]) if one["submitted"] <= before]
         for begin in range(0, len(queued), AT_ONCE):
             part = queued[begin : begin + AT_ONCE]
@@ -131,20 +162,48 @@ class RunQueue:
         return count
 
     def work(self, run: str) -> None:
-        """Solve a run that is queued; nothing is to be done for one that is not."""
-        cancel = self._active[run] = threading.Event()
+        """Solve a run that is queued; nothing is to be done for one that is not.
+
+        What the database does not take is given to it again until it does, or this queue is closed: then the run is
+        still held by this process, and another takes it once this one has ended.
+        """
+        with self._activating:
+            if run in self._active:
+                return
+            cancel = self._active[run] = threading.Event()
         try:
-            record = self._runs.begin(run, self._lease.name)
+            holder = self._lease.name
+            record = until_written(lambda: self._runs.begin(run, holder), self._stop, f"beginning of run {run}")
             if record is None:
                 return
-            self._runs.tell(run, {"type": "status", "status": "running", "by": self._lease.name})
-            end = self._solve(record, cancel)
+            end = self._solved(record, cancel)
+            self._events.settle(run, self._stop)
             if end.status == "cancelled" and self._stop.is_set():  # this process was cancelled, not the run
-                self._runs.release(run, self._lease.name)
-            elif self._runs.end(run, self._lease.name, end):
-                self._runs.tell(run, {"type": "end", "status": end.status, "verified": end.verified})
+                self._runs.release(run, holder)
+            else:
+                self._record(run, end)
         finally:
             del self._active[run]
+
+    def _solved(self, record: Record, cancel: threading.Event) -> RunEnd:
+        """How a run ended; an exception is an end."""
+        try:
+            return self._solve(record, cancel)
+        except Exception as error:
+            _log.exception("run %s failed", record["id"])
+            return failed("bug", f"internal error: {type(error).__name__}: {error}")
+
+    def _record(self, run: str, end: RunEnd) -> None:
+        """Record an end; one that the database refuses for good is recorded as a failure."""
+        what = f"end of run {run}"
+        try:
+            until_written(lambda: self._runs.end(run, self._lease.name, end), self._stop, what)
+        except AWAY:
+            raise
+        except Exception as error:
+            _log.exception("%s cannot be recorded", what)
+            refused = failed("bug", f"its end cannot be recorded: {type(error).__name__}")
+            until_written(lambda: self._runs.end(run, self._lease.name, refused), self._stop, what)
 
     def _held(self, run: str, executor: str | None) -> bool:
         """Whether a workflow is in the hands of a process that lives and works on it."""

@@ -5,10 +5,11 @@ import threading
 import time
 from typing import Any
 
+from optiplan.service.execution.event_writer import EventWriter
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder, StorageFullError
-from optiplan.service.store.run_table import Record, RunEnd, RunTable
+from optiplan.service.store.run_table import Record, RunEnd
 
 GRACE = 5.0
 """s beyond its budget that a planner is given to come to an end."""
@@ -26,15 +27,21 @@ def failed(kind: str, detail: str, timings: Record | None = None) -> RunEnd:
 class RunSolver:
     """Solves queued runs; one for all threads of a process."""
 
-    def __init__(self, settings: ServiceSettings, runs: RunTable, contents: ContentFolder, pool: SolverPool) -> None:
-        self._settings, self._runs, self._contents, self._pool = settings, runs, contents, pool
+    def __init__(
+        self, settings: ServiceSettings, events: EventWriter, contents: ContentFolder, pool: SolverPool
+    ) -> None:
+        self._settings, self._events, self._contents, self._pool = settings, events, contents, pool
 
     def __call__(self, record: Record, cancel: threading.Event) -> RunEnd:
-        """Solve a run until the event is set."""
+        """Solve a run that has just begun, until the event is set.
+
+        Its deadline is of durations alone: from submission to beginning by the database's clock, from there by ours.
+        """
         stored = self._contents.get(record["request"])
         if stored is None:
             return failed("storage", "the problem of this run is not in the folder of contents (--data)")
-        left = float("inf") if record["deadline"] is None else record["submitted"] + record["deadline"] - time.time()
+        waited = record["started"] - record["submitted"]
+        left = float("inf") if record["deadline"] is None else record["deadline"] - waited
         if left <= LEAD:
             return failed("deadline", f"the deadline of {record['deadline']:g} s passed before the run began")
         request = {**json.loads(stored), "do": "plan", "hash": record["problem"]}
@@ -43,7 +50,7 @@ class RunSolver:
             request,
             wall=self._settings.reading + record["budget"] + GRACE,
             until=time.monotonic() + left,
-            told=_Teller(self._runs, record["id"]),
+            told=_Teller(self._events, record["id"]),
             cancel=cancel,
         )
         return self.ended(self._pool.submit("queue", job).result(), left < record["budget"])
@@ -59,7 +66,7 @@ class RunSolver:
             return failed("bug" if "bug" in data else "input", data["error"])
         try:
             contents = {name: self._contents.put(content) for name, content in answer.files.items()}
-        except StorageFullError as error:
+        except (StorageFullError, OSError) as error:
             return failed("storage", str(error))
         return RunEnd(
             status="failed" if data["failure"] else "done",
@@ -76,8 +83,8 @@ class RunSolver:
 class _Teller:
     """Turns messages of a process into events of a run."""
 
-    def __init__(self, runs: RunTable, run: str) -> None:
-        self._runs, self._run = runs, run
+    def __init__(self, events: EventWriter, run: str) -> None:
+        self._events, self._run = events, run
         self._stage, self._told = "", 0.0
 
     def __call__(self, message: Any) -> None:
@@ -89,4 +96,4 @@ class _Teller:
             event = {"type": "stage", "stage": message["stage"], "fraction": message["fraction"]}
         else:
             return
-        self._runs.tell(self._run, event)
+        self._events.report(self._run, event)

@@ -1,11 +1,13 @@
 """Warm solver processes, a thread each: jobs in, futures out; a process over a limit of time or memory is killed."""
 
+import logging
 import math
 import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -18,8 +20,16 @@ POLL = 0.05
 """s between two looks at the clock and at a process's memory."""
 START = 120.0
 """s within which a process has to be ready."""
+RESPITE = 1.0
+"""s before a slot that failed takes the next job."""
+STUCK = 60.0
+"""s without a look at the clock after which a slot counts as dead."""
+CLOSING = 15.0
+"""s that all slots together have to end."""
 SPOILT_BY = 0.75
 """Share of the allowed memory above which a process is exchanged once its job is done."""
+
+_log = logging.getLogger("optiplan.service")
 
 Lane = Literal["queue", "plan", "look", "live"]
 """Who waits for the answer: the queue; who wants a plan; who wants a problem read or drawn; a live view."""
@@ -92,8 +102,13 @@ class SolverPool:
 
     @property
     def ready(self) -> bool:
-        """Whether each process is ready, or at work."""
-        return all(slot.warm for slot in self._slots)
+        """Whether each process is ready, or at work, and the thread that serves it lives."""
+        return not self.ended and all(slot.warm for slot in self._slots)
+
+    @property
+    def ended(self) -> list[str]:
+        """Names of the threads that have ended, or hang."""
+        return [slot.name for slot in self._slots if not slot.serves]
 
     def waiting(self, lane: Lane) -> int:
         """How many jobs of a lane no process has begun."""
@@ -106,11 +121,15 @@ class SolverPool:
     def close(self) -> None:
         """End all processes, whatever they are doing."""
         self._stop.set()
+        until = time.monotonic() + CLOSING
         for slot in self._slots:
-            slot.join(20.0)
+            if slot.is_alive():
+                slot.join(max(0.0, until - time.monotonic()))
         for jobs in self._jobs.values():
             while not jobs.empty():
-                jobs.get_nowait().future.set_result(SolverAnswer(death="cancelled", detail="the server stopped"))
+                future = jobs.get_nowait().future
+                if future.set_running_or_notify_cancel():
+                    future.set_result(SolverAnswer(death="cancelled", detail="the server stopped"))
 
 
 class _Slot(threading.Thread):
@@ -124,32 +143,51 @@ class _Slot(threading.Thread):
         self._worker: WorkerProcess | None = None
         self._at_need = lane in AT_NEED
         self.warm = self._at_need
+        self._seen = time.monotonic()
 
     def memory(self) -> float:
         """Resident memory of the process and what it started, MB."""
         worker = self._worker
         return 0.0 if worker is None or worker.gone else machine.resident(worker.processes())
 
+    @property
+    def serves(self) -> bool:
+        """Whether the thread lives and looks at the clock."""
+        return self.is_alive() and time.monotonic() - self._seen < STUCK
+
     def run(self) -> None:
         """Serve jobs until the pool is closed."""
         while not self._stop_event.is_set():
+            self._seen = time.monotonic()
             try:
-                worker = None if self._at_need else self._ready()
-                job = self._jobs.get(timeout=POLL)
-                worker = self._ready() if self._at_need else worker
-            except queue.Empty:
-                continue
-            except OSError:  # no process can be started now
-                self._stop_event.wait(1.0)
-                continue
-            if worker is None:
-                answer = SolverAnswer(death="crashed", detail="no process can be started")
-            else:
-                answer = self._carry_out(worker, job)
-            job.future.set_result(answer)
-            if self._at_need:
-                self._end()
+                self._serve_one()
+            except BaseException:  # a thread that ended would serve nobody any more
+                _log.exception("%s failed; its process is exchanged", self.name)
+                self._stop_event.wait(RESPITE)
         self._end()
+
+    def _serve_one(self) -> None:
+        """Serve the next job, if there is one soon; its future is set whatever happens."""
+        worker = None if self._at_need else self._ready()
+        try:
+            job = self._jobs.get(timeout=POLL)
+        except queue.Empty:
+            return
+        if not job.future.set_running_or_notify_cancel():
+            return
+        answer = SolverAnswer(death="crashed", detail="no process can be started")
+        try:
+            worker = self._ready() if self._at_need else worker
+            if worker is not None:
+                answer = self._carry_out(worker, job)
+        except BaseException as error:
+            answer = SolverAnswer(death="crashed", detail=f"internal error: {type(error).__name__}: {error}")
+            self._end()  # who knows what it would answer next
+            raise
+        finally:
+            job.future.set_result(answer)
+        if self._at_need:
+            self._end()
 
     def _ready(self) -> WorkerProcess | None:
         """The process, started anew if it has ended; None if none starts."""
@@ -161,6 +199,7 @@ class _Slot(threading.Thread):
             began = time.monotonic()
             while not (worker.pid or worker.gone or self._stop_event.is_set() or time.monotonic() - began > START):
                 worker.greet(POLL)
+                self._seen = time.monotonic()
             set_up: dict[str, Any] = {
                 "base": str(self._settings.upload_folder),
                 "folders": [str(f) for f in self._settings.readable],
@@ -185,15 +224,15 @@ class _Slot(threading.Thread):
             message = worker.message(POLL)
             files = {} if message is None else _cut(message)
             if message is not None and message["phase"] == "answered":
-                job.answered(SolverAnswer(message, files))
+                _pass_on(job.answered, SolverAnswer(message, files))
             elif message is not None and message["phase"] == "done":
                 memory = machine.resident([worker.pid])
                 if message.get("spoilt") or memory > SPOILT_BY * self._settings.memory:
                     self._end()
                 return SolverAnswer(message, files)
             elif message is not None:
-                job.told(message)
-            now = time.monotonic()
+                _pass_on(job.told, message)
+            self._seen = now = time.monotonic()
             if worker.gone or now - looked >= POLL:  # a look costs more than a message
                 looked = now
                 if (death := self._death(worker, job, deadline)) is not None:
@@ -217,9 +256,18 @@ class _Slot(threading.Thread):
 
     def _end(self) -> None:
         self.warm = self._at_need
-        if self._worker is not None:
-            self._worker.kill()
-            self._worker = None
+        worker, self._worker = self._worker, None
+        if worker is not None:
+            with suppress(OSError):  # its keeper ends it
+                worker.kill()
+
+
+def _pass_on(listener: Callable[[Any], None], news: Any) -> None:
+    """Hand news to who listens; what goes wrong there is not the job's fault."""
+    try:
+        listener(news)
+    except Exception:
+        _log.exception("news of a job were not taken")
 
 
 def _cut(message: dict[str, Any]) -> dict[str, bytes]:

@@ -1,5 +1,7 @@
 """Routes for whoever runs the server: is it there, can it work, how is it doing."""
 
+import asyncio
+
 from fastapi import APIRouter, Request
 from fastapi.responses import PlainTextResponse
 
@@ -9,19 +11,18 @@ from optiplan.service.routes.answers import Json, Service, errors
 router = APIRouter(default_response_class=Json)
 
 
-@router.get("/healthz")
-async def alive() -> Json:
-    """The server answers."""
-    return Json({"status": "ok"})
+@router.get("/healthz", responses=errors(503))
+async def alive(service: Service) -> Json:
+    """The server answers, and the threads without which it could not work live."""
+    status, body = service.health.living()
+    return Json(body, status)
 
 
 @router.get("/readyz", responses=errors(503))
 async def ready(service: Service) -> Json:
-    """The database answers and the processes are warm."""
-    await service.read(service.runs.waiting)
-    if not service.pool.ready:
-        return Json({"error": "processes are starting", "issues": []}, 503)
-    return Json({"status": "ok"})
+    """Threads live, processes are warm, database and disk take changes."""
+    status, body = await asyncio.to_thread(service.health.ready)
+    return Json(body, status)
 
 
 @router.get("/metrics", response_class=PlainTextResponse, responses=errors())

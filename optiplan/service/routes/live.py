@@ -1,9 +1,9 @@
 """Routes of controllers that run: start one, watch its states, move its target, stop it."""
 
 import json
-from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
+import anyio
 from fastapi import APIRouter, Path
 from fastapi.responses import Response
 from sse_starlette.sse import EventSourceResponse
@@ -11,7 +11,7 @@ from sse_starlette.sse import EventSourceResponse
 from optiplan.service.live_sessions import LiveSession
 from optiplan.service.models import LiveAnswer, LiveRequest, LiveTarget, LiveView
 from optiplan.service.routes.answers import Json, Service, errors
-from optiplan.service.routes.events import BEAT
+from optiplan.service.streams import Lines, event_stream
 
 router = APIRouter(prefix="/api/live", default_response_class=Json)
 
@@ -49,11 +49,11 @@ async def events(session: SessionPath, service: Service) -> EventSourceResponse:
     """Watch a controller: `state` (joints, poses, tool, target, errors, status, nearest pair), `end` with a reason."""
     found = service.live.get(session)
 
-    async def lines() -> AsyncIterator[dict[str, str]]:
-        async for event in found.events():
+    async def lines(stopping: anyio.Event) -> Lines:
+        async for event in found.events(stopping):
             yield {"event": event["type"], "data": json.dumps(event, allow_nan=False)}
 
-    return EventSourceResponse(lines(), ping=BEAT)
+    return event_stream(lines)
 
 
 @router.post("/{session}/target", status_code=204, responses=errors(404, 413, 422))

@@ -1,7 +1,5 @@
 """What is kept for how long: old runs go, the oldest first where they are too many bytes, and what nobody refers to."""
 
-import time
-
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.problem_table import ProblemTable
@@ -14,7 +12,7 @@ YOUNG = 3600.0
 def outdated(runs: RunTable, settings: ServiceSettings) -> list[str]:
     """The runs that have ended and are too old, or too many bytes after newer ones."""
     ended = sorted(runs.of_states(ENDED), key=lambda record: record["submitted"], reverse=True)
-    oldest, total, found = time.time() - settings.keep_days * 86400.0, 0, []
+    oldest, total, found = runs.now() - settings.keep_days * 86400.0, 0, []
     for record in ended:
         total += record["bytes"]
         if record["submitted"] < oldest or total > settings.keep_bytes:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
 
-from optiplan.service.store.tables import events, runs, submissions
+from optiplan.service.store.tables import Clock, events, runs, submissions
 
 RunState = Literal["queued", "running", "done", "failed", "cancelled"]
 ENDED: tuple[RunState, ...] = ("done", "failed", "cancelled")
@@ -68,7 +68,7 @@ class RunTable:
             new: the run.
             submission: names who wants it, for `cancel`.
         """
-        values = {**vars(new), "status": "queued", "submitted": time.time()}
+        values = {**vars(new), "status": "queued", "submitted": Clock()}
         with self._engine.begin() as connection:
             mine = (submissions.c.run == new.id) & (submissions.c.submission == submission)
             connection.execute(submissions.delete().where(mine))
@@ -88,6 +88,8 @@ class RunTable:
             fresh: Record = {"cancel": False, "tries": 0, "bytes": 0, **dict.fromkeys(_OUTCOME)}
             same = (runs.c.id == new.id) & (runs.c.status == known["status"])
             won = connection.execute(runs.update().where(same).values(**fresh, **values)).rowcount
+            if won == 1:  # what happened in the former try is over
+                connection.execute(events.delete().where(events.c.run == new.id))
             return self._found(connection, new.id), won == 1
 
     def get(self, run: str) -> Record | None:
@@ -128,19 +130,34 @@ class RunTable:
             query = sa.select(sa.func.count()).where(runs.c.status == "queued")
             return int(connection.scalar(query) or 0)
 
+    def now(self) -> float:
+        """The time by the database's clock, s since 1970."""
+        with self._engine.connect() as connection:
+            return float(connection.scalar(sa.select(Clock())) or 0.0)
+
     def begin(self, run: str, holder: str) -> Record | None:
-        """Take a queued run; None if it is not queued any more."""
-        values = {"status": "running", "holder": holder, "started": time.time(), "tries": runs.c.tries + 1}
-        return self.get(run) if self._change(run, ("queued",), values) else None
+        """Take a queued run, or one that `holder` took before without an answer; None if there is nothing to take."""
+        values = {"status": "running", "holder": holder, "started": Clock(), "tries": runs.c.tries + 1}
+        event = {"type": "status", "status": "running", "by": holder}
+        self._change(run, ("queued",), values, event=event)
+        record = self.get(run)
+        return record if record is not None and (record["status"], record["holder"]) == ("running", holder) else None
 
     def end(self, run: str, holder: str, end: RunEnd) -> bool:
         """Record how a run ended that `holder` holds; False if it holds it no longer, and nothing is changed."""
-        values = {**vars(end), "finished": time.time(), "holder": None}
-        return self._change(run, ("running",), values, runs.c.holder == holder)
+        values = {**vars(end), "finished": Clock(), "holder": None}
+        return self._change(run, ("running",), values, runs.c.holder == holder, event=_end_event(end))
 
     def add_ended(self, new: NewRun, end: RunEnd, started: float) -> None:
-        """Record a run that was never queued, whose id is its own."""
-        values = {**vars(new), **vars(end), "submitted": started, "started": started, "finished": time.time()}
+        """Record a run that was never queued, whose id is its own.
+
+        Args:
+            new: what was asked for.
+            end: what came of it just now.
+            started: when, by `time.time` of this process.
+        """
+        began = Clock() - (time.time() - started)
+        values = {**vars(new), **vars(end), "submitted": began, "started": began, "finished": Clock()}
         with self._engine.begin() as connection:
             connection.execute(runs.insert().values(cancel=False, tries=1, **values))
 
@@ -164,9 +181,11 @@ class RunTable:
             if left > (1 if submission is None else 0):
                 return left
             connection.execute(submissions.delete().where(of_run))
-            now = {"status": "cancelled", "finished": time.time()}
+            now = {"status": "cancelled", "finished": Clock()}
             change = runs.update().where(runs.c.id == run)
-            if not connection.execute(change.where(runs.c.status == "queued").values(**now)).rowcount:
+            if connection.execute(change.where(runs.c.status == "queued").values(**now)).rowcount:
+                connection.execute(events.insert().values(run=run, data=_end_event(RunEnd("cancelled"))))
+            else:
                 connection.execute(change.where(runs.c.status == "running").values(cancel=True))
         return 0
 
@@ -198,10 +217,10 @@ class RunTable:
             rows = connection.execute(sa.select(runs.c.request, runs.c.contents)).all()
         return {request for request, _ in rows} | {digest for _, held in rows for digest in (held or {}).values()}
 
-    def tell(self, run: str, data: Record) -> None:
-        """Add an event to a run."""
+    def tell(self, told: Sequence[tuple[str, Record]]) -> None:
+        """Add events to runs, in their order: all of them, or none."""
         with self._engine.begin() as connection:
-            connection.execute(events.insert().values(run=run, data=data))
+            connection.execute(events.insert(), [{"run": run, "data": data} for run, data in told])
 
     def events_after(self, number: int, watched: Iterable[str]) -> list[tuple[int, str, Record]]:
         """Events of some runs after the one of a number: number, run, data."""
@@ -211,10 +230,21 @@ class RunTable:
         with self._engine.connect() as connection:
             return [(row[0], row[1], row[2]) for row in connection.execute(query.order_by(events.c.number))]
 
-    def _change(self, run: str, states: Sequence[str], values: Record, *further: sa.ColumnElement[bool]) -> bool:
+    def _change(
+        self,
+        run: str,
+        states: Sequence[str],
+        values: Record,
+        *further: sa.ColumnElement[bool],
+        event: Record | None = None,
+    ) -> bool:
+        """Change a run that is in one of these states, with the event that says so; False if it is not."""
         which = sa.and_(runs.c.id == run, runs.c.status.in_(states), *further)
         with self._engine.begin() as connection:
-            return connection.execute(runs.update().where(which).values(**values)).rowcount == 1
+            won = connection.execute(runs.update().where(which).values(**values)).rowcount == 1
+            if won and event is not None:
+                connection.execute(events.insert().values(run=run, data=event))
+            return won
 
     def _all(self, query: sa.Select[Any]) -> list[Record]:
         with self._engine.connect() as connection:
@@ -222,6 +252,10 @@ class RunTable:
 
     def _found(self, connection: sa.Connection, run: str) -> Record:
         return dict(connection.execute(sa.select(runs).where(runs.c.id == run)).mappings().one())
+
+
+def _end_event(end: RunEnd) -> Record:
+    return {"type": "end", "status": end.status, "verified": end.verified}
 
 
 def _again(known: Record) -> bool:

@@ -3,16 +3,43 @@
 The same database holds the queue's own tables, which DBOS makes and migrates.
 """
 
+import sqlite3
+import time
 import uuid
 from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.engine import Engine
+from sqlalchemy.ext.compiler import compiles
+from sqlalchemy.sql.functions import FunctionElement
 
 from optiplan.errors import OptiPlanError
 
 LAYOUT = 2
 """Version of the tables; a database of a newer one is refused, an older one is brought up to it by `MIGRATIONS`."""
+
+BUSY = 10.0
+"""s that a statement waits for another process that writes to the same SQLite file."""
+CONNECT = 5
+"""s in which PostgreSQL has to take a connection."""
+SILENT = "keepalives_idle=10 keepalives_interval=5 keepalives_count=3"
+"""Both ends of a connection to PostgreSQL notice within 25 s that the other machine is gone."""
+
+SQLITE_AWAY = {
+    sqlite3.SQLITE_BUSY: "another process holds it",
+    sqlite3.SQLITE_LOCKED: "another process holds it",
+    sqlite3.SQLITE_READONLY: "it can only be read",
+    sqlite3.SQLITE_IOERR: "its disk cannot be written or read",
+    sqlite3.SQLITE_FULL: "its disk is full",
+    sqlite3.SQLITE_CANTOPEN: "its file cannot be opened",
+}
+"""Errors of SQLite that pass."""
+POSTGRES_AWAY = ("08", "53", "57P", "58", "25006")
+"""Beginnings of the codes of such errors of PostgreSQL: connection, resources, shut down, its system, only readable.
+
+Source: PostgreSQL's manual, appendix A.
+"""
+POSTGRES_FULL = "53100"
 
 metadata = sa.MetaData()
 
@@ -70,8 +97,9 @@ events = sa.Table(
     sa.Column("number", sa.BigInteger().with_variant(sa.Integer, "sqlite"), primary_key=True, autoincrement=True),
     sa.Column("run", sa.String(64), nullable=False, index=True),
     sa.Column("data", sa.JSON, nullable=False),
+    sqlite_autoincrement=True,
 )
-"""What happened in a run, in order."""
+"""What happened in a run, in order; no number is given twice."""
 
 submissions = sa.Table(
     "optiplan_submissions",
@@ -95,6 +123,35 @@ MIGRATIONS: dict[int, tuple[str, ...]] = {2: ()}
 """Statements that bring a database to a layout from the one before it; tables that are new are made without."""
 
 
+class DatabaseAwayError(OptiPlanError):
+    """The database does not answer or takes no changes; it may later, so that what failed is worth another try.
+
+    Attributes:
+        full: its disk is full.
+    """
+
+    def __init__(self, reason: str, full: bool) -> None:
+        super().__init__(f"the database does not answer: {reason}")
+        self.full = full
+
+
+class Clock(FunctionElement[float]):
+    """The time by the database's clock, s since 1970: the one clock of all processes that share the database."""
+
+    type = sa.Float()
+    inherit_cache = True
+
+
+@compiles(Clock, "postgresql")
+def _postgres_clock(element: Clock, compiler: Any, **_: Any) -> str:
+    return "CAST(extract(epoch FROM clock_timestamp()) AS double precision)"
+
+
+@compiles(Clock, "sqlite")
+def _sqlite_clock(element: Clock, compiler: Any, **_: Any) -> str:
+    return "optiplan_clock()"
+
+
 def open_database(url: str) -> Engine:
     """Open a database and bring its tables up to `LAYOUT`.
 
@@ -103,14 +160,15 @@ def open_database(url: str) -> Engine:
     """
     sqlite = url.startswith("sqlite")
     try:
-        options: dict[str, Any] = {} if sqlite else {"pool_size": 10, "max_overflow": 20, "pool_pre_ping": True}
-        engine = sa.create_engine(url, **options)
+        options: dict[str, Any] = {} if sqlite else {"pool_pre_ping": True, "connect_args": postgres_options(url)}
+        engine = sa.create_engine(url, pool_size=10, max_overflow=20, **options)
         if sqlite:
             sa.event.listen(engine, "connect", _set_up_sqlite)
+        sa.event.listen(engine, "handle_error", _away)
         with engine.begin() as connection:
             _bring_up(connection)
-    except (sa.exc.SQLAlchemyError, ImportError) as error:
-        reason = str(getattr(error, "orig", None) or error).strip().split("\n")[0]
+    except (sa.exc.SQLAlchemyError, DatabaseAwayError, ImportError) as error:
+        reason = str(getattr(error, "orig", None) or error.__cause__ or error).strip().split("\n")[0]
         shown = sa.make_url(url).render_as_string(hide_password=True) if "://" in url else url
         raise OptiPlanError(f"the database {shown} cannot be used: {reason}") from error
     return engine
@@ -130,8 +188,36 @@ def store_name(engine: Engine) -> str:
 def _set_up_sqlite(connection: Any, _: Any) -> None:
     """Readers do not wait for a writer; a commit is on the disk; writers wait for one another."""
     connection.isolation_level = "IMMEDIATE"  # a writer waits at its first statement, not at its last
-    for pragma in ("busy_timeout=30000", "journal_mode=WAL", "synchronous=FULL"):
+    connection.create_function("optiplan_clock", 0, time.time)  # a file is of one machine
+    for pragma in (f"busy_timeout={1000 * BUSY:.0f}", "journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
         connection.execute(f"PRAGMA {pragma}")
+
+
+def postgres_options(url: str) -> dict[str, Any]:
+    """How connections to PostgreSQL are made: none waits for ever for a machine that is gone, on either side.
+
+    What the address says itself is left as it is.
+    """
+    client = dict(pair.split("=") for pair in SILENT.split())
+    server = [f"-c tcp_{pair}" for pair in SILENT.split()]
+    server.append("-c idle_in_transaction_session_timeout=60000")
+    options = {"connect_timeout": CONNECT, "options": " ".join(server), **client}
+    return {name: value for name, value in options.items() if name not in sa.make_url(url).query}
+
+
+def _away(context: Any) -> DatabaseAwayError | None:
+    """The error to raise in place of one that passes; None: another one, or a connection that is exchanged anyway."""
+    error = context.original_exception
+    if context.is_pre_ping or not isinstance(context.sqlalchemy_exception, sa.exc.DBAPIError):
+        return None
+    if isinstance(error, sqlite3.Error):
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        return DatabaseAwayError(SQLITE_AWAY[code], code == sqlite3.SQLITE_FULL) if code in SQLITE_AWAY else None
+    code = getattr(error, "sqlstate", None) or ""
+    lost = not code and isinstance(context.sqlalchemy_exception, sa.exc.OperationalError)
+    if not (context.is_disconnect or lost or code.startswith(POSTGRES_AWAY)):
+        return None
+    return DatabaseAwayError(str(error).strip().split("\n")[0], code == POSTGRES_FULL)
 
 
 def _alone(connection: sa.Connection) -> None:

@@ -1,0 +1,82 @@
+"""Whether a process can work, as a whole: made from the threads that live and from a write to the database."""
+
+import json
+import logging
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+from optiplan.errors import OptiPlanError
+from optiplan.service.execution.run_queue import RunQueue
+from optiplan.service.execution.solver_pool import SolverPool
+from optiplan.service.store.contents import ContentFolder
+from optiplan.service.store.write_probe import WriteProbe
+
+_log = logging.getLogger("optiplan.service")
+
+Health = tuple[int, dict[str, object]]
+"""Status and body of an answer to a look at the health of a process."""
+
+
+class HealthCheck:
+    """Looks at a process that serves or works."""
+
+    def __init__(self, pool: SolverPool, queue: RunQueue, database: WriteProbe, contents: ContentFolder) -> None:
+        self._pool, self._queue, self._database, self._contents = pool, queue, database, contents
+
+    def living(self) -> Health:
+        """200 where all threads live; 503 where only a new start helps."""
+        ended = self._ended()
+        return _answer([f"threads have ended or hang: {', '.join(ended)}"] if ended else [])
+
+    def ready(self) -> Health:
+        """200 where all threads live, the processes are warm, and database and disk take changes; else 503 and why."""
+        ended = self._ended()
+        faults = [f"threads have ended or hang: {', '.join(ended)}"] if ended else []
+        if not ended and not self._pool.ready:
+            faults.append("processes are starting")
+        if (fault := self._database.fault()) is not None:
+            faults.append(fault)
+        try:
+            self._contents.check_room()
+        except (OptiPlanError, OSError) as error:
+            faults.append(str(error))
+        return _answer(faults)
+
+    def _ended(self) -> list[str]:
+        return [*self._pool.ended, *self._queue.ended]
+
+
+def _answer(faults: list[str]) -> Health:
+    return (503, {"error": "; ".join(faults), "issues": []}) if faults else (200, {"status": "ok"})
+
+
+def serve_health(check: HealthCheck, port: int) -> ThreadingHTTPServer:
+    """Answer `/healthz` and `/readyz` on this machine's loopback address, in threads of their own.
+
+    Raises:
+        OptiPlanError: the port is in use.
+    """
+
+    class Handler(BaseHTTPRequestHandler):
+        timeout = 5.0
+
+        def do_GET(self) -> None:
+            looks = {"/healthz": check.living, "/readyz": check.ready}
+            look = looks.get(self.path)
+            status, body = (404, {"error": "expected /healthz or /readyz", "issues": []}) if look is None else look()
+            content = json.dumps(body).encode()
+            self.send_response(status)
+            self.send_header("Content-Type", "application/json")
+            self.send_header("Content-Length", str(len(content)))
+            self.end_headers()
+            self.wfile.write(content)
+
+        def log_message(self, format: str, *words: object) -> None:
+            _log.debug(format, *words)
+
+    try:
+        server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+    except OSError as error:
+        raise OptiPlanError(f"cannot listen on 127.0.0.1, port {port}: {error.strerror}") from None
+    threading.Thread(target=server.serve_forever, name="health", daemon=True).start()
+    return server

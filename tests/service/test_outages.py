@@ -1,0 +1,382 @@
+"""The database goes away while runs are solved: nothing dies, what could not be told is told later, health says so."""
+
+import json
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import Future
+
+import pytest
+import sqlalchemy as sa
+from service_process import HTTP, postgres_folder, postgres_server, serving
+
+from optiplan.service.execution import leases
+from optiplan.service.execution.event_writer import EventWriter
+from optiplan.service.execution.leases import take_lease
+from optiplan.service.execution.run_solver import RunSolver
+from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
+from optiplan.service.health import HealthCheck, serve_health
+from optiplan.service.settings import ServiceSettings
+from optiplan.service.store import tables
+from optiplan.service.store.contents import ContentFolder
+from optiplan.service.store.run_table import NewRun, RunEnd, RunTable
+from optiplan.service.store.tables import DatabaseAwayError, open_database
+from optiplan.service.store.write_probe import WriteProbe
+from tests.service.conftest import NO_WAY, QUICK
+
+needs_postgres = pytest.mark.skipif(postgres_folder() is None, reason="PostgreSQL is not installed")
+
+AWAY = sa.exc.OperationalError("INSERT", {}, sqlite3.OperationalError("disk I/O error"))
+"""As a database raises it that goes away."""
+
+
+class Breaking:
+    """A method that raises so many times before it works; `failed` is set by the first."""
+
+    def __init__(self, method, error, times=3):
+        self.method, self.error, self.left, self.failed = method, error, times, threading.Event()
+
+    def __call__(self, *args, **kwargs):
+        if self.left > 0:
+            self.left -= 1
+            self.failed.set()
+            raise self.error
+        return self.method(*args, **kwargs)
+
+
+def events_of(server, run, last=""):
+    """The events of a run, each with its id, or None."""
+    found, number = [], None
+    headers = {"Last-Event-ID": last} if last else {}
+    with server.http.stream("GET", f"/api/runs/{run}/events", headers=headers) as lines:
+        for line in lines.iter_lines():
+            if line.startswith("id:"):
+                number = line[3:].strip()
+            elif line.startswith("data:"):
+                found.append((number, json.loads(line[5:])))
+                number = None
+    return found
+
+
+def test_a_telling_that_raises_leaves_the_slot_alive_and_is_made_up_for(server, monkeypatch):
+    tell = Breaking(server.service.runs.tell, DatabaseAwayError("it is gone", False))
+    monkeypatch.setattr(server.service.runs, "tell", tell)
+    run = server.submit(problem=NO_WAY, budget=1.0, seed=901)["id"]
+    assert server.ended(run)["status"] == "failed"
+    assert tell.failed.is_set()
+    assert any(event["type"] == "stage" for _, event in events_of(server, run))
+    assert server.service.pool.ended == []
+    assert server.ended(server.submit(seed=902)["id"])["status"] == "done"
+
+
+@pytest.mark.parametrize("method", ["begin", "end"])
+def test_a_change_that_the_database_does_not_take_is_made_later(server, monkeypatch, method):
+    change = Breaking(getattr(server.service.runs, method), DatabaseAwayError("it is gone", False))
+    monkeypatch.setattr(server.service.runs, method, change)
+    run = server.submit(seed=903 + (method == "end"))["id"]
+    assert server.ended(run)["verified"]
+    assert change.failed.is_set()
+    assert [event["type"] for _, event in events_of(server, run)].count("end") == 1
+
+
+def test_an_end_that_is_refused_for_good_is_a_failure(server, monkeypatch):
+    end = Breaking(server.service.runs.end, ValueError("no row takes this"), times=1)
+    monkeypatch.setattr(server.service.runs, "end", end)
+    ended = server.ended(server.submit(seed=905)["id"])
+    assert (ended["status"], ended["failure"]["kind"]) == ("failed", "bug")
+
+
+def test_an_exception_while_a_run_is_solved_is_its_end(server, monkeypatch):
+    monkeypatch.setattr(server.service.contents, "get", Breaking(server.service.contents.get, OSError("gone"), times=1))
+    ended = server.ended(server.submit(seed=906)["id"])
+    assert (ended["status"], ended["failure"]["kind"]) == ("failed", "bug")
+
+
+@pytest.fixture(scope="module")
+def pool(tmp_path_factory):
+    """One slot."""
+    found = SolverPool(ServiceSettings(data=tmp_path_factory.mktemp("pool")), {"queue": 1})
+    found.start()
+    yield found
+    found.close()
+
+
+def plan(**more):
+    """A job that plans."""
+    request = {"do": "plan", "problem": QUICK, "budget": 2.0, "hash": None}
+    return SolverJob(request | more.pop("request", {}), 60.0, **more)
+
+
+def raising(_):
+    raise AWAY
+
+
+def test_a_slot_survives_who_listens(pool):
+    first, second = plan(told=raising), plan(request={"early": True}, answered=raising)
+    for job in (first, second):
+        answer = pool.submit("queue", job).result(60.0)
+        assert answer.death is None
+        assert answer.data["verified"]
+    assert pool.ended == []
+
+
+def test_a_slot_survives_a_request_that_cannot_be_sent_and_a_caller_that_went(pool):
+    broken = pool.submit("queue", plan(request={"budget": float("nan")})).result(60.0)
+    assert broken.death == "crashed"
+    assert "internal error" in broken.detail
+    busy = pool.submit("queue", plan())
+    gone = plan()
+    assert gone.future.cancel()
+    pool.submit("queue", gone)
+    assert busy.result(60.0).death is None
+    assert pool.submit("queue", plan()).result(60.0).death is None
+    assert pool.ended == []
+
+
+def test_threads_that_have_ended_are_no_health(pool, tmp_path):
+    class Queue:
+        ended = ("lease",)
+
+    engine = open_database(f"sqlite:///{tmp_path / 'a.sqlite'}")
+    check = HealthCheck(pool, Queue(), WriteProbe(engine), ContentFolder(tmp_path / "contents", 0))
+    for status, body in (check.living(), check.ready()):
+        assert status == 503
+        assert "lease" in body["error"]
+    pool.submit("queue", plan()).result(60.0)
+    Queue.ended = ()
+    assert check.living()[0] == check.ready()[0] == 200
+    full = HealthCheck(pool, Queue(), WriteProbe(engine), ContentFolder(tmp_path / "contents", 10**18))
+    assert full.living()[0] == 200
+    assert "MB left" in full.ready()[1]["error"]
+    server = serve_health(check, 0)
+    url = f"http://127.0.0.1:{server.server_address[1]}"
+    assert HTTP.get(f"{url}/readyz").json() == {"status": "ok"}
+    Queue.ended = ("events",)
+    assert HTTP.get(f"{url}/healthz").status_code == HTTP.get(f"{url}/readyz").status_code == 503
+    assert HTTP.get(f"{url}/else").status_code == 404
+    server.shutdown()
+    server.server_close()
+    engine.dispose()
+
+
+def test_a_pool_whose_thread_ended_is_not_ready():
+    pool = SolverPool(ServiceSettings(), {"queue": 2})
+    assert pool.ended == ["solver-queue", "solver-queue"], "they were never started"
+    assert not pool.ready
+
+
+def test_a_database_that_is_held_is_away_until_it_is_let_go(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "BUSY", 0.1)
+    file = tmp_path / "held.sqlite"
+    engine = open_database(f"sqlite:///{file}")
+    probe, runs = WriteProbe(engine), RunTable(engine)
+    assert probe.fault() is None
+    holder = sqlite3.connect(file, isolation_level=None)
+    holder.execute("BEGIN EXCLUSIVE")
+    with pytest.raises(DatabaseAwayError, match="another process holds it"):
+        runs.tell([("0" * 32, {"type": "best"})])
+    time.sleep(2.0)
+    assert "another process holds it" in probe.fault()
+    holder.execute("ROLLBACK")
+    assert probe.fault() is None
+    engine.dispose()
+    holder.close()
+
+
+def test_a_full_disk_is_told_from_a_database_that_is_away(tmp_path):
+    engine = open_database(f"sqlite:///{tmp_path / 'full.sqlite'}")
+    with engine.connect() as connection:
+        connection.execute(sa.text("PRAGMA max_page_count = 1"))
+        with pytest.raises(DatabaseAwayError) as raised:
+            connection.execute(tables.events.insert(), [{"run": "0", "data": {"a": "x" * 5000}}] * 20)
+    assert raised.value.full
+    engine.dispose()
+
+
+def clocks_apart(url, monkeypatch, folder):
+    """The end of a run whose deadline is 30 s, submitted at a machine one hour behind the worker's."""
+    engine = open_database(url)
+    runs, contents, real = RunTable(engine), ContentFolder(folder, 0), time.time
+
+    class Pool:
+        def submit(self, lane, job):
+            done: Future = Future()
+            done.set_result(SolverAnswer({"error": "planned", "left": job.until - time.monotonic()}))
+            return done
+
+    request = contents.put(json.dumps({"problem": QUICK}).encode())
+    monkeypatch.setattr(time, "time", lambda: real() - 3600.0)
+    runs.submit(NewRun("1" * 32, "a", "0" * 64, "planar2r", request, "quintic", 0, 5.0, 30.0), "2" * 32)
+    monkeypatch.setattr(time, "time", real)
+    record = runs.begin("1" * 32, "worker")
+    solver = RunSolver(ServiceSettings(data=folder), EventWriter(runs), contents, Pool())
+    monkeypatch.setattr(time, "time", lambda: real() + 3600.0)
+    end = solver(record, threading.Event())
+    monkeypatch.setattr(time, "time", real)
+    engine.dispose()
+    return end
+
+
+def test_a_deadline_does_not_mind_clocks(tmp_path, monkeypatch):
+    end = clocks_apart(f"sqlite:///{tmp_path / 'a.sqlite'}", monkeypatch, tmp_path)
+    assert end.failure["detail"] == "planned"
+
+
+@needs_postgres
+def test_postgresql_goes_and_comes_back(tmp_path, monkeypatch):
+    """Its clock counts; an outage is told as one; leases live through it, and end with their process."""
+    monkeypatch.setattr(leases, "RENEW", 0.1)
+    monkeypatch.setattr(leases, "LAPSE", 3.0)
+    with postgres_server() as server:
+        url = server.url.replace("postgresql:", "postgresql+psycopg:")
+        assert clocks_apart(url, monkeypatch, tmp_path).failure["detail"] == "planned"
+        engine = open_database(url)
+        runs, probe = RunTable(engine), WriteProbe(engine)
+        assert abs(runs.now() - time.time()) < 60.0
+        mine, other = take_lease(engine, tmp_path), take_lease(engine, tmp_path)
+        assert mine.alive(other.name)
+        server.stop()
+        with pytest.raises(DatabaseAwayError):
+            runs.tell([("0" * 32, {"type": "best"})])
+        with pytest.raises(sa.exc.SQLAlchemyError):
+            mine.alive(other.name)
+        time.sleep(1.5)
+        assert probe.fault() is not None
+        assert server.start()
+        assert probe.fault() is None
+        runs.tell([("0" * 32, {"type": "best"})])
+        assert all(mine.alive(other.name) for _ in range(20))
+        other.close()
+        end = time.monotonic() + 30.0
+        while mine.alive(other.name):
+            assert time.monotonic() < end
+            time.sleep(0.1)
+        assert mine.held
+        mine.close()
+        engine.dispose()
+
+
+def test_a_lease_is_kept_through_an_outage_that_nobody_asked_in(tmp_path):
+    """A worker that only solves asks for nobody's lease, and its own is there for others after an outage."""
+    if postgres_folder() is None:
+        pytest.skip("PostgreSQL is not installed")
+    with postgres_server() as server:
+        engine = open_database(server.url.replace("postgresql:", "postgresql+psycopg:"))
+        worker = take_lease(engine, tmp_path)
+        server.stop()
+        assert server.start()
+        key, end = leases._key(worker.name), time.monotonic() + 30.0
+        look = sa.text("SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND objid = :low")
+        while True:
+            with engine.connect() as connection:
+                if connection.scalar(look, {"low": key & 0xFFFFFFFF}):
+                    break
+            assert time.monotonic() < end, "nobody took the lock again"
+            time.sleep(0.1)
+        worker.close()
+        engine.dispose()
+
+
+def last_resort(code):
+    """The exit code of a process that does this after a signal, with a grace of 0.5 s."""
+    program = f"""
+import threading, time
+from optiplan.service import server
+server.GRACE = server.LINGER = 0.5
+{code}
+"""
+    return subprocess.run([sys.executable, "-c", program], timeout=60.0).returncode
+
+
+def test_a_signal_ends_a_process_in_which_something_hangs():
+    assert last_resort("with server._LastResort() as last:\n    last.begin()\n    time.sleep(600)") == 1
+    hanging = "threading.Thread(target=time.sleep, args=(600,)).start()"
+    assert last_resort(f"with server._LastResort() as last:\n    last.begin()\n{hanging}") == 0
+    assert last_resort("with server._LastResort() as last:\n    pass\ntime.sleep(2.0)\nraise SystemExit(7)") == 7
+
+
+def test_events_have_numbers_and_are_resumed(server):
+    run = server.submit(problem=NO_WAY, budget=1.5, seed=907)["id"]
+    first = events_of(server, run)
+    numbers = [int(number) for number, event in first if number]
+    assert numbers == sorted(set(numbers))
+    assert len(numbers) >= 3
+    assert first[-1] == (str(numbers[-1]), {"type": "end", "status": "failed", "verified": False})
+    rest = events_of(server, run, str(numbers[1]))
+    assert [event for _, event in rest] == [event for number, event in first if number and int(number) > numbers[1]]
+    assert events_of(server, run, str(numbers[-1]))[-1][1]["type"] == "end"
+    for unknown in ("99999999", "no-number", "9" * 40):
+        assert len(events_of(server, run, unknown)) >= len(numbers), "an id of another database: from the beginning"
+
+
+def test_a_stream_survives_a_database_that_goes_away(server, monkeypatch):
+    away = DatabaseAwayError("it is gone", False)
+    run = server.submit(problem=NO_WAY, budget=3.0, seed=908)["id"]
+    look = Breaking(server.service.runs.events_after, away, times=2)
+    monkeypatch.setattr(server.service.runs, "events_after", look)
+    found = events_of(server, run)
+    assert look.failed.is_set()
+    assert [event["type"] for _, event in found].count("end") == 1
+    assert any(event["type"] == "stage" for _, event in found)
+
+
+def test_a_run_that_is_tried_again_has_the_events_of_its_last_try(server):
+    run = server.submit(problem=NO_WAY, budget=60.0, seed=909)["id"]
+    server.http.post(f"/api/runs/{run}/cancel")
+    assert server.ended(run)["status"] == "cancelled"
+    assert events_of(server, run)[-1][1]["status"] == "cancelled"
+    server.submit(problem=NO_WAY, budget=60.0, seed=909)
+    while server.http.get(f"/api/runs/{run}").json()["status"] != "running":
+        time.sleep(0.05)
+    assert all(data["type"] != "end" for _, _, data in server.service.runs.events_after(0, [run]))
+    server.http.post(f"/api/runs/{run}/cancel")
+    server.ended(run)
+
+
+def test_events_of_one_run_are_written_in_order_and_bad_ones_alone_are_lost(tmp_path):
+    engine = open_database(f"sqlite:///{tmp_path / 'a.sqlite'}")
+    runs = RunTable(engine)
+    writer = EventWriter(runs)
+    for number in range(5):
+        writer.report("run", {"type": "best", "seconds": number if number != 3 else object()})
+    writer.start()
+    writer.settle("run", threading.Event())
+    assert [data["seconds"] for _, _, data in runs.events_after(0, ["run"])] == [0, 1, 2, 4]
+    assert writer.alive
+    writer.close(5.0)
+    engine.dispose()
+
+
+def test_a_stop_ends_streams_with_an_event(tmp_path):
+    heard = []
+
+    def watch():
+        with HTTP.stream("GET", f"{server.url}/api/runs/{run}/events") as lines:
+            heard.extend(json.loads(line[5:]) for line in lines.iter_lines() if line.startswith("data:"))
+
+    with serving(tmp_path / "data", "--solvers", "1") as server:
+        run = HTTP.post(f"{server.url}/api/runs", json={"problem": NO_WAY, "budget": 120.0}).json()["id"]
+        watcher = threading.Thread(target=watch)
+        watcher.start()
+        while HTTP.get(f"{server.url}/api/runs/{run}").json()["status"] != "running":
+            time.sleep(0.1)
+        assert server.stop() == 0
+        watcher.join(30.0)
+    assert heard[-1]["type"] == "stopping"
+
+
+def test_an_end_is_recorded_with_its_event(tmp_path):
+    engine = open_database(f"sqlite:///{tmp_path / 'a.sqlite'}")
+    runs = RunTable(engine)
+    runs.submit(NewRun("1" * 32, "a", "0" * 64, "planar2r", "0" * 64, "quintic", 0, 5.0, None), "2" * 32)
+    assert runs.begin("1" * 32, "me")["tries"] == 1
+    assert runs.begin("1" * 32, "me")["tries"] == 1, "asked again, since no answer came"
+    assert runs.begin("1" * 32, "another") is None
+    assert not runs.end("1" * 32, "another", RunEnd("done"))
+    assert runs.end("1" * 32, "me", RunEnd("done", True))
+    assert not runs.end("1" * 32, "me", RunEnd("done", True))
+    types = [data["type"] for _, _, data in runs.events_after(0, ["1" * 32])]
+    assert types == ["status", "end"]
+    engine.dispose()
