@@ -27,6 +27,7 @@ from optiplan.service.store.run_table import NewRun, Record, RunTable
 from optiplan.service.store.tables import open_database, store_name
 from optiplan.service.store.uploads import Uploads
 from optiplan.service.store.write_probe import WriteProbe
+from optiplan.service.watchdog import feed_watchdog
 from optiplan.trajectory.trajectory import Trajectory
 
 Result = TypeVar("Result")
@@ -90,11 +91,13 @@ class RunService:
         """Start queue and processes, these last: their warming up takes the processor for seconds."""
         self.queue.start()
         self.pool.start()
+        self._watchdog = feed_watchdog(lambda: self.health.living()[0] == 200)
 
     def close(self) -> None:
         """Stop all that was started; runs under way are put back."""
         self.queue.close()
         self.pool.close()
+        self._watchdog.set()
         self._writers.shutdown()
         self._readers.shutdown()
         self.engine.dispose()

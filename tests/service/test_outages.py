@@ -218,7 +218,7 @@ def clocks_apart(url, monkeypatch, folder):
 
     request = contents.put(json.dumps({"problem": QUICK}).encode())
     monkeypatch.setattr(time, "time", lambda: real() - 3600.0)
-    runs.submit(NewRun("1" * 32, "a", "0" * 64, "planar2r", request, "quintic", 0, 5.0, 30.0), "one")
+    runs.submit(NewRun("1" * 32, "a", "0" * 64, "planar2r", request, "quintic", 0, 5.0, 30.0), "2" * 32)
     monkeypatch.setattr(time, "time", real)
     record = runs.begin("1" * 32, "worker")
     solver = RunSolver(ServiceSettings(data=folder), EventWriter(runs), contents, Pool())
@@ -402,7 +402,7 @@ def test_a_server_and_a_worker_live_through_an_outage(kind):
 def test_an_end_is_recorded_with_its_event(tmp_path):
     engine = open_database(f"sqlite:///{tmp_path / 'a.sqlite'}")
     runs = RunTable(engine)
-    runs.submit(NewRun("1" * 32, "a", "0" * 64, "planar2r", "0" * 64, "quintic", 0, 5.0, None))
+    runs.submit(NewRun("1" * 32, "a", "0" * 64, "planar2r", "0" * 64, "quintic", 0, 5.0, None), "2" * 32)
     assert runs.begin("1" * 32, "me")["tries"] == 1
     assert runs.begin("1" * 32, "me")["tries"] == 1, "asked again, since no answer came"
     assert runs.begin("1" * 32, "another") is None
