@@ -8,7 +8,7 @@ from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
-from optiplan.trajectory.sample_file import Samples
+from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
 
@@ -17,7 +17,7 @@ def run_of_record(
     record: Mapping[str, Any],
     motion: Trajectory | None,
     problem: Problem | None = None,
-    samples: Samples | None = None,
+    given: GivenFiles | None = None,
 ) -> Run:
     """A run from the content of its `run.json` and its motion, which is verified on the problem.
 
@@ -25,14 +25,14 @@ def run_of_record(
         record: the content.
         motion: None where the planner failed.
         problem: None: as the record says.
-        samples: that stood beside the motion and are held against it.
+        given: what stood in the files beside the motion, held against it.
 
     Raises:
         InputError: the problem of the record cannot be read any more.
     """
     if problem is None:
         problem = problem_from_dict(record["problem"])
-    report = None if motion is None else verify(problem, motion, given=samples)
+    report = None if motion is None else verify(problem, motion, given=given)
     timings = dict(record.get("timings") or {})
     failed = record.get("failure")
     return Run(

@@ -79,7 +79,7 @@ def plotted_runs(places: Sequence[Path]) -> tuple[list[PlottedRun], list[str]]:
             left_out.append(f"{place} has no trajectory: {(run.record.get('failure') or {}).get('detail', 'no plan')}")
             continue
         problem = problem_from_dict(run.record["problem"])
-        report = verify(problem, run.trajectory, given=run.samples)
+        report = verify(problem, run.trajectory, given=run.given)
         found.append(PlottedRun(_label(run, len(places) > 1, False), problem, run.trajectory, report.verified))
     return found, left_out
 
@@ -100,7 +100,7 @@ def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str =
 def _judged(problem: Problem, run: StoredRun) -> Mapping[str, Any]:
     if run.trajectory is None or EXECUTED in run.record:  # what was executed is looked at, not proved
         return run.record
-    return {**run.record, "report": verify(problem, run.trajectory, given=run.samples).to_dict()}
+    return {**run.record, "report": verify(problem, run.trajectory, given=run.given).to_dict()}
 
 
 def _label(run: StoredRun, several: bool, problems: bool) -> str:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from optiplan.files import write_bytes
 from optiplan.runs.controller_formats import ros_json, ros_yaml, urscript
 from optiplan.trajectory.fixed_rate import interpolation_errors, on_cycle
 from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
+from optiplan.verify.report import Report
 
 MOST_SAMPLES = 200_000
 """In a file: six minutes at 500 Hz; a server makes them beside others."""
@@ -102,7 +102,7 @@ def export(
     rate: float | None = None,
     *,
     cyclic: bool = False,
-    holds: Callable[[Trajectory], bool] | None = None,
+    proof: Callable[[Trajectory], Report] | None = None,
 ) -> Exported:
     """Write a motion; the file is there whole or not at all.
 
@@ -114,7 +114,8 @@ def export(
             unless they are cyclic.
         cyclic: whether samples are exactly 1 / `rate` apart: the motion is slowed down by less than one cycle, so that
             it ends on one (`trajectory.fixed_rate.on_cycle`). Else there are at least so many samples a second.
-        holds: whether the motion does when it is slowed down; None: it does.
+        proof: verifies the motion that is slowed down, which is not written where that is refused: slower can mean
+            more torque, where gravity is, and the time counts among what moves. None: it is written unproved.
 
     Raises:
         InputError: there is no such format, the robot does not fit it, there are too many samples, or the file cannot
@@ -131,9 +132,8 @@ def export(
         raise wrong_argument("Run.export", "rate", described(rate), "a number of samples a second in (0, 1e6]")
     cyclic = cyclic or kind.cyclic
     motion = on_cycle(trajectory, float(rate or kind.rate)) if cyclic else trajectory
-    if motion is not trajectory and holds is not None and not holds(motion):
-        found = "a motion that depends on the time, and does not hold when it is slowed down to end on a cycle"
-        raise wrong_argument("Run.export", "cyclic", found, "samples that need not be a cycle apart")
+    if motion.duration != trajectory.duration and proof is not None:
+        _refuse_unproved(proof(motion), trajectory, motion)
     t = motion.sample_times(kind.rate) if rate is None and not cyclic else _times(motion, float(rate or kind.rate))
     content = ros_json if name == "ros" and path.suffix.lower() == ".json" else kind.content
     try:
@@ -145,15 +145,12 @@ def export(
     return Exported(path, motion.duration, len(t), errors)
 
 
-def depends_on_time(problem: Mapping[str, Any]) -> bool:
-    """Whether a motion that runs slower may not be one for this problem, as a file says it.
-
-    So it is where an obstacle moves, or the robot at an end.
-    """
-    goal = problem.get("goal") or {}
-    ends = [problem["start"], goal, *goal.get("any_of", ())]
-    bodies = problem.get("scene", {}).get("obstacles", ())
-    return any("motion" in body for body in bodies) or any({"velocity", "acceleration"} & set(end) for end in ends)
+def _refuse_unproved(report: Report, given: Trajectory, slower: Trajectory) -> None:
+    if not report.verified:
+        refused = ", ".join(check.name for check in report.failures)
+        times = f"{given.duration:.6g} to {slower.duration:.6g} s"
+        found = f"a motion that is not verified when it is slowed down from {times} to end on a cycle ({refused})"
+        raise wrong_argument("Run.export", "cyclic", found, "another rate, or samples that need not be a cycle apart")
 
 
 def _times(motion: Trajectory, rate: float) -> Array:

@@ -15,7 +15,7 @@ from optiplan.errors import path_argument, wrong_argument
 from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
-from optiplan.runs.export import Exported, depends_on_time, export
+from optiplan.runs.export import Exported, export
 from optiplan.runs.metrics import Metrics
 from optiplan.runs.run_folder import save_run
 from optiplan.trajectory.segments import segment_data
@@ -123,8 +123,8 @@ class Run:
             format: of the file; None: by its suffix (.csv, .json, .npz, .yaml, .script).
             rate: samples a second at least, Hz; None: 200, or 500 for `urscript`.
             cyclic: whether samples are exactly 1 / `rate` apart, as controllers with a fixed cycle want them; the
-                motion is slowed down by less than one cycle so that it ends on one. `urscript` always is. Where time
-                matters (obstacles that move), the slower motion is verified first.
+                motion is slowed down by less than one cycle so that it ends on one, and verified again, since slower
+                can mean more torque. `urscript` always is.
             unverified: whether to write a motion that is not verified.
 
         Returns:
@@ -146,9 +146,8 @@ class Run:
             expected = "one that is, or unverified=True"
             raise wrong_argument("Run.export", "run", f"a motion that is {self._verdict()}", expected)
         file = path_argument("Run.export", "path", path, "the path of a file")
-        timed = self.verified and depends_on_time(self.problem.source)
-        holds = (lambda slower: verify(self.problem, slower).verified) if timed else None
-        return export(self.trajectory, file, format, rate, cyclic=cyclic, holds=holds)
+        proof = (lambda slower: verify(self.problem, slower)) if self.verified else None
+        return export(self.trajectory, file, format, rate, cyclic=cyclic, proof=proof)
 
     def __repr__(self) -> str:
         """Return the verdict, its scope and the ratio to the bound in one line."""

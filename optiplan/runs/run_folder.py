@@ -4,7 +4,7 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,13 +13,12 @@ from pydantic_core import to_json
 from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue
 from optiplan.files import flush, read_bytes, replacing
-from optiplan.trajectory.sample_file import Samples, read_samples, samples_from_dict
+from optiplan.trajectory.given_files import SAMPLES, GivenFiles
+from optiplan.trajectory.sample_file import read_samples, samples_from_dict
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
 
 RUN, TRAJECTORY = "run.json", "trajectory.json"
-SAMPLES = {"t", "q", "v", "a"}
-"""Keys of `trajectory.json` that are not read as the motion, but held against it."""
 RATE = 200.0
 """Samples of `trajectory.json`, Hz; for other programs, since the pieces are the motion."""
 
@@ -46,14 +45,14 @@ class StoredRun:
         place: the file or folder given.
         record: content of `run.json`; empty when only a trajectory file was given.
         trajectory: None when the run has none, because the planner failed.
-        samples: samples of the trajectory file, beside its pieces or instead of them; None without any.
+        given: what stands in the files beside the motion.
         interpolation: the interpolation of the samples, in words, where the file has no pieces; else empty.
     """
 
     place: Path
     record: Mapping[str, Any]
     trajectory: Trajectory | None
-    samples: Samples | None = None
+    given: GivenFiles = field(default_factory=GivenFiles)
     interpolation: str = ""
 
 
@@ -141,9 +140,9 @@ def _with_motion(run: StoredRun, file: Path, joint_names: Sequence[str] | None) 
         data = _read(file)
         if "pieces" in data or not SAMPLES & data.keys():
             motion = Trajectory.from_dict(data, str(file))
-            given = samples_from_dict(data, str(file)) if SAMPLES & data.keys() else None
-            return replace(run, trajectory=motion, samples=given)
+            return replace(run, trajectory=motion, given=GivenFiles.of(data, run.record, str(file)))
         samples = samples_from_dict(data, str(file), joint_names)
+        run = replace(run, given=GivenFiles(None, data, run.record))
     return replace(run, trajectory=samples.trajectory(), interpolation=samples.interpolation)
 
 

@@ -17,7 +17,7 @@ def judged(problem: Problem, stored: StoredRun) -> Report:
     """
     if stored.trajectory is None:
         raise ValueError("the run has no trajectory")
-    report = verify(problem, stored.trajectory, given=stored.samples)
+    report = verify(problem, stored.trajectory, given=stored.given)
     if stored.interpolation:
         report = replace(report, scope=(*report.scope, f"interpolation of the samples: {stored.interpolation}"))
     if "hash" in stored.record:

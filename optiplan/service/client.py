@@ -18,6 +18,7 @@ from optiplan.problem.hashing import shape_files_of
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 
 PATIENCE = 30.0
@@ -242,8 +243,10 @@ class Client:
             if failure is None or error.status != 404:
                 raise
             raise ServerError(500, f"the run {answer['id']} failed: {failure['kind']}: {failure['detail']}") from None
-        motion = None if answer["trajectory"] is None else Trajectory.from_dict(answer["trajectory"])
-        return run_of_record(record, motion, problem)
+        data = answer["trajectory"]
+        motion = None if data is None else Trajectory.from_dict(data)
+        given = None if data is None else GivenFiles.of(data, record, TRAJECTORY)
+        return run_of_record(record, motion, problem, given)
 
     def _send(self, method: str, path: str, **given: Any) -> httpx.Response:
         try:

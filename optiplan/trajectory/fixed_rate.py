@@ -13,8 +13,8 @@ from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
 def on_cycle(trajectory: Trajectory, rate: float) -> Trajectory:
     """Return the motion slowed down by less than one cycle, so that it ends on a multiple of 1 / `rate`, Hz.
 
-    The path stays the same and every derivative becomes smaller, so limits that hold still do; torque lies between
-    that of gravity alone and that of the motion.
+    The path stays the same and every derivative becomes smaller; torque lies between that of the motion and that of
+    gravity alone, which may be more. What was proved of the motion is to be proved again.
     """
     cycles = max(1, ceil(trajectory.duration * rate * (1.0 - SAME_TIME)))
     return trajectory.scaled(cycles / rate)

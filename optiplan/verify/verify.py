@@ -4,13 +4,13 @@ from dataclasses import replace
 
 from optiplan.problem.problem import Problem
 from optiplan.robot.self_collision.pairs import count_reasons
-from optiplan.trajectory.sample_file import Samples
+from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import checked_robot, collision
 from optiplan.verify.constraint_check import path_constraints
+from optiplan.verify.file_checks import file_checks, names, unread_keys
 from optiplan.verify.report import Check, Report, VerifyPolicy
-from optiplan.verify.samples_check import samples
 from optiplan.verify.scope import scope
 from optiplan.verify.statements import complete, covering
 from optiplan.verify.task_check import loaded_torque, task_checks, task_scope
@@ -20,7 +20,7 @@ _DEFAULT = VerifyPolicy()
 
 
 def verify(
-    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: Samples | None = None
+    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: GivenFiles | None = None
 ) -> Report:
     """Check a trajectory against every requirement of its problem; a bad trajectory is refused, never an exception.
 
@@ -28,7 +28,7 @@ def verify(
         problem: the problem.
         trajectory: the trajectory, of any origin.
         policy: tolerances.
-        given: samples stored with the pieces of the trajectory, to be checked against them.
+        given: what stands in the files of the trajectory beside its pieces, to be checked against them.
 
     Returns:
         Every check with its worst value, limit, time and place; those that need a well-formed trajectory of the right
@@ -51,13 +51,15 @@ def verify(
         unread = "nothing else was checked: the trajectory cannot be read as a motion of this robot"
         return replace(report, notes=(*robot.notes, unread))
     found += task_checks(problem, trajectory, policy) if problem.task else _motion(problem, trajectory, policy)
+    if problem.task or trajectory.segments:
+        found.append(names(problem, trajectory))
     if given is not None:
-        found.append(samples(problem, trajectory, policy, given))
+        found += file_checks(problem, trajectory, policy, given)
     if not problem.task:
         found.append(collision(problem, trajectory, policy))
     if all(check.passed for check in found):
         found.append(complete(problem, found))
-    about = scope(problem, robot, found)
+    about = (*scope(problem, robot, found), *(() if given is None else unread_keys(given)))
     if problem.task:
         about = (*about, *task_scope(problem, trajectory))
     return replace(report, checks=tuple(found), scope=about)

@@ -13,6 +13,7 @@ from optiplan.problem.objectives.objective import UNITS, part_unit
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import joint_unit, joint_units, thousandths
 from optiplan.robot.robot import load_robot
+from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.state import State
 from optiplan.verify.verify import verify
@@ -53,7 +54,7 @@ def test_every_check_of_a_joint_has_its_unit(base, moved):
     problem = problem_of(base, motion, Scene())
     problem = replace(problem, start=step, goal=(replace(problem.goal[0], q=-step),), path_constraints=(at,))
     t = np.array([0.0, motion.duration])
-    report = verify(problem, motion, given=Samples(base.joint_names, t, motion(t) + 0.1 * step))
+    report = verify(problem, motion, given=GivenFiles(Samples(base.joint_names, t, motion(t) + 0.1 * step)))
     length = "rad" if base.revolute[moved] else "m"
     expected = {"start": length, "goal": length, "position": length, "velocity": f"{length}/s"}
     expected |= {"acceleration": f"{length}/s²", "jerk": f"{length}/s³", "samples": length}

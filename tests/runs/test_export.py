@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
-from optiplan.runs.export import MOST_SAMPLES, depends_on_time, export
+from optiplan.runs.export import MOST_SAMPLES, export
 
 START = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
 END = [0.5, -1.4, 1.4, -1.5, -1.5, 0.0]
@@ -55,7 +55,7 @@ def test_a_slower_motion_among_what_moves_is_verified_first(tmp_path):
     assert run.verified
     assert run.duration == pytest.approx(alone.duration)
     assert run.export(tmp_path / "x.script").duration >= run.duration
-    with pytest.raises(op.InputError, match="depends on the time"):
+    with pytest.raises(op.InputError, match="not verified when it is slowed down"):
         run.export(tmp_path / "x.csv", rate=0.5, cyclic=True)
     assert run.export(tmp_path / "x.csv", rate=0.5).samples == 2
 
@@ -66,12 +66,35 @@ def _tool(robot, q):
     return frame_pose(robot, q, robot.tool_frame)
 
 
-def test_what_a_slower_motion_may_not_be_a_motion_for():
-    rest = {"start": {"joints": [0]}, "goal": {"any_of": [{"joints": [1]}]}}
-    assert not depends_on_time(rest)
-    assert depends_on_time(rest | {"start": {"joints": [0], "velocity": [1]}})
-    assert depends_on_time(rest | {"goal": {"any_of": [{"joints": [1], "velocity": [1]}]}})
-    assert depends_on_time(rest | {"scene": {"obstacles": [{"name": "a"}, {"name": "b", "motion": {}}]}})
+ARM = """<robot name="arm"><link name="base"/><link name="arm"><inertial><origin xyz="1 0 0"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 -1 0"/>
+<limit lower="-2" upper="2" velocity="3" effort="9.5"/></joint></robot>"""
+
+
+def test_slower_can_be_more_torque_and_is_proved_again(tmp_path):
+    """Gravity alone asks for 9.81 N·m on the way; the arm brakes there, so that 9.5 do, unless it is slow."""
+    (tmp_path / "arm.urdf").write_text(ARM)
+    limits = {"acceleration": 20.0, "jerk": 200.0}
+    robot = op.Robot.from_urdf(tmp_path / "arm.urdf", limits=limits, collision="none")
+    problem = op.Problem(robot, [-1.2], [0.3])
+    run = op.plan(problem, "quintic", {"duration": 1.5})
+    assert run.verified, run
+    assert run.export(tmp_path / "fast.json", rate=100.0, cyclic=True).duration == pytest.approx(1.5)
+    for name, rate in (("slow.json", 0.1), ("slow.csv", 0.2)):
+        with pytest.raises(op.InputError, match=r"slowed down from 1\.5 to .* to end on a cycle \(torque\)"):
+            run.export(tmp_path / name, rate=rate, cyclic=True)
+        assert not (tmp_path / name).exists()
+    slow = run.export(tmp_path / "slow.json", rate=0.1, cyclic=True, unverified=True)
+    assert slow.duration == pytest.approx(10.0)
+
+
+def test_every_motion_that_is_slowed_down_is_verified_in_the_file(tmp_path):
+    problem = op.Problem("ur5", START, END)
+    run = op.plan(problem, "quintic")
+    written = run.export(tmp_path / "x.json", rate=7.0, cyclic=True)
+    assert written.duration > run.duration
+    assert op.verify(problem, tmp_path / "x.json").verified
 
 
 def test_a_name_of_a_step_is_one_line():

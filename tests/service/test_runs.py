@@ -14,6 +14,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import optiplan as op
+from optiplan.kinematics.jacobians import frame_pose
 from optiplan.problem.load import load_problem
 from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_verdict import judged
@@ -67,23 +68,30 @@ def test_the_files_of_a_run_are_those_of_the_command_line(server, tmp_path):
 
 
 def test_a_program_is_not_written_where_it_would_be_late(server):
-    """Its motion runs slower, to end on a cycle; what moves does not wait for that."""
+    """Its motion runs slower, to end on a cycle, and is proved again; what moves does not wait for that."""
     ball = {"name": "ball", "shape": {"sphere": 0.05}, "pose": {"position": [-0.8, 0.8, 1.5]}}
-    falling = ball | {"motion": {"polynomial": [[0], [0], [0, -0.1]], "until": 1.0}}
-    for body, status in ((ball, 200), (falling, 422)):
+    harmless = ball | {"motion": {"polynomial": [[0], [0], [0, -0.1]], "until": 1.0}}
+    start, goal = ([pan, -1.5, 1.5, -1.5, -1.5, 0] for pan in (0.0, 0.1))
+    alone = op.plan(op.Problem("ur5", start, goal), "quintic").duration
+    x, y, z = frame_pose(op.load_robot("ur5"), np.array(goal), "tool0").translation
+    # It falls onto the place where the arm ends, 0.5 s after the arm has come; at 0.5 Hz the arm is there at 2 s.
+    late = {"polynomial": [[0], [0], [0, -0.9 / (alone + 0.5)]], "until": alone + 0.5}
+    falling = {"name": "ball", "shape": {"sphere": 0.05}, "pose": {"position": [x, y, z + 1.0]}, "motion": late}
+    for body, status in ((ball, 200), (harmless, 200), (falling, 422)):
         problem = {
             "version": 1,
             "robot": "ur5",
-            "start": {"joints": [0, -1.5, 1.5, -1.5, -1.5, 0]},
-            "goal": {"joints": [0.1, -1.5, 1.5, -1.5, -1.5, 0]},
+            "start": {"joints": start},
+            "goal": {"joints": goal},
             "scene": {"obstacles": [body]},
             "planner": "quintic",
         }
         run = server.submit(problem=problem)["id"]
         assert server.ended(run)["verified"]
-        answer = server.http.get(f"/api/runs/{run}/export.urscript")
+        assert server.http.get(f"/api/runs/{run}/export.urscript").status_code == 200
+        answer = server.http.get(f"/api/runs/{run}/export.urscript?rate=0.5")
         assert answer.status_code == status, answer.text
-        assert ("depends on the time" in answer.text) is (status == 422)
+        assert ("not verified when it is slowed down" in answer.text) is (status == 422)
         assert server.http.get(f"/api/runs/{run}/export.csv").status_code == 200
 
 

@@ -155,16 +155,23 @@ def _arc(one: OnArc) -> list[Measure]:
 def _screw(one: OnScrew) -> list[Measure]:
     """Return the distance from the pose of the screw that is turned as the frame is, as a share of the tolerances.
 
-    That pose is on the screw whatever the turn, so the distance bounds that from the screw; with the same turn it grows
-    by no more than the frame moves.
+    That pose is on the screw whatever the turn, so the distance bounds that from the screw. The turn t is that of the
+    twist about the axis: with the swing s beside it, |t'| <= |w| / cos(s / 2), and cos(s / 2)' >= -|w| / 2. The pose of
+    the screw then moves by sqrt(r^2 + pitch^2) |t'|, r from the axis, and turns by |t'|.
     """
     R, p = np.asarray(one.X_WF.rotation), np.asarray(one.X_WF.translation) - one.point
+    lever = float(np.hypot(np.linalg.norm(np.cross(one.axis, p)), one.pitch))
 
-    def share(X: Array) -> Array:
+    def twist_of(X: Array) -> tuple[Array, Array]:
+        """Sine and cosine of the twist, both times cos(s / 2)^2."""
         D = X[:, :3, :3] @ R.T
         skew = np.stack([D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], axis=1)
         sine = 0.5 * skew @ one.axis
         cosine = 0.5 * (np.trace(D, axis1=1, axis2=2) - one.axis @ (D @ one.axis).T)
+        return sine, cosine
+
+    def share(X: Array) -> Array:
+        sine, cosine = twist_of(X)
         turn = np.arctan2(sine, cosine)
         slid = (X[:, :3, 3] - one.point - p) @ one.axis
         if one.pitch != 0.0:  # of several turns the one that slides as far
@@ -176,7 +183,10 @@ def _screw(one: OnScrew) -> list[Measure]:
         return np.asarray(np.maximum(off, chord / _chord(one.orientation)))
 
     def growth(X: Array, travel: Array, turn: Array) -> Array:
-        return np.asarray(np.maximum(travel / one.position, turn / _chord(one.orientation)))
+        sine, cosine = twist_of(X)
+        swing = np.sqrt(np.hypot(sine, cosine)) - 0.5 * turn  # cos(s / 2), at least
+        twist = np.divide(turn, swing, out=np.full_like(turn, np.inf), where=swing > 0.0)
+        return np.asarray(np.maximum((travel + lever * twist) / one.position, (turn + twist) / _chord(one.orientation)))
 
     rounding = min(ROUNDING, _rounding(one.orientation) / _chord(one.orientation))
     return [Measure("off the screw", "of its tolerance", 1.0, "point", share, growth=growth, rounding=rounding)]

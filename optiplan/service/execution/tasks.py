@@ -1,6 +1,7 @@
-"""What a solver process can be asked: check a problem, plan, draw, solve inverse kinematics."""
+"""What a solver process can be asked: check a problem, plan, draw, export, solve inverse kinematics."""
 
 import json
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,14 @@ from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.resources import problems_dir
 from optiplan.runs import pipeline
+from optiplan.runs.export import FORMATS, export
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RATE, motion_file, run_files
 from optiplan.service.execution.problem_reader import PlannerChoice, ProblemReader
 from optiplan.service.execution.shown_paths import path_hider
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
+from optiplan.verify.verify import verify
 
 Answer = tuple[dict[str, Any], dict[str, bytes]]
 """A JSON-ready answer, and files by name."""
@@ -88,6 +91,15 @@ class Tasks:
 
         motion = Trajectory.from_dict(json.loads(request["motion"])) if request.get("motion") else None
         return {}, {"picture.svg": scene_picture(self._reader.read(request), motion).encode()}
+
+    def export(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """A motion for another program, proved again where it is slowed down to end on a cycle."""
+        problem, format = self._reader.read(request), request["format"]
+        motion = Trajectory.from_dict(json.loads(request["motion"]))
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"motion{FORMATS[format].suffixes[0]}"
+            export(motion, path, format, request["rate"], proof=lambda slower: verify(problem, slower))
+            return {}, {format: path.read_bytes()}
 
     def live(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """Run a controller until it is told to stop."""

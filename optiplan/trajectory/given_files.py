@@ -1,0 +1,38 @@
+"""What stands in the files of a motion beside its pieces, for programs that execute it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from optiplan.trajectory.sample_file import Samples, samples_from_dict
+
+SAMPLES = frozenset({"t", "q", "v", "a"})
+"""Keys of `trajectory.json` that are not read as the motion where it has pieces, but held against them."""
+
+KNOWN = SAMPLES | {"joint_names", "pieces", "segments", "events", "wheel_names", "wheels"}
+"""Keys of `trajectory.json` that are read, or held against the motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class GivenFiles:
+    """Content of the files of a motion, to be held against it.
+
+    Attributes:
+        samples: of `trajectory.json`; None without any.
+        motion: `trajectory.json` as parsed.
+        record: `run.json` as parsed; empty where there is none.
+    """
+
+    samples: Samples | None = None
+    motion: Mapping[str, Any] = field(default_factory=dict)
+    record: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, motion: Mapping[str, Any], record: Mapping[str, Any], file: str) -> "GivenFiles":
+        """Return what stands beside the pieces of a parsed `trajectory.json`.
+
+        Raises:
+            InputError: samples that cannot be read, naming `file`.
+        """
+        samples = samples_from_dict(motion, file) if SAMPLES & motion.keys() else None
+        return cls(samples, motion, record)

@@ -1,0 +1,125 @@
+"""Checks of what stands in the files of a motion beside its pieces, upon which other programs act."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import is_finite
+from optiplan.kinematics.mecanum import WHEELS, wheel_matrix
+from optiplan.problem.problem import Problem
+from optiplan.trajectory.given_files import KNOWN, GivenFiles
+from optiplan.trajectory.segments import segment_data
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.report import Check, VerifyPolicy
+from optiplan.verify.samples_check import samples
+
+SAME_TIME = 1e-6
+"""s: how far the time of an event may be off that of its segment; files of other programs have fewer digits."""
+
+
+def file_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, given: GivenFiles) -> Iterator[Check]:
+    """Yield a check of each part of the files that is there: samples, events, duration, wheels."""
+    if given.samples is not None:
+        yield samples(problem, trajectory, policy, given.samples)
+    if trajectory.segments or any(key in file for file in _files(given).values() for key in ("segments", "events")):
+        yield events(trajectory, given)
+    if "duration" in given.record:
+        yield duration(trajectory, given.record)
+    if {"wheels", "wheel_names"} & given.motion.keys():
+        yield wheels(problem, trajectory, policy, given.motion)
+
+
+def unread_keys(given: GivenFiles) -> tuple[str, ...]:
+    """Return the statement of what stands in the motion's file and is neither read nor checked."""
+    others = sorted(f"'{key:.40}'" for key in given.motion.keys() - KNOWN)
+    return (f"in the file of the motion, neither read nor checked: {', '.join(others)}",) if others else ()
+
+
+def names(problem: Problem, trajectory: Trajectory) -> Check:
+    """Check that segments have the names of their steps; without a task there are none."""
+    found, expected = [one.name for one in trajectory.segments], [step.name for step in problem.task]
+    if found == expected:
+        return Check("segments", "exact", True, detail=f"{len(found)} segments with the names of their steps")
+    if not expected:
+        return Check("segments", "exact", False, detail=f"found {len(found)} segments; the problem has no task")
+    k = next((k for k, (a, b) in enumerate(zip(found, expected, strict=False)) if a != b), 0)
+    detail = f"found segment {k + 1} called '{found[k] if found else ''}'; expected '{expected[k]}'"
+    return Check("segments", "exact", False, detail=detail)
+
+
+def events(trajectory: Trajectory, given: GivenFiles) -> Check:
+    """Check that `segments` and `events` of the files are those of the motion: each, in order, at its time.
+
+    In the folder of a run both files have them.
+    """
+    own = segment_data(trajectory.segments)
+    for file, data in _files(given).items():
+        for key, expected in own.items():
+            found = data.get(key, [] if given.record or key in data else expected)
+            words = _unlike(found, expected)
+            if words:
+                return Check("events", "exact", False, place=f"{file}: {key}", detail=words)
+    detail = f"{len(own['segments'])} segments and {len(own['events'])} events are those of the motion"
+    return Check("events", "exact", True, detail=detail)
+
+
+def duration(trajectory: Trajectory, record: Mapping[str, Any]) -> Check:
+    """Check that the duration of `run.json` is that of the motion."""
+    found = record["duration"]
+    passed = _same(found, trajectory.duration)
+    detail = "" if passed else f"run.json says {found!r:.40} s"
+    return Check("duration", "exact", passed, trajectory.duration, unit="s", detail=detail)
+
+
+def wheels(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, motion: Mapping[str, Any]) -> Check:
+    """Check that `wheels` (k, 4), rad/s, at the times `t` (k,), are those that move the base as the motion does.
+
+    |w_k - M(q) v| <= |M(q)| (rest_tolerance v_max), as of sampled velocities.
+    """
+    robot = problem.robot
+    if robot.mecanum is None:
+        return Check("wheels", "exact", False, detail=f"found rates of wheels; {robot.name} has none here")
+    if motion.get("wheel_names") != list(WHEELS):
+        found = f"found wheels {motion.get('wheel_names')!r:.80}; expected {', '.join(WHEELS)}"
+        return Check("wheels", "exact", False, detail=found)
+    try:
+        t, given = (np.asarray(motion.get(key), dtype=float) for key in ("t", "wheels"))
+    except (TypeError, ValueError, OverflowError):
+        return Check("wheels", "exact", False, detail="found wheels that are no table of numbers")
+    if t.ndim != 1 or not t.size or given.shape != (len(t), len(WHEELS)) or not np.isfinite(given).all():
+        expected = f"finite rates of shape ({t.size}, {len(WHEELS)}), at the times t"
+        return Check("wheels", "exact", False, detail=f"found wheels of shape {given.shape}; expected {expected}")
+    inside = np.clip(t, 0.0, trajectory.duration)
+    Q = trajectory(inside)
+    matrices = np.array([wheel_matrix(robot, q) for q in Q])  # (k, 4, n)
+    error = np.abs(given - np.einsum("kwj,kj->kw", matrices, trajectory(inside, 1)))
+    allowed = np.abs(matrices) @ (policy.rest_tolerance * problem.limits.velocity)
+    k, wheel = divmod(int(np.argmax(error / allowed)), len(WHEELS))
+    worst, limit = float(error[k, wheel]), float(allowed[k, wheel])
+    detail = f"{len(t)} samples; farthest from the motion"
+    return Check("wheels", "exact", worst <= limit, worst, limit, "rad/s", float(t[k]), WHEELS[wheel], detail)
+
+
+def _files(given: GivenFiles) -> dict[str, Mapping[str, Any]]:
+    return {"trajectory.json": given.motion} | ({"run.json": given.record} if given.record else {})
+
+
+def _unlike(found: Any, expected: Sequence[Mapping[str, Any]]) -> str:
+    """Return how a list of entries is not the one expected, or an empty text."""
+    if not isinstance(found, list) or len(found) != len(expected):
+        count = f"{len(found)}" if isinstance(found, list) else f"{found!r:.40}"
+        return f"found {count}; expected {len(expected)}, as the motion has"
+    for k, (one, own) in enumerate(zip(found, expected, strict=True)):
+        if not isinstance(one, Mapping) or one.keys() != own.keys():
+            return f"entry {k + 1}: found {one!r:.80}; expected the keys {', '.join(own)}"
+        for key, value in own.items():
+            alike = type(one[key]) is type(value) and one[key] == value
+            if not (_same(one[key], value) if isinstance(value, float) else alike):
+                return f"entry {k + 1} ({own['name']}): found {key} = {one[key]!r:.40}; expected {value!r:.40}"
+    return ""
+
+
+def _same(found: Any, seconds: float) -> bool:
+    """Return whether these are the seconds."""
+    return is_finite(found) and abs(found - seconds) <= SAME_TIME
