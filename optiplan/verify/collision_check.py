@@ -31,9 +31,9 @@ def checked_robot(problem: Problem, policy: VerifyPolicy) -> Robot:
 def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
     """Check that every pair of bodies stays apart at all times, by the certificate.
 
-    `worst` is the clearance proved, in the witness that of the robot's own bodies (`self_clearance`, what it holds
-    included) and that from obstacles (`scene_clearance`) as well; where none is proved, the smallest distance met, or the deepest contact at the time
-    at which bodies touch.
+    `worst` is the clearance proved; where none is proved, the smallest distance met, or the deepest contact at the time
+    at which bodies touch. The witness has it of the robot with what it holds (`self_clearance`) and from obstacles
+    (`scene_clearance`), too.
     """
     model = collision_model(checked_robot(problem, policy), problem.scene)
     proof = certify(model, with_obstacles(trajectory, model.motions), policy)

@@ -1,6 +1,7 @@
 """Survey of pairs of links: how often they touch, which always do, and which are proved never to."""
 
 import json
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -16,6 +17,8 @@ from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry.convex import triangles_of, vertices_of
 from optiplan.robot.self_collision.pair_proof import GAP, PairProof
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
+
+log = logging.getLogger(__name__)
 
 ALWAYS = 0.95
 """Share of a joint's range over which neighbours touch by design; MoveIt's set-up assistant takes the same share.
@@ -72,6 +75,7 @@ def survey_pairs(model: pin.Model, geometry: pin.GeometryModel, limits: tuple[Ar
     content = cache.load(name)
     if content is not None:
         return _read(content)
+    log.info("looking how often links touch, and which never do, once")
     made = _Survey(model, geometry, limits).make()
     cache.store(name, _write(made))
     return made
