@@ -90,10 +90,8 @@ def show_robot(console: Console, data: Mapping[str, Any], full: bool = True) -> 
     if full:
         _show_links(console, data)
     else:
-        counts = [
-            f"{len(data[key])} {words}" for key, words in (("locked", "joints locked"), ("links", "links with bodies"))
-        ]
-        console.print(f"{', '.join(counts)}, {len(data['frames'])} frames (all of them: --full)", style="dim")
+        counted = f"{len(data['locked'])} joints locked, {len(data['links'])} links with bodies"
+        console.print(f"{counted}, {len(data['frames'])} frames (all of them: --full)", style="dim")
     _show_pairs(console, data, full)
     for note in _some(data["notes"], "notes", full):
         console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
@@ -123,9 +121,7 @@ def _show_touching(console: Console, data: Mapping[str, Any]) -> None:
     words += [f"and {len(pairs) - len(words)} more"] * (len(pairs) > len(words))
     console.print(f"checked, though they touch in more than {OFTEN:.0%} of configurations:", style="yellow")
     console.print(f"  {', '.join(words)}", style="yellow", markup=False, soft_wrap=True)
-    cure = (
-        "where they are built so: `optiplan robots init --allow-pairs touching`, or `allowed_collisions` in robot.yaml"
-    )
+    cure = "where they are built so: `robots init --allow-pairs touching`, or `allowed_collisions` in the robot.yaml"
     console.print(f"  {cure}", style="yellow", markup=False, soft_wrap=True)
 
 

@@ -198,7 +198,7 @@ class _MeshFinder:
 
 
 def _in_packages(package: str, inside: str) -> list[Path]:
-    """Where a file of a ROS package may be: by folders of packages (ROS 1), then by prefixes of installations (ROS 2)."""
+    """Where a file of a ROS package may be: in folders of packages (ROS 1), then in prefixes (ROS 2)."""
 
     def folders(variable: str) -> list[Path]:
         return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
