@@ -1,5 +1,6 @@
 """Progress line of long commands."""
 
+import logging
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -11,6 +12,40 @@ QUIET = 2.0
 """Seconds before anything is shown: short work needs no running commentary."""
 EVERY = 0.1
 """Seconds between two changes of the line."""
+
+
+class ProgressLog(logging.Handler):
+    """Print a line on stderr for each stage of long work, and for what the program logs on the way; a context manager.
+
+    In a file or a pipe as in a terminal: what takes a minute should say what it does.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(logging.INFO)
+        self._began, self._last = time.perf_counter(), ""
+        self._logger = logging.getLogger("optiplan")
+        self._level = self._logger.level
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        """Print the stage, unless it is the last one again."""
+        if stage != self._last:
+            self._last = stage
+            sys.stderr.write(f"{time.perf_counter() - self._began:6.1f} s  {stage}\n")
+            sys.stderr.flush()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print what is logged."""
+        self(record.getMessage(), 0.0)
+
+    def __enter__(self) -> "ProgressLog":
+        self._logger.addHandler(self)
+        self._logger.setLevel(min(self._level or logging.INFO, logging.INFO))
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Listen no more."""
+        self._logger.removeHandler(self)
+        self._logger.setLevel(self._level)
 
 
 class ProgressLine:

@@ -113,6 +113,7 @@ class Budget:
         if not is_finite(seconds) or seconds < 0.0:
             raise wrong_argument("Budget", "seconds", described(seconds), "a number of seconds >= 0")
         self._cancel = cancel or threading.Event()
+        self._outer: Budget | None = None
         self.seconds = seconds
         self.start()
 
@@ -126,18 +127,33 @@ class Budget:
 
     def share(self, fraction: float) -> "Budget":
         """Return a budget of that fraction of the remaining time, cancelled together with this one."""
-        return Budget(fraction * self.remaining, self._cancel)
+        other = Budget(fraction * self.remaining, self._cancel)
+        other._outer = self
+        return other
 
     def leaving(self, seconds: float) -> "Budget":
         """Return a budget that ends `seconds` earlier, cancelled together with this one."""
         other = Budget(self.seconds, self._cancel)
-        other._end = self._end - seconds
+        other._end, other._outer = self._end - seconds, self
         return other
+
+    def leave(self, seconds: float) -> None:
+        """End, with every budget that is part of this one, at least `seconds` before the one that this is part of."""
+        if self._outer is not None:
+            self._end = min(self._end, self._outer._end - seconds)
 
     @property
     def remaining(self) -> float:
         """Return the remaining time, s; 0 once cancelled."""
-        return 0.0 if self.cancelled else max(0.0, self._end - clock())
+        if self.cancelled:
+            return 0.0
+        own = max(0.0, self._end - clock())
+        return own if self._outer is None else min(own, self._outer.remaining)
+
+    @property
+    def overrun(self) -> float:
+        """Return the time since this budget ended, s; 0 before."""
+        return max(0.0, clock() - self._end)
 
     @property
     def cancelled(self) -> bool:

@@ -64,6 +64,8 @@ class Metrics:
         joint_torques: sqrt(mean over time of tau_j^2) by joint, N m or N.
         clearance: proved at all times by the verifier, m; None when it proved none, or no two bodies can meet.
         lowest_clearance: smallest distance of two bodies that the verifier measured, m; not below `clearance`.
+        self_clearance: the same of the robot's own bodies and what it holds; `scene_clearance` of these from obstacles,
+            m; None when none is proved, or there is no such pair.
         objective: parts of the problem's objective by name: value with its unit, weight, and cost, s.
         manipulability: smallest Yoshikawa measure of the tool's Jacobian (lengths in m): of all six rows, or with fewer
             than six joints of the three of the velocity. Sampled, then refined around the smallest sample.
@@ -81,6 +83,8 @@ class Metrics:
     clearance: float | None
     lowest_clearance: float | None
     manipulability: float
+    self_clearance: float | None = None
+    scene_clearance: float | None = None
     objective: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     wheel_rates: Mapping[str, float] | None = None
 
@@ -99,7 +103,7 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
     integrals = sum((integral(part, motion) for part, (_, motion) in zip(parts, motions, strict=True)), np.zeros(1))
     squared = integrals[3:] / trajectory.duration
     joint, jerk, share = peak_jerk(trajectory, problem)
-    proved, lowest = _clearance(report)
+    found = _clearances(report)
     return Metrics(
         tool_path=float(integrals[0]),
         tool_rotation=float(integrals[1]),
@@ -109,8 +113,10 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
         jerk_share=share,
         rms_torque=float(np.sqrt(squared.sum())),
         joint_torques=dict(zip(robot.joint_names, np.sqrt(squared).tolist(), strict=True)),
-        clearance=proved,
-        lowest_clearance=lowest,
+        clearance=found.get("proved_clearance"),
+        lowest_clearance=found.get("met_clearance"),
+        self_clearance=found.get("self_clearance"),
+        scene_clearance=found.get("scene_clearance"),
         manipulability=min(part.least_manipulability() for part in parts),
         objective=objective_of(problem, trajectory),
         wheel_rates=peak_wheel_rates(robot, trajectory),
@@ -274,9 +280,6 @@ def peak_wheel_rates(robot: Robot, trajectory: Trajectory) -> dict[str, float] |
     return dict(zip(WHEELS, np.abs(rates).max(axis=0).tolist(), strict=True))
 
 
-def _clearance(report: Report) -> tuple[float | None, float | None]:
-    """Proved and lowest clearance, m, as the report has them."""
-    for check in report.checks:
-        if check.name == "collision":
-            return check.witness.get("proved_clearance"), check.witness.get("met_clearance")
-    return None, None
+def _clearances(report: Report) -> Mapping[str, Any]:
+    """Clearances, m, as the report has them, by their names in the witness of the check."""
+    return next((check.witness for check in report.checks if check.name == "collision"), {})

@@ -21,9 +21,16 @@ from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import verify as verifier
+from optiplan.verify.continuous.kept_clearance import kept_clearances
 
 _NOTHING = 1e-3
 """s; import statements of what is there already take less, and so does looking through no other motions."""
+
+_TOLD = 0.1
+"""s that proofs about a robot take at least to be among the timings; reading what is kept takes less."""
+
+_LATE = 0.05
+"""s beyond the budget, of planning, proving and measuring, that are not worth a word."""
 
 _KEPT = 20.0
 """s in which an earlier motion that is the answer is proved and measured."""
@@ -49,7 +56,8 @@ def run(
         planner: name in the registry, or a planner itself, which the run calls by its class.
         options: of the planner of that name; a planner itself has its own.
         budget: counted from the planner's start; loading libraries is no part of it, and its time, s, is `libraries` in
-            the timings, not in `plan`.
+            the timings, not in `plan`. Neither is what is proved once for a robot (`robot`). The planner leaves as much
+            of it as the last proof took; where that is not enough, `beyond the budget` are the seconds after its end.
         progress: called with the planner's stages, then `verify`; see `ProofsOnTheWay` for what else it may be told.
         earlier: a motion that planners may begin at, of a problem not far from this one.
 
@@ -61,20 +69,24 @@ def run(
         name, chosen = planner, make_planner(planner, options)
     else:
         name, chosen, options = type(planner).__name__, planner, options_set(planner)
+    prepared = _prepare(problem)
     budget.start()
     began, spent, loaded = clock(), processor_time(), time_loading()
-    within, proofs = budget.leaving(reserve(budget.seconds)), ProofsOnTheWay(problem, progress)
+    within = budget.leaving(reserve(budget.seconds))
+    proofs = ProofsOnTheWay(problem, progress, within)
     if problem.task or (problem.vias and chosen.joins_legs):
         from optiplan.planners.task.planner import plan_task
 
         result = plan_task(chosen, problem, within, proofs)
     else:
         result = plan_through(chosen, problem, within, proofs, earlier)
-    timings = {"plan": clock() - began - proofs.seconds}
+    timings = {**prepared, "plan": clock() - began - proofs.seconds}
     spent = processor_time() - spent - proofs.processor
     if time_loading() - loaded > _NOTHING:
         timings["libraries"] = time_loading() - loaded
-    return replace(proved(problem, name, options, result, budget, proofs, timings), plan_cpu=spent)
+    found = proved(problem, name, options, result, budget, proofs, timings)
+    late = {"beyond the budget": budget.overrun} if budget.overrun > _LATE else {}
+    return replace(found, plan_cpu=spent, timings={**found.timings, **late})
 
 
 def run_from(
@@ -212,6 +224,14 @@ def attempt(
         timings={"plan": time.perf_counter() - began},
         stages={},
     )
+
+
+def _prepare(problem: Problem) -> dict[str, float]:
+    """Prove what is kept of the robot's neighbouring links, if nobody has; returns the seconds, where it took some."""
+    began = clock()
+    kept_clearances(problem.robot)
+    took = clock() - began
+    return {"robot": took} if took > _TOLD else {}
 
 
 def reserve(seconds: float) -> float:

@@ -4,7 +4,7 @@ import time
 from dataclasses import dataclass
 
 from optiplan.libraries import clock
-from optiplan.planners.base import Progress, announce
+from optiplan.planners.base import Budget, Progress, announce
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
@@ -41,14 +41,15 @@ class ProofsOnTheWay:
         problem: that is planned.
         progress: is told of stages; of every better motion, if it has a method `found(motion, bound)`; and of every
             verified one, if it has a method `proved(motion, seconds)`.
+        within: the planner's budget, which leaves as much time at its end as the last proof took; None: it does not.
 
     Attributes:
         seconds: that the proofs took, s.
         processor: the same by the processor's clock, s.
     """
 
-    def __init__(self, problem: Problem, progress: Progress) -> None:
-        self._problem, self._progress = problem, progress
+    def __init__(self, problem: Problem, progress: Progress, within: Budget | None = None) -> None:
+        self._problem, self._progress, self._within = problem, progress, within
         self._began = self._free = clock()
         self._verdicts: list[Verdict] = []
         self._last = 0.0
@@ -68,6 +69,8 @@ class ProofsOnTheWay:
         end = clock()
         self._free = end + (end - began) / SHARE
         self.seconds += end - began
+        if self._within is not None:
+            self._within.leave(end - began)
         self.processor += time.process_time() - spent
         self._verdicts.append(Verdict(motion, report, end - self._began, end - began))
         if report.verified:

@@ -44,7 +44,7 @@ class Run:
             Whether that is a bound of the whole problem, `lower_bound_of` says.
         metrics: metrics of the trajectory, verified or not; None without one that moves the robot's joints.
         timings: seconds of wall time: `plan`, `verify` (the proof of the trajectory), `other proofs` (of motions on the
-            way, and of those refused) and `measure`.
+            way, and of those refused) and `measure`; `robot`, what was proved once for the robot; `beyond the budget`.
         stages: seconds of wall time of the planner's own stages.
         info: the planner's record of its work, JSON-ready; `slowed`, the factor on the planner's duration that
             verification required, if any.

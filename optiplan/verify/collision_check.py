@@ -12,7 +12,7 @@ from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
 from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.certificate import Moment, Proof, certify
+from optiplan.verify.continuous.certificate import SCENE, SELF, Moment, Proof, certify
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import body, motion
 
@@ -33,7 +33,8 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     """Check that every pair of bodies stays apart at all times, by the certificate.
 
     `worst` is the clearance proved; where none is proved, the smallest distance met, or the deepest contact at the time
-    at which bodies touch.
+    at which bodies touch. The witness has it of the robot with what it holds (`self_clearance`) and from obstacles
+    (`scene_clearance`), too.
     """
     model = collision_model(checked_robot(problem, policy), problem.scene)
     proof = certify(model, with_obstacles(trajectory, model.motions), policy)
@@ -44,6 +45,9 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
         "queries": proof.queries,
         "believed": proof.gjk_only,
         "proved_clearance": proof.clearance if proof.proved and model.pairs else None,
+        "self_clearance": _finite(proof.least[SELF]) if proof.proved else None,
+        "scene_clearance": _finite(proof.least[SCENE]) if proof.proved else None,
+        "proved_by_robot": len(proof.kept),
         "met_clearance": None if near is None else near.distance,
         "contact": proof.contact,
     }
@@ -75,11 +79,26 @@ def _deepest(model: CollisionModel, met: Moment) -> Moment:
     return replace(met, distance=found.distance, pair=names, points=np.array([found.point_a, found.point_b]))
 
 
+def _finite(value: float) -> float | None:
+    """The value; None where there is no pair of the kind."""
+    return float(value) if np.isfinite(value) else None
+
+
 def _words(proof: Proof) -> str:
     """Describe the proof in one sentence."""
     work = f"{proof.intervals} intervals, {proof.queries} distance queries"
     trust = f", {proof.gjk_only} of them of non-convex meshes, as measured less 1e-6 m" if proof.gjk_only else ""
+    count = len(proof.kept)
+    kept = f", {count} {'pair' if count == 1 else 'pairs'} of links proved once for this robot" if count else ""
     if proof.proved:
         met = "" if proof.nearest is None else f" (smallest met: {1e3 * proof.nearest.distance:.3g} mm)"
-        return f"proved clear by more than {1e3 * proof.clearance:.3g} mm at all times{met}: {work}{trust}"
-    return f"{proof.reason}: {work}{trust}"
+        return f"proved clear by more than {_clearances(proof)} at all times{met}: {work}{trust}{kept}"
+    return f"{proof.reason}: {work}{trust}{kept}"
+
+
+def _clearances(proof: Proof) -> str:
+    """The clearance proved; where there are pairs of both kinds, of each."""
+    own, scene = (float(least) for least in proof.least)
+    if not (np.isfinite(own) and np.isfinite(scene)):
+        return f"{1e3 * proof.clearance:.3g} mm"
+    return f"{1e3 * scene:.3g} mm from the scene and {1e3 * own:.3g} mm of the robot from itself"

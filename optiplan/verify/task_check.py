@@ -336,10 +336,11 @@ def _collision(checks: Iterable[Check]) -> Check:
     witness: dict[str, Any] = dict(worst.witness)
     for key in ("intervals", "queries", "believed"):
         witness[key] = sum(int(check.witness[key]) for check in found)
-    witness["pairs"] = max(int(check.witness["pairs"]) for check in found)
-    for key in ("proved_clearance", "met_clearance"):
+    for key in ("pairs", "proved_by_robot"):
+        witness[key] = max(int(check.witness[key]) for check in found)
+    for key in ("proved_clearance", "self_clearance", "scene_clearance", "met_clearance"):
         known = [check.witness[key] for check in found if check.witness[key] is not None]
-        complete = key != "proved_clearance" or all(check.passed for check in found)
+        complete = key == "met_clearance" or all(check.passed for check in found)
         witness[key] = min(known) if known and complete else None
     detail = f"least of {len(found)} parts with scenes of their own: {worst.detail}" if len(found) > 1 else worst.detail
     covers = tuple(dict.fromkeys(one for check in found for one in check.covers))

@@ -199,7 +199,11 @@ def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] |
     for check in (report or {}).get("checks", ()):
         if check.get("name") == "collision":
             witness = check.get("witness") or {}
-            named = (("clearance, proved", "proved_clearance"), ("smallest distance met", "met_clearance"))
+            named = (
+                ("clearance, proved", "proved_clearance"),
+                ("clearance from the scene, proved", "scene_clearance"),
+                ("smallest distance met", "met_clearance"),
+            )
             facts += [(name, f"{1e3 * witness[key]:.2f} mm") for name, key in named if witness.get(key) is not None]
     return facts
 

@@ -69,3 +69,15 @@ def test_a_search_cut_by_the_clock_says_so():
     barred = pipeline.run(cases.barred(), "trajopt", {}, Budget(0.3), lambda stage, fraction: None)
     assert barred.failure is not None
     assert barred.info["cut_short"] is True
+
+
+def test_what_is_left_for_a_proof_is_left_by_every_part_of_the_budget() -> None:
+    whole = Budget(30.0)
+    within = whole.leaving(1.0)
+    early = within.share(0.9)
+    within.leave(20.0)
+    assert max(early.remaining, within.remaining) <= 10.0 < whole.remaining
+    within.leave(5.0)  # less than what is left already
+    assert within.remaining <= 10.0
+    assert whole.overrun == 0.0
+    assert Budget(0.0).overrun > 0.0

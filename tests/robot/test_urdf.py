@@ -1,3 +1,5 @@
+import os
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -208,3 +210,24 @@ def test_a_missing_srdf(tmp_path):
         InputError, match=r"robot\.yaml:\d+: srdf: 'pairs\.srdf', but there is no file .*a readable SRDF"
     ):
         load_robot(str(path))
+
+
+@pytest.mark.parametrize(
+    ("variable", "place", "entry"),
+    [
+        ("ROS_PACKAGE_PATH", "src/pack", "src"),
+        ("ROS_PACKAGE_PATH", "src/pack", "src/pack"),
+        ("AMENT_PREFIX_PATH", "install/share/pack", "install"),
+    ],
+)
+def test_a_package_is_looked_for_where_ros_says(tmp_path, monkeypatch, variable, place, entry):
+    folder = tmp_path / place / "meshes"
+    folder.mkdir(parents=True)
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(folder / "cube.stl")
+    path = write_robot(tmp_path / "far" / "away" / "from" / "it", meshed("collision", "package://pack/meshes/cube.stl"))
+    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    with pytest.raises(InputError, match="missing"):
+        load_robot(str(path))
+    monkeypatch.setenv(variable, f"/nowhere{os.pathsep}{tmp_path / entry}")
+    assert load_robot(str(path)).link_geometry

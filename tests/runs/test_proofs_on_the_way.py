@@ -1,14 +1,16 @@
 """Motions that a planner finds are proved while it goes on, and nobody is told that one is verified which is not."""
 
+import time
 from dataclasses import dataclass, field
 
 import pytest
 
 import optiplan as op
-from optiplan.planners.base import announce, stages_of
+from optiplan.planners.base import Budget, announce, stages_of
 from optiplan.runs import selection
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.report import Report
 from optiplan.verify.verify import verify
 
 
@@ -102,3 +104,33 @@ def test_a_part_of_the_work_tells_stages_and_no_motions(motion: Trajectory) -> N
     part("going", 0.5)
     announce(part, motion)
     assert (heard.stages, heard.found_) == (["going"], [])
+
+
+def test_the_planner_leaves_as_much_time_as_the_first_proof_took(
+    problem: op.Problem, motion: Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The proof is inside the budget: what one took is reserved for the next."""
+
+    def slow(problem: op.Problem, motion: Trajectory) -> Report:
+        time.sleep(0.2)
+        return verify(problem, motion)
+
+    monkeypatch.setattr("optiplan.runs.proofs_on_the_way.verify", slow)
+    whole = Budget(60.0)
+    within = whole.leaving(0.01)
+    ProofsOnTheWay(problem, Heard(), within).found(motion, 0.0)
+    assert whole.remaining - within.remaining >= 0.2
+
+
+def test_what_proofs_cost_beyond_the_budget_is_among_the_timings(
+    problem: op.Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slow(problem: op.Problem, motion: Trajectory) -> Report:
+        time.sleep(0.5)
+        return verify(problem, motion)
+
+    for module in ("selection", "proofs_on_the_way"):
+        monkeypatch.setattr(f"optiplan.runs.{module}.verify", slow)
+    timings = op.plan(problem, "quintic", budget=0.25).timings
+    assert timings["beyond the budget"] >= 0.2
+    assert timings["plan"] + timings["verify"] >= 0.25

@@ -1,7 +1,7 @@
 """Print a robot for `optiplan robots show`."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -10,7 +10,14 @@ from rich.table import Table
 
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import count_reasons, reasons_in_words
+from optiplan.robot.urdf.srdf import LinkPair
 from optiplan.verify.report import jsonable
+
+OFTEN = 0.2
+"""Share of configurations in which links touch that are built so, more likely than not: the robot can hardly move."""
+
+FEW = {"joints": 12, "groups": 4, "configurations": 4, "pairs": 12, "notes": 8}
+"""What is printed of each where not all is asked for."""
 
 LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "torque")
 
@@ -46,6 +53,7 @@ def describe(robot: Robot) -> dict[str, Any]:
             for links, reason in sorted(allowed.items())
         ],
         "collision_rates": [{"links": links, "collision_rate": rates[links]} for links in checked],
+        "touching_pairs": touching_pairs(robot),
         "collision_samples": robot.survey.samples,
         "notes": robot.notes,
     }
@@ -53,24 +61,45 @@ def describe(robot: Robot) -> dict[str, Any]:
     return ready
 
 
-def show_robot(console: Console, data: Mapping[str, Any]) -> None:
-    """Print the result of `describe`."""
+def touching_pairs(robot: Robot) -> list[LinkPair]:
+    """Return the checked pairs of links that touch in more than `OFTEN` of the configurations, the most often first."""
+    rates = {pair: rate for pair, rate in robot.survey.rates.items() if rate > OFTEN and pair not in robot.allowed}
+    return sorted(rates, key=lambda pair: (-rates[pair], pair))
+
+
+def show_robot(console: Console, data: Mapping[str, Any], full: bool = True) -> None:
+    """Print the result of `describe`: all of it, or what fits on a page."""
     console.print(f"{data['name']} · tool frame {data['tool_frame']} · {data['source']}", markup=False, soft_wrap=True)
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("joint")
     for heading in LIMITS:
         table.add_column(heading, justify="right")
-    for joint in data["joints"]:
+    for joint in _some(data["joints"], "joints", full):
         table.add_row(joint["name"], *(_number(joint[key]) for key in LIMITS))
+    _show_touching(console, data)
     console.print(table)
+    _left_out(console, data["joints"], "joints", full)
     console.print("limits in rad, rad/s, rad/s², rad/s³, N·m (m and N for sliding joints)", style="dim")
-    for name, joints in data["groups"].items():
+    for name, joints in _some(list(data["groups"].items()), "groups", full):
         planned = " (planned)" if name == data["group"] else ""
         console.print(f"group {name}{planned}: {', '.join(joints)}", markup=False)
     if data["dh"] is not None:
         _show_dh(console, data["dh"])
-    for name, q in data["configurations"].items():
+    for name, q in _some(list(data["configurations"].items()), "configurations", full):
         console.print(f"configuration {name}: [{', '.join(f'{value:.6g}' for value in q)}]", markup=False)
+    if full:
+        _show_links(console, data)
+    else:
+        counted = f"{len(data['locked'])} joints locked, {len(data['links'])} links with bodies"
+        console.print(f"{counted}, {len(data['frames'])} frames (all of them: --full)", style="dim")
+    _show_pairs(console, data, full)
+    for note in _some(data["notes"], "notes", full):
+        console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
+    _left_out(console, data["notes"], "notes", full)
+
+
+def _show_links(console: Console, data: Mapping[str, Any]) -> None:
+    """Print locked joints, links with their geometry, and frames."""
     for name, value in data["locked"].items():
         console.print(f"locked {name}: {value:.6g}", markup=False)
     links = ", ".join(
@@ -80,27 +109,48 @@ def show_robot(console: Console, data: Mapping[str, Any]) -> None:
     console.print(f"frames: {', '.join(data['frames'])}", markup=False)
     if data["links_without_geometry"]:
         console.print(f"links without geometry: {', '.join(data['links_without_geometry'])}", markup=False)
-    _show_pairs(console, data)
-    for note in data["notes"]:
-        console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
 
 
-def _show_pairs(console: Console, data: Mapping[str, Any]) -> None:
-    """Print every pair of links that joints move: why it is not checked, if so, and how often it touches."""
+def _show_touching(console: Console, data: Mapping[str, Any]) -> None:
+    """Print the pairs that are checked and touch often, and what allows them."""
+    pairs = data["touching_pairs"]
+    if not pairs:
+        return
+    rates = {tuple(pair["links"]): pair["collision_rate"] for pair in data["collision_rates"]}
+    words = [f"{a} – {b} ({rates[a, b]:.0%})" for a, b in pairs[: FEW["pairs"]]]
+    words += [f"and {len(pairs) - len(words)} more"] * (len(pairs) > len(words))
+    console.print(f"checked, though they touch in more than {OFTEN:.0%} of configurations:", style="yellow")
+    console.print(f"  {', '.join(words)}", style="yellow", markup=False, soft_wrap=True)
+    cure = "where they are built so: `robots init --allow-pairs touching`, or `allowed_collisions` in the robot.yaml"
+    console.print(f"  {cure}", style="yellow", markup=False, soft_wrap=True)
+
+
+def _some(values: Sequence[Any], key: str, full: bool) -> Sequence[Any]:
+    return values if full else values[: FEW[key]]
+
+
+def _left_out(console: Console, values: Sequence[Any], key: str, full: bool) -> None:
+    """Say how many there are more."""
+    if not full and len(values) > FEW[key]:
+        console.print(f"and {len(values) - FEW[key]} more {key} (--full)", style="dim")
+
+
+def _show_pairs(console: Console, data: Mapping[str, Any], full: bool) -> None:
+    """Print pairs of links that joints move: why one is not checked, if so, and how often it touches."""
     reasons = {tuple(pair["links"]): pair["reason"] for pair in data["allowed_pairs"]}
     counted = reasons_in_words(count_reasons(reasons))
     console.print(f"pairs of links: {len(data['checked_pairs'])} checked; {counted}", markup=False, soft_wrap=True)
     table = Table(box=None, pad_edge=False, header_style="dim")
     for heading, side in (("pair", "left"), ("", "left"), (f"touches in {data['collision_samples']} samples", "right")):
         table.add_column(heading, justify="right" if side == "right" else "left")
-    for pair in sorted(
-        [*data["collision_rates"], *data["allowed_pairs"]],
-        key=lambda pair: (-(pair["collision_rate"] or 0.0), pair["links"]),
-    ):
-        if pair["collision_rate"] is not None:
-            word = reasons.get(tuple(pair["links"]), "checked")
-            table.add_row(" – ".join(pair["links"]), word, f"{pair['collision_rate']:.1%}")
+    touching = [tuple(pair) for pair in data["touching_pairs"]]
+    known = [pair for pair in [*data["collision_rates"], *data["allowed_pairs"]] if pair["collision_rate"] is not None]
+    known.sort(key=lambda pair: (tuple(pair["links"]) not in touching, -pair["collision_rate"], pair["links"]))
+    for pair in _some(known, "pairs", full):
+        word = reasons.get(tuple(pair["links"]), "checked")
+        table.add_row(" – ".join(pair["links"]), word, f"{pair['collision_rate']:.1%}")
     console.print(table)
+    _left_out(console, known, "pairs", full)
 
 
 def _geometry(kind: str, over_cover: float | None) -> str:

@@ -1,6 +1,7 @@
 """Survey of pairs of links: how often they touch, which always do, and which are proved never to."""
 
 import json
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -17,6 +18,8 @@ from optiplan.geometry.convex import triangles_of, vertices_of
 from optiplan.robot.self_collision.pair_proof import GAP, PairProof
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
 
+log = logging.getLogger(__name__)
+
 ALWAYS = 0.95
 """Share of a joint's range over which neighbours touch by design; MoveIt's set-up assistant takes the same share.
 
@@ -29,7 +32,7 @@ ANGLES = 720
 SAMPLES, WORK = 2000, 1_000_000
 """Configurations sampled for rates of collision, and pairs of bodies at configurations that this may come to."""
 
-VERSION = 5
+VERSION = 6
 """Counted up when surveys are made in another way, so that cached ones are made again."""
 
 
@@ -38,7 +41,8 @@ class PairSurvey:
     """Result of the survey of the pairs of links that joints move.
 
     Attributes:
-        rates: share of `samples` random configurations in which each pair touches, that is, is nearer than `GAP`.
+        rates: share of `samples` random configurations in which each pair touches, that is, is nearer than `GAP`; where
+            one joint moves it, share of the joint's range.
         adjacent: pairs moved by one joint that touch over at least `ALWAYS` of its range.
         proved: pairs proved to stay farther apart than `GAP` over the joint box.
     """
@@ -67,10 +71,11 @@ def survey_pairs(model: pin.Model, geometry: pin.GeometryModel, limits: tuple[Ar
         geometry: its bodies.
         limits: lower and upper limits of position, (n,), infinite for joints without end.
     """
-    name = f"pairs/{_digest(model, geometry, limits)}.json"
+    name = f"pairs/{content_digest(model, geometry, limits, VERSION)}.json"
     content = cache.load(name)
     if content is not None:
         return _read(content)
+    log.info("looking how often links touch, and which never do, once")
     made = _Survey(model, geometry, limits).make()
     cache.store(name, _write(made))
     return made
@@ -98,9 +103,12 @@ class _Survey:
         count = min(SAMPLES, max(100, WORK // len(self.proof.moves)))
         middle, half = self.proof.middle, np.where(np.isfinite(self.proof.half), self.proof.half, 1.0)
         rng = np.random.default_rng(0)
-        touching = self.touching(middle + half * rng.uniform(-1.0, 1.0, (count, len(middle))))
-        rates = touching.mean(axis=0)
         share = self.shares()
+        # Of a pair that one joint moves its share is the rate: neighbours a hair apart are asked at few angles only.
+        sampled = np.flatnonzero(np.isnan(share))
+        rates = np.where(np.isnan(share), 0.0, share)
+        Q = middle + half * rng.uniform(-1.0, 1.0, (count, len(middle)))
+        rates[sampled] = self.touching(Q, sampled).mean(axis=0)
         adjacent = share >= ALWAYS
         open_pairs = np.flatnonzero(~adjacent & (rates == 0.0) & ~(share > 0.0))
         proved = self.proof.prove([self.groups[k] for k in open_pairs])
@@ -111,13 +119,17 @@ class _Survey:
             frozenset(links[k] for k, apart in zip(open_pairs, proved, strict=True) if apart),
         )
 
-    def touching(self, Q: Array) -> Flags:
-        """Whether each pair of links is nearer than `GAP` at configurations Q (N, n): (N, links)."""
-        result = np.zeros((len(Q), len(self.groups)), dtype=bool)
-        group = np.repeat(np.arange(len(self.groups)), [len(members) for members in self.groups])
-        step = max(1, 100_000 // len(group))
+    def touching(self, Q: Array, chosen: Index) -> Flags:
+        """Whether each of the `chosen` pairs of links (K,) is nearer than `GAP` at configurations Q (N, n): (N, K)."""
+        result = np.zeros((len(Q), len(chosen)), dtype=bool)
+        group = np.full(len(self.proof.moves), -1)
+        for place, k in enumerate(chosen.tolist()):
+            group[self.groups[k]] = place
+        step = max(1, 100_000 // max(len(group), 1))
         for k in range(0, len(Q), step):
             rows, pairs, placed = self.proof.bounds.meeting(Q[k : k + step], GAP)
+            asked = group[pairs] >= 0
+            rows, pairs, placed = rows[asked], pairs[asked], placed[asked]
             touch = self.proof.distances(placed, pairs, np.full(len(pairs), GAP)) <= GAP
             result[k + rows[touch], group[pairs[touch]]] = True
         return result
@@ -144,15 +156,15 @@ class _Survey:
         return result
 
 
-def _digest(model: pin.Model, geometry: pin.GeometryModel, limits: tuple[Array, Array]) -> str:
-    """Hash of all that a survey depends on: joints, bodies, limits."""
+def content_digest(model: pin.Model, geometry: pin.GeometryModel, limits: tuple[Array, Array], version: int) -> str:
+    """Hash of joints, bodies and limits, and of the version of what is made of them."""
     bodies = [
         f"{model.frames[item.parentFrame].name} {item.parentJoint} {type(item.geometry).__name__}"
         for item in geometry.geometryObjects
     ]
     numbers = [item.placement.homogeneous for item in geometry.geometryObjects]
     numbers += [*limits, *(array for item in geometry.geometryObjects for array in _numbers(item.geometry))]
-    text = json.dumps([VERSION, model.saveToString(), bodies]).encode()
+    text = json.dumps([version, model.saveToString(), bodies]).encode()
     return cache.digest([text, *(np.ascontiguousarray(array).tobytes() for array in numbers)])
 
 

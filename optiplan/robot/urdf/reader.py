@@ -5,6 +5,7 @@ joints that turn without end become revolute ones without limits (so that nq = n
 """
 
 import logging
+import os
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
@@ -191,11 +192,23 @@ class _MeshFinder:
             return [Path(name)] if Path(name).is_absolute() else [root / name for root in self.roots]
         if scheme == "file":
             return [Path(rest)]
-        inside = rest.partition("/")[2]
-        return [root / tail for root in self.roots for tail in (rest, inside) if tail]
+        package, _, inside = rest.partition("/")
+        near = [root / tail for root in self.roots for tail in (rest, inside) if tail]
+        return [*near, *_in_packages(package, inside)]
 
     def find(self, name: str) -> Path | None:
         return next((path for path in self.candidates(name) if is_file(path)), None)
+
+
+def _in_packages(package: str, inside: str) -> list[Path]:
+    """Where a file of a ROS package may be: in folders of packages (ROS 1), then in prefixes (ROS 2)."""
+
+    def folders(variable: str) -> list[Path]:
+        return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+
+    found = [folder / package / inside for folder in folders("ROS_PACKAGE_PATH")]
+    found += [folder / inside for folder in folders("ROS_PACKAGE_PATH") if folder.name == package]
+    return [*found, *(prefix / "share" / package / inside for prefix in folders("AMENT_PREFIX_PATH"))]
 
 
 def _settle_visuals(link: ET.Element, finder: _MeshFinder, notes: list[str]) -> None:

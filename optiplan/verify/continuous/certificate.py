@@ -1,5 +1,6 @@
 """Certificate: a proof that no two bodies touch at any time, or the time and place where it fails."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from weakref import WeakKeyDictionary
 
@@ -12,6 +13,7 @@ from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.continuous.interval_queries import ROUNDING, Asked, Middles, Nearness
 from optiplan.verify.continuous.intervals import Intervals, blocks, boxes, middles, spans, step_sizes
+from optiplan.verify.continuous.kept_clearance import KeptClearance, kept_clearances
 from optiplan.verify.continuous.motion_bounds import Boxes, Motion
 from optiplan.verify.continuous.separating_planes import PairDistances
 from optiplan.verify.report import VerifyPolicy
@@ -30,10 +32,41 @@ _MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _NONE = np.empty(0, dtype=np.intp)
 _CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
 
-_Tools = tuple[Bodies, PairDistances, Motion]
-_tools: WeakKeyDictionary[CollisionModel, _Tools] = WeakKeyDictionary()
-"""What is the same for every motion in a work space."""
+SELF, SCENE = 0, 1
+"""Kinds of pairs: of links and what they hold, and of either with an obstacle."""
 
+
+@dataclass(frozen=True, eq=False)
+class _Tools:
+    """What is the same for every motion in a work space.
+
+    `kinds` (P + H,): `SELF` or `SCENE` of each pair; `kept`: what is proved of pairs for all configurations.
+    """
+
+    bodies: Bodies
+    distances: PairDistances
+    motion: Motion
+    kinds: Index
+    kept: Mapping[int, KeptClearance]
+
+    @classmethod
+    def of(cls, model: CollisionModel) -> "_Tools":
+        bodies = Bodies(model)
+        obstacle = np.zeros(len(bodies.shapes), dtype=bool)
+        obstacle[len(model.names) - len(model.scene.obstacles) : len(model.names)] = True
+        kept = kept_clearances(model.robot)
+        known = {k: kept[pair] for k, pair in enumerate(map(tuple, model.bounds.pairs.tolist())) if pair in kept}
+        kinds = np.where(obstacle[bodies.pairs].any(axis=1), SCENE, SELF)
+        return cls(bodies, PairDistances(model, bodies), Motion(bodies), kinds, known)
+
+    def with_obstacles_of(self, model: CollisionModel) -> "_Tools":
+        """Return the same of a model in which obstacles stand elsewhere."""
+        bodies = self.bodies.with_obstacles_of(model)
+        distances, motion = self.distances.with_obstacles_of(model, bodies), self.motion.with_obstacles_of(bodies)
+        return replace(self, bodies=bodies, distances=distances, motion=motion)
+
+
+_tools: WeakKeyDictionary[CollisionModel, _Tools] = WeakKeyDictionary()
 _last: WeakKeyDictionary[SameBodies, _Tools] = WeakKeyDictionary()
 """That of the last work space of the same bodies, of which obstacles may have stood elsewhere."""
 
@@ -41,13 +74,7 @@ _last: WeakKeyDictionary[SameBodies, _Tools] = WeakKeyDictionary()
 def _tools_of(model: CollisionModel) -> _Tools:
     if model not in _tools:
         known = _last.get(model.same_bodies)
-        if known is None:
-            bodies = Bodies(model)
-            found = bodies, PairDistances(model, bodies), Motion(bodies)
-        else:
-            bodies = known[0].with_obstacles_of(model)
-            found = bodies, known[1].with_obstacles_of(model, bodies), known[2].with_obstacles_of(bodies)
-        _tools[model] = _last[model.same_bodies] = found
+        _tools[model] = _last[model.same_bodies] = _Tools.of(model) if known is None else known.with_obstacles_of(model)
     return _tools[model]
 
 
@@ -72,8 +99,11 @@ class Proof:
         intervals: number of different intervals of time examined.
         queries: exact distance queries made.
         gjk_only: how many of them no separating plane confirmed (non-convex meshes): coal's distance less 1e-6 m.
-        clearance: the smallest clearance proved of all intervals, m: no pair ever comes nearer.
-        nearest: the smallest distance measured, an upper bound of the true minimum; None if no query was needed.
+        least: (2,) the smallest clearance proved of all intervals, m, of pairs of the robot's own bodies (`SELF`) and
+            of those with an obstacle (`SCENE`): no pair of the kind ever comes nearer. inf where there is none.
+        met: the smallest distance measured of either kind, an upper bound of the true minimum; None if no query was
+            needed. Of pairs in `kept` the nearest is measured once.
+        kept: pairs of links that needed no query, since their clearance is proved for all configurations.
         contact: whether bodies do come too near at the time of `nearest`, rather than only nothing being proved.
     """
 
@@ -82,9 +112,20 @@ class Proof:
     intervals: int = 0
     queries: int = 0
     gjk_only: int = 0
-    clearance: float = np.inf
-    nearest: Moment | None = None
+    least: Array = field(default_factory=lambda: np.full(2, np.inf))
+    met: tuple[Moment | None, Moment | None] = (None, None)
+    kept: frozenset[int] = frozenset()
     contact: bool = False
+
+    @property
+    def clearance(self) -> float:
+        """Return the smallest clearance proved, m: no pair ever comes nearer."""
+        return float(self.least.min())
+
+    @property
+    def nearest(self) -> Moment | None:
+        """Return the smallest distance measured; None if no query was needed."""
+        return min((one for one in self.met if one is not None), key=lambda one: one.distance, default=None)
 
 
 def certify(
@@ -97,7 +138,8 @@ def certify(
         g - travel              how far the bodies can move in any direction;
         linear - curvature_loss the gap along w to first order in time, less what acceleration can take from it,
     see `motion_bounds.Motion`. Where that fails the interval is divided for this pair alone. Bounding volumes
-    answer most pairs, exact queries confirmed by separating planes the rest.
+    answer most pairs, `kept_clearance` those of neighbours, exact queries confirmed by separating planes the rest. Of
+    the robot's own pairs and of those with obstacles most of the smallest distance of the kind is proved.
 
     A `record` is filled with what was proved of which pair and when; its least is the proof's `clearance`.
 
@@ -110,8 +152,9 @@ def certify(
     search.work_off(search.begin())
     if search.proof.reason:
         return search.proof
-    rough = min(search.proof.clearance, search.coarse.clearance)
-    proved = replace(search.proof, proved=True, clearance=rough)
+    search.measure_kept()
+    rough = np.minimum(search.proof.least, search.coarse.least(search.kinds))
+    proved = replace(search.proof, proved=True, least=rough)
     known = None if record is None else len(record)
     search.work_off(search.again())
     if not search.proof.reason:
@@ -139,10 +182,10 @@ class _Coarse:
     near: Flags
     margin: Array
 
-    @property
-    def clearance(self) -> float:
-        """Return the smallest clearance proved of those near, m."""
-        return float(self.margin[self.near].min(initial=np.inf))
+    def least(self, kinds: Index) -> Array:
+        """Return the smallest clearance proved of those near of each kind, (2,) m."""
+        near = np.where(self.near, self.margin, np.inf).min(axis=0, initial=np.inf)
+        return _least(near, kinds[self.pairs])
 
     def members(self, chosen: Flags) -> Intervals:
         """All intervals of the blocks chosen (B, T), with their pairs."""
@@ -164,7 +207,12 @@ class _Search:
     proof: Proof = field(default_factory=lambda: Proof(False))
 
     def __post_init__(self) -> None:
-        self.bodies, self.distances, self.motion = _tools_of(self.model)
+        tools = _tools_of(self.model)
+        self.bodies, self.distances, self.motion = tools.bodies, tools.distances, tools.motion
+        self.kinds, self.kept = tools.kinds, tools.kept
+        self.is_kept = np.zeros(len(self.kinds), dtype=bool)
+        self.is_kept[list(self.kept)] = True
+        self.tightest: tuple[float, int, Array, float] | None = None  # clearance, pair, q and time
         self.jump = step_sizes(self.trajectory, self.policy.jump_tolerance)
 
     def boxes(self, items: Intervals) -> Boxes:
@@ -175,7 +223,7 @@ class _Search:
         """Return where the joints are in the middles of these intervals, and bounds of their motion there."""
         b, kinematics = self.boxes(intervals), self.bodies.kinematics
         poses, times = kinematics.poses(b.q), middles(self.trajectory, intervals)
-        return Middles(times, b.q, poses, *kinematics.axes(poses), self.motion.of_all_joints(b))
+        return Middles(times, b.q, b.reach, poses, *kinematics.axes(poses), self.motion.of_all_joints(b))
 
     def look_first(self) -> None:
         """Refuse at once what cannot be proved: huge numbers, bodies without bounds, bodies inside a mesh."""
@@ -193,7 +241,8 @@ class _Search:
         if found is not None:
             pair = self.model.pairs[found.pair]
             where = Moment(0.0, 0.0, (pair.name_a, pair.name_b), np.array([found.point, found.point]), q)
-            self.proof = Proof(False, "one body lies inside the other", nearest=where, contact=True)
+            self.proof = Proof(False, "one body lies inside the other", contact=True)
+            self.remember(found.pair, where)
 
     def absurd(self) -> str:
         """Return what is too large for a proof in floating point, or nothing: terms |c_k| h^k of positions, bodies."""
@@ -227,7 +276,7 @@ class _Search:
             margins.append(tree.bounds.apart(Q, D, self.policy.clearance + _FAR + ROUNDING) - ROUNDING)
         margin = np.concatenate(margins)
         clear, far = margin > self.policy.clearance + _EASY, margin > self.policy.clearance + _FAR
-        self.keep(margin[far])
+        self.keep(margin[far], tree.tops[np.nonzero(far)[1]])
         self.coarse = _Coarse(tree.tops, intervals, first, last, clear & ~far, margin)
         self.tell(far)
         return self.coarse.members(~clear)
@@ -235,11 +284,14 @@ class _Search:
     def again(self) -> Intervals:
         """Intervals on which bounding volumes prove less than is worth telling, unless they are too many."""
         coarse, nothing = self.coarse, np.zeros_like(self.coarse.near)
-        chosen = coarse.near & (coarse.margin <= self.target()) if self.proof.nearest is not None else nothing
+        targets = self.target(coarse.pairs)
+        measured = np.array([met is not None for met in self.proof.met])[self.kinds[coarse.pairs]]
+        chosen = coarse.near & (coarse.margin <= targets) & measured
         items = coarse.members(chosen)
         if len(items.pair) > _MOST_AGAIN:
             chosen, items = nothing, coarse.members(nothing)
-        self.keep(coarse.margin[coarse.near & ~chosen])
+        left = coarse.near & ~chosen
+        self.keep(coarse.margin[left], coarse.pairs[np.nonzero(left)[1]])
         self.tell(coarse.near & ~chosen)
         return items
 
@@ -257,17 +309,20 @@ class _Search:
         items, unique, rows = items.grouped()
         at = self.middles(unique)
         self.proof.intervals += len(unique.piece)
+        items, rows = self.without_kept(items, rows, at)
+        if not len(rows):
+            return items
         asked = self.ask(items, rows, at)
-        if self.proof.reason:
+        if self.proof.reason or not len(asked.rows):
             return items.take(_NONE)
         items, near = asked.items, self.bounded(asked, at)
-        target = self.target()
+        target = self.target(items.pair)
         clear = near.margin > target
         self.prove(items, clear, near.margin)
         still = np.flatnonzero(~clear)
         if not len(still):
             return items.take(still)
-        halvings = near.halvings(still, target)
+        halvings = near.halvings(still, target[still])
         opened = (items.pair[still] >= self.bodies.tree.count) & (halvings > _MOST_OF_HULLS)
         left = items.take(still[~opened]).split(halvings[~opened])
         if opened.any():
@@ -282,7 +337,8 @@ class _Search:
         """
         answers: list[Asked] = []
         while True:
-            placed, enough = self.bodies.place(at.poses, rows, items.pair), max(_HULLS, _ROOM * self.target())
+            placed = self.bodies.place(at.poses, rows, items.pair)
+            enough = np.maximum(_HULLS, _ROOM * self.target(items.pair))
             asked = Asked(items, rows, placed, self.distances.query(items.pair, placed, enough))
             found, several = asked.found, items.pair >= self.bodies.tree.count
             unsure = several & (found.bound <= enough)
@@ -298,7 +354,7 @@ class _Search:
             if not unsure.any():
                 return Asked.join([*answers, asked])
             answers.append(asked.take(np.flatnonzero(~unsure)))
-            items, rows = self.open(asked.take(np.flatnonzero(unsure)), at)
+            items, rows = self.without_kept(*self.open(asked.take(np.flatnonzero(unsure)), at), at)
             if not len(rows):
                 return Asked.join(answers)
 
@@ -311,7 +367,7 @@ class _Search:
         query, found = asked.query(at), asked.found
         travel = self.motion.travel(at.joints, query)
         flat = found.bound - travel.total
-        nearest = np.inf if self.proof.nearest is None or self.record is not None else self.proof.nearest.distance
+        nearest = self.known(asked.items.pair) if self.record is None else np.full(len(flat), np.inf)
         close = np.flatnonzero(~(flat - ROUNDING > nearest))
         along = self.motion.along_normals(at.joints, query, travel, found.normals, close)
         linear, loss = np.full(len(flat), -np.inf), np.zeros(len(flat))
@@ -325,13 +381,13 @@ class _Search:
         parent = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
         inner, rows = replace(asked.items.take(parent), pair=np.concatenate(parts)), asked.rows[parent]
         margin = self.bodies.lower_bound(self.bodies.place(at.poses, rows, inner.pair)) - travel[parent] - ROUNDING
-        clear = margin > max(self.target(), self.policy.clearance + _EASY)
+        clear = margin > np.maximum(self.target(inner.pair), self.policy.clearance + _EASY)
         self.prove(inner, clear, margin)
         return inner.take(np.flatnonzero(~clear)), rows[~clear]
 
     def prove(self, items: Intervals, clear: Flags, margin: Array) -> None:
         """Remember the clearance `margin` (K,), m, proved of the items that are clear."""
-        self.keep(margin[clear])
+        self.keep(margin[clear], items.pair[clear])
         if self.record is not None:
             proved = items.take(np.flatnonzero(clear))
             begin, end = spans(self.trajectory, proved)
@@ -345,11 +401,52 @@ class _Search:
         each = np.repeat(np.arange(len(pairs)), [len(found) for found in members])
         self.record.add(begin[each], end[each], np.concatenate(members), clearance[each])
 
-    def target(self) -> float:
-        """Return the clearance to prove, m: that asked for, and most of the smallest distance, which is reported."""
-        nearest = self.proof.nearest
-        clearance = self.policy.clearance
-        return clearance if nearest is None else clearance + _TOLD * max(nearest.distance - clearance, 0.0)
+    def without_kept(self, items: Intervals, rows: Index, at: Middles) -> tuple[Intervals, Index]:
+        """Return the items of which what is kept does not prove the clearance asked for."""
+        clear: Flags = np.zeros(len(rows), dtype=bool)
+        found = self.is_kept[items.pair]
+        for pair in np.unique(items.pair[found]).tolist():
+            own = np.flatnonzero(items.pair == pair)
+            least = self.kept[pair].least(at.q[rows[own]], at.reach[rows[own]])
+            proved = least > self.policy.clearance + ROUNDING
+            clear[own[proved]] = True
+            if not proved.any():
+                continue
+            self.proof.kept |= {pair}
+            self.prove(items.take(own), proved, least)
+            k = int(np.where(proved, least, np.inf).argmin())
+            if self.tightest is None or least[k] < self.tightest[0]:
+                row = rows[own[k]]
+                self.tightest = float(least[k]), pair, at.q[row].copy(), float(at.times[row])
+        left = np.flatnonzero(~clear)
+        return items.take(left), rows[left]
+
+    def measure_kept(self) -> None:
+        """Measure the pair with the least of the kept clearances, where it has it."""
+        if self.tightest is None:
+            return
+        _, pair, q, time = self.tightest
+        found = self.distances.witness(self.bodies.kinematics.poses(q[None])[0], pair)
+        self.proof.queries += 1
+        names = self.model.pairs[pair].name_a, self.model.pairs[pair].name_b
+        self.remember(pair, Moment(found.distance, time, names, found.points, q))
+
+    def known(self, pairs: Index) -> Array:
+        """Return the smallest distance measured of the kind of each pair, (K,) m; inf where none is."""
+        least = np.array([np.inf if met is None else met.distance for met in self.proof.met])
+        return np.asarray(least[self.kinds[pairs]])
+
+    def target(self, pairs: Index) -> Array:
+        """Return the clearance to prove, (K,) m: that asked for, and most of the smallest distance of the pairs' kind.
+
+        Of the robot's own pairs no more is proved than what is kept of the tightest of them: their least is reported.
+        """
+        asked = self.policy.clearance
+        least = np.array([asked if met is None else met.distance for met in self.proof.met])
+        target = asked + _TOLD * np.maximum(least - asked, 0.0)
+        if self.tightest is not None:
+            target[SELF] = min(target[SELF], self.tightest[0])
+        return np.asarray(target[self.kinds[pairs]])
 
     def limit(self, items: Intervals) -> Intervals:
         """Give up where intervals become shorter than the policy's or the queries too many."""
@@ -364,10 +461,10 @@ class _Search:
         self.proof.reason, self.proof.contact = reason, contact
         return items.take(_NONE)
 
-    def keep(self, margins: Array) -> None:
-        """Remember the smallest clearance proved."""
+    def keep(self, margins: Array, pairs: Index) -> None:
+        """Remember the smallest clearance proved of each kind, of these pairs."""
         if len(margins):
-            self.proof.clearance = min(self.proof.clearance, float(margins.min()))
+            self.proof.least = np.minimum(self.proof.least, _least(margins, self.kinds[pairs]))
 
     def tell(self, chosen: Flags) -> None:
         """Record what bounding volumes proved of these pairs of the blocks, (B, T)."""
@@ -380,16 +477,32 @@ class _Search:
         self.note(begin, end, coarse.pairs[pairs], coarse.margin[rows, pairs])
 
     def see(self, asked: Asked, at: Middles, among: Index, measure: bool = False) -> None:
-        """Remember the smallest distance of these, with its witness; with `measure` those given are lower bounds."""
-        known = np.inf if self.proof.nearest is None else self.proof.nearest.distance
+        """Remember the smallest distances of these, with witnesses; with `measure` those given are lower bounds."""
+        for kind in (SELF, SCENE):
+            self.see_kind(asked, at, among[self.kinds[asked.items.pair[among]] == kind], measure)
+
+    def see_kind(self, asked: Asked, at: Middles, among: Index, measure: bool) -> None:
+        """Remember the smallest distance of these, which are of one kind."""
         distance = asked.found.best[among]
-        if distance.min(initial=np.inf) >= known:
+        if not len(among) or distance.min() >= self.known(asked.items.pair[among[:1]])[0]:
             return
         k = int(among[np.argmin(distance)])
         row = asked.rows[k]
         found = self.distances.witness(at.poses[row], int(asked.items.pair[k]))
         least = found.distance if measure else float(asked.found.best[k])
-        if least < known:
-            pair = self.model.pairs[found.pair]
-            names = pair.name_a, pair.name_b
-            self.proof.nearest = Moment(least, float(at.times[row]), names, found.points, at.q[row].copy())
+        pair = self.model.pairs[found.pair]
+        names = pair.name_a, pair.name_b
+        self.remember(found.pair, Moment(least, float(at.times[row]), names, found.points, at.q[row].copy()))
+
+    def remember(self, pair: int, met: Moment) -> None:
+        """Remember a distance that was measured, if it is the smallest of its kind."""
+        kind, known = self.kinds[pair], list(self.proof.met)
+        before = known[kind]
+        if before is None or met.distance < before.distance:
+            known[kind] = met
+            self.proof.met = known[0], known[1]
+
+
+def _least(margins: Array, kinds: Index) -> Array:
+    """Return the least of margins (K,) of each kind, (2,) m; inf where there is none."""
+    return np.array([margins[kinds == kind].min(initial=np.inf) for kind in (SELF, SCENE)])

@@ -19,11 +19,13 @@ ROUNDING = 1e-9  # m, subtracted from every proved clearance
 class Middles:
     """N intervals: times (N,), s, configurations q (N, n) and poses of the joints (N, J + 1, 4, 4) in their middles.
 
-    Axes of the joints there, `direction` and `point` (N, J, 3), and `joints`, bounds of all joints' motion.
+    Axes of the joints there, `direction` and `point` (N, J, 3), and `joints`, bounds of all joints' motion; `reach`
+    (N, n) that of planned joints.
     """
 
     times: Array
     q: Array
+    reach: Array
     poses: Array
     direction: Array
     point: Array
@@ -77,8 +79,8 @@ class Nearness:
         """The clearance proved on the intervals, m."""
         return np.asarray(np.maximum(self.bound - self.travel, self.linear - self.loss) - ROUNDING)
 
-    def halvings(self, still: Index, target: float) -> Index:
-        """How often to halve `still`: the least of 1 to 4 times after which the bounds, scaled, would prove it."""
+    def halvings(self, still: Index, target: Array) -> Index:
+        """How often to halve `still` (K,): the least of 1 to 4 times after which scaled bounds reach `target`."""
         parts = 2.0 ** np.arange(1, 4)[:, None]
         bound, linear = self.bound[still], np.maximum(self.linear[still], -1e9)
         plane = bound + (linear - bound) / parts - self.loss[still] / parts**2

@@ -107,14 +107,14 @@ class PairDistances:
         twin._put(model, bodies)
         return twin
 
-    def query(self, pairs: Index, placed: PlacedBody, enough: float = np.inf) -> Distances:
+    def query(self, pairs: Index, placed: PlacedBody, enough: float | Array = np.inf) -> Distances:
         """Distance k of pair pairs[k] (K,) where `placed` has its bodies.
 
-        Meshes are queried only where planes between their hulls prove no more than `enough`, m, and where they are
-        links, planes to the hulls of their parts neither; of pairs of hulls that stand for others (`PairTree`) nothing
-        else is known.
+        Meshes are queried only where planes between their hulls prove no more than `enough`, m, one or (K,), and where
+        they are links, planes to the hulls of their parts neither; of pairs of hulls that stand for others (`PairTree`)
+        nothing else is known.
         """
-        if self._no_hulls or not np.isfinite(enough):
+        if self._no_hulls or not np.isfinite(enough).all():
             return self._exact(pairs, placed)
         normals, bound = self._between_hulls(pairs, placed)
         parts = self._ask_parts(pairs, placed, enough, bound)
@@ -138,7 +138,7 @@ class PairDistances:
             gap[asked] = self._gap(hulls, normals[asked])
         return normals, gap
 
-    def _ask_parts(self, pairs: Index, placed: PlacedBody, enough: float, bound: Array) -> Flags:
+    def _ask_parts(self, pairs: Index, placed: PlacedBody, enough: float | Array, bound: Array) -> Flags:
         """Raise bounds (K,), m, of distances of links that are meshes, and of which `bound` is no more than `enough`.
 
         Parts together hold the mesh, so the least of the gaps between planes that separate each from the other body is
@@ -203,7 +203,7 @@ class PairDistances:
             better = gap > plane[loose]
             normals[loose[better]], plane[loose[better]] = other[better], gap[better]
         measured = np.where(flat, plane, measured)
-        coal_says = measured - np.maximum(_MARGIN, _MARGIN * measured)
+        coal_says = unconfirmed(measured)
         gjk_only = ~convex & (coal_says > plane)
         none = np.zeros_like(gjk_only)
         return Distances(measured, normals, np.where(gjk_only, coal_says, plane), gjk_only, none, none)
@@ -268,6 +268,11 @@ class PairDistances:
         stands = self._stands.take(placed.bodies[:, side], mode="clip")
         poses = placed.poses[~stands, side]
         return zip(np.ascontiguousarray(poses[:, :3, :3]), np.ascontiguousarray(poses[:, :3, 3]), strict=True)
+
+
+def unconfirmed(measured: Array) -> Array:
+    """Return what is believed of distances measured by coal, m, that no plane confirms."""
+    return np.asarray(measured - np.maximum(_MARGIN, _MARGIN * measured))
 
 
 def _request(criterion: coal.GJKConvergenceCriterion, tolerance: float) -> coal.DistanceRequest:

@@ -46,6 +46,7 @@ def _check(problem: Problem, check: Mapping[str, Any]) -> dict[str, Any]:
     witness = check.get("witness") or {}
     shown["pair"] = [str(name) for name in witness.get("pair") or ()]
     shown["proved"], shown["met"] = witness.get("proved_clearance"), witness.get("met_clearance")
+    shown["own"], shown["scene"] = witness.get("self_clearance"), witness.get("scene_clearance")
     return shown
 
 

@@ -1,6 +1,7 @@
 """`optiplan robots init`: from a URDF to a robot that plans."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -10,7 +11,7 @@ from typer.main import get_command
 
 from optiplan.cli.commands.robots.app import app
 from optiplan.robot.robot import load_robot
-from tests.robot.robots import chain, joint
+from tests.robot.robots import LINK, chain, joint
 
 FINGER = '<limit lower="0" upper="0.1" velocity="1" effort="1"/>'
 PARTS = [
@@ -129,3 +130,54 @@ def test_xacro_is_named_with_the_command_to_run(optiplan, tmp_path, name):
 def test_a_urdf_that_only_declares_the_namespace_is_a_urdf(optiplan, urdf):
     urdf.write_text(urdf.read_text().replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" '))
     assert optiplan("robots", "init", urdf)[0] == 0
+
+
+SHORT = '<limit lower="-0.2" upper="0.3" velocity="3" effort="4"/>'
+OVERLAP = chain(joint("j1", "a", "b"), joint("j2", "b", "c", inside=SHORT), joint("j3", "c", "d", x=-0.45))
+"""Link d stands in link b wherever j2 is near 0: they touch in more than a fifth of the configurations."""
+
+
+def test_pairs_that_touch_often_come_first_with_what_allows_them(optiplan, tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="arm">{"".join(OVERLAP)}</robot>')
+    code, out, err = optiplan("robots", "init", path)
+    assert code == 0
+    lines = out.splitlines()
+    assert "touch in more than 20% of configurations" in lines[1]
+    assert "b – d" in lines[2]
+    assert "--allow-pairs touching" in lines[3]
+    assert "allowed_collisions" not in (tmp_path / "robot.yaml").read_text()
+    code, out, err = optiplan("robots", "init", path, "--force", "--allow-pairs", "touching")
+    assert code == 0
+    assert "touch in more than" not in out
+    assert "reading meshes and pairs of links" in err  # in a pipe, too
+    robot = load_robot(str(tmp_path))
+    assert robot.allowed["b", "d"] == "robot file"
+
+
+def test_named_pairs_are_allowed_and_others_refused(optiplan, urdf):
+    assert optiplan("robots", "init", urdf, "--allow-pairs", "a:c, d:a")[0] == 0
+    robot = load_robot(str(urdf.parent))
+    assert "allowed_collisions: [[a, c], [a, d]]" in (urdf.parent / "robot.yaml").read_text()
+    assert robot.allowed["a", "d"] == "robot file"
+    code, _, err = optiplan("robots", "init", urdf, "--force", "--allow-pairs", "a-c")
+    assert code == 2
+    assert "found 'a-c'" in err
+    assert "link_4:link_6" in err
+    code, _, err = optiplan("robots", "init", urdf, "--force", "--allow-pairs", "a:z")
+    assert code == 2
+    assert "unknown link 'z'" in err
+
+
+def test_a_page_is_printed_of_a_large_robot_and_all_of_it_with_full(optiplan, tmp_path):
+    names = [f"l{k}" for k in range(17)]
+    parts = [LINK.format(name) for name in names]
+    parts += [joint(f"j{k}", one, other) for k, (one, other) in enumerate(pairwise(names))]
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
+    out = optiplan("robots", "init", path)[1]
+    assert len(out.splitlines()) <= 60
+    assert "more pairs (--full)" in out
+    everything = optiplan("robots", "init", path, "--force", "--full")[1]
+    assert "more pairs" not in everything
+    assert len(everything.splitlines()) > 100

@@ -27,6 +27,13 @@ def init(
     limit: Annotated[
         list[str] | None, typer.Option("--limit", metavar="KEY=X", help="a limit of all joints, such as acceleration=5")
     ] = None,
+    allow_pairs: Annotated[
+        str | None,
+        typer.Option(
+            "--allow-pairs", metavar="PAIRS", help="pairs of links not to check: `touching` (often), or A:B,C:D,…"
+        ),
+    ] = None,
+    full: Annotated[bool, typer.Option("--full", help="print every pair of links and every frame")] = False,
     force: Annotated[bool, typer.Option("--force", help="replace files that are there")] = False,
     ask: Annotated[bool | None, typer.Option("--ask/--no-ask", help="ask for what no flag says")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
@@ -39,9 +46,12 @@ def init(
 
       optiplan robots init my_arm.urdf
 
+      optiplan robots init my_arm.urdf --allow-pairs touching   links that overlap as they are built
+
       optiplan robots init my_arm.urdf --group j1,j2,j3 --tool tool0 --lock finger=0.02 --limit acceleration=5
     """
     from optiplan.cli.commands.robots import wizard
+    from optiplan.cli.progress import ProgressLog
 
     as_json = as_json or bool(context.obj)
     folder = urdf.parent if out is None else out
@@ -51,7 +61,8 @@ def init(
         load = partial(wizard.load, urdf, name or wizard.title_of(urdf))
         if sys.stdin.isatty() and not as_json if ask is None else ask:
             choices = wizard.ask(load, choices)
-        robot = load(choices)
+        with ProgressLog() as progress:
+            robot, choices = wizard.prepare(load, choices, allow_pairs or "", progress)
     wizard.write(urdf, folder, robot, choices)
-    wizard.show(robot, folder, as_json)
+    wizard.show(robot, folder, as_json, full)
     return 0

@@ -12,16 +12,19 @@ from typing import Any
 import typer
 
 from optiplan.cli.output import messages, print_json, results
-from optiplan.cli.printing.robot_table import describe, show_robot
+from optiplan.cli.printing.robot_table import describe, show_robot, touching_pairs
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.files import write_text
+from optiplan.planners.base import Progress
 from optiplan.problem.write import problem_text
 from optiplan.robot.limits import DEFAULTS, joint_units
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.urdf.reader import read_urdf
-from optiplan.robot.urdf.srdf import srdf_text
+from optiplan.robot.urdf.srdf import LinkPair, link_pair, srdf_text
+from optiplan.verify.continuous.kept_clearance import prepare as prove
 
 YAML_NAME, SRDF_NAME = "robot.yaml", "robot.srdf"
+TOUCHING = "touching"
 MOST_ASKED = 8
 """Joints outside the group whose position is asked for; of a hand with forty, all keep theirs."""
 
@@ -34,6 +37,7 @@ class Choices:
     tool: str = ""
     locked: tuple[tuple[str, float], ...] = ()
     limits: tuple[tuple[str, float], ...] = ()
+    allowed: tuple[LinkPair, ...] = ()
 
 
 def refuse_files(folder: Path, force: bool) -> None:
@@ -95,6 +99,8 @@ def _data(urdf: str, title: str, choices: Choices) -> dict[str, Any]:
         data["locked"] = dict(choices.locked)
     if choices.limits:
         data["limits"] = dict(choices.limits)
+    if choices.allowed:
+        data["allowed_collisions"] = [list(pair) for pair in choices.allowed]
     return data
 
 
@@ -110,6 +116,40 @@ def load(urdf: Path, title: str, choices: Choices) -> Robot:
             issues = (replace(issue, file="robots init", line=None) for issue in error.issues if issue.file == own)
             others = (issue for issue in error.issues if issue.file != own)
             raise InputError([*issues, *others]) from error
+
+
+def prepare(
+    load: Callable[[Choices], Robot], choices: Choices, pairs: str, progress: Progress
+) -> tuple[Robot, Choices]:
+    """Load the robot, without the pairs of links that are to be allowed, and prove what is kept of the others.
+
+    Args:
+        load: the robot of these choices.
+        choices: of the user.
+        pairs: `touching`, those that touch in more than `OFTEN` of the configurations; or names, A:B,C:D.
+        progress: of the work.
+
+    Raises:
+        OptiPlanError: what is no pair of links.
+    """
+    progress("reading meshes and pairs of links", 0.0)
+    if pairs and pairs != TOUCHING:
+        choices = replace(choices, allowed=tuple(_link_pair(text) for text in _names(pairs)))
+    robot = load(choices)
+    if pairs == TOUCHING:
+        progress("pairs of links without those that touch", 0.5)
+        choices = replace(choices, allowed=tuple(touching_pairs(robot)))
+        robot = load(choices) if choices.allowed else robot
+    prove(robot, lambda pair, share: progress(f"proving {pair}", 0.5 + 0.5 * share))
+    return robot, choices
+
+
+def _link_pair(text: str) -> LinkPair:
+    first, colon, second = text.partition(":")
+    if not (first and colon and second):
+        expected = f"`{TOUCHING}`, or two links with a colon between them, such as link_4:link_6"
+        raise OptiPlanError(f"--allow-pairs: found '{text}'; expected {expected}")
+    return link_pair(first, second)
 
 
 def ask(load: Callable[[Choices], Robot], choices: Choices) -> Choices:
@@ -133,7 +173,7 @@ def ask(load: Callable[[Choices], Robot], choices: Choices) -> Choices:
             unit = joint_units(key, robot.revolute)
             asked = typer.prompt(f"{key} limit of all joints, {unit}", default=default, type=float, err=True)
             limits[key] = _limit(key, asked)[1]
-    return Choices(choices.group, tool, tuple(locked.items()), tuple(limits.items()))
+    return replace(choices, tool=tool, locked=tuple(locked.items()), limits=tuple(limits.items()))
 
 
 def _following(robot: Robot) -> set[str | None]:
@@ -164,15 +204,15 @@ def write(urdf: Path, folder: Path, robot: Robot, choices: Choices) -> None:
     write_text(folder / YAML_NAME, problem_text(data, f"Made by `optiplan robots init {urdf.name}`."))
 
 
-def show(robot: Robot, folder: Path, as_json: bool) -> None:
-    """Print the files written and the next command."""
+def show(robot: Robot, folder: Path, as_json: bool, full: bool) -> None:
+    """Print the files written and the next command; with `full` every pair of links and every frame."""
     data = describe(robot) | {"source": str(folder / YAML_NAME)}
     files = [str(folder / YAML_NAME), str(folder / SRDF_NAME)]
     follow = "optiplan plan problem.yaml --view"
     if as_json:
         print_json(data | {"written": files, "next": follow})
         return
-    show_robot(results(), data)
+    show_robot(results(), data, full)
     results().print(f"written: {' and '.join(files)}", markup=False, soft_wrap=True)
     line = f"next: {follow}, with the line `robot: {folder / YAML_NAME}` in problem.yaml"
     results().print(line, markup=False, soft_wrap=True)

@@ -18,6 +18,7 @@ const OptiPlanVerdict = (() => {
     if (check.name === "contact") return check.worst === null ? "" : `overlap ${digits(-1e3 * check.worst)} mm`;
     if (check.name === "collision" && check.worst !== null) {
       const shown = check.proved ?? check.worst;
+      if ((check.own ?? null) !== null && (check.scene ?? null) !== null) return `scene ${digits(1e3 * check.scene)}, itself ${digits(1e3 * check.own)} mm proved, > ${digits(1e3 * (check.limit || 0))}`;
       return `${digits(1e3 * shown)} mm ${check.proved === null || check.proved === undefined ? "met" : "proved"}, > ${digits(1e3 * (check.limit || 0))}`;
     }
     if (check.worst === null || check.worst === undefined) return "";
