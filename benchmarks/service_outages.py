@@ -49,7 +49,7 @@ planner: rrtconnect
 """Searched for as long as the budget lasts; the answer is that there is no path."""
 LONG = 4.0
 """s that the run takes which the outage meets."""
-SECONDS_FULL = 6.0
+SECONDS_FULL = 10.0
 """s for which a disk is full."""
 DISK = 200
 """MB of the disk that is filled."""

@@ -3,7 +3,7 @@
     python benchmarks/demonstrations/database_outage.py
 
 Three rounds side by side, each with a run under way: PostgreSQL is stopped for 2 s, SQLite's file is held by another
-process for 2 s, and the disk of a SQLite database is full for 6 s (which takes root). In each, every run submitted
+process for 2 s, and the disk of a SQLite database is full for 10 s (which takes root). In each, every run submitted
 before, during and after it has to end once, `/readyz` has to tell, no thread may die, and SIGTERM has to end server and
 worker within their grace. `benchmarks/service_faults.py --outages` does the same for many rounds and longer outages.
 """
