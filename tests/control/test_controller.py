@@ -284,3 +284,16 @@ def test_where_no_way_leads_out_the_step_says_what_stands_in_the_way_and_what_wa
     assert "'wall'" in step.reason
     assert "mm apart" in step.reason
     assert "straight away from all of these, from panda_" in step.reason
+
+
+def test_from_a_ball_that_both_fingers_touch_it_leaves(panda):
+    ready = panda.configurations["ready"]
+    tool = op.Controller(panda, []).configuration(op.State(ready)).pose(panda.frame_id(panda.tool_frame)).translation
+    scene = op.Scene([op.Sphere("ball", radius=0.0385, position=tuple(tool))])
+    check, state = CollisionModel(panda, scene), op.State(ready)
+    depth = check.clearance(ready).distance
+    assert depth < -0.001
+    controller = op.Controller(panda, [op.PostureTask("ready")], scene=scene)
+    for _ in range(300):
+        state = controller.step(state, DT).state
+    assert check.clearance(state.q).distance > depth + 0.001
