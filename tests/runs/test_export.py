@@ -8,6 +8,8 @@ import pytest
 
 import optiplan as op
 from optiplan.runs.export import MOST_SAMPLES, export
+from optiplan.runs.run import Run
+from tests.verify.motions import quintic
 
 START = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
 END = [0.5, -1.4, 1.4, -1.5, -1.5, 0.0]
@@ -78,8 +80,10 @@ def test_slower_can_be_more_torque_and_is_proved_again(tmp_path):
     limits = {"acceleration": 20.0, "jerk": 200.0}
     robot = op.Robot.from_urdf(tmp_path / "arm.urdf", limits=limits, collision="none")
     problem = op.Problem(robot, [-1.2], [0.3])
-    run = op.plan(problem, "quintic", {"duration": 1.5})
-    assert run.verified, run
+    motion = quintic(robot.joint_names, [-1.2], [0.3], 1.5)
+    report = op.verify(problem, motion)
+    assert report.verified, report
+    run = Run(problem, "own", {}, motion, None, report, None, None, {}, {})
     assert run.export(tmp_path / "fast.json", rate=100.0, cyclic=True).duration == pytest.approx(1.5)
     for name, rate in (("slow.json", 0.1), ("slow.csv", 0.2)):
         with pytest.raises(op.InputError, match=r"slowed down from 1\.5 to .* to end on a cycle \(torque\)"):
