@@ -57,7 +57,12 @@ def mismatch(problem: Problem, trajectory: Trajectory) -> str:
             return f"step {after.step} begins at {after.begin:.6g} s; the one before ends at {before.end:.6g} s"
     if _apart(segments[0].begin, 0.0) or _apart(segments[-1].end, T):
         return f"segments from {segments[0].begin:.6g} to {segments[-1].end:.6g} s of {T:.6g} s"
-    for step, segment, (begin, end) in zip(task, segments, _bounds(trajectory), strict=True):
+    return _taken_by_others(problem, trajectory)
+
+
+def _taken_by_others(problem: Problem, trajectory: Trajectory) -> str:
+    """Return in words which segment takes time, but has no part of the motion; empty if none."""
+    for step, segment, (begin, end) in zip(problem.task, trajectory.segments, _bounds(trajectory), strict=True):
         if segment.end > segment.begin and not end > begin:
             return f"{step.words} from {segment.begin!r} to {segment.end!r} s, which other steps take"
     return ""
