@@ -52,8 +52,11 @@ class EndSearch:
     _record: EndsInVain = field(default_factory=EndsInVain)
 
     def run(self) -> None:
-        """Try ends until none is left whose bound makes it worth its work, or the budget is over."""
-        if self.problem.one_end:
+        """Try ends until none is left whose bound makes it worth its work, or the budget is over.
+
+        Not under path constraints, of which coarse curves know nothing.
+        """
+        if self.problem.one_end or self.problem.path_constraints:
             return
         while self._incumbent.candidates and not self._over:
             end = self._next()
@@ -80,9 +83,10 @@ class EndSearch:
     def _next(self) -> Array | None:
         """Return the end (n,) to try next: of those tried least the one with the least bound; None if not worth it."""
         incumbent = self._incumbent
-        if incumbent.cost < self._surveyed:
+        if SAME * incumbent.cost < self._surveyed:
             self._surveyed = incumbent.cost
-            self._ends = self._survey()
+            with self.attempts.watch.stage("goals"):
+                self._ends = self._survey()
         bounds = self.problem.lower_bounds(self._ends) if self._ends else np.zeros(0)
         worth: list[tuple[int, int]] = []
         for k, (end, bound) in enumerate(zip(self._ends, bounds, strict=True)):
@@ -98,7 +102,7 @@ class EndSearch:
         known = [*nearest, *self.paths.promising(self.sampler)]
         ends: list[Array] = []
         for q in known:
-            if incumbent.constraints.end_holds(q) and all(apart(q, other, self.problem.limits) for other in ends):
+            if all(apart(q, other, self.problem.limits) for other in ends):
                 ends.append(q)
         bounds = self.problem.lower_bounds(ends) if ends else np.zeros(0)
         if len(bounds) and bounds.min() < incumbent.soonest:

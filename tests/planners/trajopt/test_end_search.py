@@ -42,8 +42,8 @@ def test_an_end_reached_at_its_own_bound_is_compared_with_the_others(monkeypatch
     assert result.trajectory.duration < FAR * bounds[0]
 
 
-def test_an_end_slides_along_what_is_in_its_way() -> None:
-    """A wall bars the way of the elbow to the nearest end: past it, the bound still falls, and nothing touches."""
+def test_steps_towards_the_start_among_obstacles_stay_free() -> None:
+    """Every step stays in the goal and free, and the bound falls."""
     problem = cases.pose()
     model = CollisionModel(problem.robot, problem.scene)
     ends = GoalSampler(problem, model, 0, GoalOptions(4), nearer=False).configurations
