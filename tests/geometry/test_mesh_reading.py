@@ -2,10 +2,13 @@
 
 import contextlib
 import json
+import resource
 import struct
 import sys
 import time
+from io import BytesIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -343,24 +346,47 @@ def hostile(kind, content):
     return MeshFile(reading.Path(f"hostile{kind}"), f"hostile{kind}{len(content)}", content)
 
 
-def test_what_takes_too_much_is_ended_and_the_others_are_read(monkeypatch, tmp_path):
-    """One file takes for ever, one all memory; the file before, the one between and the one after are read."""
-    monkeypatch.setattr(reading, "SECONDS", 1)
+ENDLESS = b"ply\nformat ascii 1.0\nelement vertex 999999999\nend_header\n"  # of no properties
+LISTS = b"ply\nformat ascii 1.0\nelement vertex 9999999\n" + b"property list uchar int a\n" * 60 + b"end_header\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "seconds", "why"),
+    [(ENDLESS, 1, r"hostile\.ply: takes more than 1 s"), (LISTS + b"10 " * 6_000_000 + b"\n", 60, "too much memory")],
+)
+def test_what_takes_too_much_is_ended_and_the_others_are_read(monkeypatch, tmp_path, content, seconds, why):
+    """One file takes for ever, or all memory, with time enough to take it; those before and after it are read."""
+    monkeypatch.setattr(reading, "SECONDS", seconds)
     monkeypatch.setattr(reading, "MEMORY", 400 * 2**20)
     (tmp_path / "good.stl").write_bytes(VALID[".stl"])
     (tmp_path / "good.obj").write_bytes(VALID[".obj"])
     (tmp_path / "good.ply").write_bytes(VALID[".ply"])
     good = [open_mesh(tmp_path / f"good.{kind}") for kind in ("stl", "obj", "ply")]
-    endless = hostile(".ply", b"ply\nformat ascii 1.0\nelement vertex 999999999\nend_header\n")  # of no properties
-    lists = b"ply\nformat ascii 1.0\nelement vertex 9999999\n" + b"property list uchar int a\n" * 60
-    large = hostile(".ply", lists + b"end_header\n" + b"10 " * 6_000_000 + b"\n")
-    prepare([good[0], endless, good[1], large, good[2]])
+    bad = hostile(".ply", content)
+    prepare([good[0], bad, *good[1:]])
     for mesh in good:
         same_mesh(read_mesh(mesh), solid())
-    with pytest.raises(MeshError, match=r"hostile\.ply: takes more than 1 s"):
-        read_mesh(endless)
-    with pytest.raises(MeshError, match="too much memory"):
-        read_mesh(large)
+    with pytest.raises(MeshError, match=why):
+        read_mesh(bad)
+
+
+def test_every_mesh_has_its_whole_time(monkeypatch):
+    """Whatever the process took before: the limit is of whole seconds of all of it."""
+    limits, used = [], 1.95
+    fake = SimpleNamespace(
+        getrusage=lambda who: (used, 0.0),
+        setrlimit=lambda which, limit: limits.append((which, limit[0])),
+        **{name: getattr(resource, name) for name in ("RLIMIT_AS", "RLIMIT_CORE", "RLIMIT_CPU")},
+        RUSAGE_SELF=resource.RUSAGE_SELF,
+        RLIM_INFINITY=resource.RLIM_INFINITY,
+    )
+    monkeypatch.setattr(reading_process, "resource", fake)
+    job = f".stl {len(VALID['.stl'])}\n".encode() + VALID[".stl"]
+    monkeypatch.setattr(reading_process.sys, "stdin", SimpleNamespace(buffer=BytesIO(job)))
+    monkeypatch.setattr(reading_process.sys, "stdout", SimpleNamespace(buffer=BytesIO()))
+    reading_process.main(5, 2**30)
+    ((_, limit),) = [one for one in limits if one[0] == resource.RLIMIT_CPU]
+    assert limit - used >= 5
 
 
 def test_a_known_content_needs_no_process(tmp_path, own_cache, monkeypatch):

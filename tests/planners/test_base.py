@@ -51,11 +51,11 @@ def test_loading_a_planner_is_not_counted(monkeypatch):
     made = pipeline.make_planner
 
     def slow(name, options):
-        time.sleep(0.3)
+        time.sleep(3.0)
         return made(name, options)
 
     monkeypatch.setattr(pipeline, "make_planner", slow)
-    run = pipeline.run(cases.planar(), "quintic", {}, Budget(0.25), lambda stage, fraction: None)
+    run = pipeline.run(cases.planar(), "quintic", {}, Budget(2.5), lambda stage, fraction: None)
     assert run.verified, run.failure
 
 

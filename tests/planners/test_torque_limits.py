@@ -31,9 +31,9 @@ def test_weaker_motors_are_slower(name):
 @pytest.mark.parametrize("name", ["quintic", "rrtconnect", "trajopt"])
 def test_an_arm_too_heavy_for_its_motors_is_told(name):
     """At once, with the place and the joint: no search can help."""
-    began = time.perf_counter()
+    began = time.process_time()
     failure = plan(name, 0.1).failure
-    assert time.perf_counter() - began < 5.0
+    assert time.process_time() - began < 5.0
     assert failure.kind == "infeasible"
     assert "gravity" in failure.detail
     limit = cases.free().limits.torque[cases.robot("panda").joint_names.index(failure.witness["joint"])]

@@ -2,13 +2,16 @@
 
 import asyncio
 import json
+import logging
+import sys
+from io import StringIO
 
 import httpx
 import pytest
 
 from optiplan.errors import OptiPlanError
 from optiplan.service.guard.gate import Gate
-from optiplan.service.guard.json_log import JsonLines
+from optiplan.service.guard.json_log import JsonLines, log_to_stderr
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.rates import Rates
 from optiplan.service.server import check_token
@@ -196,3 +199,22 @@ def test_log_lines_are_json_with_the_request(caplog):
     assert (line["method"], line["path"], line["status"]) == ("GET", "/some", 200)
     assert line["seconds"] > 0.0
     assert "secret" not in json.dumps(line)
+
+
+def test_the_log_goes_to_standard_error_as_it_is_now(monkeypatch, capsys):
+    """A stream that was standard error once and is closed since is no "Logging error"."""
+    root, own = logging.getLogger(), logging.getLogger("optiplan")
+    handlers, levels = root.handlers[:], (root.level, own.level)
+    try:
+        with monkeypatch.context() as before:
+            closed = StringIO()
+            before.setattr(sys, "stderr", closed)
+            log_to_stderr("info")
+            closed.close()
+        logging.getLogger("optiplan.service").warning("here")
+    finally:
+        root.handlers[:] = handlers
+        root.setLevel(levels[0])
+        own.setLevel(levels[1])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert json.loads(line)["message"] == "here"

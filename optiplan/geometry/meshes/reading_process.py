@@ -7,6 +7,7 @@ first job without an answer. A job names no file: there is nothing here that ope
 SUFFIX is that of the file, behind `points` where the points of a cloud are meant: a PLY file may hold either.
 """
 
+import math
 import resource
 import sys
 from collections.abc import Callable, Mapping
@@ -65,7 +66,7 @@ def main(seconds: int, memory: int) -> None:
     """Answer all jobs of standard input.
 
     Args:
-        seconds: processor time that one job may take.
+        seconds: processor time that one job may take; the limit is of whole seconds, so that it may be one more.
         memory: address space of the process, bytes.
     """
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
@@ -73,7 +74,7 @@ def main(seconds: int, memory: int) -> None:
     while line := sys.stdin.buffer.readline():
         suffix, size = line.split()
         used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
-        resource.setrlimit(resource.RLIMIT_CPU, (int(used) + seconds, resource.RLIM_INFINITY))
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(used) + seconds, resource.RLIM_INFINITY))
         kind, answer = _answer(suffix.decode(), sys.stdin.buffer.read(int(size)))
         sys.stdout.buffer.write(f"{kind} {len(answer)}\n".encode() + answer)
         sys.stdout.buffer.flush()

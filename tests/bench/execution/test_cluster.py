@@ -10,11 +10,16 @@ import time
 
 import pytest
 
-from optiplan.bench.dask import cluster_worker
+from optiplan.bench.dask import cluster, cluster_worker
 from optiplan.bench.dask.cluster import ClusterError, DaskCluster
 from optiplan.bench.execution.runner import open_results, run_suite
 from optiplan.bench.suite.suite import load_suite
 from optiplan.cli.main import run as main_run
+
+PATIENCE = 300.0
+"""s that a connection may take: a busy machine starts a process in many seconds."""
+
+PATIENT = {f"DASK_DISTRIBUTED__COMM__TIMEOUTS__{what}": f"{PATIENCE:g}s" for what in ("CONNECT", "TCP")}
 
 SLOW = {"name": "bench_planners:Straight", "label": "slow", "seconds": 0.1}
 
@@ -33,7 +38,12 @@ class Dask:
         home.mkdir()
         code = f"from distributed.cli.dask_{what} import main; main()"
         paths = os.pathsep.join(sys.path)
-        environment = {**os.environ, "PYTHONPATH": paths, "XDG_CACHE_HOME": str(home / "cache")} | environment
+        environment = {
+            **os.environ,
+            **PATIENT,
+            "PYTHONPATH": paths,
+            "XDG_CACHE_HOME": str(home / "cache"),
+        } | environment
         with (home / "log").open("w") as log:
             command = [sys.executable, "-c", code, *words]
             process = subprocess.Popen(command, cwd=home, env=environment, stdout=log, stderr=log)
@@ -47,7 +57,7 @@ class Dask:
         process = self.start("worker", self.address, *words, **environment)
         return process
 
-    def told(self, process, pattern, patience=40.0):
+    def told(self, process, pattern, patience=PATIENCE):
         end = time.monotonic() + patience
         while not (found := re.search(pattern, process.log.read_text())):
             assert process.poll() is None, process.log.read_text()
@@ -69,7 +79,8 @@ class Dask:
 
 
 @pytest.fixture
-def dask(tmp_path, planners):
+def dask(tmp_path, planners, monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT", PATIENCE)
     cluster_worker.signature.cache_clear()  # who edits optiplan while tests run has another one
     started = Dask(tmp_path)
     yield started

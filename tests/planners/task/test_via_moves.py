@@ -69,7 +69,7 @@ def test_better_motions_follow_the_first(tour):
 
 
 def test_a_leg_that_needs_more_than_its_part_of_the_time_gets_it():
-    """With a second in all, each of five legs would have a tenth of it; one needs a third."""
+    """Of ten seconds, each of five legs would have less than two; one needs 1.65 s."""
 
     class Slow(Planner):
         joins_legs = True
@@ -79,7 +79,7 @@ def test_a_leg_that_needs_more_than_its_part_of_the_time_gets_it():
             self.asked = (*self.asked, budget.seconds)
             hard = np.abs(problem.goal[0].q - MIDDLE).max() < 1e-9
             began = clock()
-            while hard and clock() - began < 0.33 and not budget.over:
+            while hard and clock() - began < 1.65 and not budget.over:
                 pass
             if hard and budget.over:
                 return PlanResult(None, Failure("budget", "out of time"))
@@ -91,9 +91,9 @@ def test_a_leg_that_needs_more_than_its_part_of_the_time_gets_it():
     ends = [cases.READY + 0.1, MIDDLE, cases.READY + 0.05, cases.READY - 0.1]
     problem = replace(cases.free(), vias=tuple(Via(JointGoal(q)) for q in ends))
     planner = Slow()
-    found = plan_task(planner, problem, Budget(2.0), quiet)
+    found = plan_task(planner, problem, Budget(10.0), quiet)
     assert found.trajectory is not None, found.failure
-    assert planner.asked[1] < 0.33 < planner.asked[2], planner.asked
+    assert planner.asked[1] < 1.65 < planner.asked[2], planner.asked
 
 
 def test_motion_at_the_ends_is_kept():
