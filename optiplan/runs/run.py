@@ -146,7 +146,7 @@ class Run:
             expected = "one that is, or unverified=True"
             raise wrong_argument("Run.export", "run", f"a motion that is {self._verdict()}", expected)
         file = path_argument("Run.export", "path", path, "the path of a file")
-        proof = (lambda slower: verify(self.problem, slower)) if self.verified else None
+        proof = (lambda slower: verify(self.problem, slower)) if not unverified else None
         return export(self.trajectory, file, format, rate, cyclic=cyclic, proof=proof)
 
     def __repr__(self) -> str:
