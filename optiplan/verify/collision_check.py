@@ -12,7 +12,8 @@ from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
 from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.certificate import SCENE, SELF, Moment, Proof, certify
+from optiplan.verify.continuous.certificate import certify
+from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import body, motion
 

@@ -14,9 +14,10 @@ from optiplan.geometry.scene import Box, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous import pair_tree
-from optiplan.verify.continuous.certificate import Proof, certify
+from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.continuous.pair_tree import PairTree
+from optiplan.verify.continuous.proof import Proof
 from optiplan.verify.report import VerifyPolicy
 from tests.verify.motions import smooth
 

@@ -13,7 +13,7 @@ from optiplan.geometry.scene import Attachment, Box, Capsule, HalfSpace, Obstacl
 from optiplan.problem.problem import JointGoal, PoseGoal
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import collision_check
-from optiplan.verify.continuous.certificate import Moment, Proof
+from optiplan.verify.continuous.proof import Moment, Proof
 from optiplan.verify.report import VerifyPolicy, jsonable
 from optiplan.verify.verify import verify
 from tests.verify.motions import problem_of, quintic, smooth, unchecked, within_limits

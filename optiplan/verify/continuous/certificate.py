@@ -1,21 +1,18 @@
 """Certificate: a proof that no two bodies touch at any time, or the time and place where it fails."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.collision.model import CollisionModel, SameBodies
+from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.continuous.interval_queries import ROUNDING, Asked, Middles, Nearness
 from optiplan.verify.continuous.intervals import Intervals, blocks, boxes, middles, spans, step_sizes
-from optiplan.verify.continuous.kept_clearance import KeptClearance, kept_clearances
-from optiplan.verify.continuous.motion_bounds import Boxes, Motion
-from optiplan.verify.continuous.separating_planes import PairDistances
+from optiplan.verify.continuous.motion_bounds import Boxes
+from optiplan.verify.continuous.motion_tools import tools_of
+from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof, least_of_kinds
 from optiplan.verify.report import VerifyPolicy
 
 _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair at first
@@ -31,101 +28,6 @@ _MOST_HALVINGS = 12  # of a piece before the first query
 _MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _NONE = np.empty(0, dtype=np.intp)
 _CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memory
-
-SELF, SCENE = 0, 1
-"""Kinds of pairs: of links and what they hold, and of either with an obstacle."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Tools:
-    """What is the same for every motion in a work space.
-
-    `kinds` (P + H,): `SELF` or `SCENE` of each pair; `kept`: what is proved of pairs for all configurations.
-    """
-
-    bodies: Bodies
-    distances: PairDistances
-    motion: Motion
-    kinds: Index
-    kept: Mapping[int, KeptClearance]
-
-    @classmethod
-    def of(cls, model: CollisionModel) -> "_Tools":
-        bodies = Bodies(model)
-        obstacle = np.zeros(len(bodies.shapes), dtype=bool)
-        obstacle[len(model.names) - len(model.scene.obstacles) : len(model.names)] = True
-        kept = kept_clearances(model.robot)
-        known = {k: kept[pair] for k, pair in enumerate(map(tuple, model.bounds.pairs.tolist())) if pair in kept}
-        kinds = np.where(obstacle[bodies.pairs].any(axis=1), SCENE, SELF)
-        return cls(bodies, PairDistances(model, bodies), Motion(bodies), kinds, known)
-
-    def with_obstacles_of(self, model: CollisionModel) -> "_Tools":
-        """Return the same of a model in which obstacles stand elsewhere."""
-        bodies = self.bodies.with_obstacles_of(model)
-        distances, motion = self.distances.with_obstacles_of(model, bodies), self.motion.with_obstacles_of(bodies)
-        return replace(self, bodies=bodies, distances=distances, motion=motion)
-
-
-_tools: WeakKeyDictionary[CollisionModel, _Tools] = WeakKeyDictionary()
-_last: WeakKeyDictionary[SameBodies, _Tools] = WeakKeyDictionary()
-"""That of the last work space of the same bodies, of which obstacles may have stood elsewhere."""
-
-
-def _tools_of(model: CollisionModel) -> _Tools:
-    if model not in _tools:
-        known = _last.get(model.same_bodies)
-        _tools[model] = _last[model.same_bodies] = _Tools.of(model) if known is None else known.with_obstacles_of(model)
-    return _tools[model]
-
-
-@dataclass(frozen=True)
-class Moment:
-    """A pair at a time: distance in m, names, nearest points (2, 3) in the world, configuration (n,)."""
-
-    distance: float
-    time: float
-    pair: tuple[str, str]
-    points: Array
-    q: Array
-
-
-@dataclass
-class Proof:
-    """Result of the certificate, and its books on the way.
-
-    Attributes:
-        proved: every pair stays farther apart than the policy's clearance at all times.
-        reason: why not, else empty.
-        intervals: number of different intervals of time examined.
-        queries: exact distance queries made.
-        gjk_only: how many of them no separating plane confirmed (non-convex meshes): coal's distance less 1e-6 m.
-        least: (2,) the smallest clearance proved of all intervals, m, of pairs of the robot's own bodies (`SELF`) and
-            of those with an obstacle (`SCENE`): no pair of the kind ever comes nearer. inf where there is none.
-        met: the smallest distance measured of either kind, an upper bound of the true minimum; None if no query was
-            needed. Of pairs in `kept` the nearest is measured once.
-        kept: pairs of links that needed no query, since their clearance is proved for all configurations.
-        contact: whether bodies do come too near at the time of `nearest`, rather than only nothing being proved.
-    """
-
-    proved: bool
-    reason: str = ""
-    intervals: int = 0
-    queries: int = 0
-    gjk_only: int = 0
-    least: Array = field(default_factory=lambda: np.full(2, np.inf))
-    met: tuple[Moment | None, Moment | None] = (None, None)
-    kept: frozenset[int] = frozenset()
-    contact: bool = False
-
-    @property
-    def clearance(self) -> float:
-        """Return the smallest clearance proved, m: no pair ever comes nearer."""
-        return float(self.least.min())
-
-    @property
-    def nearest(self) -> Moment | None:
-        """Return the smallest distance measured; None if no query was needed."""
-        return min((one for one in self.met if one is not None), key=lambda one: one.distance, default=None)
 
 
 def certify(
@@ -185,7 +87,7 @@ class _Coarse:
     def least(self, kinds: Index) -> Array:
         """Return the smallest clearance proved of those near of each kind, (2,) m."""
         near = np.where(self.near, self.margin, np.inf).min(axis=0, initial=np.inf)
-        return _least(near, kinds[self.pairs])
+        return least_of_kinds(near, kinds[self.pairs])
 
     def members(self, chosen: Flags) -> Intervals:
         """All intervals of the blocks chosen (B, T), with their pairs."""
@@ -207,7 +109,7 @@ class _Search:
     proof: Proof = field(default_factory=lambda: Proof(False))
 
     def __post_init__(self) -> None:
-        tools = _tools_of(self.model)
+        tools = tools_of(self.model)
         self.bodies, self.distances, self.motion = tools.bodies, tools.distances, tools.motion
         self.kinds, self.kept = tools.kinds, tools.kept
         self.is_kept = np.zeros(len(self.kinds), dtype=bool)
@@ -464,7 +366,7 @@ class _Search:
     def keep(self, margins: Array, pairs: Index) -> None:
         """Remember the smallest clearance proved of each kind, of these pairs."""
         if len(margins):
-            self.proof.least = np.minimum(self.proof.least, _least(margins, self.kinds[pairs]))
+            self.proof.least = np.minimum(self.proof.least, least_of_kinds(margins, self.kinds[pairs]))
 
     def tell(self, chosen: Flags) -> None:
         """Record what bounding volumes proved of these pairs of the blocks, (B, T)."""
@@ -501,8 +403,3 @@ class _Search:
         if before is None or met.distance < before.distance:
             known[kind] = met
             self.proof.met = known[0], known[1]
-
-
-def _least(margins: Array, kinds: Index) -> Array:
-    """Return the least of margins (K,) of each kind, (2,) m; inf where there is none."""
-    return np.array([margins[kinds == kind].min(initial=np.inf) for kind in (SELF, SCENE)])
