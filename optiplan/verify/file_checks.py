@@ -26,7 +26,8 @@ def file_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, 
         yield events(trajectory, given)
     if "duration" in given.record:
         yield duration(trajectory, given.record)
-    if {"wheels", "wheel_names"} & given.motion.keys():
+    sampled_run = bool(given.record) and "t" in given.motion  # its samples have those of the wheels beside them
+    if {"wheels", "wheel_names"} & given.motion.keys() or (sampled_run and problem.robot.mecanum is not None):
         yield wheels(problem, trajectory, policy, given.motion)
 
 

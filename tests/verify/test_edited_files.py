@@ -148,6 +148,7 @@ WHEELS = {
     "2 x + 1": lambda data: data.__setitem__("wheels", [[2 * x + 1 for x in row] for row in data["wheels"]]),
     "one rate": lambda data: data["wheels"][7].__setitem__(2, data["wheels"][7][2] + 0.01),
     "emptied": assigned("wheels", []),
+    "left out": lambda data: (data.pop("wheels"), data.pop("wheel_names")),
     "text": assigned("wheels", "none"),
     "shorter": lambda data: data["wheels"].pop(),
     "swapped names": lambda data: data["wheel_names"].reverse(),
