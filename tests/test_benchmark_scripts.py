@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-LIBRARIES = {"published.py", "service_process.py"}
+LIBRARIES = {"published.py", "service_outages.py", "service_process.py"}
 """Modules that scripts import, not scripts."""
 SCRIPTS = sorted(
     str(path.relative_to(ROOT / "benchmarks"))
