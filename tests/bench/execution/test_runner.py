@@ -117,7 +117,7 @@ def test_a_problem_that_cannot_be_loaded_is_a_row(write_suite, run, tmp_path):
 
 
 def test_a_planner_that_hangs_while_warming_up_does_not_hold_up_the_suite(write_suite, run):
-    path = write_suite(count=1, planners=["bench_planners:Hangs", SLOW], limits={"wall": 1})
+    path = write_suite(count=1, planners=["bench_planners:Hangs", SLOW], limits={"wall": 3})
     rows = run(path)[1]
     hung = rows["plain/p0", "bench_planners:Hangs", 0, 0]
     assert (hung["failure_kind"], "(phase: warm-up)" in hung["failure_detail"]) == ("timeout", True)
