@@ -53,11 +53,13 @@ SECONDS_FULL = 10.0
 """s for which a disk is full."""
 DISK = 200
 """MB of the disk that is filled."""
-ROOM = FRESH + PATIENCE + 1.5
-"""s after which `/readyz` has to tell an outage, on a busy machine."""
-AGAIN = 60.0
-"""s within which it has to be ok again, and all runs have to end."""
-SLACK = 4.0
+ROOM = FRESH + PATIENCE + 10.0
+"""s after which `/readyz` may no longer say ok in an outage, on a busy machine."""
+UNTOLD = 60.0
+"""s that an outage lasts at most until `/readyz` has told it, on a machine too busy to tell it sooner."""
+AGAIN = 300.0
+"""s within which it has to be ok again, and all runs have to end, on a busy machine."""
+SLACK = 30.0
 """s beyond its grace after which a process counts as one that does not end, on a busy machine."""
 ENDED = ("done", "failed", "cancelled")
 
@@ -173,6 +175,10 @@ class Looks:
         self._thread = threading.Thread(target=self._look, daemon=True)
         self._thread.start()
 
+    def told(self, since: float) -> list[Look]:
+        """Those that were asked for since a time, s, and told of an outage."""
+        return [look for look in self.seen if look.path == "readyz" and look.status == 503 and since < look.asked]
+
     def close(self) -> None:
         """End it."""
         self._stop.set()
@@ -212,7 +218,7 @@ def outage_round(kind: Kind, outage: float | None, number: int = 0, workers: int
 
     Args:
         kind: of the database.
-        outage: s; None: a full disk.
+        outage: s, and longer until `/readyz` has told it; None: a full disk.
         number: of the round; after an odd one the database is away once more when SIGTERM comes.
         workers: beside the server, which solves too.
     """
@@ -269,6 +275,8 @@ def _go_through(found: Round, database: Database, urls: list[str], outage: float
         time.sleep(outage / 2)
         during.append(threads.submit(submit, first + 11))
         time.sleep(max(0.0, gone + outage - time.monotonic()))
+        while not looks.told(gone) and time.monotonic() < gone + max(outage, UNTOLD):
+            time.sleep(0.05)
         back = time.monotonic()
         database.come()
         up = time.monotonic()
@@ -289,7 +297,7 @@ def _go_through(found: Round, database: Database, urls: list[str], outage: float
 def _judge(found: Round, looks: Looks, gone: float, back: float) -> None:
     """Hold the looks at health against the outage from `gone` to `back`."""
     ready = [look for look in looks.seen if look.path == "readyz" and gone < look.asked < back]
-    told = [look.given for look in ready if look.status == 503]
+    told = [look.given for look in looks.told(gone) if look.asked < back]
     found.told = min(told) - gone if told else None
     if found.told is None:
         found.faults.append("/readyz never told the outage")

@@ -15,9 +15,9 @@ from pathlib import Path
 import httpx
 
 PROGRAM = "from optiplan.cli.main import main; main()"
-START = 60.0
-"""s within which a server has to answer."""
-HTTP = httpx.Client(trust_env=False, timeout=60.0)
+START = 300.0
+"""s within which a server has to answer, on a busy machine."""
+HTTP = httpx.Client(trust_env=False, timeout=300.0)
 """For all requests: making one takes longer than most answers."""
 
 
@@ -64,7 +64,7 @@ class Program:
         with suppress(ProcessLookupError):
             os.kill(self._process.pid, signal.SIGTERM)
         try:
-            code = self._process.wait(30.0)
+            code = self._process.wait(60.0)
         except subprocess.TimeoutExpired:
             self.kill()
             raise

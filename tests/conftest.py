@@ -1,11 +1,15 @@
 """Shared by all tests: reproducible hypothesis runs, data sets that lie beside the checkout where there are any."""
 
 import os
+import time
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import settings
 
+from optiplan import libraries
 from tests.viewer.browsing import browser  # noqa: F401  # one for all: a process runs playwright's loop once
 
 settings.register_profile("suite", deadline=None, derandomize=True, print_blob=True)
@@ -21,6 +25,22 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no test data in {folder}")
     return folder
+
+
+@pytest.fixture(scope="module")
+def processor_clock() -> Iterator[None]:
+    """Budgets and timings of a module's tests count this process's own work, so that a busy machine changes nothing."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(libraries, "time", SimpleNamespace(perf_counter=time.process_time))
+        yield
+
+
+@pytest.fixture
+def by_hand(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The time, s, that budgets and timings of a test count, which the test sets."""
+    now = [100.0]
+    monkeypatch.setattr(libraries, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    return now
 
 
 @pytest.fixture(scope="session")

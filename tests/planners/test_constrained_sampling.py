@@ -17,6 +17,8 @@ from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from tests.planners.constraint_cases import CONSTRAINTS, assert_held_and_proved, key_of, stated
 
+pytestmark = pytest.mark.usefixtures("processor_clock")
+
 PLANNERS = ("rrtconnect", "prm", "rrtstar", "informed_rrtstar")
 HEIGHT = 0.486869558
 PLANE = {"plane": {"normal": [0, 0, 1], "offset": HEIGHT, "within": 0.001}}

@@ -17,11 +17,13 @@ from optiplan.runs.pipeline import run
 from optiplan.runs.run import Run
 from tests.planners import cases
 
+pytestmark = pytest.mark.usefixtures("processor_clock")
+
 KINDS = set(get_args(FailureKind)) - {"input", "bug"}
 """Those that planners give."""
 BUDGET = 0.6  # s
-PATIENT = 20.0  # s, where a busy machine left a planner no time
-LATE = 0.8  # s, for a machine that does other things as well
+PATIENT = 20.0  # s, where a slow machine left a planner no time
+LATE = 0.8  # s of the processor that a planner may be late, on a machine that does other things as well
 STEPS = {"rest", "continuity", "jerk"}  # checks by which motions with steps of acceleration are refused
 
 
@@ -44,11 +46,11 @@ def plan(name, case, budget=None):
 @cache
 def answer(name, case):
     """What the planner says to the problem, asked once for all tests."""
-    began = time.perf_counter()
+    began = time.process_time()
     try:
         found = plan(name, case)
     except InputError as error:
-        return Answer(None, error, time.perf_counter() - began)
+        return Answer(None, error, time.process_time() - began)
     return Answer(found, None, found.timings["plan"])
 
 

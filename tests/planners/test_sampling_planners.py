@@ -29,6 +29,8 @@ from optiplan.trajectory.trajectory import Trajectory
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
 
+pytestmark = pytest.mark.usefixtures("processor_clock")
+
 QUICK = {
     "rrtconnect": {},
     "rrtstar": {"iterations": 120},

@@ -11,6 +11,7 @@ import pytest
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.server import listening, make_server
 from optiplan.service.settings import ServiceSettings
+from tests.waiting import PATIENCE
 
 QUICK = """\
 version: 1
@@ -43,7 +44,7 @@ class Running:
     service: PlannerService
     http: httpx.Client
 
-    def ended(self, run: str, patience: float = 60.0) -> dict:
+    def ended(self, run: str, patience: float = PATIENCE) -> dict:
         """The run, once it has ended."""
         end = time.monotonic() + patience
         while time.monotonic() < end:
@@ -71,7 +72,7 @@ def server(tmp_path_factory) -> Iterator[Running]:
         thread = threading.Thread(target=uvicorn.run, args=([sock],), daemon=True)
         thread.start()
         url = f"http://127.0.0.1:{sock.getsockname()[1]}"
-        with httpx.Client(base_url=url, timeout=60.0, trust_env=False) as http:
+        with httpx.Client(base_url=url, timeout=PATIENCE, trust_env=False) as http:
             while not uvicorn.started:
                 assert thread.is_alive()
                 time.sleep(0.05)
@@ -81,5 +82,5 @@ def server(tmp_path_factory) -> Iterator[Running]:
                 time.sleep(0.1)
             yield running
         uvicorn.should_exit = True
-        thread.join(30.0)
+        thread.join(PATIENCE)
         assert not thread.is_alive()

@@ -1,18 +1,15 @@
 """Benches over HTTP: problems by planners by seeds, as runs of the queue."""
 
-import time
-
 import pytest
 
 from tests.service.conftest import NO_WAY, QUICK
+from tests.waiting import wait_until
 
 
 def finished(server, bench):
-    end = time.monotonic() + 60.0
-    while (found := server.http.get(f"/api/benches/{bench}").json())["status"] == "running":
-        assert time.monotonic() < end
-        time.sleep(0.1)
-    return found
+    where = f"/api/benches/{bench}"
+    wait_until(lambda: server.http.get(where).json()["status"] != "running")
+    return server.http.get(where).json()
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from optiplan.service.guard.rates import client_of
 from optiplan.service.settings import ServiceSettings
 from tests.service.conftest import NO_WAY
 from tests.service.test_gate import echo
+from tests.waiting import PATIENCE
 
 HEAD = b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 10\r\n"
 
@@ -35,7 +36,7 @@ def serving(**given):
         time.sleep(0.01)
     yield sock.getsockname()[1]
     server.should_exit = True
-    thread.join(10.0)
+    thread.join(PATIENCE)
     assert not thread.is_alive()
 
 
@@ -48,7 +49,7 @@ def read_all(client):
 
 
 def connected(port, sent=b""):
-    client = socket.create_connection(("127.0.0.1", port), timeout=20.0)
+    client = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
     client.sendall(sent)
     return client
 
@@ -80,16 +81,15 @@ def test_the_time_of_a_request_does_not_begin_anew_with_each_part():
 
 
 def test_a_connection_that_is_kept_has_each_request_in_its_own_time():
-    with serving(head_time=0.3, body_time=0.3) as port, connected(port) as client:
-        for _ in range(3):
+    with serving(head_time=1.0, body_time=1.0) as port, connected(port) as client:
+        for _ in range(2):
             client.sendall(HEAD + b"\r\n01234")
-            time.sleep(0.1)
             client.sendall(b"56789")
             answer = b""
             while not answer.endswith(b"0\r\n\r\n"):
                 answer += client.recv(65536)
             assert answer.startswith(b"HTTP/1.1 200")
-            time.sleep(0.4)  # between requests the time of a kept connection counts
+            time.sleep(1.2)  # between requests the time of a kept connection counts
         client.sendall(b"GET /")
         assert b"408" in read_all(client)
 
@@ -102,7 +102,7 @@ def test_one_client_has_so_many_connections_and_others_theirs():
             with connected(port) as client:
                 answers.append(read_all(client).split(b"\r\n")[0])
         assert answers[-1] == b"HTTP/1.1 429 Too Many Requests"
-        other = socket.create_connection(("127.0.0.1", port), timeout=20.0, source_address=("127.0.0.2", 0))
+        other = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE, source_address=("127.0.0.2", 0))
         other.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
         assert read_all(other).startswith(b"HTTP/1.1 200")
         held.pop().close()
@@ -130,7 +130,7 @@ def test_who_still_sends_reads_that_the_body_is_too_large(size):
         for path in ("", "broken"):
             request = urllib.request.Request(f"http://127.0.0.1:{port}/{path}", data=b"x" * size)
             with pytest.raises(urllib.error.HTTPError) as refused:
-                urllib.request.urlopen(request, timeout=30.0)
+                urllib.request.urlopen(request, timeout=PATIENCE)
             assert refused.value.code == 413
             assert b"too large" in refused.value.read()
 
@@ -139,7 +139,7 @@ def test_who_still_sends_reads_every_other_refusal():
     with serving(token="0123456789abcdef0123") as port:
         request = urllib.request.Request(f"http://127.0.0.1:{port}/", data=b"x" * 4_000_000)
         with pytest.raises(urllib.error.HTTPError) as refused:
-            urllib.request.urlopen(request, timeout=30.0)
+            urllib.request.urlopen(request, timeout=PATIENCE)
         assert refused.value.code == 401
 
 

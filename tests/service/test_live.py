@@ -2,7 +2,6 @@
 
 import json
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from optiplan.errors import InputError
 from optiplan.problem.load import load_problem
 from optiplan.service import live_sessions
 from optiplan.service.execution.live import LiveLoop
+from tests.waiting import PATIENCE, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -20,10 +20,7 @@ def reach(problems):
 
 def start(server, text, **given):
     """Start a controller, once the last one has ended."""
-    end = time.monotonic() + 30.0
-    while server.http.get("/api/live").json():
-        assert time.monotonic() < end
-        time.sleep(0.1)
+    wait_until(lambda: not server.http.get("/api/live").json())
     answer = server.http.post("/api/live", json={"problem": text, **given})
     assert answer.status_code == 201, answer.text
     return answer.json()
@@ -73,9 +70,9 @@ def test_one_more_than_may_run_is_refused_and_the_id_is_gone_when_it_ends(server
     heard = []
     watcher = threading.Thread(target=lambda: heard.extend(states(server, session["id"])))
     watcher.start()
-    time.sleep(0.5)
+    wait_until(lambda: heard)
     assert server.http.delete(f"/api/live/{session['id']}").status_code == 204
-    watcher.join(10.0)
+    watcher.join(PATIENCE)
     assert heard[-1]["type"] == "end"
     answers = [server.http.post(f"/api/live/{session['id']}/target", json={"pose": [0, 0, 0, 0, 0, 0, 1]})]
     answers.append(server.http.get(f"/api/live/{session['id']}/events"))
@@ -85,10 +82,7 @@ def test_one_more_than_may_run_is_refused_and_the_id_is_gone_when_it_ends(server
 def test_nothing_runs_on_unseen(server, reach, monkeypatch):
     monkeypatch.setattr(live_sessions, "UNSEEN", 0.5)
     start(server, reach)
-    end = time.monotonic() + 15.0
-    while server.http.get("/api/live").json():
-        assert time.monotonic() < end
-        time.sleep(0.2)
+    wait_until(lambda: not server.http.get("/api/live").json())
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import pytest
 from optiplan.errors import OptiPlanError
 from optiplan.viewer import server
 from optiplan.viewer.server import PageServer, serve
+from tests.waiting import PATIENCE
 
 
 @pytest.fixture
@@ -76,5 +77,5 @@ serve(problem, [], port=0, on_ready=lambda url: print(url, flush=True))
     assert child.stdout is not None
     assert child.stdout.readline().startswith(b"http://127.0.0.1:")
     child.send_signal(signal.SIGINT)
-    _, errors = child.communicate(timeout=20)
+    _, errors = child.communicate(timeout=PATIENCE)
     assert (child.returncode, errors) == (0, b"")

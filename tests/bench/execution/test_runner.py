@@ -18,6 +18,7 @@ from optiplan.bench.results.database import StoreError
 from optiplan.bench.suite.suite import load_suite
 from optiplan.cli.printing.bench_progress import progress
 from optiplan.errors import InputError
+from tests.waiting import PATIENCE, wait_until
 
 SLOW = {"name": "bench_planners:Straight", "label": "slow", "seconds": 0.05}
 
@@ -37,13 +38,6 @@ def stored(folder):
             return db.execute("SELECT count(*) FROM runs").fetchone()[0]
     except sqlite3.OperationalError:
         return 0
-
-
-def wait_until(condition, patience=30.0):
-    end = time.monotonic() + patience
-    while not condition():
-        assert time.monotonic() < end, "never came"
-        time.sleep(0.01)
 
 
 def workers_of(process):
@@ -123,7 +117,7 @@ def test_a_problem_that_cannot_be_loaded_is_a_row(write_suite, run, tmp_path):
 
 
 def test_a_planner_that_hangs_while_warming_up_does_not_hold_up_the_suite(write_suite, run):
-    path = write_suite(count=1, planners=["bench_planners:Hangs", SLOW], limits={"wall": 1})
+    path = write_suite(count=1, planners=["bench_planners:Hangs", SLOW], limits={"wall": 3})
     rows = run(path)[1]
     hung = rows["plain/p0", "bench_planners:Hangs", 0, 0]
     assert (hung["failure_kind"], "(phase: warm-up)" in hung["failure_detail"]) == ("timeout", True)
@@ -136,7 +130,7 @@ def test_ctrl_c_ends_cleanly_and_the_same_command_goes_on(write_suite, tmp_path,
     wait_until(lambda: stored(folder) >= 3)
     workers = workers_of(process)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=10)
+    _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert "the same command goes on" in err
     assert all(map(ended, workers))
@@ -153,7 +147,7 @@ def test_killed_with_a_worker_every_run_is_there_once(write_suite, tmp_path, run
     os.kill(workers[0], signal.SIGKILL)
     time.sleep(0.1)
     process.kill()
-    process.communicate(timeout=10)
+    process.communicate(timeout=PATIENCE)
     wait_until(lambda: all(map(ended, workers)))
     done, rows = run(path, folder, workers=2)
     assert 3 <= done.found < 32
@@ -237,7 +231,7 @@ def test_a_full_tmpfs(write_suite, small_disk):
     filler = small_disk / "filler"
     filler.write_bytes(b"0" * 1_800_000)
     process = start(path, folder)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2, err
     assert "make room and give the same command again" in err
     assert "Traceback" not in err
@@ -245,7 +239,7 @@ def test_a_full_tmpfs(write_suite, small_disk):
     assert 0 < there < 80
     filler.unlink()
     process = start(path, folder)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, err
     assert "80 of 80 runs" in out
     with closing(sqlite3.connect(folder / "results.sqlite")) as db:

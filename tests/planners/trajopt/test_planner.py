@@ -18,6 +18,8 @@ from optiplan.robot.robot import Robot, load_robot
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
 
+pytestmark = pytest.mark.usefixtures("processor_clock")
+
 GOAL = np.array([1.2, 0.3, 0.4, -1.6, 0.3, 1.9, 0.4])
 
 
@@ -129,7 +131,7 @@ def test_no_way_through_fails_within_the_budget_and_says_where() -> None:
     assert result.failure is not None
     assert result.failure.kind == "no-path"
     assert {"over", "under"} & set(result.failure.witness["pair"])
-    assert sum(result.timings.values()) < 2.5
+    assert sum(result.timings.values()) < 2.5  # of this process, whatever others do
 
 
 def test_the_best_curve_is_optimised_once_more_with_twice_the_spans(robot: Robot) -> None:

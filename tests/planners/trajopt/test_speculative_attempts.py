@@ -1,7 +1,6 @@
 """Attempts side by side: the same motion, bit by bit, for any number of threads."""
 
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from optiplan.planners.trajopt.speculative_attempts import SpeculativeAttempts
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(core is None, reason="threads are for the native core")
 
@@ -63,7 +63,7 @@ def test_an_outcome_is_taken_only_where_it_is_that_of_an_attempt_begun_now(probl
     goal = problem.start + 0.3
     control = along_path(optimiser.basis, np.array([problem.start, goal]), problem.limits.velocity)
     ahead.expect([control], np.inf, False)
-    time.sleep(0.2)  # begun by then
+    wait_until(lambda: any(task.future.running() or task.future.done() for task in ahead._tasks.values()))
     assert ahead.take(control + 1e-9, budget, np.inf, False) is None
     outcome = ahead.take(control, budget, np.inf, False)
     own = optimiser.run(control, budget, None, np.inf)

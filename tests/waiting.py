@@ -1,0 +1,26 @@
+"""Waiting for events: with patience that only a broken test uses up, however busy the machine is."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+PATIENCE = 300.0
+"""s for anything that takes a moment where nothing else runs."""
+
+
+def wait_until(condition: Callable[[], object]) -> None:
+    """Return once a condition holds.
+
+    Raises:
+        AssertionError: it does not within `PATIENCE`.
+    """
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, "never came"
+        time.sleep(0.02)
+
+
+def processor_seconds(process: int) -> float:
+    """Time that a process has worked, s in steps of 0.01, whatever others do."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / 100.0
