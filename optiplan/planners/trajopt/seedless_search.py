@@ -104,6 +104,7 @@ class SeedlessSearch:
             sampler = goal_sampler(problem, run.optimiser.model, run.budget)
         if isinstance(sampler, Failure):
             return False
+        sampler.more(1, lambda: self._over)
         self._sampler = sampler
         return True
 
