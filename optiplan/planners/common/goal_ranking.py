@@ -168,6 +168,18 @@ class GoalSampler:
         bounds = self._problem.lower_bounds(self._nearest) if self._nearest else np.zeros(0)
         return [self._nearest[k] for k in np.argsort(bounds, kind="stable") if bounds[k] < soonest]
 
+    def within(self, soonest: float, count: int, stop: Callable[[], bool] = lambda: False) -> list[Array]:
+        """Return up to `count` free configurations (n,) with bounds below `soonest`, s, drawn from that one stream."""
+        found: list[Array] = []
+        box = self._reach(soonest)
+        for k in range(0 if self.complete or not self._within else _STARTS * count):
+            if stop() or len(found) >= count:
+                break
+            q = self._within[k % len(self._within)](box)
+            if q is not None and self._good(q) and self._problem.lower_bounds([q])[0] < soonest:
+                found.append(q)
+        return found
+
     def _branch_of(self, q: Array) -> list[Array]:
         """Return the end of the branch of a free configuration (n,), if it is a new one."""
         if any(np.array_equal(q, other) for other in self._slid):

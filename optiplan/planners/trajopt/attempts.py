@@ -33,8 +33,8 @@ _FAR = 1.1
 _CLOSE_STEPS = 60
 """Steps that the budget is to leave for it."""
 
-_END_STEPS = 40
-"""Steps of the attempt with a free end, at most: it begins at a curve that is optimised already."""
+_END_STEPS = 80
+"""Steps of the attempt with a free end, at most; with half as many it often ends with a contact left."""
 
 _FITTED = 300
 """Instants of the best curve at which one with more spans is fitted to it."""
@@ -113,8 +113,14 @@ class Attempts:
 
     def free_end(self) -> None:
         """Optimise the best curve once more with its end free in the goal that it is in, where that may gain."""
-        curve, problem, options = self.incumbent.curve, self.optimiser.problem, self.optimiser.options
-        if curve is None or self.budget.over or self.incumbent.within(options.good_enough):
+        curve = self.incumbent.curve
+        if curve is not None and not self.incumbent.within(self.optimiser.options.good_enough):
+            self.freed(curve)
+
+    def freed(self, curve: Attempt) -> None:
+        """Optimise a curve once more with its end free in the goal that it is in; keep it where it is the best."""
+        problem, options = self.optimiser.problem, self.optimiser.options
+        if self.budget.over:
             return
         poses = [goal for goal in problem.goal if not isinstance(goal, JointGoal)]
         ends = [end for end in (FreeEnd(problem, goal) for goal in poses) if end.holds(curve.control[-1])]

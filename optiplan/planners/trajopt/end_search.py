@@ -129,6 +129,6 @@ class EndSearch:
         if curve is not None:
             bent = basis.moved_ends(curve.control, np.vstack([[start], still]), np.vstack([[end], still]))
             yield self.coarse.from_curve(bent, rough)
-        way = self.paths.toward(self.sampler, end, _SEARCH)
+        way = self.paths.toward(self.sampler, [end], _SEARCH)
         if way is not None and way.control is not None:
             yield way.control, way.duration

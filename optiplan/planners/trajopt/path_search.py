@@ -167,14 +167,20 @@ class PathSearch:
         self._ways.sort(key=lambda way: way.duration)
         return self._ways.pop(0) if self._ways else failure
 
-    def toward(self, sampler: GoalSampler, goal: Array, most: float) -> Way | None:
-        """Return the way along a path to one goal (n,), found within `most` of work, s; None without one.
+    def anew(self, problem: Problem, patience: Patience, incumbent: Incumbent, coarse: CoarseDescents) -> "PathSearch":
+        """Return searches that begin at the first seed again and share the models of thinner obstacles alone."""
+        fresh = PathSearch(problem, self.model, self.budget, patience, incumbent, self.watch, coarse)
+        fresh._checks = self._checks
+        return fresh
+
+    def toward(self, sampler: GoalSampler, goals: list[Array], most: float) -> Way | None:
+        """Return the way along a path to one of some goals (n,), found within `most` of work, s; None without one.
 
         The path is sampled between thinner obstacles, and between the real ones where the line to it is free there.
         """
         for depth in (_DEPTHS[0], _DEPTHS[-1]):
             check = self._check(depth)
-            path = self._sample(sampler, check, self.patience.seconds + most, None, goal)
+            path = self._sample(sampler, check, self.patience.seconds + most, None, goals)
             if isinstance(path, Failure):
                 return None
             if len(path.waypoints) > 2 or not depth:
@@ -211,11 +217,11 @@ class PathSearch:
         check: MotionCheck,
         most: float,
         repair: Callable[[Array], Array | None] | None,
-        goal: Array | None = None,
+        aims: list[Array] | None = None,
     ) -> SampledPath | Failure:
         """Return a path of the next seed to any of the promising goals, sampled within `most` of work in all, s.
 
-        To one goal (n,) alone, where one is given.
+        To the goals `aims` (n,) alone, where they are given.
 
         Between thinner obstacles the short rounds that others begin with are left out: a long one finds a path sooner.
         """
@@ -226,7 +232,7 @@ class PathSearch:
         share = _SEARCH if self.incumbent.candidates else _FIRST_SEARCH
         budget = self.budget.leaving((1.0 - share) * self.budget.remaining)
         with self.watch.stage("sampling"):
-            goals = self.promising(sampler) if goal is None else [goal]
+            goals = self.promising(sampler) if aims is None else aims
             if self._on_constraints.apply:
                 return self._on_constraints.path(goals, budget, number)
             relaxed = None if repair is None else through_thinner(repair)
@@ -238,7 +244,7 @@ class PathSearch:
                 alternate=counted(kpiece, self.patience, most, STATE / ALTERNATE_RATIO),
                 relaxed=counted(relaxed, self.patience, most, STATE / ALTERNATE_RATIO) if relaxed else None,
                 longest=np.inf if real else self.incumbent.longest,
-                more_goals=sampler.more if goal is None else lambda count, stop: [],
+                more_goals=sampler.more if aims is None else lambda count, stop: [],
                 begun=begun,
                 early=self._stopping if real and not self.incumbent.candidates else None,
             )

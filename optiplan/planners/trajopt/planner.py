@@ -30,6 +30,7 @@ from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.program.sqp import WORSE
+from optiplan.planners.trajopt.seedless_search import SeedlessSearch
 from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.planners.trajopt.warm import WarmStart
 from optiplan.problem.problem import Problem
@@ -165,6 +166,7 @@ class _Run:
         failure: Failure | None = None
         rng = np.random.default_rng(self.problem.seed)
         ends = EndSearch(self.problem, sampler, self.attempts, self.paths, self.coarse)
+        seedless = SeedlessSearch(self.problem, self.attempts, self.paths, self.coarse)
         for number in range(self.options.seeds):
             if not self._worth():
                 break
@@ -186,7 +188,9 @@ class _Run:
                 control = self._with_bump(self.incumbent.curve.control, rng)
                 self.attempts.attempt("bump", control, self.attempts.before_refining)
             ends.run()
+            seedless.run()
         ends.run()
+        seedless.run()
         if self.incumbent.candidates:
             return None
         return failure if failure is not None else self.attempts.why_not()

@@ -1,0 +1,169 @@
+"""A search for ways to the ends of a goal that is a set, the same whatever the seed of the problem."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.planners.base import Failure
+from optiplan.planners.common.goal_ranking import GoalSampler, apart, goal_sampler
+from optiplan.planners.trajopt.attempts import Attempts
+from optiplan.planners.trajopt.coarse_descents import CoarseDescents
+from optiplan.planners.trajopt.incumbent import Incumbent
+from optiplan.planners.trajopt.initial_guess import along_path
+from optiplan.planners.trajopt.optimizer import Attempt
+from optiplan.planners.trajopt.path_search import PathSearch
+from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
+from optiplan.problem.problem import Problem
+
+_STREAM = 0
+"""Seed of all its random numbers."""
+
+_SHARE = 0.4
+"""Share of the budget that its work may take; the rest is for what draws from the problem's seed, and for refining."""
+
+_NEAR = 1.02
+"""Cost / bound of the best motion up to which there is no such search: no other way is much shorter."""
+
+_LINES, _SEARCH = 6, 0.4
+"""Ends that a round tries with a straight line, and work, s, of its search for one path."""
+
+_PROMISING, _FREED = 1.1, 1.05
+"""Duration in that of the best curve up to which a coarse one is optimised, and an optimised one once more with its
+end free."""
+
+
+@dataclass(eq=False)
+class SeedlessSearch:
+    """Samples many ways to the ends of a goal, from one stream of numbers, and optimises those that promise most.
+
+    Among obstacles the way decides as much as the end, and which ways a few searches find is a matter of luck. This one
+    knows nothing of the seed nor of what was found with it: its ends, paths and attempts are those of every seed, so no
+    seed's motion is longer than what they lead to. A round samples a path to the next end, one to whichever of all ends
+    it meets first, and tries straight lines to ends drawn anew; coarse curves tell which way is optimised next.
+
+    Attributes:
+        problem: that is planned.
+        attempts: of the run; their incumbent is offered the best curve.
+        paths: of the run.
+        coarse: of the run.
+    """
+
+    problem: Problem
+    attempts: Attempts
+    paths: PathSearch
+    coarse: CoarseDescents
+    _done: bool = False
+    _own: Attempts = field(init=False)
+    _searches: PathSearch = field(init=False)
+    _descents: CoarseDescents = field(init=False)
+    _sampler: GoalSampler = field(init=False)
+    _ends: list[Array] = field(default_factory=list)
+    _surveyed: float = np.inf
+    _ways: list[tuple[float, Array]] = field(default_factory=list)
+    _tried: list[Array] = field(default_factory=list)
+
+    def run(self) -> None:
+        """Search once, as soon as there is a motion, where its cost is far above the bound; not on path constraints."""
+        found = self.attempts.incumbent
+        if self._done or not found.candidates or self.problem.one_end or self.problem.path_constraints:
+            return
+        if found.within(_NEAR):
+            return
+        self._done = True
+        if not self._begin():
+            return
+        record, budget = EndsInVain(), self.attempts.budget
+        while not self._over and self._patience.seconds < _SHARE * budget.seconds:
+            own, ends = self._own.incumbent, self._survey()
+            if not ends or (own.candidates and not self._patience.worth_an_end(own.cost, own.bound, 0, record)):
+                break
+            before, began = own.cost, self._patience.seconds
+            self._round(ends, record.tried)
+            record.record(self._patience.seconds - began, SAME * own.cost < before)
+        found.info["ways"] = {"rounds": record.tried, "compared": len(self._tried) + len(self._ways)}
+        curve = self._own.incumbent.curve
+        if curve is not None and found.offer_curve(curve):
+            self.attempts.waiting = curve
+
+    def _begin(self) -> bool:
+        """Make searches and attempts that share the collision models of the run, and none of its results.
+
+        Return whether an end was found.
+        """
+        run, problem = self.attempts, replace(self.problem, seed=_STREAM)
+        patience = Patience(run.budget, run.patience.good_enough)
+        record = {"attempts": run.incumbent.info["attempts"], "cut_short": False}
+        incumbent = Incumbent(
+            problem, run.incumbent.constraints, lambda stage, share: None, record, run.incumbent.began, run.watch
+        )
+        self._own = Attempts(run.optimiser, run.budget, incumbent, patience, run.watch)
+        self._descents = replace(self.coarse, patience=patience)
+        self._searches = self.paths.anew(problem, patience, incumbent, self._descents)
+        with run.watch.stage("goals"):
+            sampler = goal_sampler(problem, run.optimiser.model, run.budget)
+        if isinstance(sampler, Failure):
+            return False
+        sampler.more(1, lambda: self._over)
+        self._sampler = sampler
+        return True
+
+    @property
+    def _patience(self) -> Patience:
+        return self._own.patience
+
+    @property
+    def _over(self) -> bool:
+        return self.attempts.before_refining.over
+
+    def _round(self, ends: list[Array], number: int) -> None:
+        """Find some ways to ends (n,), and optimise the most promising one that is apart from those tried before."""
+        incumbent = self._own.incumbent
+        single = [ends[number % len(ends)]]
+        for goals in (single, ends):
+            way = None if self._over else self._searches.toward(self._sampler, goals, _SEARCH)
+            if way is not None and way.control is not None:
+                self._ways.append((way.duration, way.control))
+        drawn = self._sampler.within(incumbent.longest, _LINES, lambda: self._over)
+        for end in [*single, *drawn]:
+            line = along_path(
+                self.attempts.optimiser.basis, np.array([self.problem.start, end]), self.problem.limits.velocity
+            )
+            found = self._descents.from_curve(line, incumbent.rough)
+            if found is not None:
+                self._ways.append((found[1], found[0]))
+        self._optimise_best()
+
+    def _survey(self) -> list[Array]:
+        """Return the ends (n,) below the best motion, those with the least bound first, surveyed after every gain."""
+        incumbent = self._own.incumbent
+        if SAME * incumbent.cost < self._surveyed or not self._ends:
+            self._surveyed = incumbent.cost
+            with self.attempts.watch.stage("goals"):
+                if incumbent.candidates:
+                    self._sampler.nearest_ends(incumbent.longest, lambda: self._over)
+            self._ends = self._searches.promising(self._sampler)
+            if self._ends:
+                incumbent.bounded(float(self.problem.lower_bounds(self._ends).min()))
+        return self._ends
+
+    def _optimise_best(self) -> None:
+        """Optimise the shortest of the coarse curves that is apart from those tried, where it is short enough."""
+        incumbent, limits = self._own.incumbent, self.problem.limits
+        self._ways.sort(key=lambda way: way[0])
+        while self._ways and incumbent.cost_bound(self._ways[0][0]) < _PROMISING * incumbent.rough:
+            _, control = self._ways.pop(0)
+            if not all(apart(control, other, limits) for other in self._tried):
+                continue
+            self._tried.append(control)
+            attempt = self._own.optimised("sampled", control, self.attempts.before_refining)
+            if attempt is not None:
+                self._keep(attempt)
+            return
+
+    def _keep(self, attempt: Attempt) -> None:
+        """Offer a curve; free its end where it is among the best."""
+        incumbent = self._own.incumbent
+        incumbent.offer_curve(attempt)
+        if incumbent.cost_of(attempt.trajectory) < _FREED * incumbent.rough:
+            self._own.freed(attempt)
