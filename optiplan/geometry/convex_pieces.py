@@ -1,5 +1,6 @@
 """Convex pieces that cover a mesh and reach beyond it by at most a given distance, measured."""
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -18,6 +19,12 @@ _PLANE_TOLERANCE = 1e-7
 
 _SAMPLE = 400
 """Triangles that a cut is chosen by, evenly taken where there are more; the cut itself is of all."""
+
+_CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+"""Of a box: which of its two ends along each axis, (8, 3)."""
+
+_LARGEST = 24
+"""Faces of a hull whose middles are asked before all of it."""
 
 
 @dataclass(frozen=True)
@@ -69,49 +76,60 @@ def cut(solid: MeshSolid, options: PieceOptions = PieceOptions()) -> ConvexPiece
     """Cut a mesh into convex pieces, each the hull of the part within a box; None where `options.most` is too few.
 
     A piece that reaches too far beyond the mesh is cut by the plane, across one of three axes, that leaves the least
-    volume in the hulls of both parts; pieces whose common hull is within the bound are then joined again.
+    volume in the hulls of both parts; pieces whose common hull is within the bound are then joined again. All parts
+    are cut once before any is cut again: a mesh that needs too many pieces is given up early so.
 
     Args:
         solid: the mesh.
         options: how finely it is cut.
     """
     corners = solid.triangles.reshape(-1, 3)
-    first = _cell(solid, solid.triangles, np.array([corners.min(axis=0) - 1e-3, corners.max(axis=0) + 1e-3]))
-    waiting, done = [first] if first else [], []
-    while waiting:
-        cell = waiting.pop()
-        if _close(solid, cell.points, options):
-            done.append((cell.points, cell.volume))
-            continue
-        halves = _best_cut(solid, cell, options.places)
-        if halves is None or len(waiting) + len(done) > 2 * options.most:
+    box = np.array([corners.min(axis=0) - 1e-3, corners.max(axis=0) + 1e-3])
+    first = _cell(solid.triangles, box, *_inner_corners(solid, box[None]))
+    waiting: deque[tuple[str, _Cell]] = deque()
+    done: dict[str, tuple[Array, float]] = {}
+    fresh = [("", first)] if first else []
+    while fresh or waiting:
+        for name, cell in fresh:
+            if _close(solid, cell.points, options):
+                done[name] = cell.points, cell.volume
+            else:
+                waiting.append((name, cell))
+        if len(done) + 2 * len(waiting) > 2 * options.most + 2:  # each that waits is two at least
             return None
-        waiting.extend(halves)
-    pieces = _join(solid, done, options)
+        fresh = []
+        if waiting:
+            name, cell = waiting.popleft()
+            halves = _best_cut(solid, cell, options.places)
+            if halves is None:
+                return None
+            fresh = [(name + side, half) for side, half in zip("ba", halves, strict=True)]
+    pieces = _join(solid, [done[name] for name in sorted(done)], options)
     if not 0 < len(pieces) <= options.most:
         return None
     return ConvexPieces(tuple(pieces), measured(solid, pieces, options.tolerance))
 
 
 def _close(solid: MeshSolid, points: Array, options: PieceOptions) -> bool:
-    """Whether the hull of points is within the bound."""
+    """Whether the hull of points is within the bound; its largest faces, which span hollows, are asked first."""
     faces = points[_hull(points).simplices]
+    area = np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=1)
+    middles = faces[np.argsort(-area, kind="stable")[:_LARGEST]].mean(axis=1)
+    if (~solid.inside(middles) & (solid.nearest(middles)[0] > options.over_cover)).any():
+        return False
     return over_cover(solid, faces, options.tolerance, allowed=options.over_cover) <= options.over_cover
 
 
 def _best_cut(solid: MeshSolid, cell: _Cell, places: int) -> tuple[_Cell, _Cell] | None:
     """The two parts of a cell whose hulls have the least volume in sum."""
     rough = replace(cell, triangles=cell.triangles[:: len(cell.triangles) // _SAMPLE + 1])
-    options: list[tuple[float, int, float]] = []
-    for axis in range(3):
-        for place in _places(rough, axis, places):
-            parts = list(_parts(solid, rough, axis, place))
-            if len(parts) == 2:
-                options.append((sum(part.volume for part in parts), axis, place))
-    for _, axis, place in sorted(options):
-        parts = list(_parts(solid, cell, axis, place))
-        if len(parts) == 2:
-            return parts[0], parts[1]
+    cuts = [(axis, place) for axis in range(3) for place in _places(rough, axis, places)]
+    found = zip(cuts, _halves(solid, rough, cuts), strict=True)
+    options = sorted((parts[0].volume + parts[1].volume, *chosen) for chosen, parts in found if parts is not None)
+    for _, axis, place in options:
+        parts = next(_halves(solid, cell, [(axis, place)]))
+        if parts is not None:
+            return parts
     return None
 
 
@@ -130,20 +148,30 @@ def _places(cell: _Cell, axis: int, count: int) -> list[float]:
     return [float(place) for place in inner]
 
 
-def _parts(solid: MeshSolid, cell: _Cell, axis: int, place: float) -> Iterator[_Cell]:
-    for side in (0, 1):
-        box = cell.box.copy()
-        box[1 - side, axis] = place
-        triangles = _clipped(cell.triangles, axis, place, 1.0 if side == 0 else -1.0)
-        part = _cell(solid, triangles, box)
-        if part is not None:
-            yield part
+def _halves(solid: MeshSolid, cell: _Cell, cuts: Sequence[tuple[int, float]]) -> Iterator[tuple[_Cell, _Cell] | None]:
+    """Yield the parts of a cell on both sides of each plane, given by axis and place; None where one side is empty."""
+    boxes = np.tile(cell.box, (len(cuts), 2, 1, 1))  # (cuts, sides, 2, 3)
+    for k, (axis, place) in enumerate(cuts):
+        boxes[k, 0, 1, axis] = boxes[k, 1, 0, axis] = place
+    inner = _inner_corners(solid, boxes.reshape(-1, 2, 3))
+    for k, (axis, place) in enumerate(cuts):
+        one, other = (
+            _cell(_clipped(cell.triangles, axis, place, 1.0 - 2.0 * side), boxes[k, side], inner[2 * k + side])
+            for side in (0, 1)
+        )
+        yield None if one is None or other is None else (one, other)
 
 
-def _cell(solid: MeshSolid, triangles: Array, box: Array) -> _Cell | None:
-    """The cell of a box; None where the mesh has nothing in it."""
-    corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    points = np.vstack([triangles.reshape(-1, 3), corners[solid.inside(corners)]])
+def _inner_corners(solid: MeshSolid, boxes: Array) -> list[Array]:
+    """Corners (k, 3) of each of the boxes (b, 2, 3) that are inside the mesh."""
+    corners = boxes[:, _CORNERS, np.arange(3)]  # (b, 8, 3)
+    inside = solid.inside(corners.reshape(-1, 3)).reshape(len(boxes), len(_CORNERS))
+    return [own[flags] for own, flags in zip(corners, inside, strict=True)]
+
+
+def _cell(triangles: Array, box: Array, inner: Array) -> _Cell | None:
+    """The cell of a box, of which the corners `inner` (k, 3) are inside; None where the mesh has nothing in it."""
+    points = np.vstack([triangles.reshape(-1, 3), inner])
     if len(points) < 3:
         return None
     if len(points) == 3:  # qhull wants a fourth

@@ -8,6 +8,7 @@ import trimesh
 
 from optiplan.collision.clearance_test import PairMargins
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry import convex_pieces
 from optiplan.geometry.convex import cover_of, faces_of, hull_of, protrusion, vertices_of
 from optiplan.geometry.convex_hulls import covering_hull
 from optiplan.geometry.convex_pieces import PieceOptions, cut, measured
@@ -106,6 +107,14 @@ def test_pieces_cover_surface_and_interior(dumb_bell):
     assert len(inside) > 1000
     assert outside(pieces.vertices, inside).max() <= 1e-9
     assert outside(pieces.vertices, dense(solid, 6000, rng)).max() <= 1e-9
+
+
+def test_a_mesh_that_needs_too_many_pieces_is_given_up_early(dumb_bell, monkeypatch):
+    """Each part whose hull reaches too far counts as two before it is cut; 2 * most + 2 parts are looked at."""
+    cuts, own = [], convex_pieces._best_cut
+    monkeypatch.setattr(convex_pieces, "_best_cut", lambda *given: cuts.append(1) or own(*given))
+    assert cut(dumb_bell[0], PieceOptions(over_cover=1e-4, most=4)) is None
+    assert 1 <= len(cuts) <= 6  # depth first it took ten
 
 
 def test_pieces_reach_no_farther_than_is_said(dumb_bell):

@@ -5,7 +5,7 @@ import pytest
 
 from optiplan.robot.description_files import package_robots
 from optiplan.robot.robot import load_robot, robot_names
-from optiplan.robot.self_collision.pair_proof import BEYOND, PairProof, joint_box
+from optiplan.robot.self_collision.pair_proof import BEYOND, GAP, PairProof, joint_box
 from optiplan.robot.self_collision.pair_survey import link_pairs
 from optiplan.robot.self_collision.pairs import ADJACENT, PROVED
 
@@ -82,3 +82,20 @@ def test_the_joint_box():
     middle, half = joint_box(turns, lower, upper)
     np.testing.assert_allclose(middle, [0.5, 0.0, 0.0, 0.0, 0.0])
     np.testing.assert_allclose(half, [1.5 + BEYOND, np.pi, np.pi, 0.5 + BEYOND, np.inf])
+
+
+def test_meshes_touch_where_their_distance_says_so(tmp_path):
+    """The survey asks only whether triangles are as near as `GAP`, which is the same answer for less work."""
+    if "xarm7" not in package_robots():
+        pytest.skip("example-robot-data is not installed")
+    source = "{package: example-robot-data, robot: xarm7}"
+    (tmp_path / "robot.yaml").write_text(f"version: 1\nname: r\nurdf: {source}\ncollision: mesh\n")
+    robot = load_robot(str(tmp_path / "robot.yaml"))
+    pairs = [pair for bodies in link_pairs(robot.model, robot.geometry).values() for pair in bodies]
+    proof = proof_of(robot, pairs)
+    half = np.where(np.isfinite(proof.half), proof.half, 1.0)
+    Q = proof.middle + half * np.random.default_rng(5).uniform(-1.0, 1.0, (15, robot.n))
+    _, asked, placed = proof.bounds.meeting(Q, GAP)
+    near = proof.distances(placed, asked, np.full(len(asked), GAP)) <= GAP
+    assert 0 < near.sum() < len(near)
+    assert (proof.touching(placed, asked) == near).all()

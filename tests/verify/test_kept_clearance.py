@@ -14,6 +14,7 @@ from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.geometry.shapes import Sphere
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.verify.collision_check import collision
+from optiplan.verify.continuous import kept_clearance
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.kept_clearance import _surface, prepare
 from optiplan.verify.continuous.rings import near_rings
@@ -169,6 +170,22 @@ def test_another_body_is_another_entry(tmp_path: Path, monkeypatch: pytest.Monke
     at = np.array([[STOP, 0.0]]), np.zeros((1, 2))
     assert prepare(free)[0, 1].least(*at)[0] > 0.0
     assert prepare(stopped)[0, 1].least(*at)[0] == -np.inf
+
+
+def test_pairs_of_two_joints_share_the_boxes_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Links that are many meshes make many pairs; the work is that of a few."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    looked: list[int] = []
+    own = kept_clearance._Maker._bounds
+
+    def counted(maker, pair, joints, middle, half):  # type: ignore[no-untyped-def]
+        looked.extend([len(middle)] * (len(joints) == 2))
+        return own(maker, pair, joints, middle, half)
+
+    monkeypatch.setattr(kept_clearance._Maker, "_bounds", counted)
+    monkeypatch.setattr(kept_clearance, "_IN_ALL", 4)
+    prepare(robot_in(tmp_path / "robot", stop=False))
+    assert 1 <= sum(looked) <= 8  # the boxes that pass the bound are those of the last halving
 
 
 def test_a_body_inside_another_is_not_proved_clear_of_it(tmp_path: Path) -> None:

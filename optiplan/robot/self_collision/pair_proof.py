@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
-from optiplan.geometry.mesh_hulls import hull_of_mesh
+from optiplan.geometry.mesh_hulls import exact_requests, hull_of_mesh
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.self_collision.pair_bounds import PairBounds
 
@@ -122,6 +122,8 @@ class PairProof:
         self._most = WORK / max(len(self.middle), 1)
         self._request = coal.DistanceRequest()
         self._request.gjk_tolerance, self._request.gjk_max_iterations = 1e-9, 500
+        self._near = exact_requests()[1]
+        self._near.security_margin = GAP
 
     def prove(self, groups: Sequence[Index]) -> list[bool]:
         """Whether all pairs of bodies of each group (a pair of links) are proved never to come as near as `GAP`."""
@@ -157,11 +159,31 @@ class PairProof:
             return OF_MESHES
         return ALONG if self.moves[members].any(axis=0).sum() == 1 else BOXES
 
-    def measure(self, Q: Array, rows: Index, pairs: Index) -> Array:
-        """Distance, m, of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n), or a lower bound beyond twice `GAP`."""
+    def touching_at(self, Q: Array, rows: Index, pairs: Index) -> Flags:
+        """Whether each of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n), is as near as `GAP`: (K,)."""
         poses, bodies = self.bounds.kinematics.poses(Q), self.bounds.pairs[pairs]
         placed = poses[rows[:, None], self.bounds.joint[bodies]] @ self.bounds.placement[bodies]
-        return self.distances(placed, pairs, np.full(len(pairs), GAP))
+        return self.touching(placed, pairs)
+
+    def touching(self, placed: Array, pairs: Index) -> Flags:
+        """Whether each of K pairs of bodies, placed at (K, 2, 4, 4), world, is as near as `GAP`: (K,).
+
+        Of meshes it is asked whether triangles are: that ends at the first, and takes a part of the time of a distance.
+        """
+        found = np.zeros(len(pairs), dtype=bool)
+        asked = np.flatnonzero(self._surface[pairs])
+        others = np.flatnonzero(~self._surface[pairs])
+        found[others] = self.distances(placed[others], pairs[others], np.full(len(others), GAP)) <= GAP
+        result = coal.CollisionResult()
+        for k in asked.tolist():
+            a, b = self.bounds.pairs[pairs[k]].tolist()
+            X_a, X_b = (coal.Transform3s(X[:3, :3], X[:3, 3]) for X in placed[k])
+            for shapes in (self._hulls, self._shapes):
+                result.clear()
+                found[k] = coal.collide(shapes[a], X_a, shapes[b], X_b, self._near, result) > 0
+                if not found[k]:
+                    break
+        return found
 
     def distances(self, placed: Array, pairs: Index, enough: Array) -> Array:
         """Distance, m, of K pairs of bodies placed at (K, 2, 4, 4), world; negative inside.

@@ -130,7 +130,7 @@ class _Survey:
             rows, pairs, placed = self.proof.bounds.meeting(Q[k : k + step], GAP)
             asked = group[pairs] >= 0
             rows, pairs, placed = rows[asked], pairs[asked], placed[asked]
-            touch = self.proof.distances(placed, pairs, np.full(len(pairs), GAP)) <= GAP
+            touch = self.proof.touching(placed, pairs)
             result[k + rows[touch], group[pairs[touch]]] = True
         return result
 
@@ -150,7 +150,7 @@ class _Survey:
         pairs = np.concatenate([np.empty(0, dtype=np.intp), *(self.groups[k] for k in single)])
         touching = np.zeros((ANGLES, len(self.groups)), dtype=bool)
         rows, columns = np.divmod(np.arange(ANGLES * len(pairs)), max(len(pairs), 1))
-        touch = self.proof.measure(Q, rows, pairs[columns]) <= GAP
+        touch = self.proof.touching_at(Q, rows, pairs[columns])
         touching[rows[touch], owner[columns[touch]]] = True
         result[single] = touching[:, single].mean(axis=0)
         return result

@@ -8,7 +8,7 @@ the interval as ever where nothing was proved.
 """
 
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 
 import coal
@@ -29,7 +29,7 @@ from optiplan.verify.continuous.motion_bounds import Boxes, DistanceQuery, Motio
 from optiplan.verify.continuous.rings import near_rings
 from optiplan.verify.continuous.separating_planes import PairDistances, unconfirmed
 
-VERSION = 1
+VERSION = 2
 """Counted up when clearances are proved in another way, so that what is kept is made again."""
 
 _FINE = 0.01
@@ -40,6 +40,9 @@ _SHARE = {1: 0.7, 2: 0.5}
 
 _MOST = {1: 8000, 2: 2000}
 """Boxes looked at for a pair; those open after that stay unproved."""
+
+_IN_ALL = 6_000
+"""Boxes looked at for all pairs of two joints together, shared evenly: of links that are many meshes there are many."""
 
 _HALVINGS = {1: 12, 2: 7}
 """Of the range of a joint: shorter boxes stay unproved."""
@@ -135,6 +138,7 @@ class _Maker:
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._model = robot, CollisionModel(robot, Scene())
+        self._most = dict(_MOST)
         self._bodies = Bodies(self._model)
         self._distances, self._motion = PairDistances(self._model, self._bodies), Motion(self._bodies)
         kinematics = self._model.kinematics
@@ -148,17 +152,23 @@ class _Maker:
         found: dict[Pair, KeptClearance] = {}
         if self._bodies.unsupported is not None:
             return found
-        pairs = self._model.bounds.pairs.tolist()
-        for k, (a, b) in enumerate(pairs):
-            joints = np.flatnonzero(self._model.bounds.depends[k])
-            mesh = any(isinstance(self._shapes[body], coal.BVHModelBase) for body in (a, b))
-            if len(joints) == 1 or (len(joints) == 2 and mesh):
-                if np.isfinite(self._half[joints]).all():
-                    progress(f"{self._model.names[a]} – {self._model.names[b]}", k / len(pairs))
-                    one = self._of_one(k, joints) if len(joints) == 1 else self._divided(k, joints)
-                    if np.isfinite(one.clearance).any():
-                        found[a, b] = one
+        chosen = list(self._chosen())
+        self._most[2] = min(_MOST[2], _IN_ALL // max(1, sum(len(joints) == 2 for _, joints in chosen)))
+        for done, (k, joints) in enumerate(chosen):
+            a, b = self._model.bounds.pairs[k].tolist()
+            progress(f"{self._model.names[a]} – {self._model.names[b]}", done / len(chosen))
+            one = self._of_one(k, joints) if len(joints) == 1 else self._divided(k, joints)
+            if np.isfinite(one.clearance).any():
+                found[a, b] = one
         return found
+
+    def _chosen(self) -> Iterator[tuple[int, Index]]:
+        """Yield the pairs to prove, and the joints that move each."""
+        for k, bodies in enumerate(self._model.bounds.pairs.tolist()):
+            joints = np.flatnonzero(self._model.bounds.depends[k])
+            mesh = any(isinstance(self._shapes[body], coal.BVHModelBase) for body in bodies)
+            if (len(joints) == 1 or (len(joints) == 2 and mesh)) and np.isfinite(self._half[joints]).all():
+                yield k, joints
 
     def _of_one(self, pair: int, joints: Index) -> KeptClearance:
         """Prove a pair that one joint moves: by rings about its axis where both are polyhedra, else by division."""
@@ -188,7 +198,7 @@ class _Maker:
         middle, half = self._middle[joints][None], self._half[joints][None]
         done: list[tuple[Array, Array, Array]] = []
         spent = 0
-        while len(middle) and spent < _MOST[count]:
+        while len(middle) and spent < self._most[count]:
             spent += len(middle)
             if residue is None:
                 bound, travel = self._bounds(pair, joints, middle, half)
