@@ -143,7 +143,8 @@ def test_a_run_is_saved_and_found_again(run, tmp_path):
     again = op.load_run(str(tmp_path / "one"))
     assert again.verified
     assert again.to_dict() | {"timings": 0, "report": 0} == run.to_dict() | {"timings": 0, "report": 0}
-    assert {check.name for check in again.report.checks} == {check.name for check in run.report.checks} | {"samples", "duration"}
+    of_files = {"samples", "duration"}
+    assert {check.name for check in again.report.checks} == {check.name for check in run.report.checks} | of_files
 
 
 def test_a_run_that_failed_is_found_again(problem, tmp_path):

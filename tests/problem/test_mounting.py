@@ -170,7 +170,7 @@ def test_what_a_mesh_weighs_is_known_or_bad_input(tmp_path, by, faces, more, wor
     """Of an open mesh, the sum over its triangles depends on where the origin is."""
     mesh = box_mesh(tmp_path / "x.obj", ((0.0, 0.0, 0.3), (0.1, 0.1, 0.1), 1))
     kept = (tmp_path / "x.obj").read_text().splitlines()[: 8 + faces]
-    (tmp_path / "x.obj").write_text("\n".join(kept))
+    (tmp_path / "x.obj").write_text("\n".join(kept) + "\n")
 
     def made():
         if by == "scene":

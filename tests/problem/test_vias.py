@@ -43,7 +43,7 @@ def test_all_that_a_via_can_say(write):
         ("[{configuration: bend}]", 12, "via[0].configuration", "unknown configuration 'bend'", "'bent'"),
         ("[{pose: {frame: hands, position: [1, 0, 0]}}]", 12, "via[0].pose.frame", "unknown frame 'hands'", "'hand'"),
         ("[{joints: [0, 0], configuration: bent}]", 12, "via[0]", "joints and configuration", "exactly one of"),
-        ("[{time: 1}]", 12, "via[0]", "none of them", "exactly one of: joints, configuration, pose"),
+        ("[{time: 1}]", 12, "via[0]", "none of them", "exactly one of: joints, joints_deg, configuration, pose"),
         ("[{joints: [0, 0], tolerance: 0}]", 12, "via[0].tolerance", "0", "> 0"),
         ("[{joints: [0, 0], velocity: [1]}]", 12, "via[0].velocity", "1 values", "2 values"),
         (

@@ -109,7 +109,9 @@ def test_one_cursor_for_scene_curves_clearance_verdict_and_slider(visit, proof_p
         assert time_of(page) == pytest.approx(checks[name].time)
         chosen = page.locator(".tabs [aria-selected='true']").text_content()
         assert chosen == ("clearance" if name == "collision" else name)
-    shown = f"{1e3 * checks['collision'].witness['proved_clearance']:.3g} mm proved"
+    proved = checks["collision"].witness
+    scene, itself = (f"{1e3 * proved[f'{kind}_clearance']:.3g}" for kind in ("scene", "self"))
+    shown = f"scene {scene}, itself {itself} mm proved"
     assert shown in page.locator(".check", has_text="collision").locator(".figures").text_content()
     assert page.locator("#ticks .at").count() == sum(check.time is not None for check in proof.report.checks)
     page.locator(".tabs [data-name='torque']").click()

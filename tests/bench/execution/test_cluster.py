@@ -176,11 +176,12 @@ def test_a_scheduler_that_ends_is_an_error(write_suite, dask, tmp_path):
         run_there(path, tmp_path / "there", dask.address, end)
 
 
-def test_the_command_line(write_suite, dask, tmp_path, capfd):
+def test_the_command_line(write_suite, dask, tmp_path, capfd, monkeypatch):
     dask.workers(1)
     words = ["bench", str(write_suite()), "--out", str(tmp_path / "there"), "--dask"]
     assert main_run([*words, dask.address]) == 0
     assert "2 of 2 runs" in capfd.readouterr().out
+    monkeypatch.setattr(cluster, "CONNECT", 2.0)  # nobody will ever answer there
     assert main_run([*words, "tcp://127.0.0.1:9"]) == 2
     assert "no Dask scheduler at tcp://127.0.0.1:9" in capfd.readouterr().err
     assert main_run([*words, dask.address, "--workers", "2"]) == 2
