@@ -28,7 +28,9 @@ Edit = tuple[str, str, Callable[[Data], None], str]
 
 LINK = '<link name="{}"><collision><geometry><box size=".1 .1 .1"/></geometry></collision></link>'
 LIMIT = '<limit lower="-1e30" upper="1e30" velocity="3" effort="400"/>'
-JOINT = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>{}</joint>'
+JOINT = (
+    '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>{}</joint>'
+)
 
 
 class Figures:

@@ -1,6 +1,8 @@
 """MoveIt's collision objects, frames and allowed pairs, as YAML data, into the bodies of a problem file."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -27,10 +29,21 @@ def pose(data: Data | None) -> pin.SE3:
     data = data or {}
     translation = data.get("position", data.get("translation")) or [0, 0, 0]
     rotation = numbers(data.get("orientation", data.get("rotation")) or [0, 0, 0, 1], "xyzw")
-    length = float(np.linalg.norm(rotation))
+    length = _length(rotation)
     if length == 0.0:  # a message whose orientation was never filled in
         rotation, length = np.array([0.0, 0.0, 0.0, 1.0]), 1.0
     return pin.SE3(pin.Quaternion(rotation / length).toRotationMatrix(), numbers(translation, "xyz"))
+
+
+def _length(quaternion: Array) -> float:
+    """Return |q| of (4,), with one rounding a square, as fused multiply-adds have.
+
+    The bits of NumPy's norm depend on the processor, and those of a pose are part of the problem's hash.
+    """
+    square = 0.0
+    for x in quaternion:
+        square = float(Fraction(float(x)) ** 2 + Fraction(square)) if math.isfinite(x) else math.nan
+    return math.sqrt(square)
 
 
 def joint_state(state: Data | None) -> dict[str, float]:
