@@ -10,7 +10,7 @@ from optiplan.robot.self_collision.pair_proof import BEYOND, GAP, PairProof, joi
 from optiplan.robot.self_collision.pair_survey import link_pairs
 from optiplan.robot.self_collision.pairs import ADJACENT, PROVED
 
-PACKAGE = ("panda", "talos_reduced")
+PACKAGE = ("panda", "ur10", "talos_reduced")
 """An arm, and a body with legs and two arms; `benchmarks/pair_samples.py` takes more of the package."""
 
 COUNT = 20_000
