@@ -40,8 +40,9 @@ core: $(RUN) ## build the native core into the checkout (needs a C++ compiler; p
 	@rm -f $(CORE)
 	@$(MAKE) --no-print-directory $(CORE)
 
+# Half of the tests' time is waiting for processes and pages: a worker more than two hardware threads fills it.
 test: $(TEST) $(CORE) ## every test, with the coverage gate of 90 % of lines
-	$(BIN)/python -m pytest -n $${TEST_WORKERS:-2} --dist loadfile --cov=optiplan --cov-report=term:skip-covered --cov-fail-under=90
+	$(BIN)/python -m pytest -n $${TEST_WORKERS:-3} --dist loadfile --no-loadscope-reorder --cov=optiplan --cov-report=term:skip-covered --cov-fail-under=90
 
 docs: $(DOCS) ## the documentation as a site, site/index.html; a warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

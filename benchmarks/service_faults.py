@@ -131,7 +131,7 @@ def _submit(url: str, job: int, ids: dict[str, int]) -> None:
 
 def _look(url: str, ids: dict[str, int], found: Findings) -> None:
     """Wait for all runs, and hold each of their answers against the verifier."""
-    end, problem = time.monotonic() + 60.0 + 1.0 * len(ids), None
+    end, problem = time.monotonic() + 180.0 + 1.0 * len(ids), None
     waiting = set(ids)
     while waiting and time.monotonic() < end:
         for run in sorted(waiting):

@@ -12,10 +12,36 @@ from hypothesis import settings
 from optiplan import libraries
 from tests.viewer.browsing import browser  # noqa: F401  # one for all: a process runs playwright's loop once
 
+LONGEST = (
+    "service/test_outages.py",
+    "test_examples.py",
+    "service/test_faults.py",
+    "service/test_pages.py",
+    "robot/test_pair_proof.py",
+    "bench/execution/test_runner.py",
+    "bench/execution/test_faults.py",
+    "cli/test_process.py",
+    "bench/report/test_report_browser.py",
+    "bench/results/test_interchange.py",
+    "bench/execution/test_cluster.py",
+    "planners/test_contract.py",
+    "cli/commands/test_bench_report.py",
+    "service/test_deploy.py",
+    "planners/trajopt/terms/test_objectives.py",
+    "service/test_runs.py",
+)
+"""Files that take longest, longest first: begun first, none of them is left for one worker alone at the end."""
+
 settings.register_profile("suite", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("suite")
 
 ROOT = Path(__file__).parent.parent
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first, in the order that workers take them in."""
+    ranks = {ROOT / "tests" / name: rank for rank, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
 
 
 @pytest.fixture(scope="session")

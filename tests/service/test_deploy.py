@@ -24,6 +24,7 @@ from typer.main import get_command
 from optiplan.cli.program import program
 from optiplan.service.watchdog import feed_watchdog
 from tests.service.conftest import NO_WAY, QUICK
+from tests.waiting import wait_until
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 TOKEN = "0123456789abcdef0123456789abcdef"
@@ -265,6 +266,8 @@ def test_who_is_no_proxy_of_ours_is_not_believed(tmp_path):
     forwarded = {"X-Forwarded-For": "203.0.113.9", "X-Forwarded-Proto": "https"}
     with serving(tmp_path / "data", "--log-level", "info") as server:
         httpx.get(f"{server.url}/healthz", headers=forwarded, trust_env=False)
-        text = (tmp_path / "server.log").read_text()
+        log = tmp_path / "server.log"
+        wait_until(lambda: '"client"' in log.read_text())  # written after the answer
+        text = log.read_text()
     assert "203.0.113.9" not in text
     assert '"client": "127.0.0.1"' in text

@@ -1,6 +1,5 @@
 """The gate: foreign names, pages and clients do not pass; every answer keeps its place."""
 
-import asyncio
 import json
 import logging
 import sys
@@ -16,6 +15,7 @@ from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.rates import Rates
 from optiplan.service.server import check_token
 from optiplan.service.settings import ServiceSettings
+from tests.waiting import answer_of
 
 TOKEN = "a-token-of-enough-characters"
 
@@ -40,7 +40,7 @@ def ask(settings, method="GET", path="/", host="127.0.0.1:7100", **given):
         async with httpx.AsyncClient(transport=transport, base_url=f"http://{host}") as client:
             return await client.request(method, path, **given)
 
-    return asyncio.run(call())
+    return answer_of(call())
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:7100", "localhost", "LOCALHOST:80", "[::1]:7100"])
@@ -130,8 +130,8 @@ def test_a_cookie_that_came_over_tls_never_goes_without():
         async with httpx.AsyncClient(transport=transport, base_url=f"{scheme}://127.0.0.1") as client:
             return (await client.get(f"/?token={TOKEN}")).headers["set-cookie"]
 
-    assert "; Secure" in asyncio.run(call("https"))
-    assert "Secure" not in asyncio.run(call("http"))
+    assert "; Secure" in answer_of(call("https"))
+    assert "Secure" not in answer_of(call("http"))
 
 
 @pytest.mark.parametrize("prefix", ["", "/optiplan"])
@@ -176,7 +176,7 @@ def test_too_many_requests_say_when_to_come_again():
         async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
             return [await client.get("/") for _ in range(3)]
 
-    answers = asyncio.run(call())
+    answers = answer_of(call())
     assert [answer.status_code for answer in answers] == [200, 200, 429]
     assert int(answers[-1].headers["retry-after"]) >= 1
 

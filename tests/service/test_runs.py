@@ -1,6 +1,5 @@
 """Runs over HTTP: submitted, watched, fetched, cancelled, deleted; the same submission is the same run."""
 
-import asyncio
 import csv
 import io
 import json
@@ -22,6 +21,7 @@ from optiplan.service.refusals import Refusal
 from optiplan.service.routes.runs import exported
 from optiplan.trajectory.trajectory import Trajectory
 from tests.service.conftest import NO_WAY, QUICK
+from tests.waiting import answer_of
 
 
 def test_a_submission_becomes_a_verified_run(server):
@@ -137,8 +137,8 @@ class Unverified:
 
 def test_a_motion_that_is_not_verified_is_no_program():
     with pytest.raises(Refusal, match="not verified"):
-        asyncio.run(exported("one", "csv", Unverified()))
-    written = asyncio.run(exported("one", "csv", Unverified(), unverified=True))
+        answer_of(exported("one", "csv", Unverified()))
+    written = answer_of(exported("one", "csv", Unverified(), unverified=True))
     assert written.body.decode().startswith("t,")
 
 

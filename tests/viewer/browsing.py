@@ -71,7 +71,7 @@ def pixels(page) -> np.ndarray:
 
 def until(page, condition: str) -> None:
     """Wait for a condition by asking again and again: the page forbids the `eval` of playwright's own way."""
-    end = time.monotonic() + 30.0
+    end = time.monotonic() + 100.0
     while not page.evaluate(condition):
         assert time.monotonic() < end, f"never came true: {condition}"
         time.sleep(0.02)

@@ -12,6 +12,7 @@ from optiplan.bench.execution.machine import ended
 from optiplan.bench.execution.pool import LocalPool
 from optiplan.bench.execution.runner import open_results, run_suite
 from optiplan.bench.suite.suite import load_suite
+from tests.waiting import PATIENCE
 
 FAULTS = {
     "Hangs": "timeout",
@@ -117,7 +118,7 @@ def test_nothing_is_left_where_nobody_reaps_orphans(write_suite, tmp_path, monke
     words = ["bench", str(path), "--out", str(tmp_path / "out"), "--workers", "1", "--json"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-c", NEVER_WAITS, *words]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "children").read_text()
     assert done.stdout.splitlines()[-1] == "[]"
