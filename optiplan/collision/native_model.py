@@ -12,6 +12,7 @@ from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.contacts import Contact, Contacts
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_shapes import native_shape
+from optiplan.collision.passing_neighbours import passing_neighbours
 from optiplan.geometry.mesh_hulls import hull_of_mesh
 from optiplan.geometry.scene import Scene
 from optiplan.robot.loaded_robots import once_for_each_robot
@@ -48,6 +49,9 @@ def not_in_core(model: CollisionModel) -> dict[str, list[str]]:
 
 class NativeCollisionModel(CollisionModel):
     """A `CollisionModel` whose queries the native core answers: same meaning, other rounding.
+
+    Neighbours that pass each other wherever their joint stands (`passing_neighbours`) are among `pairs`, but
+    `collides`, `near`, `contacts`, sweeps and searches do not ask them: planners could not part them.
 
     Attributes:
         world: the bodies and pairs in the core; None where a shape is of a kind that it does not know.
@@ -148,8 +152,9 @@ def _body(model: CollisionModel, body: int, shapes: "list[Shape]") -> "Body | No
 
 
 def _world(model: CollisionModel, bodies: "list[Body]") -> "World":
-    pairs = model.bounds.pairs.astype(np.int64)
-    return core.World.of(native_tree(model.model), bodies, pairs, _clusters(model.robot))
+    pairs, passing = model.bounds.pairs.astype(np.int64), passing_neighbours(model.robot)
+    never = [k for k, pair in enumerate(map(tuple, pairs.tolist())) if pair in passing]
+    return core.World.of(native_tree(model.model), bodies, pairs, _clusters(model.robot), never)
 
 
 @once_for_each_robot
