@@ -11,7 +11,7 @@ from optiplan.robot.urdf.srdf import link_pair
 
 @once_for_each_robot
 def passing_neighbours(robot: Robot) -> frozenset[tuple[int, int]]:
-    """Pairs of a robot's bodies that its survey found apart at all places over the range of the one joint that moves them.
+    """Pairs of a robot's bodies that its survey found apart all over the range of the one joint that moves them.
 
     Their distance is a function of that joint alone, and no motion brings them nearer than the robot is built. Only
     pairs with a mesh: flanges tenths of a millimetre apart take hundreds of times as long as two convex bodies, at

@@ -80,8 +80,8 @@ struct Placement {
 
 class World {
   public:
-    // `never`: pairs that touch wherever the joints stand in no case, and whose distance nobody needs: `collides`, `near`
-    // and what visits `alone` and `groups` leave them out.
+    // `never`: pairs that are apart wherever the joints stand: `collides`, `near` and what visits `alone` and `groups`
+    // leave them out.
     World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
           const std::vector<Cluster> &clusters = {}, const std::vector<int> &never = {});
 
