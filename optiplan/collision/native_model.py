@@ -12,6 +12,7 @@ from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.contacts import Contact, Contacts
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_shapes import native_shape
+from optiplan.collision.passing_neighbours import passing_neighbours
 from optiplan.geometry.mesh_hulls import hull_of_mesh
 from optiplan.geometry.scene import Scene
 from optiplan.robot.loaded_robots import once_for_each_robot
@@ -27,17 +28,20 @@ _SLACK = 1e-9
 """m, by which the box and the ball around a hull are larger than its vertices."""
 
 
-def planning_model(robot: Robot, scene: Scene, known: CollisionModel | None = None) -> CollisionModel:
+def planning_model(
+    robot: Robot, scene: Scene, known: CollisionModel | None = None, *, passing: bool = False
+) -> CollisionModel:
     """A model for planners; the verifier's is `CollisionModel` itself, which never asks the core.
 
     Args:
         robot: the robot.
         scene: the scene.
         known: a model of the same robot in the same scene, whose bodies and pairs need not be found again.
+        passing: whether the core is asked for `passing_neighbours` too, where no verifier looks at the motion.
     """
     if core is None:
         return CollisionModel(robot, scene)
-    return NativeCollisionModel(robot, scene, known)
+    return NativeCollisionModel(robot, scene, known, passing=passing)
 
 
 def not_in_core(model: CollisionModel) -> dict[str, list[str]]:
@@ -49,12 +53,17 @@ def not_in_core(model: CollisionModel) -> dict[str, list[str]]:
 class NativeCollisionModel(CollisionModel):
     """A `CollisionModel` whose queries the native core answers: same meaning, other rounding.
 
+    Neighbours that pass each other wherever their joint stands (`passing_neighbours`) are among `pairs`, but
+    `collides`, `near`, `contacts`, sweeps and searches do not ask them, unless it is made with `passing`.
+
     Attributes:
         world: the bodies and pairs in the core; None where a shape is of a kind that it does not know.
         unknown: names of the bodies with such shapes; with any, coal answers all queries.
     """
 
-    def __init__(self, robot: Robot, scene: Scene, known: CollisionModel | None = None) -> None:
+    def __init__(
+        self, robot: Robot, scene: Scene, known: CollisionModel | None = None, *, passing: bool = False
+    ) -> None:
         if known is None:
             super().__init__(robot, scene)
         else:
@@ -62,7 +71,8 @@ class NativeCollisionModel(CollisionModel):
         links, placed = _links_of(self), self.geometry.geometryObjects
         bodies = [*links, *(_body(self, k, _shapes_of(placed[k].geometry)) for k in range(len(links), len(placed)))]
         self.unknown = tuple(name for name, found in zip(self.names, bodies, strict=True) if found is None)
-        self.world = None if self.unknown else _world(self, [found for found in bodies if found is not None])
+        never = frozenset() if passing or self.unknown else passing_neighbours(robot)
+        self.world = None if self.unknown else _world(self, [found for found in bodies if found is not None], never)
 
     def collides(self, q: Array) -> bool:
         """See `CollisionModel.collides`."""
@@ -147,9 +157,10 @@ def _body(model: CollisionModel, body: int, shapes: "list[Shape]") -> "Body | No
     return core.Body.of(int(found.parentJoint), found.placement.homogeneous, shapes, box, float(bounds.radius[body]))
 
 
-def _world(model: CollisionModel, bodies: "list[Body]") -> "World":
+def _world(model: CollisionModel, bodies: "list[Body]", never: frozenset[tuple[int, int]]) -> "World":
     pairs = model.bounds.pairs.astype(np.int64)
-    return core.World.of(native_tree(model.model), bodies, pairs, _clusters(model.robot))
+    left_out = [pair.index for pair in model.pairs if (pair.a, pair.b) in never]
+    return core.World.of(native_tree(model.model), bodies, pairs, _clusters(model.robot), left_out)
 
 
 @once_for_each_robot

@@ -81,7 +81,8 @@ def goal_configurations(
         for q in good:
             stated = isinstance(goal, JointGoal)
             images = [q] if stated else whole_turns(problem.robot, q, problem.start, options.count)
-            free += [image for image in images if not any(np.abs(image - other).max() < 1e-6 for other in free)]
+            known = np.array(free).reshape(-1, len(q))
+            free += [image for image in images if not (np.abs(known - image).max(axis=1) < 1e-6).any()]
     if not free:
         return refusals[0] if len(refusals) == 1 else _join(refusals)
     free.sort(key=lambda q: float((np.abs(q - problem.start) / problem.limits.velocity).max()))

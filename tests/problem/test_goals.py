@@ -52,6 +52,20 @@ def test_joint_goals_are_met_at_any_turn_of_an_endless_joint():
     assert goal_residual(problem, np.array(turned[0]))[0].reached
 
 
+def test_images_of_one_configuration_by_whole_turns_are_listed_once():
+    """Whichever image a goal names, the free configurations are the same, and no two of them are."""
+    problem = cases.endless()
+    q = problem.goal[0].q
+    turns = [np.array([2.0 * np.pi * k, 0.0]) for k in (0, 1, -1)]
+    several = replace(problem, goal=tuple(JointGoal(q + turn) for turn in (*turns, 1e-7 + turns[0])))
+    found = np.array(find(several).configurations)
+    apart = np.abs(found[:, None] - found).max(axis=2) + np.eye(len(found))
+    assert len(found) >= 2
+    assert (apart >= 1e-6).all()
+    both = replace(problem, goal=(JointGoal(q), JointGoal(q + 1e-5)))  # 1e-6 apart in any joint is another one
+    assert len(find(both).configurations) == 2 * len(find(problem).configurations)
+
+
 def test_a_blocked_alternative_does_not_hide_a_free_one():
     problem = cases.goal_in_wall()
     both = replace(problem, goal=(*problem.goal, JointGoal(cases.READY + 0.1)))

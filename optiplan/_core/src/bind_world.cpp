@@ -48,7 +48,7 @@ static Body make_body(int joint, const Matrix &placement, std::vector<Shape> sha
 }
 
 static World make_world(const Tree &tree, const std::vector<Body> &bodies, const IndexPairs &pairs,
-                        const std::vector<std::pair<Body, std::vector<int>>> &clusters) {
+                        const std::vector<std::pair<Body, std::vector<int>>> &clusters, const std::vector<int> &never) {
     std::vector<std::pair<int, int>> found;
     const auto count = static_cast<std::int64_t>(bodies.size());
     for (std::size_t k = 0; k < 2 * pairs.shape(0); ++k)
@@ -63,7 +63,8 @@ static World make_world(const Tree &tree, const std::vector<Body> &bodies, const
             expect(body >= 0 && body < count && bodies[body].joint == hull.joint, "members are bodies on their hull's joint");
         together.push_back({hull, members});
     }
-    return World(tree, bodies, found, together);
+    for (int pair : never) expect(pair >= 0 && pair < static_cast<int>(found.size()), "pairs that are never asked are pairs");
+    return World(tree, bodies, found, together, never);
 }
 
 static nb::ndarray<nb::numpy, double> poses(const Tree &tree, const Matrix &Q) {
@@ -247,7 +248,7 @@ void bind_world(nb::module_ &m) {
     nb::class_<Body>(m, "Body").def_static("of", &make_body, "joint"_a, "placement"_a, "shapes"_a, "box"_a, "radius"_a);
     nb::class_<World>(m, "World")
         .def_static("of", &make_world, "tree"_a, "bodies"_a, "pairs"_a,
-                    "clusters"_a = std::vector<std::pair<Body, std::vector<int>>>())
+                    "clusters"_a = std::vector<std::pair<Body, std::vector<int>>>(), "never"_a = std::vector<int>())
         .def("near", &near, "Q"_a, "cutoff"_a)
         .def("nearest", &nearest, "Q"_a)
         .def("gradients", &gradients, "Q"_a, "rows"_a, "pairs"_a, "points"_a, "normals"_a)

@@ -50,10 +50,12 @@ class NearerEnds:
         passed: list[Array] = []
         q = np.where(self._moving, q, self._start)
         bound, radius = lower_bound(self._start, q, self._limits), _FIRST
+        near: tuple[Array, Array] | None = None  # of this q: a step that is refused leaves it as it is
         for _ in range(0 if self._set.point else _STEPS):
             if radius < _SHORTEST or bound == 0.0:
                 break
-            step = self._step(q, bound, radius, model)
+            near = near or self._apart(model, q)
+            step = self._step(q, bound, radius, near)
             new = None if step is None else self._set.settle(q + step)
             reached = np.inf if new is None else lower_bound(self._start, new, self._limits)
             if new is None or reached >= bound or (model is not None and model.collides(new)):
@@ -61,12 +63,19 @@ class NearerEnds:
                 continue
             if reached > (1.0 - _LEAST_GAIN) * bound:
                 radius *= 0.4
-            q, bound, radius = new, reached, min(1.5 * radius, 1.0)
+            q, bound, radius, near = new, reached, min(1.5 * radius, 1.0), None
             passed.append(q)
         return passed
 
-    def _step(self, q: Array, bound: float, radius: float, model: CollisionModel | None) -> Array | None:
-        """Return the best step d (n,) within the trust region, by the linearised pose; None if infeasible."""
+    def _step(self, q: Array, bound: float, radius: float, near: tuple[Array, Array]) -> Array | None:
+        """Return the best step d (n,) within the trust region, by the linearised pose; None if infeasible.
+
+        Args:
+            q: (n,) where it begins.
+            bound: s, of q.
+            radius: of the trust region.
+            near: gradients (k, n) and distances (k,), m, of the pairs that are near at q.
+        """
         with loading():
             import piqp
 
@@ -80,15 +89,17 @@ class NearerEnds:
         weights, cost = np.diag(np.append(_SMOOTH / scale**2, 1e-9)), np.append(np.zeros(n), 1.0)
         solver = piqp.DenseSolver()
         A = np.hstack([own.A, np.zeros((len(own.b), 1))])
-        apart, clearance = (np.zeros((0, n)), np.zeros(0)) if model is None else _apart(model, q)
+        apart, clearance = near
         G = np.vstack([*to_start, np.pad(np.vstack([own.G, -apart]), ((0, 0), (0, 1)))])
         h = np.concatenate([-offset, offset, own.h, clearance - np.minimum(clearance, _APART)])
         solver.setup(weights, cost, A, own.b, G, np.full(len(h), -np.inf), h, low, high)
         solved = solver.solve() == piqp.PIQP_SOLVED
         return np.where(self._moving, solver.result.x[:n], 0.0) if solved else None
 
-
-def _apart(model: CollisionModel, q: Array) -> tuple[Array, Array]:
-    """Return gradients (k, n) and distances (k,), m, of the pairs that are near at q (n,)."""
-    found = model.near(q[None], _NEAR)
-    return model.gradients(q[None], found), found.distance
+    @staticmethod
+    def _apart(model: CollisionModel | None, q: Array) -> tuple[Array, Array]:
+        """Return gradients (k, n) and distances (k,), m, of the pairs that are near at q (n,); none without a model."""
+        if model is None:
+            return np.zeros((0, len(q))), np.zeros(0)
+        found = model.near(q[None], _NEAR)
+        return model.gradients(q[None], found), found.distance

@@ -1,10 +1,13 @@
 """The ends of a pose goal are compared by their bounds before a search stops."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from optiplan.arrays import Array
+from optiplan.collision.contacts import Contacts
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.goal_improvement import NearerEnds
@@ -56,6 +59,32 @@ def test_steps_towards_the_start_among_obstacles_stay_free() -> None:
         assert all(goal_residual(problem, end)[0].reached for end in passed)
         falling = problem.lower_bounds([q, *passed])
         assert (np.diff(falling) < 0.0).all()
+
+
+def test_a_refused_step_does_not_ask_for_the_same_distances_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = cases.pose()
+    model = CollisionModel(problem.robot, problem.scene)
+    ends = GoalSampler(problem, model, 0, GoalOptions(4), nearer=False).configurations
+    goal = problem.goal[0]
+    assert isinstance(goal, PoseGoal)
+    asked: list[bytes] = []
+    near, step, steps = CollisionModel.near, NearerEnds._step, []
+
+    def counted(self: CollisionModel, Q: Array, cutoff: float) -> Contacts:
+        asked.append(Q.tobytes())
+        return near(self, Q, cutoff)
+
+    def stepped(self: NearerEnds, *given: Any) -> Array | None:
+        steps.append(given)
+        return step(self, *given)
+
+    monkeypatch.setattr(CollisionModel, "near", counted)
+    monkeypatch.setattr(NearerEnds, "_step", stepped)
+    for q in ends:
+        asked.clear()
+        NearerEnds(problem, goal).towards_start(q, model)
+        assert len(asked) == len(set(asked))
+    assert len({given[0].tobytes() for given in steps}) < len(steps), "some steps are refused"
 
 
 def test_the_ends_of_branches_are_apart_free_and_within_the_time() -> None:

@@ -11,7 +11,7 @@ static constexpr double INF = std::numeric_limits<double>::infinity();
 static constexpr double ROUNDING = 2e-6;  // m; what a hull's distance may exceed that of its mesh by, rounded
 
 World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
-             const std::vector<Cluster> &clusters)
+             const std::vector<Cluster> &clusters, const std::vector<int> &never)
     : tree_(std::move(tree)), bodies_(std::move(bodies)) {
     for (const Cluster &cluster : clusters) bodies_.push_back(cluster.hull);
     cluster_of_.assign(bodies_.size(), -1);
@@ -34,7 +34,9 @@ World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<in
         common_.push_back(common_joint(a, b));
         clustered_.push_back(cluster_of_[a] >= 0 || cluster_of_[b] >= 0);
     }
-    gather(static_cast<int>(bodies_.size() - clusters.size()));
+    std::vector<char> left_out(pairs_.size());
+    for (int pair : never) left_out[pair] = 1;
+    gather(static_cast<int>(bodies_.size() - clusters.size()), left_out);
 }
 
 int World::common_joint(int a, int b) const {
@@ -46,10 +48,12 @@ int World::common_joint(int a, int b) const {
 }
 
 // The pairs of each cluster by their other body; a half-space has no distance from a hull that is cheaper than theirs.
-void World::gather(int first) {
+void World::gather(int first, const std::vector<char> &never) {
     std::map<std::pair<int, int>, int> known;
     group_of_.assign(pairs_.size(), -1);
     for (std::size_t pair = 0; pair < pairs_.size(); ++pair) {
+        if (never[pair]) continue;
+        if (first_ < 0) first_ = static_cast<int>(pair);
         const auto [a, b, by_outline] = pairs_[pair];
         const int other = cluster_of_[a] < 0 ? a : b, cluster = cluster_of_[a] < 0 ? cluster_of_[b] : cluster_of_[a];
         if ((cluster_of_[a] < 0) == (cluster_of_[b] < 0) || bodies_[other].half_space) {
@@ -84,6 +88,7 @@ Placement World::placement() const {
     at.bodies = still_;
     at.centres.resize(bodies_.size());
     at.placed.assign(bodies_.size(), 0);
+    at.touching = std::max(first_, 0);
     for (std::size_t k = 0; k < bodies_.size(); ++k)
         if (bodies_[k].joint == 0) at.centres[k] = still_[k] * bodies_[k].centre;
     return at;
@@ -136,7 +141,7 @@ bool World::within(const Placement &at, int pair, double margin, Features *featu
 }
 
 bool World::collides(Placement &at, Trail *trail) const {
-    if (pairs_.empty()) return false;
+    if (first_ < 0) return false;
     open(at, at.touching);
     if (touches(at, at.touching, trail)) return true;
     int touching = -1;

@@ -80,14 +80,16 @@ struct Placement {
 
 class World {
   public:
+    // `never`: pairs that are apart wherever the joints stand: `collides`, `near` and what visits `alone` and `groups`
+    // leave them out.
     World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
-          const std::vector<Cluster> &clusters = {});
+          const std::vector<Cluster> &clusters = {}, const std::vector<int> &never = {});
 
     const Tree &tree() const { return tree_; }
     const std::vector<Pair> &pairs() const { return pairs_; }
     const std::vector<Body> &bodies() const { return bodies_; }  // hulls of clusters last
     const std::vector<Together> &groups() const { return groups_; }
-    const std::vector<int> &alone() const { return alone_; }           // pairs without a group
+    const std::vector<int> &alone() const { return alone_; }           // pairs without a group that are asked
     int group_of(int pair) const { return group_of_[pair]; }           // -1: none
 
     // The last joint that carries both bodies of a pair: it does not change their distance.
@@ -200,7 +202,7 @@ class World {
         const double reach = bodies_[a].radius + bodies_[b].radius + gap;
         return squared_norm(at.centres[b] - at.centres[a]) > reach * reach;
     }
-    void gather(int first);  // the first hull of a cluster
+    void gather(int first, const std::vector<char> &never);  // the first hull of a cluster; of each pair
     void place_body(int body, Placement &at) const;
     bool touches(const Placement &at, int pair, Trail *trail) const {
         return !(lower_bound(at, pair) > 0.0) && within(at, pair, 0.0, trail ? &trail->pairs[pair] : nullptr);
@@ -222,7 +224,8 @@ class World {
     std::vector<int> common_;             // of each pair: the last joint that carries both bodies
     std::vector<Together> groups_;
     std::vector<int> group_of_;           // of each pair; -1: none
-    std::vector<int> alone_;              // pairs without a group
+    std::vector<int> alone_;              // pairs without a group that are asked
+    int first_ = -1;                      // the first pair that is asked; -1: none is
 };
 
 }  // namespace optiplan
