@@ -10,6 +10,7 @@ import sys
 import time
 
 import numpy as np
+from asked import Figures
 
 import optiplan as op
 from optiplan.runs.run import Run
@@ -65,35 +66,29 @@ def main() -> int:
     parser.add_argument("--budget", type=float, default=30.0, help="s, for the comparison (default: %(default)s)")
     parser.add_argument("--short", type=float, default=2.0, help="s, for the tour (default: %(default)s)")
     options = parser.parse_args()
-    missed = 0
-
-    def figure(what: str, asked: str, seen: str, good: bool) -> None:
-        nonlocal missed
-        missed += not good
-        print(f"{what}: asked {asked}, seen {seen}{'' if good else '  MISSED'}")
-
+    figures = Figures()
     op.plan(op.load_problem("01_reach"), budget=1.0)  # libraries are loaded
     planned(moves(1), 5.0)
     print("six poses as vias and as moves", file=sys.stderr)
     vias, own = planned(past(6), options.budget)
     task, other = planned(moves(6), options.budget)
-    figure("six vias", "verified", str(vias), vias.verified)
-    figure("the same as moves", "verified", str(task), task.verified)
+    figures.tell("six vias", "verified", str(vias), vias.verified)
+    figures.tell("the same as moves", "verified", str(task), task.verified)
     if vias.verified and task.verified:
         most = SLOWER * task.duration
-        figure("duration of the vias", f"<= {most:.3f} s", f"{vias.duration:.3f} s", vias.duration <= most)
-    figure("processor time of the vias", f"<= {COSTLIER * other:.2f} s", f"{own:.2f} s", own <= COSTLIER * other)
+        figures.tell("duration of the vias", f"<= {most:.3f} s", f"{vias.duration:.3f} s", vias.duration <= most)
+    figures.tell("processor time of the vias", f"<= {COSTLIER * other:.2f} s", f"{own:.2f} s", own <= COSTLIER * other)
     print(f"a tour of twelve poses in {options.short:g} s, then in {options.budget:g} s", file=sys.stderr)
     short, _ = planned(past(12), options.short)
-    figure("tour in a short budget", "verified", str(short), short.verified)
+    figures.tell("tour in a short budget", "verified", str(short), short.verified)
     whole, _ = planned(past(12), options.budget)
-    figure("tour in a long budget", "verified", str(whole), whole.verified)
+    figures.tell("tour in a long budget", "verified", str(whole), whole.verified)
     if short.verified and whole.verified:
         good = whole.duration <= 1.001 * short.duration
-        figure("with more time", f"<= {short.duration:.3f} s", f"{whole.duration:.3f} s", good)
+        figures.tell("with more time", f"<= {short.duration:.3f} s", f"{whole.duration:.3f} s", good)
         answers = ", ".join(f"{duration:.3f} s after {seconds:.2f} s" for seconds, duration in whole.improvements)
-        figure("verified motions on the way", "more than one", answers, len(whole.improvements) > 1)
-    return 1 if missed else 0
+        figures.tell("verified motions on the way", "more than one", answers, len(whole.improvements) > 1)
+    return figures.exit_code
 
 
 if __name__ == "__main__":
