@@ -2,8 +2,8 @@
 
 Six poses around a table, from `ready` and back, as `via` and as a task of moves: both verified; the vias take no longer
 than the moves within 2 %, and no more than half as long again of the processor's time to plan. Then a tour of twelve
-poses with a budget of two seconds (of a quiet machine): verified, and with more time no longer. Then lines of a task with a `speed`: held where it can be, and where not the
-report names the limit that keeps the tool slower.
+poses with a budget of two seconds (of a quiet machine): verified, and with more time no longer. Then lines of a
+task with a `speed`: held where it can be, and where not the report names the limit that keeps the tool slower.
 """
 
 import argparse

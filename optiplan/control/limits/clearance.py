@@ -32,7 +32,7 @@ class ClearanceLimit(StopLimit):
 
     Attributes:
         structure: m, by the names of pairs that never come as far apart as `at_least`, since they are neighbours: what
-            of them is kept instead; where no joint moves one against the other, their distance.
+            of them is kept instead.
 
     Args:
         scene: obstacles, attached objects, allowed contacts; None: the robot alone.
@@ -88,9 +88,9 @@ class ClearanceLimit(StopLimit):
     def _structure(self, robot: Robot) -> dict[str, float]:
         """Ask no more of a pair than its bodies' places on the robot allow; see `structure`.
 
-        A pair that is nearer than `at_least` in all of SAMPLES configurations is taken for one. Where the same joints
-        carry both bodies, their distance never changes, and it is not looked at; else half the largest is kept, and
-        the pair is watched like all others: between the samples it may come nearer.
+        Of a pair that is nearer than `at_least` in all of SAMPLES configurations half the largest distance is kept. It
+        is watched like all others, however alike its distances are: between the samples it may come nearer. Pairs that
+        no joint moves are none of the model's, unless they touch.
 
         Raises:
             InputError: a pair that touches in all of them.
@@ -100,24 +100,19 @@ class ClearanceLimit(StopLimit):
         ratio = float(np.roots([1.0, *[0.0] * (robot.n - 1), -1.0, -1.0]).real.max())
         shares = np.outer(np.arange(1, SAMPLES + 1), ratio ** -np.arange(1.0, robot.n + 1)) % 1.0
         found = self.model.near(lower + shares * (upper - lower), self.at_least)
-        by_itself, moves = self.arms[:, robot.n :].sum(axis=1) > 0.0, self.model.bounds.depends.any(axis=1)
+        by_itself = self.arms[:, robot.n :].sum(axis=1) > 0.0
         near = np.bincount(found.pairs, minlength=len(self.labels)).tolist()
         structure = {}
         for k in [k for k, count in enumerate(near) if count == SAMPLES and not by_itself[k]]:
-            distance = found.distance[found.pairs == k]
-            most = float(distance.max())
+            most = float(found.distance[found.pairs == k].max())
             if most <= 0.0:
                 a, b = self.model.pairs[k].name_a, self.model.pairs[k].name_b
                 touch = f"'{a}' and '{b}' that touch in every configuration of {robot.name}"
                 raise wrong_argument(
                     "ClearanceLimit", "scene", touch, "bodies that can be apart, or an allowed contact"
                 )
-            if moves[k]:
-                self.least[k], self.margin[k] = 0.5 * most, 0.6 * most
-                structure[self.labels[k]] = 0.5 * most
-            else:
-                self.least[k] = self.margin[k] = self.comes_in[k] = -np.inf
-                structure[self.labels[k]] = float(distance.min())
+            self.least[k], self.margin[k] = 0.5 * most, 0.6 * most
+            structure[self.labels[k]] = 0.5 * most
         return structure
 
     def _among_moving(self, robot: Robot) -> None:
