@@ -276,9 +276,9 @@ def test_a_pair_that_is_the_same_in_all_samples_by_chance_is_kept_apart(cam, for
     scene = op.Scene([op.Box("wall", size=(0.1, 0.2, 0.2), position=(0.1503, 0, 0))])
     limit = op.ClearanceLimit(scene)
     controller = op.Controller(robot, [op.PostureTask([bump], cost=1.0)], limits=joints(limit), form=form)
-    check, state, least = CollisionModel(robot, scene), op.State([bump - 0.8]), np.inf
+    check, state, least = CollisionModel(robot, scene), op.State([bump - 0.3]), np.inf
     assert check.clearance(np.array([bump])).distance < 0.0, "there is something to run into"
-    for k in range(600):
+    for k in range(1000):
         state = controller.step(state, DT).state
         if k % 4 == 0:
             least = min(least, check.clearance(state.q).distance)

@@ -89,8 +89,7 @@ class ClearanceLimit(StopLimit):
         """Ask no more of a pair than its bodies' places on the robot allow; see `structure`.
 
         Of a pair that is nearer than `at_least` in all of SAMPLES configurations half the largest distance is kept. It
-        is watched like all others, however alike its distances are: between the samples it may come nearer. Pairs that
-        no joint moves are none of the model's, unless they touch.
+        is watched like all others, however alike its distances are: between the samples it may come nearer.
 
         Raises:
             InputError: a pair that touches in all of them.
