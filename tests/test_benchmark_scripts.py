@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-LIBRARIES = {"published.py", "service_outages.py", "service_process.py"}
+LIBRARIES = {"asked.py", "published.py", "service_outages.py", "service_process.py"}
 """Modules that scripts import, not scripts."""
 SCRIPTS = sorted(
     str(path.relative_to(ROOT / "benchmarks"))
@@ -17,10 +17,11 @@ SCRIPTS = sorted(
     if path.name not in LIBRARIES
 )
 START = """
-import contextlib, io, json, runpy, sys, traceback
-answers, folder, scripts, path = {}, sys.argv[1], sys.argv[2:], [sys.argv[1], *sys.path]
+import contextlib, io, json, os, runpy, sys, traceback
+answers, folder, scripts, path = {}, sys.argv[1], sys.argv[2:], [*sys.path]
 for script in scripts:
-    sys.argv, sys.path[:], printed = [script, "--help"], path, io.StringIO()
+    own = os.path.dirname(f"{folder}/{script}")  # Python finds modules beside a script
+    sys.argv, sys.path[:], printed = [script, "--help"], [own, *path], io.StringIO()
     try:
         with contextlib.redirect_stdout(printed):
             runpy.run_path(f"{folder}/{script}", run_name="__main__")

@@ -17,6 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+from asked import Figures
 
 import optiplan as op
 from optiplan.collision.model import CollisionModel
@@ -83,33 +84,31 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--form", default="velocity", choices=("velocity", "acceleration"))
     options = parser.parse_args()
-    missed = 0
-
-    def line(what: str, asked: str, seen: str, holds: bool) -> None:
-        nonlocal missed
-        missed += not holds
-        print(f"{what}: asked {asked}, seen {seen}{'' if holds else '   MISSED'}", flush=True)
-
+    figures = Figures()
     for name, (start, velocity) in BALLS.items():
         print(f"a ball {name}", file=sys.stderr)
         found = evade(start, velocity, options.form)
         seen = f"{1e3 * found['least']:.1f} mm, a joint went {found['far']:.2f} rad"
-        line(f"ball {name}, distance", "> 0 mm", seen, found["least"] > 0.0)
+        figures.tell(f"ball {name}, distance", "> 0 mm", seen, found["least"] > 0.0)
     found = live_falling_ball()
-    line("live loop of 38_falling_ball, distance", ">= 5 mm", f"{1e3 * found['least']:.1f} mm", found["least"] >= 0.005)
+    figures.tell(
+        "live loop of 38_falling_ball, distance", ">= 5 mm", f"{1e3 * found['least']:.1f} mm", found["least"] >= 0.005
+    )
     data = find_spec("cmeel")
     folder = Path(data.origin).parent.parent if data is not None and data.origin is not None else Path()
     urdf = folder / "cmeel.prefix/share/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
     if not urdf.is_file():
         print("example-robot-data is not installed: the UR5 is left out", file=sys.stderr)
-        return int(missed > 0)
+        return figures.exit_code
     print("robots init of the UR5 takes half a minute", file=sys.stderr)
     found = neighbours(urdf)
-    line("UR5, tool at its target", "<= 1 mm", f"{1e3 * found['error']:.3f} mm", found["error"] <= 1e-3)
+    figures.tell("UR5, tool at its target", "<= 1 mm", f"{1e3 * found['error']:.3f} mm", found["error"] <= 1e-3)
     share = f"{100 * found['recovering']:.1f} %"
-    line("UR5, steps that recovered", "0 %", share, found["recovering"] == 0.0)
-    line("UR5, a step", "<= 2 ms of processor time", f"{1e3 * found['seconds']:.2f} ms", found["seconds"] <= 2e-3)
-    return int(missed > 0)
+    figures.tell("UR5, steps that recovered", "0 %", share, found["recovering"] == 0.0)
+    figures.tell(
+        "UR5, a step", "<= 2 ms of processor time", f"{1e3 * found['seconds']:.2f} ms", found["seconds"] <= 2e-3
+    )
+    return figures.exit_code
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from asked import Figures
 
 import optiplan as op
 from optiplan.geometry.meshes.reading_process import READERS
@@ -102,20 +103,17 @@ def main() -> int:
     attacks = SHARED / "attacks"
     if not attacks.is_dir():
         parser.error(f"no folder {attacks}; set OPTIPLAN_SHARED to the folder that holds attacks/")
-    figures = {
+    shown = {
         "a step of 0.9 ms beside 10^6 s": lambda: short_step(attacks / "longtask"),
         "an ASCII STL cut off": lambda: cut_off(attacks / "stl_cut"),
         "changed mesh files": lambda: broken_files(contents(), options.mutations, options.seed),
         "MoveIt's defaults wall: true, panda_hand: false": default_entries,
     }
-    missed = 0
-    for name, figure in figures.items():
+    figures = Figures()
+    for name, figure in shown.items():
         print(f"{name} …", file=sys.stderr)
-        asked, seen = figure()
-        held = seen == asked
-        missed += not held
-        print(f"{'held  ' if held else 'MISSED'} {name}: asked {asked}; seen {seen}")
-    return 1 if missed else 0
+        figures.tell(name, *figure())
+    return figures.exit_code
 
 
 if __name__ == "__main__":

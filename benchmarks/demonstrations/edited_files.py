@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from asked import Figures
 
 import optiplan as op
 from optiplan.runs.run_folder import load_run
@@ -31,18 +32,6 @@ LIMIT = '<limit lower="-1e30" upper="1e30" velocity="3" effort="400"/>'
 JOINT = (
     '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>{}</joint>'
 )
-
-
-class Figures:
-    """Prints what was asked and what was seen, and counts what is missed."""
-
-    def __init__(self) -> None:
-        self.missed = 0
-
-    def tell(self, what: str, asked: Any, seen: Any) -> None:
-        """Print a figure."""
-        self.missed += asked != seen
-        print(f"{'ok    ' if asked == seen else 'MISSED'} {what}: asked {asked}, seen {seen}")
 
 
 def shifted(key: str) -> Callable[[Data], None]:
@@ -149,7 +138,7 @@ def main() -> int:
     a_turn_off(figures)
     edits(figures, "40_panda_sorts_cubes", [*EVENTS, DURATION], budget)
     edits(figures, "41_delbot_fetches", [*EVENTS, *WHEELS, DURATION], budget)
-    return 1 if figures.missed else 0
+    return figures.exit_code
 
 
 if __name__ == "__main__":

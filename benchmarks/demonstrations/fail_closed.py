@@ -14,6 +14,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pinocchio as pin
+from asked import Figures
 
 import optiplan as op
 from optiplan.geometry.scene import Attachment, Scene, Sphere
@@ -43,18 +44,6 @@ class Fresh(Statement):
     def said(self) -> dict[str, Any]:
         """Return its values."""
         return {}
-
-
-class Figures:
-    """Prints what was asked and what was seen, and counts what is missed."""
-
-    def __init__(self) -> None:
-        self.missed = 0
-
-    def tell(self, what: str, asked: Any, seen: Any) -> None:
-        """Print a figure."""
-        self.missed += asked != seen
-        print(f"{'ok    ' if asked == seen else 'MISSED'} {what}: asked {asked}, seen {seen}")
 
 
 def refused(problem: op.Problem, motion: Trajectory) -> str:
@@ -142,7 +131,7 @@ def main() -> int:
     for part in (unknown, units):
         print(f"{part.__name__} …", file=sys.stderr)
         part(figures)
-    return 1 if figures.missed else 0
+    return figures.exit_code
 
 
 if __name__ == "__main__":

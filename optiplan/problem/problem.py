@@ -14,7 +14,7 @@ from optiplan.files import write_text
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.kinematics.ik.joint_wraps import endless_turns
 from optiplan.problem import to_data
-from optiplan.problem.constraints.expression import Expression
+from optiplan.problem.constraints.expression import Expression, split_expressions
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.from_data import ProblemParts
 from optiplan.problem.from_python import SAID, read_arguments, read_data
@@ -120,7 +120,7 @@ class Problem(ProblemParts):
         if isinstance(limits, Limits):
             self._set({"robot": robot, **parts, **labels, **_defaults(robot, parts, rates), "source": {}, "hash": ""})
             return
-        parts["path_constraints"], expressions = _split_expressions(path_constraints)
+        parts["path_constraints"], expressions = split_expressions(path_constraints)
         if any(rate is not None for rate in rates):
             parts["start"] = to_data.moving_start(start, *rates)
         needed = {"start"} if goal is None and task is not None else {"start", "goal"}
@@ -331,7 +331,7 @@ class Problem(ProblemParts):
 
     def _with(self, **changes: Any) -> "Problem":
         if self.source:
-            constraints, expressions = _split_expressions(changes.get("path_constraints", self.path_constraints))
+            constraints, expressions = split_expressions(changes.get("path_constraints", self.path_constraints))
             if "path_constraints" in changes:
                 changes["path_constraints"] = constraints
             data = dict(self.source) | {SAID[part][0]: SAID[part][1](value) for part, value in changes.items()}
@@ -397,11 +397,3 @@ def _defaults(robot: Any, parts: Mapping[str, Any], rates: Sequence[Values | Non
         "start_velocity": velocity,
         "start_acceleration": acceleration,
     }
-
-
-def _split_expressions(constraints: Any) -> tuple[Any, list[Expression]]:
-    """Return the constraints that a file can state, and the users' own."""
-    if not isinstance(constraints, Sequence):
-        return constraints, []  # not a list at all, which the reader of arguments tells
-    own = [one for one in constraints if isinstance(one, Expression)]
-    return ([one for one in constraints if not isinstance(one, Expression)] if own else constraints), own

@@ -4,9 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import trimesh
 
 import optiplan as op
 from optiplan.collision.model import CollisionModel
+from optiplan.control.limits.clearance import SAMPLES
 from optiplan.kinematics.mecanum import wheel_matrix
 
 DT = 0.002
@@ -235,7 +237,7 @@ def test_neighbours_that_are_nearer_than_asked_hold_nothing_up(near_neighbours):
     robot, limit = op.load_robot(near_neighbours), op.ClearanceLimit(op.Scene(), at_least=0.005)
     task = op.PostureTask([1.0, 0.3], cost=1.0, gain=4.0)
     controller = op.Controller(robot, [task], limits=joints(limit))
-    assert limit.structure == {"base and post": pytest.approx(0.0003, rel=0.02)}
+    assert limit.structure == {"base and post": pytest.approx(0.5 * 0.0003, rel=0.02)}
     state, statuses = op.State([0.0, 0.0]), set()
     for _ in range(1500):
         step = controller.step(state, DT)
@@ -243,6 +245,46 @@ def test_neighbours_that_are_nearer_than_asked_hold_nothing_up(near_neighbours):
         statuses.add(step.status)
     assert "recovering" not in statuses
     np.testing.assert_allclose(state.q, [1.0, 0.3], atol=1e-3)
+
+
+@pytest.fixture
+def cam(tmp_path):
+    """A disc that turns 0.3 mm beside where a wall begins; a bump of 0.35 mm stands where no sample looks."""
+    samples = np.sort((0.5 * (5.0**0.5 - 1.0) * np.arange(1, SAMPLES + 1)) % 1.0)
+    k = int(np.argmax(np.diff(samples)))
+    bump = -3.0 + 6.0 * 0.5 * (samples[k] + samples[k + 1])
+    angles = np.append(np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False), -bump)
+    radii = np.append(np.full(720, 0.1), 0.10035)
+    rim = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
+    points = np.concatenate([np.c_[rim, np.full(len(rim), z)] for z in (-0.01, 0.01)])
+    trimesh.convex.convex_hull(points).export(tmp_path / "cam.stl")
+    (tmp_path / "cam.urdf").write_text(
+        '<robot name="cam"><link name="base"/><link name="cam"><collision><geometry><mesh filename="cam.stl"/>'
+        '</geometry></collision></link><joint name="turn" type="revolute"><parent link="base"/><child link="cam"/>'
+        '<axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="50"/></joint></robot>'
+    )
+    (tmp_path / "robot.yaml").write_text(
+        "version: 1\nname: cam\nurdf: cam.urdf\ngroup: [turn]\ntool_frame: cam\ncollision: mesh\n"
+        "limits: {acceleration: 5, jerk: 100}\n"
+    )
+    return op.load_robot(str(tmp_path / "robot.yaml")), bump
+
+
+@pytest.mark.parametrize("form", ["velocity", "acceleration"])
+def test_a_pair_that_is_the_same_in_all_samples_by_chance_is_kept_apart(cam, form):
+    robot, bump = cam
+    scene = op.Scene([op.Box("wall", size=(0.1, 0.2, 0.2), position=(0.1503, 0, 0))])
+    limit = op.ClearanceLimit(scene)
+    controller = op.Controller(robot, [op.PostureTask([bump], cost=1.0)], limits=joints(limit), form=form)
+    check, state, least = CollisionModel(robot, scene), op.State([bump - 0.3]), np.inf
+    assert check.clearance(np.array([bump])).distance < 0.0, "there is something to run into"
+    for k in range(1000):
+        state = controller.step(state, DT).state
+        if k % 4 == 0:
+            least = min(least, check.clearance(state.q).distance)
+    assert least >= 0.5 * 0.0003 - 1e-6
+    assert abs(state.q[0] - bump) < 0.2, "it goes as far as it may"
+    assert limit.structure == {"cam and wall": pytest.approx(0.5 * 0.0003, rel=0.02)}
 
 
 def test_what_is_asked_of_a_pair_whose_distance_varies_is_what_it_can_keep(near_neighbours):

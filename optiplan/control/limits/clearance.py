@@ -20,9 +20,6 @@ AT_LEAST = 0.005
 """m; kept where no other distance is given: what planners aim at."""
 SAMPLES = 48
 """Configurations in which a pair is looked at before it is taken for one that its structure keeps near."""
-SAME = 2e-2
-"""Share by which a distance that no joint changes may differ from one configuration to another: round bodies are
-meshes, and bearings are not exact."""
 EVERY = 0.01
 """s between the moments at which it is asked what braking would come to among moving obstacles."""
 
@@ -35,7 +32,7 @@ class ClearanceLimit(StopLimit):
 
     Attributes:
         structure: m, by the names of pairs that never come as far apart as `at_least`, since they are neighbours: what
-            of them is kept instead; where no joint changes it, that it is.
+            of them is kept instead.
 
     Args:
         scene: obstacles, attached objects, allowed contacts; None: the robot alone.
@@ -91,8 +88,8 @@ class ClearanceLimit(StopLimit):
     def _structure(self, robot: Robot) -> dict[str, float]:
         """Ask no more of a pair than its bodies' places on the robot allow; see `structure`.
 
-        A pair that is nearer than `at_least` in all of SAMPLES configurations is taken for one. Where its distance is
-        the same in all of them, no joint changes it, and it is not looked at; else half the largest is kept.
+        Of a pair that is nearer than `at_least` in all of SAMPLES configurations half the largest distance is kept. It
+        is watched like all others, however alike its distances are: between the samples it may come nearer.
 
         Raises:
             InputError: a pair that touches in all of them.
@@ -106,20 +103,15 @@ class ClearanceLimit(StopLimit):
         near = np.bincount(found.pairs, minlength=len(self.labels)).tolist()
         structure = {}
         for k in [k for k, count in enumerate(near) if count == SAMPLES and not by_itself[k]]:
-            distance = found.distance[found.pairs == k]
-            least, most = float(distance.min()), float(distance.max())
+            most = float(found.distance[found.pairs == k].max())
             if most <= 0.0:
                 a, b = self.model.pairs[k].name_a, self.model.pairs[k].name_b
                 touch = f"'{a}' and '{b}' that touch in every configuration of {robot.name}"
                 raise wrong_argument(
                     "ClearanceLimit", "scene", touch, "bodies that can be apart, or an allowed contact"
                 )
-            if most - least <= SAME * most:
-                self.least[k] = self.margin[k] = self.comes_in[k] = -np.inf
-                structure[self.labels[k]] = least
-            else:
-                self.least[k], self.margin[k] = 0.5 * most, 0.6 * most
-                structure[self.labels[k]] = 0.5 * most
+            self.least[k], self.margin[k] = 0.5 * most, 0.6 * most
+            structure[self.labels[k]] = 0.5 * most
         return structure
 
     def _among_moving(self, robot: Robot) -> None:

@@ -144,7 +144,7 @@ class _Search:
             pair = self.model.pairs[found.pair]
             where = Moment(0.0, 0.0, (pair.name_a, pair.name_b), np.array([found.point, found.point]), q)
             self.proof = Proof(False, "one body lies inside the other", contact=True)
-            self.remember(found.pair, where)
+            self.proof.meet(self.kinds[found.pair], where)
 
     def absurd(self) -> str:
         """Return what is too large for a proof in floating point, or nothing: terms |c_k| h^k of positions, bodies."""
@@ -331,12 +331,11 @@ class _Search:
         found = self.distances.witness(self.bodies.kinematics.poses(q[None])[0], pair)
         self.proof.queries += 1
         names = self.model.pairs[pair].name_a, self.model.pairs[pair].name_b
-        self.remember(pair, Moment(found.distance, time, names, found.points, q))
+        self.proof.meet(self.kinds[pair], Moment(found.distance, time, names, found.points, q))
 
     def known(self, pairs: Index) -> Array:
         """Return the smallest distance measured of the kind of each pair, (K,) m; inf where none is."""
-        least = np.array([np.inf if met is None else met.distance for met in self.proof.met])
-        return np.asarray(least[self.kinds[pairs]])
+        return np.asarray(self.proof.measured(np.inf)[self.kinds[pairs]])
 
     def target(self, pairs: Index) -> Array:
         """Return the clearance to prove, (K,) m: that asked for, and most of the smallest distance of the pairs' kind.
@@ -344,7 +343,7 @@ class _Search:
         Of the robot's own pairs no more is proved than what is kept of the tightest of them: their least is reported.
         """
         asked = self.policy.clearance
-        least = np.array([asked if met is None else met.distance for met in self.proof.met])
+        least = self.proof.measured(asked)
         target = asked + _TOLD * np.maximum(least - asked, 0.0)
         if self.tightest is not None:
             target[SELF] = min(target[SELF], self.tightest[0])
@@ -394,12 +393,5 @@ class _Search:
         least = found.distance if measure else float(asked.found.best[k])
         pair = self.model.pairs[found.pair]
         names = pair.name_a, pair.name_b
-        self.remember(found.pair, Moment(least, float(at.times[row]), names, found.points, at.q[row].copy()))
-
-    def remember(self, pair: int, met: Moment) -> None:
-        """Remember a distance that was measured, if it is the smallest of its kind."""
-        kind, known = self.kinds[pair], list(self.proof.met)
-        before = known[kind]
-        if before is None or met.distance < before.distance:
-            known[kind] = met
-            self.proof.met = known[0], known[1]
+        met = Moment(least, float(at.times[row]), names, found.points, at.q[row].copy())
+        self.proof.meet(self.kinds[found.pair], met)

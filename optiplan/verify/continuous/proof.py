@@ -59,6 +59,15 @@ class Proof:
         """Return the smallest distance measured; None if no query was needed."""
         return min((one for one in self.met if one is not None), key=lambda one: one.distance, default=None)
 
+    def measured(self, missing: float) -> Array:
+        """Return the smallest distance measured of each kind, (2,) m; `missing` where none is."""
+        return np.array([missing if met is None else met.distance for met in self.met])
+
+    def meet(self, kind: int, met: Moment) -> None:
+        """Remember a distance that was measured, if it is the smallest of its kind."""
+        if met.distance < self.measured(np.inf)[kind]:
+            self.met = (met, self.met[SCENE]) if kind == SELF else (self.met[SELF], met)
+
 
 def least_of_kinds(margins: Array, kinds: Index) -> Array:
     """Return the least of margins (K,) of each kind, (2,) m; inf where there is none."""
