@@ -165,7 +165,7 @@ async def answers_at_once(scope, receive, send):
     await send({"type": "http.response.body", "body": b""})
 
 
-def order_of(settings, parts, headers=(), app=echo):
+def order_of(settings, parts, headers=(), app=echo, says_length=True):
     """What happens with a request that comes in parts: each part, the head and the end of the answer, its status."""
     order, left = [], list(parts)
 
@@ -181,8 +181,8 @@ def order_of(settings, parts, headers=(), app=echo):
         elif not message.get("more_body"):
             order.append("end")
 
-    length = str(sum(map(len, parts))).encode()
-    given = [(b"host", b"localhost"), (b"content-length", length), *headers]
+    length = (b"content-length", str(sum(map(len, parts))).encode())
+    given = [(b"host", b"localhost"), length if says_length else (b"transfer-encoding", b"chunked"), *headers]
     scope = {"type": "http", "method": "POST", "path": "/", "query_string": b"", "headers": given}
     answer_of(Gate(app, settings, RequestCounts())(scope, receive, send))
     return order
@@ -194,7 +194,6 @@ def order_of(settings, parts, headers=(), app=echo):
         (401, {"token": TOKEN}, [], echo),
         (403, {}, [(b"origin", b"https://evil.example")], echo),
         (404, {}, [], answers_at_once),
-        (413, {"body": 1}, [], echo),
         (429, {"burst": 0}, [], echo),
         (503, {}, [], echo),
     ],
@@ -207,7 +206,11 @@ def test_an_answer_begins_once_the_request_has_come(status, settings, headers, a
 
 
 def test_an_answer_waits_for_no_more_than_is_taken():
-    assert order_of(ServiceSettings(body=2), [b"ab", b"c", b"d", b"e"]) == [b"ab", b"c", 413, b"d", b"e", "end"]
+    settings, parts = ServiceSettings(body=2), [b"ab", b"c", b"d", b"e"]
+    assert order_of(settings, parts) == [413, *parts, "end"]
+    for app, status in ((echo, 413), (answers_at_once, 404)):
+        order = order_of(settings, parts, app=app, says_length=False)
+        assert order == [b"ab", b"c", status, b"d", b"e", "end"]
 
 
 def test_an_answer_does_not_wait_for_ever(monkeypatch):

@@ -1,7 +1,8 @@
 """The gate: every request passes it before anything of it is read.
 
-It looks, in this order, at how much is under way, the name by which it is called, where it comes from, the token, how often the client asks,
-and how large the body is; then it sends the headers that keep an answer where it belongs, and writes a line of log.
+It looks, in this order, at how much is under way, the name by which it is called, where it comes from, the token, how
+often the client asks, and how large the body is; then it sends the headers that keep an answer where it belongs, and
+writes a line of log.
 """
 
 import asyncio
@@ -99,8 +100,7 @@ class Gate:
         client = client_of((scope.get("client") or ("local", 0))[0])
         if (wait := self._rates.wait(client)) > 0.0:
             raise Refused(429, "too many requests", {"Retry-After": str(max(1, round(wait)))})
-        length = call.headers.get("content-length", "0")
-        if not length.isascii() or not length.isdigit() or int(length) > self._settings.body:
+        if call.length > self._settings.body:
             raise _too_large(self._settings.body)
 
     def _has_token(self, scope: Scope, call: "_Call") -> bool:
@@ -144,9 +144,9 @@ class Gate:
 class _Call:
     """One request on its way: its body is counted, its answer gets our headers.
 
-    An answer begins once its request has come whole, or as much as we take, and ends once the rest has come, too. Who
-    sends all before it reads would find a broken connection; and Go's proxies, Caddy among them, close a body that they
-    still pass on when the head of the answer comes, and break off that answer.
+    An answer begins once its request has come whole, unless that is more than we take, and ends once the rest has come,
+    too. Who sends all before it reads would find a broken connection; and Go's proxies, Caddy among them, close a body
+    that they still pass on when the head of the answer comes, and break off that answer.
     """
 
     def __init__(self, scope: Scope, receive: Receive, send: Send, most: int) -> None:
@@ -154,7 +154,10 @@ class _Call:
         self.headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         self._receive, self._send, self._most, self._read = receive, send, most, 0
         self._head = scope["method"] == "HEAD"
-        self._comes = self.headers.get("content-length", "0") != "0" or "transfer-encoding" in self.headers
+        length = self.headers.get("content-length", "0")
+        self.length = int(length) if length.isascii() and length.isdigit() else math.inf
+        """Bytes that are to come, where the client says so."""
+        self._comes = self.length > 0 or "transfer-encoding" in self.headers
         """Whether more of the body is waited for."""
         self._held_back = self.headers.get("expect", "").lower() == "100-continue"
         """Whether the client sends the body only once it is asked for."""
@@ -176,7 +179,8 @@ class _Call:
             return
         if message["type"] == "http.response.start":
             self.status = message["status"]
-            await self._pour_away(self._most)
+            if self.length <= self._most:
+                await self._pour_away(self._most)
             known = {name.lower() for name, _ in message["headers"]}
             ours = {**HEADERS, "Content-Security-Policy": PAGE, "X-Request-Id": self.id, "Cache-Control": "no-store"}
             extra = [(name.lower().encode(), value.encode()) for name, value in ours.items()]
