@@ -174,7 +174,6 @@ def make_server(settings: ServiceSettings) -> "uvicorn.Server":
         server_header=False,
         timeout_graceful_shutdown=PATIENCE,
         timeout_keep_alive=30,
-        limit_concurrency=2000,
         h11_max_incomplete_event_size=65536,
     )
     return _Server(config)

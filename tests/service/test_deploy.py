@@ -242,6 +242,10 @@ def test_all_passes_through_a_proxy(behind, program, tmp_path):
             http.post(f"{url}/api/problems/validate", json={}, headers={"Origin": "https://evil.example"}).status_code
             == 403
         )
+        for _ in range(30):  # what is refused before it is read, each time
+            assert http.post(f"{url}/api/nothing", json={}).status_code == 404
+            assert http.post(f"{url}/api/robots", json={}).status_code == 405
+            assert httpx.post(f"{url}/api/plan", json={}, verify=trust).status_code == 401
         planned = http.post(f"{url}/api/plan", json={"problem": QUICK}).json()
         assert planned["verified"] is True
         assert http.head(f"{url}/api/runs/{planned['id']}/run.json").status_code == 200

@@ -1,5 +1,6 @@
 """The gate: foreign names, pages and clients do not pass; every answer keeps its place."""
 
+import asyncio
 import json
 import logging
 import sys
@@ -156,6 +157,66 @@ def test_large_bodies_are_refused_whether_they_say_so_or_not():
 
     assert ask(settings, "POST", content=parts()).status_code == 413
     assert ask(settings, "POST", headers={"Content-Length": "-1"}, content=b"").status_code == 413
+
+
+async def answers_at_once(scope, receive, send):
+    """Reads nothing, as routes that there are not."""
+    await send({"type": "http.response.start", "status": 404, "headers": []})
+    await send({"type": "http.response.body", "body": b""})
+
+
+def order_of(settings, parts, headers=(), app=echo, says_length=True):
+    """What happens with a request that comes in parts: each part, the head and the end of the answer, its status."""
+    order, left = [], list(parts)
+
+    async def receive():
+        if not left:
+            await asyncio.Event().wait()
+        order.append(left.pop(0))
+        return {"type": "http.request", "body": order[-1], "more_body": bool(left) or order[-1] == b"never whole"}
+
+    async def send(message):
+        if message["type"] == "http.response.start":
+            order.append(message["status"])
+        elif not message.get("more_body"):
+            order.append("end")
+
+    length = (b"content-length", str(sum(map(len, parts))).encode())
+    given = [(b"host", b"localhost"), length if says_length else (b"transfer-encoding", b"chunked"), *headers]
+    scope = {"type": "http", "method": "POST", "path": "/", "query_string": b"", "headers": given}
+    answer_of(Gate(app, settings, RequestCounts())(scope, receive, send))
+    return order
+
+
+@pytest.mark.parametrize(
+    ("status", "settings", "headers", "app"),
+    [
+        (401, {"token": TOKEN}, [], echo),
+        (403, {}, [(b"origin", b"https://evil.example")], echo),
+        (404, {}, [], answers_at_once),
+        (429, {"burst": 0}, [], echo),
+        (503, {}, [], echo),
+    ],
+)
+def test_an_answer_begins_once_the_request_has_come(status, settings, headers, app, monkeypatch):
+    """A proxy that passes both on at a time would break off the answer."""
+    if status == 503:
+        monkeypatch.setattr("optiplan.service.guard.gate.MOST_CALLS", 0)
+    assert order_of(ServiceSettings(**settings), [b"{", b"}"], headers, app) == [b"{", b"}", status, "end"]
+
+
+def test_an_answer_waits_for_no_more_than_is_taken():
+    settings, parts = ServiceSettings(body=2), [b"ab", b"c", b"d", b"e"]
+    assert order_of(settings, parts) == [413, *parts, "end"]
+    for app, status in ((echo, 413), (answers_at_once, 404)):
+        order = order_of(settings, parts, app=app, says_length=False)
+        assert order == [b"ab", b"c", status, b"d", b"e", "end"]
+
+
+def test_an_answer_does_not_wait_for_ever(monkeypatch):
+    monkeypatch.setattr("optiplan.service.guard.gate.LINGER", 0.01)
+    order = order_of(ServiceSettings(), [b"never whole"], app=answers_at_once)
+    assert order == [b"never whole", 404, "end"]
 
 
 def test_clients_have_a_rate_each(monkeypatch):

@@ -1,17 +1,18 @@
 """The gate: every request passes it before anything of it is read.
 
-It looks, in this order, at the name by which it is called, where it comes from, the token, how often the client asks,
-and how large the body is; then it sends the headers that keep an answer where it belongs, and writes a line of log.
+It looks, in this order, at how much is under way, the name by which it is called, where it comes from, the token, how
+often the client asks, and how large the body is; then it sends the headers that keep an answer where it belongs, and
+writes a line of log.
 """
 
 import asyncio
 import hmac
 import json
 import logging
+import math
 import time
 import uuid
 from collections.abc import MutableMapping
-from contextlib import suppress
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
@@ -34,7 +35,9 @@ PAGE = (
 )
 """Content policy of what has none of its own: everything from this server, nothing inside the page."""
 LINGER = 30.0
-"""s in which the rest of a body that is refused may still come."""
+"""s in which the rest of a body that nobody wants may still come."""
+MOST_CALLS = 2000
+"""Requests under way at a time; more are refused with 503."""
 
 _log = logging.getLogger("optiplan.requests")
 
@@ -53,6 +56,7 @@ class Gate:
     def __init__(self, app: ASGIApp, settings: ServiceSettings, metrics: RequestCounts) -> None:
         self._app, self._settings, self._metrics = app, settings, metrics
         self._rates = Rates(settings.rate, settings.burst)
+        self._calls = 0
         loopback = settings.host in LOOPBACK
         self._names = (
             {*LOOPBACK, settings.host, *map(str.lower, settings.hosts)} if loopback or settings.hosts else None
@@ -66,6 +70,7 @@ class Gate:
             return  # no websockets here
         call = _Call(scope, receive, send, self._settings.body)
         asked = {**scope, "method": "GET"} if scope["method"] == "HEAD" else scope  # of which the head is sent
+        self._calls += 1
         try:
             self._check(asked, call)
             if (clean := self._token_in_address(asked)) is not None:
@@ -78,10 +83,13 @@ class Gate:
             _log.exception("internal error", extra={"request_id": call.id, "path": scope["path"]})
             await call.refuse(Refused(500, f"internal error; the log has it under request {call.id}"))
         finally:
+            self._calls -= 1
             self._metrics.add(scope["method"], call.status, time.perf_counter() - call.began)
             _log.info("request", extra=call.line(scope))
 
     def _check(self, scope: Scope, call: "_Call") -> None:
+        if self._calls > MOST_CALLS:
+            raise Refused(503, "too many requests at a time", {"Retry-After": "1"})
         host, origin = call.headers.get("host"), call.headers.get("origin")
         if self._names is not None and host_name(host or "") not in self._names:
             raise Refused(403, "this server is called by a name that is not its own; see --allow-host")
@@ -92,8 +100,7 @@ class Gate:
         client = client_of((scope.get("client") or ("local", 0))[0])
         if (wait := self._rates.wait(client)) > 0.0:
             raise Refused(429, "too many requests", {"Retry-After": str(max(1, round(wait)))})
-        length = call.headers.get("content-length", "0")
-        if not length.isascii() or not length.isdigit() or int(length) > self._settings.body:
+        if call.length > self._settings.body:
             raise _too_large(self._settings.body)
 
     def _has_token(self, scope: Scope, call: "_Call") -> bool:
@@ -137,7 +144,9 @@ class Gate:
 class _Call:
     """One request on its way: its body is counted, its answer gets our headers.
 
-    An answer ends once its request has come whole: who sends all before it reads would find a broken connection.
+    An answer begins once its request has come whole, unless that is more than we take, and ends once the rest has come,
+    too. Who sends all before it reads would find a broken connection; and Go's proxies, Caddy among them, close a body
+    that they still pass on when the head of the answer comes, and break off that answer.
     """
 
     def __init__(self, scope: Scope, receive: Receive, send: Send, most: int) -> None:
@@ -145,9 +154,11 @@ class _Call:
         self.headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         self._receive, self._send, self._most, self._read = receive, send, most, 0
         self._head = scope["method"] == "HEAD"
-        comes = self.headers.get("content-length", "0") != "0" or "transfer-encoding" in self.headers
-        self._whole = not comes
-        """Whether nothing more of the body comes."""
+        length = self.headers.get("content-length", "0")
+        self.length = int(length) if length.isascii() and length.isdigit() else math.inf
+        """Bytes that are to come, where the client says so."""
+        self._comes = self.length > 0 or "transfer-encoding" in self.headers
+        """Whether more of the body is waited for."""
         self._held_back = self.headers.get("expect", "").lower() == "100-continue"
         """Whether the client sends the body only once it is asked for."""
         self._done = False
@@ -155,9 +166,7 @@ class _Call:
     async def receive(self) -> Message:
         """A part of the body; the first that makes it too large is refused, whatever the application says to that."""
         self._held_back = False
-        message = await self._receive()
-        self._whole = not message.get("more_body", False)
-        self._read += len(message.get("body", b""))
+        message = await self._next_part()
         if self._read > self._most:
             error = _too_large(self._most)
             await self.refuse(error)
@@ -170,6 +179,8 @@ class _Call:
             return
         if message["type"] == "http.response.start":
             self.status = message["status"]
+            if self.length <= self._most:
+                await self._pour_away(self._most)
             known = {name.lower() for name, _ in message["headers"]}
             ours = {**HEADERS, "Content-Security-Policy": PAGE, "X-Request-Id": self.id, "Cache-Control": "no-store"}
             extra = [(name.lower().encode(), value.encode()) for name, value in ours.items()]
@@ -180,18 +191,26 @@ class _Call:
             message = {"type": "http.response.body", "body": b""}
         if not message.get("more_body", False):
             self._done = True
-            if not (self._whole or self._held_back):
+            if self._comes and not self._held_back:
                 await self._send({**message, "more_body": True})
-                await self._pour_away()
+                await self._pour_away(math.inf)
                 message = {"type": "http.response.body", "body": b""}
         await self._send(message)
 
-    async def _pour_away(self) -> None:
-        """Read the rest of a body that nobody wants, for some time."""
-        with suppress(TimeoutError):
+    async def _next_part(self) -> Message:
+        message = await self._receive()
+        self._comes = message.get("more_body", False)
+        self._read += len(message.get("body", b""))
+        return message
+
+    async def _pour_away(self, most: float) -> None:
+        """Read on in a body that nobody wants: until it has come, or more of it than that, for some time."""
+        try:
             async with asyncio.timeout(LINGER):
-                while (await self._receive()).get("more_body", False):
-                    pass
+                while self._comes and not self._held_back and self._read <= most:
+                    await self._next_part()
+        except TimeoutError:
+            self._comes = False
 
     async def refuse(self, why: Refused) -> None:
         """Answer with an error, unless an answer has begun."""
