@@ -9,6 +9,8 @@ from optiplan.errors import OptiPlanError
 
 R = TypeVar("R")
 
+_DEAD = "a worker process ended before its work was done"
+
 
 class ChunkedWork(Generic[R]):
     """Work in chunks: `prepare` runs once a process and returns the function that does chunk k."""
@@ -39,15 +41,15 @@ def run_chunks(
     context = multiprocessing.get_context("spawn")  # a fork would copy threads' locks
     connections: list[Connection] = []
     workers = []
-    for first in range(min(processes, count)):
+    for _ in range(min(processes, count)):
         own, other = context.Pipe()
-        worker = context.Process(target=_serve, args=(work, first, other), daemon=True)
+        worker = context.Process(target=_serve, args=(other,), daemon=True)
         worker.start()
         other.close()
         connections.append(own)
         workers.append(worker)
     try:
-        results: dict[int, R] = _collect(connections, count, progress)
+        results: dict[int, R] = _collect(work, connections, count, progress)
     finally:
         for worker in workers:
             worker.terminate()
@@ -55,10 +57,18 @@ def run_chunks(
     return [results[k] for k in range(count)]
 
 
-def _collect(connections: list[Connection], count: int, progress: Callable[[float], None]) -> dict[int, R]:
-    """Results of all chunks, of which as many as there are connections are under way."""
+def _collect(
+    work: ChunkedWork[R], connections: list[Connection], count: int, progress: Callable[[float], None]
+) -> dict[int, R]:
+    """Results of all chunks. The work goes through these pipes: writing the arguments of a dead process has no end."""
     results: dict[int, R] = {}
-    rest = iter(range(len(connections), count))
+    rest = iter(range(count))
+    try:
+        for connection in connections:
+            connection.send(work)
+            connection.send(next(rest))
+    except ConnectionError:
+        raise OptiPlanError(_DEAD) from None
     while len(results) < count:
         for connection in wait(connections):
             assert isinstance(connection, Connection)
@@ -68,7 +78,7 @@ def _collect(connections: list[Connection], count: int, progress: Callable[[floa
                 if following is not None:
                     connection.send(following)
             except (EOFError, ConnectionError):
-                raise OptiPlanError("a worker process ended before its work was done") from None
+                raise OptiPlanError(_DEAD) from None
             if following is None:
                 connections.remove(connection)
                 connection.close()
@@ -77,8 +87,13 @@ def _collect(connections: list[Connection], count: int, progress: Callable[[floa
     return results
 
 
-def _serve(work: ChunkedWork[R], first: int, connection: Connection) -> None:
-    do, k = work.prepare(), first
+def _serve(connection: Connection) -> None:
+    """Do the chunks that the parent names, after the work itself, until it closes the pipe."""
+    try:
+        work, k = connection.recv(), connection.recv()
+    except (EOFError, ConnectionError):
+        return
+    do = work.prepare()
     while True:
         result = do(k)
         try:

@@ -160,6 +160,18 @@ def test_a_worker_that_dies_is_told_though_another_goes_on():
         run_chunks(DyingBesideAnother(), 2, 2)
 
 
+class DyingWhenRead(ChunkedWork[int]):
+    """Its process dies before it has read all of the work, which no pipe holds at once."""
+
+    def __reduce__(self):
+        return os._exit, (1,), None, iter([bytes(10_000_000)])
+
+
+def test_a_worker_that_dies_while_it_starts_is_told():
+    with pytest.raises(OptiPlanError, match="worker"):
+        run_chunks(DyingWhenRead(), 2, 2)
+
+
 @dataclass(frozen=True)
 class Waiting(ChunkedWork[bool]):
     """Chunk 0 ends when all the others are done."""
