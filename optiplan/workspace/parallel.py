@@ -64,9 +64,9 @@ def _collect(
     results: dict[int, R] = {}
     rest = iter(range(count))
     try:
-        for connection in connections:
-            connection.send(work)
-            connection.send(next(rest))
+        for own in connections:
+            own.send(work)
+            own.send(next(rest))
     except ConnectionError:
         raise OptiPlanError(_DEAD) from None
     while len(results) < count:
