@@ -5,6 +5,7 @@ fit, the file is none: it is made again, so that a damaged cache costs time and 
 """
 
 import hashlib
+import tempfile
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -60,6 +61,16 @@ def store(name: str, content: bytes) -> None:
     """Write a cached file whole or not at all; a cache that cannot be written is no error."""
     with suppress(OSError):
         write_bytes(cache_dir() / name, content + _seal(content))
+
+
+def writable() -> bool:
+    """Whether files can be kept: what is made only to be found here is not worth making otherwise."""
+    try:
+        cache_dir().mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=cache_dir()):
+            return True
+    except OSError:
+        return False
 
 
 def _seal(content: bytes) -> bytes:

@@ -102,12 +102,14 @@ class Cover:
 def cover_of(mesh: coal.BVHModelBase) -> Cover:
     """The hull of a mesh if it is within `WITHIN` of the mesh, else pieces that are, else the mesh; cached on disk."""
     vertices, triangles = vertices_of(mesh), triangles_of(mesh)
-    key = cache.digest([vertices.tobytes(), triangles.tobytes(), repr((COVER_VERSION, WITHIN)).encode()])
-    content = cache.load(f"covers/{key}.npz")
-    if content is None:
-        content = _pack_cover(_cover(vertices, triangles))
-        cache.store(f"covers/{key}.npz", content)
+    content = cache.kept(cover_name(vertices, triangles), lambda: _pack_cover(_cover(vertices, triangles)))
     return _unpack_cover(content, vertices)
+
+
+def cover_name(vertices: Array, triangles: Triangles) -> str:
+    """Name in the cache of the cover of a mesh: vertices (k, 3) in m, triangles (m, 3)."""
+    key = cache.digest([vertices.tobytes(), triangles.tobytes(), repr((COVER_VERSION, WITHIN)).encode()])
+    return f"covers/{key}.npz"
 
 
 def over_cover_of(mesh: coal.BVHModelBase, bodies: Sequence[Array]) -> float:

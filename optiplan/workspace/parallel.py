@@ -9,6 +9,8 @@ from optiplan.errors import OptiPlanError
 
 R = TypeVar("R")
 
+_DEAD = "a worker process ended before its work was done"
+
 
 class ChunkedWork(Generic[R]):
     """Work in chunks: `prepare` runs once a process and returns the function that does chunk k."""
@@ -23,8 +25,8 @@ def run_chunks(
 ) -> list[R]:
     """Results of chunks 0 … count - 1; `progress` is told the fraction done.
 
-    Process p does chunks p, p + processes, … and sends each through its own pipe: a worker whose parent has died finds
-    the pipe broken and ends, so none is left behind.
+    A process is given the next chunk when it has sent its last result, through a pipe of its own: a worker whose parent
+    has died finds the pipe broken and ends, so none is left behind.
 
     Raises:
         OptiPlanError: a worker died.
@@ -37,17 +39,17 @@ def run_chunks(
             progress((k + 1) / count)
         return done
     context = multiprocessing.get_context("spawn")  # a fork would copy threads' locks
-    readers: list[Connection] = []
+    connections: list[Connection] = []
     workers = []
-    for p in range(min(processes, count)):
-        reader, writer = context.Pipe(duplex=False)
-        worker = context.Process(target=_serve, args=(work, range(p, count, processes), writer), daemon=True)
+    for _ in range(min(processes, count)):
+        own, other = context.Pipe()
+        worker = context.Process(target=_serve, args=(other,), daemon=True)
         worker.start()
-        writer.close()
-        readers.append(reader)
+        other.close()
+        connections.append(own)
         workers.append(worker)
     try:
-        results: dict[int, R] = _collect(readers, count, progress)
+        results: dict[int, R] = _collect(work, connections, count, progress)
     finally:
         for worker in workers:
             worker.terminate()
@@ -55,27 +57,47 @@ def run_chunks(
     return [results[k] for k in range(count)]
 
 
-def _collect(readers: list[Connection], count: int, progress: Callable[[float], None]) -> dict[int, R]:
+def _collect(
+    work: ChunkedWork[R], connections: list[Connection], count: int, progress: Callable[[float], None]
+) -> dict[int, R]:
+    """Results of all chunks. The work goes through these pipes: writing the arguments of a dead process has no end."""
     results: dict[int, R] = {}
+    rest = iter(range(count))
+    try:
+        for own in connections:
+            own.send(work)
+            own.send(next(rest))
+    except ConnectionError:
+        raise OptiPlanError(_DEAD) from None
     while len(results) < count:
-        for reader in wait(readers):
-            assert isinstance(reader, Connection)
+        for connection in wait(connections):
+            assert isinstance(connection, Connection)
             try:
-                k, result = reader.recv()
-            except EOFError:
-                readers.remove(reader)
-                if not readers and len(results) < count:
-                    raise OptiPlanError("a worker process ended before its work was done") from None
-                continue
+                k, result = connection.recv()
+                following = next(rest, None)
+                if following is not None:
+                    connection.send(following)
+            except (EOFError, ConnectionError):
+                raise OptiPlanError(_DEAD) from None
+            if following is None:
+                connections.remove(connection)
+                connection.close()
             results[k] = result
             progress(len(results) / count)
     return results
 
 
-def _serve(work: ChunkedWork[R], chunks: range, writer: Connection) -> None:
+def _serve(connection: Connection) -> None:
+    """Do the chunks that the parent names, after the work itself, until it closes the pipe."""
+    try:
+        work, k = connection.recv(), connection.recv()
+    except (EOFError, ConnectionError):
+        return
     do = work.prepare()
-    for k in chunks:
+    while True:
+        result = do(k)
         try:
-            writer.send((k, do(k)))
-        except BrokenPipeError:
+            connection.send((k, result))
+            k = connection.recv()
+        except (EOFError, ConnectionError):
             return

@@ -1,6 +1,9 @@
 """Reach, coverage of the reach sphere, and samples that do not depend on the number of processes."""
 
 import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +18,7 @@ from optiplan.workspace.reach import Reach, reach, sampling_range
 from optiplan.workspace.sampling import CHUNK, WorkspaceOptions, robot_with_meshes, study_workspace
 from optiplan.workspace.voxels import DIRECTIONS, ring_coverage, sphere_directions, voxelise
 from tests.robot.robots import chain, joint, write_robot
+from tests.waiting import wait_until
 
 BALL = Reach(np.array([1.0, 2.0, 3.0]), 0.0, 0.5)
 
@@ -144,6 +148,50 @@ class Dying(ChunkedWork[int]):
 def test_a_worker_that_dies_is_told():
     with pytest.raises(OptiPlanError, match="worker"):
         run_chunks(Dying(), 4, 2)
+
+
+class DyingBesideAnother(ChunkedWork[int]):
+    def prepare(self):
+        return lambda k: time.sleep(120) if k == 0 else os._exit(1)
+
+
+def test_a_worker_that_dies_is_told_though_another_goes_on():
+    with pytest.raises(OptiPlanError, match="worker"):
+        run_chunks(DyingBesideAnother(), 2, 2)
+
+
+class DyingWhenRead(ChunkedWork[int]):
+    """Its process dies before it has read all of the work, which no pipe holds at once."""
+
+    def __reduce__(self):
+        return os._exit, (1,), None, iter([bytes(10_000_000)])
+
+
+def test_a_worker_that_dies_while_it_starts_is_told():
+    with pytest.raises(OptiPlanError, match="worker"):
+        run_chunks(DyingWhenRead(), 2, 2)
+
+
+@dataclass(frozen=True)
+class Waiting(ChunkedWork[bool]):
+    """Chunk 0 ends when all the others are done."""
+
+    folder: Path
+
+    def prepare(self):
+        return self._do
+
+    def _do(self, k: int) -> bool:
+        if k == 0:
+            wait_until(lambda: len(list(self.folder.iterdir())) == 4)
+            return True
+        (self.folder / str(k)).touch()
+        return True
+
+
+def test_chunks_are_dealt_one_at_a_time(tmp_path):
+    """While one process is at chunk 0 the other does all the rest."""
+    assert run_chunks(Waiting(tmp_path), 5, 2) == [True] * 5
 
 
 def test_there_is_a_core():

@@ -6,9 +6,11 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+import trimesh
 from click.testing import CliRunner
 from typer.main import get_command
 
+from optiplan.cli.commands.robots import mesh_covers
 from optiplan.cli.commands.robots.app import app
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import LINK, chain, joint
@@ -48,6 +50,59 @@ def test_without_flags_the_choices_are_made_and_said(optiplan, urdf):
     pairs = ElementTree.parse(folder / "robot.srdf").getroot().findall("disable_collisions")
     assert {(pair.get("link1"), pair.get("link2")) for pair in pairs} <= set(robot.allowed)
     assert not [reason for reason in robot.allowed.values() if reason.startswith("SRDF")]
+
+
+@pytest.fixture
+def meshed(tmp_path, monkeypatch) -> Path:
+    """An arm of three meshes, two of them of the same file, and a cache that is empty."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(mesh_covers, "cores", lambda: 2)
+    trimesh.creation.torus(0.1, 0.03, major_sections=12, minor_sections=6).export(tmp_path / "ring.stl")
+    trimesh.creation.box((0.1, 0.02, 0.02)).export(tmp_path / "bar.stl")
+    mesh = '<link name="{0}"><collision><geometry><mesh filename="{1}"/></geometry></collision></link>'
+    links = [mesh.format(name, tmp_path / file) for name, file in zip("abc", MESHES, strict=True)]
+    path = tmp_path / "meshed.urdf"
+    path.write_text(f'<robot name="meshed">{"".join(links)}{joint("j1", "a", "b")}{joint("j2", "b", "c")}</robot>')
+    return path
+
+
+MESHES = ("bar.stl", "ring.stl", "ring.stl")
+
+
+def test_meshes_are_cut_in_other_processes_before_the_load(optiplan, meshed, tmp_path, monkeypatch):
+    """This process cuts none, since it finds what it would have made, with the same bits."""
+    with monkeypatch.context() as only_here:
+        only_here.setattr("optiplan.geometry.convex._cover", lambda *_: pytest.fail("cut by the load"))
+        code, _, err = optiplan("robots", "init", meshed, "--no-ask", "--allow-pairs", "touching")
+        assert code == 0, err
+    assert "cutting meshes into convex pieces, once: 2 of 2" in err
+    made = covers(tmp_path / "cache")
+    assert len(made) == 2
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
+    load_robot(str(tmp_path / "robot.yaml"))
+    assert covers(tmp_path / "other") == made
+
+
+def covers(folder):
+    return {path.name: path.read_bytes() for path in (folder / "optiplan/covers").iterdir()}
+
+
+@pytest.mark.parametrize("why", ["they are kept", "nothing can be kept"])
+def test_no_process_is_started_where_that_would_be_in_vain(optiplan, meshed, tmp_path, monkeypatch, why):
+    if why == "they are kept":
+        assert optiplan("robots", "init", meshed, "--no-ask", "--out", tmp_path / "first")[0] == 0
+    else:
+        (tmp_path / "cache").touch()
+    monkeypatch.setattr(mesh_covers, "run_chunks", lambda *_: pytest.fail("started"))
+    assert optiplan("robots", "init", meshed, "--no-ask", "--out", tmp_path / "second")[0] == 0
+
+
+def test_a_mesh_that_cannot_be_cut_is_left_to_the_load(optiplan, meshed, tmp_path):
+    (tmp_path / "bar.stl").write_text("solid nothing\nendsolid nothing\n")
+    code, _, err = optiplan("robots", "init", meshed, "--no-ask")
+    assert code == 2
+    assert "bar.stl" in err
+    assert "Traceback" not in err
 
 
 def test_it_plans_what_it_made(optiplan, urdf, tmp_path):

@@ -51,6 +51,7 @@ def init(
       optiplan robots init my_arm.urdf --group j1,j2,j3 --tool tool0 --lock finger=0.02 --limit acceleration=5
     """
     from optiplan.cli.commands.robots import wizard
+    from optiplan.cli.commands.robots.mesh_covers import make_covers
     from optiplan.cli.progress import ProgressLog
 
     as_json = as_json or bool(context.obj)
@@ -59,6 +60,8 @@ def init(
     choices = wizard.read_choices(group or "", tool or "", lock or [], limit or [])
     with stdout_is_ours():
         load = partial(wizard.load, urdf, name or wizard.title_of(urdf))
+        with ProgressLog() as progress:
+            make_covers(urdf, progress)
         if sys.stdin.isatty() and not as_json if ask is None else ask:
             choices = wizard.ask(load, choices)
         with ProgressLog() as progress:

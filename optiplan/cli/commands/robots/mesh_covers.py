@@ -1,0 +1,70 @@
+"""Covers of a URDF's meshes, made in several processes before the robot is loaded, which then finds them."""
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import coal
+
+from optiplan import cache
+from optiplan.arrays import Array
+from optiplan.cores import cores
+from optiplan.errors import InputError
+from optiplan.geometry.convex import cover_name, cover_of, triangles_of, vertices_of
+from optiplan.geometry.file_shapes import triangle_mesh
+from optiplan.geometry.meshes.triangles import Triangles
+from optiplan.planners.base import Progress
+from optiplan.robot.urdf.reader import build_collisions, build_model, read_urdf
+from optiplan.workspace.parallel import ChunkedWork, run_chunks
+
+
+def make_covers(urdf: Path, progress: Progress) -> None:
+    """Put the covers of the collision meshes into the cache, as `cover_of` makes them, the largest mesh first.
+
+    What is wrong with a mesh, or with the URDF, is left for the load to say, which names the link.
+
+    Args:
+        urdf: the file.
+        progress: of the work.
+
+    Raises:
+        OptiPlanError: a worker process died.
+    """
+    if not cache.writable():
+        return
+    try:
+        meshes = _meshes_to_cut(urdf)
+    except InputError:
+        return
+
+    def tell(share: float) -> None:
+        done = round(share * len(meshes))
+        progress(f"cutting meshes into convex pieces, once: {done} of {len(meshes)}", share)
+
+    if meshes:
+        tell(0.0)
+        run_chunks(_Cutting(meshes), len(meshes), cores(), tell)
+
+
+def _meshes_to_cut(urdf: Path) -> list[tuple[Array, Triangles]]:
+    """Vertices and triangles of different meshes of which no cover is kept, the largest first."""
+    source = read_urdf(urdf, urdf.parent)
+    bodies = [item.geometry for item in build_collisions(source, build_model(source)).geometryObjects]
+    meshes = [(vertices_of(body), triangles_of(body)) for body in bodies if isinstance(body, coal.BVHModelBase)]
+    named = {cover_name(*mesh): mesh for mesh in meshes}
+    missing = [mesh for name, mesh in named.items() if cache.load(name) is None]
+    return sorted(missing, key=lambda mesh: len(mesh[1]), reverse=True)
+
+
+@dataclass(frozen=True)
+class _Cutting(ChunkedWork[None]):
+    """Chunk k makes the cover of mesh k, given by vertices (k, 3) in m and triangles (m, 3)."""
+
+    meshes: list[tuple[Array, Triangles]]
+
+    def prepare(self) -> "_Cutting":
+        return self
+
+    def __call__(self, k: int) -> None:
+        with suppress(ValueError, RuntimeError):  # the load meets them again
+            cover_of(triangle_mesh(*self.meshes[k]))
