@@ -134,8 +134,8 @@ def warm_up_problem(problem: Problem) -> dict[str, Any]:
     bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
     middle = np.where(bounded, 0.5 * (limits.lower + limits.upper), middle + 1.0)
     goal = problem.start + WARM_UP_STEP * (middle - problem.start)
-    only_wanted = {key: problem.source[key] for key in KEPT_KEYS if key in problem.source}
-    return only_wanted | {"name": "warm-up", "goal": {"joints": goal.tolist()}}
+    chosen = {key: problem.source[key] for key in KEPT_KEYS if key in problem.source}
+    return chosen | {"name": "warm-up", "goal": {"joints": goal.tolist()}}
 
 
 def forget(seed: int) -> None:
