@@ -15,8 +15,8 @@ from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.limits.row_limit import KeptRowLimit, RowLimit
 from optiplan.control.limits.stop_limits import StopLimit
 from optiplan.control.objective import BASE_DAMPING, TaskObjective, singular_values
-from optiplan.control.qp.qp_sequence import QpSequence
 from optiplan.control.qp.program import Program
+from optiplan.control.qp.qp_sequence import QpSequence
 from optiplan.control.qp.solvers import DEFAULT, QpSolver, make_solver
 from optiplan.control.row_stack import RowStack
 from optiplan.control.step import ControlStep
