@@ -14,7 +14,7 @@ from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpac
 from optiplan.geometry.shapes import shape_of_body
 from optiplan.verify.continuous.bodies import Bodies, support, support_vertices
 from optiplan.verify.continuous.intervals import Intervals, boxes, step_sizes
-from optiplan.verify.continuous.motion_bounds import MotionQuery, Motion
+from optiplan.verify.continuous.motion_bounds import Motion, MotionQuery
 from optiplan.verify.continuous.separating_planes import PairDistances
 from tests.verify.motions import smooth
 
