@@ -11,6 +11,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import path_argument, seed_argument, wrong_argument
 from optiplan.files import write_text
+from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.kinematics.ik.joint_wraps import endless_turns
 from optiplan.problem import to_data
@@ -22,7 +23,7 @@ from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, PoseGoal, 
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.statement import End, Pose, Values, ViaPoint
+from optiplan.problem.statement import End, ViaPoint
 from optiplan.problem.summary import as_table, goals_in_words
 from optiplan.problem.task.builder import Task
 from optiplan.problem.task.steps import TaskStep

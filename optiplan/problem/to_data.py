@@ -9,12 +9,13 @@ import pinocchio as pin
 
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
+from optiplan.geometry.pose import Pose
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shapes import shape_data
 from optiplan.problem.constraints.statements import KINDS, constraint_data
 from optiplan.problem.objectives.objective import Objective
-from optiplan.problem.statement import Pose, end_data, is_configuration, via_point_data
+from optiplan.problem.statement import end_data, is_configuration, via_point_data
 from optiplan.trajectory.state import State
 
 
