@@ -17,6 +17,7 @@ from optiplan.kinematics.ik.joint_wraps import endless_turns
 from optiplan.problem import to_data
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.statements import PathConstraint
+from optiplan.problem.free_space import FreeSpace
 from optiplan.problem.from_data import ProblemParts
 from optiplan.problem.from_python import ARGUMENT_WRITERS, read_arguments, read_data
 from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, PoseGoal, Via
@@ -37,16 +38,16 @@ __all__ = ["Goal", "GoalEnd", "JointGoal", "Objective", "Pose", "PoseGoal", "Pro
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Problem(ProblemParts):
+class Problem(ProblemParts, FreeSpace):
     """A task: which robot goes from where to where, around what, within which limits; never changed.
 
     The arguments are checked as a problem file is, and give the same problem with the same hash.
 
     Args:
         robot: a `Robot`, the name of a shipped one, or the path of a robot.yaml.
-        start: values of the planned joints (n,), rad or m, the name of a configuration of the robot, or a `State` of
-            a robot that is moving.
-        goal: a `Pose`, a `Region`, values of the joints (n,), the name of a configuration, a `State` to arrive in, or
+        start: values of the planned joints (n,) or `{joint: value}`, rad or m, the name of a configuration of the
+            robot, or a `State` of a robot that is moving.
+        goal: a `Pose`, a `Region`, values of the joints, the name of a configuration, a `State` to arrive in, or
             a list of alternatives.
         task: several steps, in place of a goal.
         scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.

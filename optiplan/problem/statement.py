@@ -16,6 +16,7 @@ from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec, axes_data
 from optiplan.problem.schema.ends import ViaSpec
+from optiplan.robot.given_configurations import is_by_name
 from optiplan.trajectory.state import State
 
 Range: TypeAlias = float | str | tuple[float | str, float | str]
@@ -79,7 +80,8 @@ class Region:
 
 
 End: TypeAlias = Pose | Region | JointGoal | PoseGoal | RegionGoal | pin.SE3 | str | Values | State | Mapping[str, Any]
-"""One end: a pose, a region, a configuration (n,), rad or m, its name, a state of motion, or what a file would say."""
+"""One end: a pose, a region, a configuration (n,) or `{joint: value}`, rad or m, its name, a state of motion, or what a
+file would say."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +89,7 @@ class ViaPoint:
     """Via point of a motion.
 
     Attributes:
-        at: a configuration (n,), rad or m, the name of one, or a `Pose`.
+        at: a configuration (n,) or `{joint: value}`, rad or m, the name of one, or a `Pose`.
         tolerance: of each joint, or of both parts of a pose, rad or m; None: 1e-6.
         velocity: (n,) rad/s or m/s, desired; only the planner `spline` meets it.
         time: s from the start, likewise; given for all via points or for none.
@@ -104,7 +106,10 @@ class ViaPoint:
     time: float | None = None
 
     def __post_init__(self) -> None:
-        checked(ViaSpec, self.to_data(), "ViaPoint", {"joints": "at", "configuration": "at", "pose": "at"})
+        data = self.to_data()
+        if isinstance(data.get("joints"), Mapping):  # which joints these are the robot says, later
+            data["joints"] = list(data["joints"].values())
+        checked(ViaSpec, data, "ViaPoint", {"joints": "at", "configuration": "at", "pose": "at"})
 
     def to_data(self) -> dict[str, Any]:
         """As a problem file says it."""
@@ -133,12 +138,12 @@ def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
     if isinstance(end, JointGoal):
         return _joint_goal_data(end, function, argument)
     if isinstance(end, Mapping):
-        return dict(plain(end))
+        return {"joints": plain(end)} if is_by_name(end) else dict(plain(end))
     if isinstance(end, State):
         return state_data(end.q, end.v, end.a)
     if is_configuration(end):
         return {"joints": np.asarray(end, dtype=float).tolist()}
-    expected = "values of the joints (n,), the name of a configuration, op.Pose(…) or op.Region(…)"
+    expected = "values of the joints (n,) or {joint: value}, the name of a configuration, op.Pose(…) or op.Region(…)"
     raise wrong_argument(function, argument, described(end), expected)
 
 

@@ -21,11 +21,11 @@ from optiplan.trajectory.state import State
 
 def start_data(start: Any) -> Any:
     """`start:` of a file."""
-    if isinstance(start, str | State) or is_configuration(start):
+    if isinstance(start, str | State | Mapping) or is_configuration(start):
         return end_data(start, "Problem", "start")
-    if isinstance(start, Mapping):
-        return plain(start)
-    expected = "values of the joints (n,), op.State(q, v, a), or the name of a configuration of the robot"
+    expected = (
+        "values of the joints (n,) or {joint: value}, op.State(q, v, a), or the name of a configuration of the robot"
+    )
     raise wrong_argument("Problem", "start", described(start), expected)
 
 
