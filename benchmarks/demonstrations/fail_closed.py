@@ -40,7 +40,7 @@ class Fresh(Statement):
         """Return the constraint of an entry of a file."""
         return cls(frame, during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values."""
         return {}
 

@@ -20,7 +20,7 @@ from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.constraints.states import TOUCHING, BrokenConstraint
 from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
-from optiplan.problem.moving_states import StatedState, impossible_states
+from optiplan.problem.nonzero_ends import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema.problem import ProblemSpec
@@ -113,7 +113,8 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):
         model = collision_model(robot, scene)
-        later = collision_model(robot, scene.standing) if scene.moving else model  # what moves may be elsewhere by then
+        # by the time of a via or a goal, what moves may be elsewhere
+        later = collision_model(robot, scene.standing) if scene.dynamic_obstacles else model
         issues += _collisions(document, (model, later), compiler.draft, places)
     if issues or spec is None or robot is None or limits is None or places.start is None:
         return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))

@@ -18,7 +18,7 @@ from optiplan.robot.robot import Robot, load_robot
 _HERE = "<problem>"
 """Stands for the file of a problem that has none."""
 
-SAID = {
+ARGUMENT_WRITERS = {
     "start": ("start", to_data.start_data),
     "goal": ("goal", to_data.goal_data),
     "task": ("task", task_data),
@@ -38,7 +38,7 @@ def read_arguments(robot: Any, given: Mapping[str, Any], labels: Mapping[str, An
     if not isinstance(robot, Robot | str | Path | Mapping):
         expected = "op.load_robot(…), op.Robot.from_urdf(…), the name of a robot or the path of a robot.yaml"
         raise wrong_argument("Problem", "robot", described(robot), expected)
-    data = {SAID[part][0]: SAID[part][1](value) for part, value in given.items()}
+    data = {ARGUMENT_WRITERS[part][0]: ARGUMENT_WRITERS[part][1](value) for part, value in given.items()}
     data |= {"version": 1, "name": labels["name"], "seed": labels["seed"], "robot": robot}
     data["planner"] = to_data.planner_data(labels["planner"], labels["options"])
     if isinstance(robot, str | Path) and Path(robot).suffix.lower() == ".urdf":

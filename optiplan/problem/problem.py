@@ -17,7 +17,7 @@ from optiplan.problem import to_data
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.from_data import ProblemParts
-from optiplan.problem.from_python import SAID, read_arguments, read_data
+from optiplan.problem.from_python import ARGUMENT_WRITERS, read_arguments, read_data
 from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.objectives.parts import ObjectiveParts
@@ -161,7 +161,7 @@ class Problem(ProblemParts):
         return State.of(self.start, self.start_velocity, self.start_acceleration)
 
     @property
-    def moving(self) -> bool:
+    def nonzero_ends(self) -> bool:
         """Whether the robot moves at the start or at some goal."""
         return self.moving_start or any(isinstance(goal, JointGoal) and goal.moving for goal in self.goal)
 
@@ -172,7 +172,7 @@ class Problem(ProblemParts):
 
     def end_states(self, q: Array) -> list[State]:
         """Return the states in which a motion that ends at q (n,) may arrive: at rest, or as goals there say."""
-        if not self.moving:
+        if not self.nonzero_ends:
             return [State.of(q, np.zeros(len(q)), np.zeros(len(q)))]
         rates = [goal.state for goal in self.goal if isinstance(goal, JointGoal) and self._there(goal, q)]
         return [State(q, rate.v, rate.a) for rate in rates] or [State(q)]
@@ -187,7 +187,7 @@ class Problem(ProblemParts):
 
         In the states of motion of the problem's start and goals; obstacles and limits of position are ignored.
         """
-        if not self.moving:
+        if not self.nonzero_ends:
             return lower_bounds(self.start, np.asarray(ends), self.limits)
         start = self.start_state
         return np.array([moving_bounds(start, self.end_states(q), self.limits).min() for q in np.asarray(ends)])
@@ -302,9 +302,11 @@ class Problem(ProblemParts):
 
     def with_parts(self, **parts: Any) -> "Problem":
         """Return the problem with several parts changed at once: `start`, `goal`, `scene` …; checked as a file is."""
-        unknown = parts.keys() - SAID.keys()
+        unknown = parts.keys() - ARGUMENT_WRITERS.keys()
         if unknown:
-            raise wrong_argument("Problem.with_parts", "part", f"'{min(unknown)}'", f"one of: {', '.join(SAID)}")
+            raise wrong_argument(
+                "Problem.with_parts", "part", f"'{min(unknown)}'", f"one of: {', '.join(ARGUMENT_WRITERS)}"
+            )
         return self._with(**parts)
 
     def save(self, path: Path | str) -> None:
@@ -334,7 +336,9 @@ class Problem(ProblemParts):
             constraints, expressions = _split_expressions(changes.get("path_constraints", self.path_constraints))
             if "path_constraints" in changes:
                 changes["path_constraints"] = constraints
-            data = dict(self.source) | {SAID[part][0]: SAID[part][1](value) for part, value in changes.items()}
+            data = dict(self.source) | {
+                ARGUMENT_WRITERS[part][0]: ARGUMENT_WRITERS[part][1](value) for part, value in changes.items()
+            }
             other = Problem.of(read_data(data, self.robot)).with_seed(self.seed)
             other._add_expressions(expressions)
             return other

@@ -114,11 +114,11 @@ def _one_constraint_data(one: Any, function: str, argument: str) -> dict[str, An
         raise wrong_argument(function, argument, described(one), f"one of: {expected}")
     poses = {name: pose_from_data(pose.to_data()) for name, pose in vars(one).items() if isinstance(pose, Pose)}
     try:
-        said: dict[str, Any] = plain(constraint_data(replace(one, **poses)))  # type: ignore[type-var]  # dataclasses
+        data: dict[str, Any] = plain(constraint_data(replace(one, **poses)))  # type: ignore[type-var]  # dataclasses
     except (AttributeError, TypeError, ValueError):
         words = f"one that is said by {', '.join(described(value) for value in vars(one).values())}"
         raise wrong_argument(function, argument, words, f"what op.{type(one).__name__} is made of") from None
-    return said
+    return data
 
 
 def base_data(base: Any) -> Any:

@@ -166,12 +166,12 @@ def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Chec
 def _at_ends(problem: Problem, value: Array, allowed: Array, duration: float) -> tuple[Check, float]:
     """Return the check of deviations (order, end, n) at both ends, and the largest share of what is allowed."""
     order, end, j = _worst(value, allowed)
-    name = "ends" if problem.moving else "rest"
+    name = "ends" if problem.nonzero_ends else "rest"
     what = f"{ORDERS[order + 1]} at the {'end' if end else 'start'}"
-    detail = f"{what}, off what the problem states" if problem.moving else what
+    detail = f"{what}, off what the problem states" if problem.nonzero_ends else what
     worst, limit = float(value[order, end, j]), float(allowed[order, end, j])
     passed = bool((value <= allowed).all())
-    detail += "" if passed or order == 0 or problem.moving else _LIFTED
+    detail += "" if passed or order == 0 or problem.nonzero_ends else _LIFTED
     time = duration if end else 0.0
     joint, unit = problem.robot.joint_names[j], problem.robot.unit(ORDERS[order + 1], j)
     return Check(name, "exact", passed, worst, limit, unit, time, joint, detail), worst / limit

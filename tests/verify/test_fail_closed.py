@@ -44,7 +44,7 @@ class Fresh(Statement):
     def of(cls, data, frame, during):
         return cls(frame, during)
 
-    def said(self):
+    def to_data(self):
         return {}
 
 

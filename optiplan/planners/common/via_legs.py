@@ -9,7 +9,7 @@ import numpy as np
 
 from optiplan.errors import Issue, PlannerAnswerError, described
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.planners.common.moving_scene import among_moving
+from optiplan.planners.common.dynamic_obstacles import wait_for_obstacles
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -21,7 +21,7 @@ def plan_through(
 
     A planner that `passes_vias` plans the whole problem; for any other, see `leg_by_leg`. Path constraints are
     `unsupported` by planners that do not say `holds_constraints`, motion at the ends by those that do not say
-    have too few `end_derivatives`. Where obstacles move, see `moving_scene`, unless the planner `times_obstacles`.
+    have too few `end_derivatives`. Where obstacles move, see `dynamic_obstacles`, unless the planner `times_obstacles`.
 
     Raises:
         PlannerAnswerError: a planner from outside returns what is no answer.
@@ -30,10 +30,10 @@ def plan_through(
         kinds = ", ".join(dict.fromkeys(one.KEY for one in problem.path_constraints))
         detail = f"this planner does not hold path constraints ({kinds})"
         return PlanResult(None, Failure("unsupported", detail))
-    if problem.moving and (refused := _too_lively(planner, problem)):
+    if problem.nonzero_ends and (refused := _too_lively(planner, problem)):
         return PlanResult(None, refused)
-    if problem.scene.moving and not planner.times_obstacles:
-        return among_moving(planner, problem, budget, progress)
+    if problem.scene.dynamic_obstacles and not planner.times_obstacles:
+        return wait_for_obstacles(planner, problem, budget, progress)
     if not problem.vias or planner.passes_vias:
         return _answer(planner, problem, budget, progress, earlier)
     return leg_by_leg(planner, problem, budget, progress)

@@ -18,8 +18,8 @@ from optiplan.planners.base import (
     announce,
     stages_of,
 )
+from optiplan.planners.common.dynamic_obstacles import without_dynamic_obstacles
 from optiplan.planners.common.failures import too_heavy
-from optiplan.planners.common.moving_scene import without_moving
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.common.via_legs import joined as in_turn
 from optiplan.planners.task.chains import Done, of_step
@@ -58,11 +58,11 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     if refused is not None:
         return PlanResult(None, refused)
     began, watch, moves = clock(), Stopwatch(), ViaMoves.of(problem, planner)
-    search = TaskSearch(without_moving(moves.problem), planner, budget, stages_of(progress))
+    search = TaskSearch(without_dynamic_obstacles(moves.problem), planner, budget, stages_of(progress))
     stretches = _stopping(search, budget, watch)
     if isinstance(stretches, Failure):
         return PlanResult(None, moves.failure(stretches), watch.seconds)
-    if problem.scene.moving:
+    if problem.scene.dynamic_obstacles:
         with watch.stage("waiting"):
             found = _among_moving(moves, planner, stretches, budget, progress)
         return replace(found, timings=watch.seconds, info={"moves": search.infos, **found.info})

@@ -8,7 +8,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.common.moving_scene import delayed
+from optiplan.planners.common.dynamic_obstacles import delayed
 from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.stretches import Stretch
 from optiplan.problem.problem import Problem
@@ -36,7 +36,7 @@ def waiting(problem: Problem, stretches: list[Stretch], budget: Budget) -> list[
 def _passing(problem: Problem, stretch: Stretch, budget: Budget) -> Stretch | Failure:
     """Return a stretch that begins now in the motion of the obstacles, delayed."""
     first, motion = stretch.done[0], stretch.motion
-    moving = problem.scene.moving
+    moving = problem.scene.dynamic_obstacles
     if not moving or motion == 0.0:
         return stretch
     allowed = frozenset().union(*(done.step.allowed for done in stretch.done), problem.scene.allowed)

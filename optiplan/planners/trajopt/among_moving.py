@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce, stages_of
-from optiplan.planners.common.moving_scene import delayed, without_moving
+from optiplan.planners.common.dynamic_obstacles import delayed, without_dynamic_obstacles
 from optiplan.planners.trajopt.bspline_basis import DEGREE
 from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.moving_ends import (
@@ -61,7 +61,7 @@ def plan_among_moving(
     The curves begin at the motion among what stands still, at the one that waits, and at the best with a bump.
     """
     began = clock()
-    static = planner.plan(without_moving(problem), budget.share(_STATIC), stages_of(progress))
+    static = planner.plan(without_dynamic_obstacles(problem), budget.share(_STATIC), stages_of(progress))
     if static.trajectory is None:
         return static
     model = kept_planning_model(problem.robot, problem.scene)

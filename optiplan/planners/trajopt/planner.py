@@ -72,15 +72,15 @@ class TrajOpt(Planner[TrajOptOptions]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        if problem.scene.moving:
+        if problem.scene.dynamic_obstacles:
             return plan_among_moving(self, problem, budget, progress)
-        if problem.moving:
+        if problem.nonzero_ends:
             return plan_moving(self, problem, budget, progress)
         return _Run(problem, budget, progress, self.options).result()
 
     def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
         """Plan from an earlier motion; look for another way where that leads to nothing as good. See `warm`."""
-        if problem.scene.moving:
+        if problem.scene.dynamic_obstacles:
             return self.plan(problem, budget, progress)
         warm = WarmStart(problem, earlier, self.options, budget, progress)
         if warm.good or (warm.best is not None and budget.over):

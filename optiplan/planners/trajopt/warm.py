@@ -66,7 +66,7 @@ class WarmStart:
         began = clock()
         self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
         self.model = kept_planning_model(problem.robot, problem.scene)
-        stated = with_reserve(problem) if problem.moving else problem
+        stated = with_reserve(problem) if problem.nonzero_ends else problem
         few = replace(options, iterations=min(MOST_STEPS, options.iterations))
         self.optimiser = Optimiser(stated, self.model, few)
         self.attempt: Attempt | None = None
@@ -149,7 +149,7 @@ class WarmStart:
     def _at_bound(self, end: State) -> bool:
         """Whether hardly any motion to this end can be shorter than what is left of the earlier one."""
         problem = self.problem
-        if problem.moving or not problem.objective.plain:
+        if problem.nonzero_ends or not problem.objective.plain:
             return False
         return self.earlier.duration <= AT_BOUND * lower_bound(problem.start, end.q, problem.limits)
 

@@ -32,7 +32,7 @@ class Statement(ABC):
         """Return the constraint of a validated entry of a file, all values there; `frame` is the one it is about."""
 
     @abstractmethod
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them, `frame` and `during` aside."""
 
 

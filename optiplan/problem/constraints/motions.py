@@ -23,7 +23,7 @@ class _ToolRate:
         """Return the constraint of a validated entry of a file."""
         return cls(frame, *_rates(data), during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {name: getattr(self, name) for name in ("linear", "angular") if np.isfinite(getattr(self, name))}
 
@@ -77,7 +77,7 @@ class PairClearance(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(tuple((a, b) for a, b in data["pairs"]), data["at_least"], during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"pairs": [list(pair) for pair in self.pairs], "at_least": self.at_least}
 
@@ -103,7 +103,7 @@ class ManipulabilityAbove(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, data["at_least"], during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"at_least": self.at_least}
 
@@ -131,7 +131,7 @@ class JointCoupling(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(dict(data["joints"]), data["equals"], data["within"], during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"joints": dict(self.joints), "equals": self.equals, "within": self.within}
 
@@ -155,7 +155,7 @@ class WheelSpeed(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(data["at_most"], during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"at_most": self.at_most}
 

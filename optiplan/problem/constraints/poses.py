@@ -37,7 +37,7 @@ class OrientationCone(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, unit(data["axis"]), unit(data["toward"]), data["within"], during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"axis": self.axis, "toward": self.toward, "within": self.within}
 
@@ -67,7 +67,7 @@ class FixedOrientation(Statement):
             frame, pose_from_data({"position": [0.0, 0.0, 0.0], **_rotation(data)}).rotation, data["within"], during
         )
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"quaternion": pin.Quaternion(np.asarray(self.R_WF)).coeffs().tolist(), "within": self.within}
 
@@ -95,7 +95,7 @@ class PositionBox(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, np.array(data["box"]["size"]), pose_from_data(data["box"]["pose"]), during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"box": {"size": np.asarray(self.size).tolist(), "pose": pose_to_data(self.X_WC)}}
 
@@ -125,7 +125,7 @@ class OnPlane(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, unit(data["normal"]), data["offset"], data["within"], during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"normal": self.normal, "offset": self.offset, "within": self.within}
 
@@ -154,7 +154,7 @@ class OnLine(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, np.array(data["from"], float), np.array(data["to"], float), data["within"], during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"from": self.start, "to": self.end, "within": self.within}
 
@@ -186,7 +186,7 @@ class OnCircle(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, np.array(data["centre"], float), unit(data["normal"]), data["radius"], data["within"], during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"centre": self.centre, "normal": self.normal, "radius": self.radius, "within": self.within}
 
@@ -216,7 +216,7 @@ class OnArc(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, *_points(data), data["within"], during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"from": self.start, "through": self.through, "to": self.end, "within": self.within}
 
@@ -260,7 +260,7 @@ class OnScrew(Statement):
             during,
         )
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {
             "axis": self.axis,
@@ -296,7 +296,7 @@ class LookAt(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, unit(data["axis"]), np.array(data["target"], float), data["within"], during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"axis": self.axis, "target": self.target, "within": self.within}
 
@@ -328,7 +328,7 @@ class RelativePose(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, data["to"], pose_from_data(data), *_tolerance(data), during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {
             "to": self.to,

@@ -54,13 +54,13 @@ def constraint_of(key: str, data: Mapping[str, Any], frame: str) -> PathConstrai
 
 def constraint_data(one: PathConstraint) -> dict[str, Any]:
     """Return a constraint as a problem file says it: its key, and under that its values."""
-    said = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in one.said().items()}
+    data = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in one.to_data().items()}
     frame = frame_of(one)
     if frame is not None:
-        said["frame"] = frame
+        data["frame"] = frame
     if tuple(one.during) != WHOLE:
-        said["during"] = list(one.during)
-    return {one.KEY: said}
+        data["during"] = list(one.during)
+    return {one.KEY: data}
 
 
 def frame_of(one: PathConstraint) -> str | None:

@@ -52,7 +52,7 @@ def mjcf(robot: Robot, scene: Scene, step: float, options: PlantOptions = NOMINA
     assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
     collision = CollisionModel(robot, scene)
     nodes = _joints(robot, world, options)
-    for body in scene.moving:  # the collision model has three joints for each, the last of which carries it
+    for body in scene.dynamic_obstacles:  # the collision model has three joints for each, the last of which carries it
         carrier = ET.SubElement(world, "body", name=f"moving {body.name}", mocap="true")
         nodes += [carrier] * 3
     parts = _geoms(collision, nodes, assets)

@@ -180,7 +180,7 @@ def test_replanner():
     on = replanner.plan(start=again.trajectory.state(0.2), budget=3.0)
     assert on.verified
     assert replanner.run is on
-    assert replanner.problem.moving
+    assert replanner.problem.nonzero_ends
     for wrong in ({"start": [9.0, 9.0]}, {"goal": 3}, {"scene": "peg"}, {"budget": -1.0}):
         with pytest.raises(op.InputError) as refused:
             replanner.plan(**wrong)

@@ -34,12 +34,12 @@ class Delayed(NamedTuple):
     slower: float
 
 
-def among_moving(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+def wait_for_obstacles(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
     """Plan among what stands still, then wait or slow down until nothing that moves is met.
 
     A robot that moves at the start cannot wait, nor one that moves at either end be slowed down.
     """
-    found = planner.plan(without_moving(problem), budget.share(_STATIC), stages_of(progress))
+    found = planner.plan(without_dynamic_obstacles(problem), budget.share(_STATIC), stages_of(progress))
     if found.trajectory is None:
         return found
     motions = [*(one.trajectory for one in reversed(found.earlier)), found.trajectory][::-1]
@@ -50,7 +50,7 @@ def among_moving(planner: Planner[Any], problem: Problem, budget: Budget, progre
     return PlanResult(with_time.motion, None, found.timings, info)
 
 
-def without_moving(problem: Problem) -> Problem:
+def without_dynamic_obstacles(problem: Problem) -> Problem:
     """The problem among what stands still."""
     return replace(problem, scene=problem.scene.standing)
 
@@ -80,7 +80,7 @@ def delayed(
 def _in_order(problem: Problem, motions: Sequence[Trajectory]) -> Iterator[Delayed]:
     """All motions with all delays that the ends allow, the one that arrives first at first."""
     waits = [0.0] if problem.moving_start else np.linspace(0.0, _horizon(problem), _WAITS).tolist()
-    slower = (1.0,) if problem.moving else _SLOWER
+    slower = (1.0,) if problem.nonzero_ends else _SLOWER
     ways = [
         (wait + factor * motion.duration, k, wait, factor)
         for (k, motion), wait, factor in product(enumerate(motions), waits, slower)
@@ -116,5 +116,5 @@ def _delay(problem: Problem, motion: Trajectory, wait: float, slower: float) -> 
 
 def _horizon(problem: Problem) -> float:
     """The longest wait, s: until nothing moves any more."""
-    ends = [body.motion.until for body in problem.scene.moving if body.motion is not None]
+    ends = [body.motion.until for body in problem.scene.dynamic_obstacles if body.motion is not None]
     return min(_HORIZON, max(ends))
