@@ -19,7 +19,7 @@ from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_reco
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
-from optiplan.trajectory.cut import cut
+from optiplan.trajectory.cut import cut_trajectory
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
@@ -194,4 +194,4 @@ def _ahead(problem: Problem, earlier: Trajectory) -> Trajectory:
         v = earlier(here, 1)
         here += float((problem.start - earlier(here)) @ v) / max(float(v @ v), 1e-12)
         here = float(np.clip(here, 0.0, t[-1]))
-    return cut(earlier, here, earlier.duration)
+    return cut_trajectory(earlier, here, earlier.duration)

@@ -25,7 +25,7 @@ from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.program.sqp import DescentOptions, optimise
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.cut import cut
+from optiplan.trajectory.cut import cut_trajectory
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import tool_motion, tool_scale
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -69,7 +69,7 @@ def optimised(stretches: Sequence[Stretch], options: TrajOptOptions, budget: Bud
     steps: list[Trajectory] = []
     for stretch in stretches:
         assert isinstance(stretch.motion, Trajectory)
-        steps += [cut(stretch.motion, a, b) for a, b in pairwise((0.0, *stretch.ends))]
+        steps += [cut_trajectory(stretch.motion, a, b) for a, b in pairwise((0.0, *stretch.ends))]
     counts = np.cumsum([0, *(len(run.done) for run in runs)]).tolist()
     curves = [joined(steps[a:b]) for a, b in pairwise(counts)]
     found = StretchOptimiser(runs, curves, options).run(budget)
@@ -151,7 +151,7 @@ class StretchOptimiser:
         slower = 0.0
         for one, begin, end in zip(done, (0.0, *ends), ends, strict=False):
             if one.is_line:
-                slower = max(slower, tool_scale(robot, line_limits(one), cut(whole, begin, end)))
+                slower = max(slower, tool_scale(robot, line_limits(one), cut_trajectory(whole, begin, end)))
         low, high = whole.extrema(0)
         if (low < limits.lower - _ROUNDING).any() or (high > limits.upper + _ROUNDING).any():
             return None
@@ -204,7 +204,7 @@ class StretchOptimiser:
         for done, begin, end in zip(stretch.done, (0.0, *stretch.ends), stretch.ends, strict=False):
             assert done.stage is not None
             kept = PathConstraints(done.stage.problem)
-            if kept.all and list(kept.broken(cut(stretch.motion, begin, end))):
+            if kept.all and list(kept.broken(cut_trajectory(stretch.motion, begin, end))):
                 return True
         return False
 
