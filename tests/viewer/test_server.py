@@ -11,7 +11,7 @@ import pytest
 
 from optiplan.errors import OptiPlanError
 from optiplan.viewer import server
-from optiplan.viewer.server import PageServer, serve
+from optiplan.viewer.server import PageServer, serve_runs
 from tests.waiting import PATIENCE
 
 
@@ -53,7 +53,7 @@ def test_serve_ends_on_ctrl_c(shelf, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(PageServer, "serve_forever", interrupted)
-    serve(shelf, [], port=0, on_ready=urls.append)
+    serve_runs(shelf, [], port=0, on_ready=urls.append)
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(urls[0], timeout=5)
 

@@ -17,7 +17,7 @@ import numpy as np
 from optiplan import cache
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.convex import triangles_of, vertices_of
+from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Scene
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
@@ -109,7 +109,7 @@ class KeptClearance:
 Pair = tuple[int, int]
 
 
-def prepare(robot: Robot, progress: Progress | None = None) -> Mapping[Pair, KeptClearance]:
+def prove_kept_clearances(robot: Robot, progress: Progress | None = None) -> Mapping[Pair, KeptClearance]:
     """Return what is kept of the pairs of a robot's bodies; it is proved now where it is not in the cache.
 
     Args:
@@ -129,7 +129,7 @@ def prepare(robot: Robot, progress: Progress | None = None) -> Mapping[Pair, Kep
     return made
 
 
-kept_clearances = once_for_each_robot(prepare)
+kept_clearances = once_for_each_robot(prove_kept_clearances)
 """The same, made once in a process for each robot."""
 
 
@@ -319,7 +319,7 @@ def _halved(middle: Array, half: Array, whole: Array) -> tuple[Array, Array]:
 def _triangles(shape: coal.CollisionGeometry) -> Array | None:
     """Triangles (k, 3, 3), m, of the surface of a mesh or polyhedron; None of other shapes."""
     if isinstance(shape, coal.BVHModelBase):
-        return np.asarray(vertices_of(shape)[triangles_of(shape)])
+        return np.asarray(mesh_vertices(shape)[mesh_triangles(shape)])
     if isinstance(shape, coal.ConvexBase):
         from scipy.spatial import ConvexHull, QhullError
 
