@@ -9,7 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 from optiplan.config.document import Number
 from optiplan.config.simple_yaml import Place
 from optiplan.config.values import Name, NamePair, Vector
-from optiplan.geometry.pose_schema import PoseSpec
+from optiplan.geometry.pose import PoseSpec
 from optiplan.problem.constraints.schema import PathConstraintSpec
 from optiplan.problem.schema.ends import AlternativeSpec, GoalSpec, StartSpec, ViaSpec
 from optiplan.problem.schema.problem import ProblemSpec

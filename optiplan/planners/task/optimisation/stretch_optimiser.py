@@ -10,8 +10,8 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.common.via_legs import joined
 from optiplan.planners.path_constraints.motion_check import PathConstraints
-from optiplan.planners.task.chains import Done
-from optiplan.planners.task.flow import time_of
+from optiplan.planners.task.chains import PlannedStep
+from optiplan.planners.task.join_steps import time_of
 from optiplan.planners.task.line_timing import line_limits
 from optiplan.planners.task.optimisation.line_part import LinePart, SpeedLimit
 from optiplan.planners.task.optimisation.move_part import MovePart
@@ -20,7 +20,7 @@ from optiplan.planners.task.optimisation.transcription import Part, StretchCurve
 from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
 from optiplan.planners.task.stretches import Stretch
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, moving_breakpoints
-from optiplan.planners.trajopt.moving_ends import with_reserve
+from optiplan.planners.trajopt.nonzero_end_optimiser import with_reserve
 from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.program.sqp import DescentOptions, optimise
@@ -110,7 +110,7 @@ class StretchOptimiser:
                 break
         return None
 
-    def _move(self, done: Done, curve: Trajectory, rests: tuple[bool, bool]) -> MovePart:
+    def _move(self, done: PlannedStep, curve: Trajectory, rests: tuple[bool, bool]) -> MovePart:
         assert done.stage is not None
         basis = SplineBasis(moving_breakpoints(self.options.spans, self.options.bunching, rests))
         own = Optimiser(with_reserve(done.stage.problem), done.stage.model, self.options, basis=basis)
