@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal, unchecked_problem
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -34,7 +34,7 @@ def within_limits(trajectory, limits, fraction=0.999):
 
 def problem_of(robot, trajectory, scene):
     """The problem that this trajectory was made for."""
-    return Problem(
+    return unchecked_problem(
         name="test",
         robot=robot,
         scene=scene,

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal, unchecked_problem
 from optiplan.trajectory.segments import Segment
 from optiplan.viewer.page import export_page, render_page
 from optiplan.viewer.runs import ViewedRun
@@ -198,7 +198,7 @@ def test_same_address_same_picture(visit, exported):
 
 
 def test_served_page_of_a_planar_robot_without_runs(visit, planar):
-    problem = Problem(
+    problem = unchecked_problem(
         name="flat",
         robot=planar,
         scene=Scene(),

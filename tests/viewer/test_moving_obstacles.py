@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Obstacle, Scene, Sphere
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal, unchecked_problem
 from optiplan.viewer.page import export_page
 from optiplan.viewer.runs import ViewedRun
 from tests.viewer.browsing import pixels
@@ -26,7 +26,7 @@ def ball(panda) -> Obstacle:
 def address(panda, ball, motion, tmp_path_factory) -> str:
     """A page of a motion of 2 s past a ball that falls and stops, and a board that stands."""
     goal = panda.configurations["ready"] + np.array([0.6, 0.2, 0.0, 0.3, 0.0, 0.0, 0.0])
-    problem = Problem(
+    problem = unchecked_problem(
         name="falling",
         robot=panda,
         scene=Scene((ball,)),

@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Scene
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal, unchecked_problem
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.runs import RATE, Poses, ViewedRun, show_run
 
@@ -50,7 +50,7 @@ def test_ellipsoids_hold_what_the_jacobian_says(shelf, motion, panda):
 
 def test_ellipsoids_of_a_planar_arm_are_flat(planar):
     flat = Poses(
-        Problem(name="flat", robot=planar, scene=Scene(), start=np.zeros(2), goal=(), limits=planar.limits)
+        unchecked_problem(name="flat", robot=planar, scene=Scene(), start=np.zeros(2), goal=(), limits=planar.limits)
     ).ellipsoids(np.array([[0.3, 1.0]]))
     assert flat.shape == (1, 7)
     assert flat[0, 6] < 1e-12 < flat[0, 5]

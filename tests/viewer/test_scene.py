@@ -9,7 +9,7 @@ import pytest
 
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem, Via
+from optiplan.problem.problem import JointGoal, PoseGoal, Via, unchecked_problem
 from optiplan.viewer.scene import build_scene
 
 
@@ -90,13 +90,17 @@ def test_goal_ghost_stands_at_the_end_of_the_motion_or_at_the_goal(shelf, motion
     assert goal is not None
     assert goal == build_scene(shelf, [("quintic", motion(shelf), None)]).goal
     pose = PoseGoal(planar.tool_frame, pin.SE3.Identity())
-    sought = Problem(name="pose", robot=planar, scene=Scene(), start=np.zeros(2), goal=(pose,), limits=planar.limits)
+    sought = unchecked_problem(
+        name="pose", robot=planar, scene=Scene(), start=np.zeros(2), goal=(pose,), limits=planar.limits
+    )
     scene = build_scene(sought, [("none", None, None)])
     assert (scene.goal, scene.targets) == (None, ([0, 0, 0, 0, 0, 0, 1],))
 
 
 def test_run_of_another_robot_is_refused(shelf, motion, planar):
-    other = Problem(name="flat", robot=planar, scene=Scene(), start=np.zeros(2), goal=(), limits=planar.limits)
+    other = unchecked_problem(
+        name="flat", robot=planar, scene=Scene(), start=np.zeros(2), goal=(), limits=planar.limits
+    )
     with pytest.raises(OptiPlanError, match="run 'quintic' moves 7 joints; robot 'planar2r' has 2"):
         build_scene(other, [("quintic", motion(shelf), None)])
 

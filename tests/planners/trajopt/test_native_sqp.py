@@ -21,7 +21,7 @@ from optiplan.planners.trajopt.program.qp import Subproblem
 from optiplan.planners.trajopt.program.sqp import DescentOptions
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
-from optiplan.problem.problem import JointGoal, Objective, Problem
+from optiplan.problem.problem import JointGoal, Objective, Problem, unchecked_problem
 from optiplan.robot.robot import Robot, load_robot
 from tests.planners import cases
 from tests.robot.test_mimic import PARTS, write_robot
@@ -49,7 +49,7 @@ def past_a_ball(robot: Robot) -> tuple[Problem, np.ndarray]:
     )
     ball = Obstacle("ball", Sphere(0.1), pin.SE3(np.eye(3), np.array([0.45, 0.25, 0.62])))
     board = Obstacle("board", Box((0.6, 0.6, 0.02)), pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.1])))
-    problem = Problem(
+    problem = unchecked_problem(
         name="past a ball",
         robot=robot,
         scene=Scene((ball, board)),
