@@ -1,12 +1,11 @@
 import base64
-import dataclasses
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Scene
-from optiplan.problem.problem import JointGoal, unchecked_problem
+from optiplan.problem.problem import JointGoal, derived, unchecked_problem
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.runs import RATE, Poses, ViewedRun, show_run
 
@@ -81,7 +80,7 @@ def test_a_motion_that_ends_where_it_starts_has_no_bound(shelf, motion, offset):
     there = motion(shelf)
     q = shelf.start.copy()
     q[2] += offset
-    back = motion(dataclasses.replace(shelf, start=there.end, goal=(JointGoal(q),)))
+    back = motion(derived(shelf, start=there.end, goal=(JointGoal(q),)))
     coefficients = np.concatenate([there.coefficients, back.coefficients])
     circle = Trajectory(there.joint_names, np.array([0.0, 1.6, 3.2]), coefficients)
     facts = dict(show_run(shelf, Poses(shelf), ViewedRun("circle", circle, REPORT))["facts"])
