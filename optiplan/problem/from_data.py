@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from optiplan.arrays import Array
-from optiplan.collision.contacts import Contact
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.config.document import Document, validate
@@ -17,7 +15,8 @@ from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.statements import PathConstraint
-from optiplan.problem.constraints.states import TOUCHING, BrokenConstraint
+from optiplan.problem.constraints.states import BrokenConstraint
+from optiplan.problem.free_space import free_check
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.nonzero_ends import StatedState, impossible_states
@@ -229,37 +228,20 @@ def _collisions(
     issues = []
     cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
     if places.start is not None and draft.start is not None:
-        found = _touching(model, places.start.q)
+        found = free_check(model, places.start.q).reason
         if found:
             place = (*draft.start.place, draft.start.value.kind)
             issues.append(document.issue(place, f"the start is in collision: {found}", cure))
     for via in places.vias:
-        found = _touching(later, via.value.at.q) if isinstance(via.value.at, JointGoal) else ""
+        found = free_check(later, via.value.at.q).reason if isinstance(via.value.at, JointGoal) else ""
         if found:
             issues.append(document.issue(via.place, f"the via is in collision: {found}", cure))
     hits: list[tuple[Place, str]] = []
     for part in places.goal:
         if isinstance(part.value, JointGoal):
-            found = _touching(later, part.value.q)
+            found = free_check(later, part.value.q).reason
             if found:
                 hits.append((part.place, found))
     if len(hits) == len(draft.goal):
         issues += [document.issue(place, f"the goal is in collision: {found}", cure) for place, found in hits]
     return issues
-
-
-def _touching(model: CollisionModel, q: Array) -> str:
-    """Return the bodies in contact at q in words, the deepest first; empty if none."""
-    contacts = sorted(model.touching(q, TOUCHING), key=lambda contact: contact.distance)
-    words = [_depth(contact) for contact in contacts[:3]]
-    rest = len(contacts) - len(words)
-    within = None if contacts else model.contained(q)
-    if within is not None:
-        return f"'{within[0]}' is inside '{within[1]}'"
-    return "; ".join(words) + (f"; and {rest} more pairs" if rest else "")
-
-
-def _depth(contact: Contact) -> str:
-    names = f"'{contact.pair.name_a}' and '{contact.pair.name_b}'"
-    depth = max(0.0, -contact.distance) * 1e3
-    return f"{names} overlap by {depth:.3g} mm" if depth >= 1e-3 else f"{names} touch"

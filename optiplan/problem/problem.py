@@ -11,17 +11,19 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import path_argument, seed_argument, wrong_argument
 from optiplan.files import write_text
+from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.kinematics.ik.joint_wraps import endless_turns
 from optiplan.problem import to_data
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.statements import PathConstraint
+from optiplan.problem.free_space import FreeSpace
 from optiplan.problem.from_python import ARGUMENT_WRITERS, arguments_data, read_arguments, read_data
 from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.statement import End, Pose, Values, ViaPoint
+from optiplan.problem.statement import End, ViaPoint
 from optiplan.problem.summary import as_table, goals_in_words
 from optiplan.problem.task.builder import Task
 from optiplan.problem.task.steps import TaskStep
@@ -35,16 +37,16 @@ __all__ = ["Goal", "GoalEnd", "JointGoal", "Objective", "Pose", "PoseGoal", "Pro
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Problem:
+class Problem(FreeSpace):
     """A task: which robot goes from where to where, around what, within which limits; never changed.
 
     The arguments are checked as a problem file is, and give the same problem with the same hash.
 
     Args:
         robot: a `Robot`, the name of a shipped one, or the path of a robot.yaml.
-        start: values of the planned joints (n,), rad or m, the name of a configuration of the robot, or a `State` of
-            a robot that is moving.
-        goal: a `Pose`, a `Region`, values of the joints (n,), the name of a configuration, a `State` to arrive in, or
+        start: values of the planned joints (n,) or `{joint: value}`, rad or m, the name of a configuration of the
+            robot, or a `State` of a robot that is moving.
+        goal: a `Pose`, a `Region`, values of the joints, the name of a configuration, a `State` to arrive in, or
             a list of alternatives.
         task: several steps, in place of a goal.
         scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.

@@ -55,7 +55,7 @@ def joints(problem: Problem, trajectory: Trajectory) -> Check:
     return Check("joints", "exact", False, detail=f"found {', '.join(found)}; expected {', '.join(expected)}")
 
 
-def start(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+def start_position(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
     """max_j |q_j(0) - start_j| <= position_tolerance."""
     error = np.abs(trajectory.start - problem.start)
     allowed = np.full(len(error), policy.position_tolerance)

@@ -17,7 +17,7 @@ from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLin
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
 from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.cut import cut
+from optiplan.trajectory.cut import cut_trajectory
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import collision
@@ -65,7 +65,7 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
     scenes = scene_parts(problem, trajectory)
     return [
         steps,
-        limit_checks.start(problem, trajectory, policy),
+        limit_checks.start_position(problem, trajectory, policy),
         *_worst_of(_ends(parts), "goal"),
         *_worst_of(_passed(parts), "via"),
         *_worst_of(_lines(parts, policy), "line"),
@@ -146,7 +146,7 @@ def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
     way: LineWay | None = None
     for (step, scene, begin, end), after in zip_longest(steps, steps[1:]):
         own = part_problem(problem, scene_during(scene.later(begin), step))
-        motion = cut(trajectory, begin, end) if end > begin else None
+        motion = cut_trajectory(trajectory, begin, end) if end > begin else None
         following = None if after is None else after[0].action
         way = line_way(step.action, following, frame_at(own.robot, step.action, trajectory(begin)), way)
         yield _Part(step, own, motion, begin, trajectory(end), way)

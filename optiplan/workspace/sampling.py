@@ -13,7 +13,7 @@ from optiplan.config.document import read_yaml
 from optiplan.cores import cores
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import HalfSpace, Obstacle, Scene
-from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
+from optiplan.kinematics.manipulability import ToolKinematics, manipulability_measures, scaled
 from optiplan.robot.reference import robot_file
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.workspace.accuracy import tool_error
@@ -138,7 +138,7 @@ def study_workspace(
     return Workspace(robot, options, sphere, samples, voxels, rings)
 
 
-def configurations(robot: Robot, options: WorkspaceOptions, start: int, stop: int) -> Array:
+def sample_configurations(robot: Robot, options: WorkspaceOptions, start: int, stop: int) -> Array:
     """Configurations number `start` to `stop` (not included) of the study, (stop - start, n); a chunk at most."""
     lower, upper = sampling_range(robot)
     if options.grid is None:
@@ -162,9 +162,9 @@ class _Sampling(ChunkedWork[WorkspaceSamples]):
 
         def sample(chunk: int) -> WorkspaceSamples:
             start = chunk * CHUNK
-            Q = configurations(robot, options, start, min(start + CHUNK, self.size))
+            Q = sample_configurations(robot, options, start, min(start + CHUNK, self.size))
             X_WT, J = tool.evaluate(Q)
-            found = vars(measures(scaled(J, length=self.length)))
+            found = vars(manipulability_measures(scaled(J, length=self.length)))
             if options.resolution is not None:
                 error = tool_error(J, options.resolution)
                 found = {**found, "error_worst": error.position_worst, "error_rms": error.position_rms}

@@ -5,13 +5,13 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.native_model import planning_model
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.problem.problem import derived
+from optiplan.robot.frames import frame_pose
 from optiplan.runs.pipeline import run
 from tests.planners import cases
 from tests.verify.test_moving_obstacles import MIDDLE, MOTION, REACH, T, ball, through

@@ -12,12 +12,12 @@ from optiplan.errors import InputError
 from optiplan.geometry.scene import Obstacle, Scene, Sphere
 from optiplan.kinematics.ik.joint_wraps import images
 from optiplan.kinematics.ik.numeric import IkOptions, joints_that_move, solve_ik
-from optiplan.kinematics.jacobians import frame_pose, geometric_jacobian
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
 from optiplan.planners.base import Budget
 from optiplan.problem.problem import JointGoal, derived, unchecked_problem
 from optiplan.robot.batched.kinematics import BatchKinematics
+from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.mimic_joints import coupling, unfold
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.urdf.export import export_urdf

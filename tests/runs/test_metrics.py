@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.kinematics.manipulability import measures
+from optiplan.kinematics.manipulability import manipulability_measures
 from optiplan.problem.problem import JointGoal
 from optiplan.runs import metrics
 from optiplan.runs.metrics import Metrics, by_determinant, integral, measure, peak_jerk
@@ -85,7 +85,7 @@ def test_rules_of_gauss_and_kronrod_are_exact_as_far_as_they_should():
 @pytest.mark.parametrize("shape", [(6, 7), (6, 6), (3, 2)])
 def test_determinant_is_the_product_of_singular_values(shape):
     J = np.random.default_rng(3).normal(size=(50, *shape))
-    assert by_determinant(J) == pytest.approx(measures(J).yoshikawa, rel=1e-9)
+    assert by_determinant(J) == pytest.approx(manipulability_measures(J).yoshikawa, rel=1e-9)
 
 
 def test_integral_finds_a_kink_anywhere():

@@ -20,7 +20,7 @@ from optiplan.problem.problem import Problem
 from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
 from optiplan.runs.common_bound import Bound, common_bound
-from optiplan.runs.pipeline import attempt
+from optiplan.runs.pipeline import plan_and_verify_once
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import save_run
 from optiplan.verify.report import jsonable
@@ -76,7 +76,9 @@ def run_all(
 
 def _one(problem: Problem, name: str, options: Mapping[str, Any], seconds: float) -> Run:
     with stdout_is_ours(), ProgressLine() as line:
-        return attempt(problem, name, options, Budget(seconds), lambda stage, done: line(f"{name}: {stage}", done))
+        return plan_and_verify_once(
+            problem, name, options, Budget(seconds), lambda stage, done: line(f"{name}: {stage}", done)
+        )
 
 
 def _place(path: Path, run: Run) -> Run:

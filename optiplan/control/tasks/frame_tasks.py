@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
-from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector, frame_of
+from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector, frame_index
 from optiplan.control.tasks.targets import Target, as_pose, as_position, as_rotation
 from optiplan.control.tasks.tool_abilities import default_gain, tool_abilities
 from optiplan.robot.robot import Robot
@@ -35,7 +35,7 @@ class FrameTask(ControlTask):
 
     def bind(self, robot: Robot) -> None:
         """Find F, and how quickly the robot moves it."""
-        self._frame = frame_of(self, "frame", robot, self.frame)
+        self._frame = frame_index(self, "frame", robot, self.frame)
         if not self._has_gain:
             self.gain = default_gain(robot)
             self.speed, self.brake_rates = tool_abilities(robot, self.frame)

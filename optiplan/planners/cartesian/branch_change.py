@@ -6,7 +6,6 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import line
@@ -15,6 +14,7 @@ from optiplan.planners.common.via_legs import joined
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.sampling.rrtconnect import RrtConnect
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem, derived
+from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.trajectory import Trajectory
 
 _OTHER = 1e-3  # rad or m: configurations that differ by less are one

@@ -5,9 +5,9 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.kinematics.ik.numeric import random_seeds
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem, RegionGoal, derived
 from optiplan.problem.regions.sampling import RegionSampler
+from optiplan.robot.frames import frame_pose
 
 _TRIED, _KEPT = 24, 4
 """Configurations looked at, and poses of free ones kept."""

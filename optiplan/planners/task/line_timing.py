@@ -3,7 +3,7 @@
 import numpy as np
 
 from optiplan.planners.base import Budget
-from optiplan.planners.task.chains import Done
+from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.stages import Stage
 from optiplan.problem.constraints.statements import ToolSpeed
 from optiplan.problem.task.steps import StraightLine
@@ -11,7 +11,7 @@ from optiplan.trajectory.timing.time_path import TimingOptions, ToolLimits, time
 from optiplan.trajectory.trajectory import Trajectory
 
 
-def line_limits(done: Done) -> ToolLimits | None:
+def line_limits(done: PlannedStep) -> ToolLimits | None:
     """Return what limits the tool along a line: its own speed, and constraints of speed of the same frame."""
     action = done.step.action
     assert isinstance(action, StraightLine)

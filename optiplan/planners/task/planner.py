@@ -22,8 +22,8 @@ from optiplan.planners.common.dynamic_obstacles import without_dynamic_obstacles
 from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.common.via_legs import joined as in_turn
-from optiplan.planners.task.chains import Done, of_step
-from optiplan.planners.task.flow import flowing
+from optiplan.planners.task.chains import PlannedStep, of_step
+from optiplan.planners.task.join_steps import join_steps
 from optiplan.planners.task.line_timing import line_limits, timed_line
 from optiplan.planners.task.optimisation.stretch_optimiser import optimised
 from optiplan.planners.task.search import TaskSearch
@@ -64,7 +64,7 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         return PlanResult(None, moves.failure(stretches), watch.seconds)
     if problem.scene.dynamic_obstacles:
         with watch.stage("waiting"):
-            found = _among_moving(moves, planner, stretches, budget, progress)
+            found = _wait_for_obstacles(moves, planner, stretches, budget, progress)
         return replace(found, timings=watch.seconds, info={"moves": search.infos, **found.info})
     candidates: list[Candidate] = []
 
@@ -79,7 +79,7 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
     info["duration_with_stops"] = offer(stretches)
     with watch.stage("flow"):
-        groups = flowing(stretches, budget.share(_JOINING), progress, thorough=not _timed_only(problem))
+        groups = join_steps(stretches, budget.share(_JOINING), progress, thorough=not _timed_only(problem))
     info["duration_joined"] = offer([one for group in groups for one in group])
     with watch.stage("optimisation"):
         for whole in _optimised(problem, planner, groups, budget, progress):
@@ -146,12 +146,12 @@ def _timed_only(problem: Problem) -> bool:
     return problem.objective.weights.keys() == {"time"}
 
 
-def _among_moving(
+def _wait_for_obstacles(
     moves: ViaMoves, planner: Planner[Any], stretches: list[Stretch], budget: Budget, progress: Progress
 ) -> PlanResult:
     """Let what moves pass: of the steps as one where that is quicker, or else of them one by one."""
     problem = moves.problem
-    groups = flowing(stretches, budget, progress, thorough=not _timed_only(problem))
+    groups = join_steps(stretches, budget, progress, thorough=not _timed_only(problem))
     failure: Failure | None = None
     *_, together = _optimised(problem, planner, groups, budget, progress)
     for way in (together, stretches):
@@ -164,7 +164,7 @@ def _among_moving(
     return PlanResult(None, moves.failure(failure))
 
 
-def _timed(done: Done, budget: Budget) -> "Trajectory | float | Failure":
+def _timed(done: PlannedStep, budget: Budget) -> "Trajectory | float | Failure":
     """Return the motion of a step, of its joints; or how long it stands still, s."""
     if isinstance(done.step.action, Dwell):
         return done.step.action.seconds
@@ -189,7 +189,7 @@ def joined(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
         first, motion = stretch.done[0], stretch.motion
         if isinstance(motion, Trajectory):
             assert first.stage is not None
-            parts.append(whole(problem.robot, first.stage.columns, motion, first.before.q))
+            parts.append(motion_of_all_joints(problem.robot, first.stage.columns, motion, first.before.q))
         elif motion > 0.0:
             parts.append(standstill(problem.robot, first.before.q, motion))
         since = begin
@@ -201,7 +201,7 @@ def joined(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
     return replace(in_turn(parts or [standstill(problem.robot, problem.start, 1e-3)]), segments=tuple(segments))
 
 
-def _object_and_link(done: Done) -> tuple[str, str]:
+def _object_and_link(done: PlannedStep) -> tuple[str, str]:
     """Return what is taken or released, and the link that does it; empty of other steps."""
     action = done.step.action
     if isinstance(action, Attach):
@@ -211,7 +211,7 @@ def _object_and_link(done: Done) -> tuple[str, str]:
     return "", ""
 
 
-def whole(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) -> Trajectory:
+def motion_of_all_joints(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) -> Trajectory:
     """Return the motion of all joints in which some move and the others stand where they stand in q (n,)."""
     coefficients = np.zeros((*motion.coefficients.shape[:2], robot.n))
     coefficients[:, 0] = q

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.planners.task.chains import Done
+from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.line_timing import line_limits
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import ToolLimits
@@ -27,7 +27,7 @@ class SmoothRun:
         edges: (N steps + 1,) where each step begins and ends, as shares of the curve's parameter, from 0 to 1.
     """
 
-    done: tuple[Done, ...]
+    done: tuple[PlannedStep, ...]
     curve: Trajectory
     edges: tuple[float, ...] = (0.0, 1.0)
 
@@ -44,7 +44,7 @@ class SmoothRun:
                 yield begin, end, limits
 
 
-def smooth_runs(done: Sequence[Done]) -> list[SmoothRun]:
+def smooth_runs(done: Sequence[PlannedStep]) -> list[SmoothRun]:
     """Return moves and lines as smooth curves; lines that meet in a corner that is rounded off are one."""
     found: list[SmoothRun] = []
     for one in done:
@@ -56,7 +56,7 @@ def smooth_runs(done: Sequence[Done]) -> list[SmoothRun]:
     return found
 
 
-def is_rounded(before: Done, after: Done) -> bool:
+def is_rounded(before: PlannedStep, after: PlannedStep) -> bool:
     """Whether two lines meet in a corner that is rounded off, with the same slope and curvature."""
     if before.corner is None or before.curve is None or after.curve is None:
         return False
@@ -66,7 +66,7 @@ def is_rounded(before: Done, after: Done) -> bool:
     return bool((np.abs(a - b).max(axis=1) <= _SMOOTH * scale).all())
 
 
-def _longer(run: SmoothRun, after: Done) -> SmoothRun:
+def _longer(run: SmoothRun, after: PlannedStep) -> SmoothRun:
     """Return a run with one line more, over the length of its lines, m."""
     corners = [done.corner for done in run.done]
     assert after.curve is not None

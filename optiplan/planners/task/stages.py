@@ -17,7 +17,7 @@ _SAME = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Situation:
+class WorldState:
     """Where all joints stand, q (n,), and what the scene is then."""
 
     q: Array
@@ -38,7 +38,7 @@ class Stage:
     model: CollisionModel
     columns: list[int]
 
-    def whole(self, q: Array, state: Situation) -> Array:
+    def all_joints(self, q: Array, state: WorldState) -> Array:
         """Return a configuration of the whole robot (n,) with the joints of this stage at q (k,)."""
         found = np.array(state.q)
         found[self.columns] = q
@@ -61,7 +61,7 @@ class Stages:
         v, a = self.problem.start_velocity[stage.columns], self.problem.start_acceleration[stage.columns]
         return replace(stage, problem=derived(stage.problem, start_velocity=v, start_acceleration=a))
 
-    def at(self, state: Situation, step: TaskStep, joints: tuple[str, ...]) -> Stage:
+    def at(self, state: WorldState, step: TaskStep, joints: tuple[str, ...]) -> Stage:
         """Return the stage of a step from a state."""
         own = columns(self.problem.robot, joints)
         others = np.delete(state.q, own)

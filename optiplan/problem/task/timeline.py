@@ -9,7 +9,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.scene_change import carrying, scene_after, scene_during
 from optiplan.problem.task.steps import Attach, Detach, TaskStep
-from optiplan.trajectory.cut import cut
+from optiplan.trajectory.cut import cut_trajectory
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -36,7 +36,7 @@ class ScenePart:
     def motion(self, trajectory: Trajectory) -> Trajectory:
         """Return this part of the motion."""
         whole = self.begin == 0.0 and self.end == trajectory.duration
-        return trajectory if whole else cut(trajectory, self.begin, self.end)
+        return trajectory if whole else cut_trajectory(trajectory, self.begin, self.end)
 
 
 def mismatch(problem: Problem, trajectory: Trajectory) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from optiplan import cache
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.convex import triangles_of, vertices_of
+from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Scene
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
@@ -25,7 +25,7 @@ from optiplan.robot.self_collision.pair_proof import joint_box
 from optiplan.robot.self_collision.pair_survey import content_digest
 from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.interval_queries import ROUNDING
-from optiplan.verify.continuous.motion_bounds import Boxes, DistanceQuery, Motion
+from optiplan.verify.continuous.motion_bounds import Boxes, Motion, MotionQuery
 from optiplan.verify.continuous.rings import near_rings
 from optiplan.verify.continuous.separating_planes import PairDistances, unconfirmed
 
@@ -109,7 +109,7 @@ class KeptClearance:
 Pair = tuple[int, int]
 
 
-def prepare(robot: Robot, progress: Progress | None = None) -> Mapping[Pair, KeptClearance]:
+def prove_kept_clearances(robot: Robot, progress: Progress | None = None) -> Mapping[Pair, KeptClearance]:
     """Return what is kept of the pairs of a robot's bodies; it is proved now where it is not in the cache.
 
     Args:
@@ -129,7 +129,7 @@ def prepare(robot: Robot, progress: Progress | None = None) -> Mapping[Pair, Kep
     return made
 
 
-kept_clearances = once_for_each_robot(prepare)
+kept_clearances = once_for_each_robot(prove_kept_clearances)
 """The same, made once in a process for each robot."""
 
 
@@ -257,7 +257,7 @@ class _Maker:
         pairs = np.full(len(Q), pair)
         placed = self._bodies.place(poses, rows, pairs)
         boxes = self._motion.of_all_joints(Boxes(still[:, 0], Q, still, D, still, still, still))
-        travel = self._motion.travel(boxes, DistanceQuery(rows, pairs, placed, *kinematics.axes(poses))).total
+        travel = self._motion.travel(boxes, MotionQuery(rows, pairs, placed, *kinematics.axes(poses))).total
         bound = self._bodies.lower_bound(placed)
         near = np.flatnonzero(bound - travel - ROUNDING < _FINE)
         enough = travel[near] + _FINE + ROUNDING
@@ -319,7 +319,7 @@ def _halved(middle: Array, half: Array, whole: Array) -> tuple[Array, Array]:
 def _triangles(shape: coal.CollisionGeometry) -> Array | None:
     """Triangles (k, 3, 3), m, of the surface of a mesh or polyhedron; None of other shapes."""
     if isinstance(shape, coal.BVHModelBase):
-        return np.asarray(vertices_of(shape)[triangles_of(shape)])
+        return np.asarray(mesh_vertices(shape)[mesh_triangles(shape)])
     if isinstance(shape, coal.ConvexBase):
         from scipy.spatial import ConvexHull, QhullError
 

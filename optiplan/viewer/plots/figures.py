@@ -56,7 +56,7 @@ def draw(name: str, runs: Sequence[PlottedRun], options: PlotOptions) -> Any:
         return FIGURES[name](runs, options)
 
 
-def write(names: Sequence[str], runs: Sequence[PlottedRun], options: PlotOptions, path: Path) -> None:
+def write_figures(names: Sequence[str], runs: Sequence[PlottedRun], options: PlotOptions, path: Path) -> None:
     """Write figures into one file of the kind that its suffix names; it appears whole or not at all.
 
     A PDF has a page for each, CSV is the same whatever the figure; the others hold one.
@@ -65,7 +65,7 @@ def write(names: Sequence[str], runs: Sequence[PlottedRun], options: PlotOptions
         InputError: another suffix, or several figures in a file that holds one.
         UnknownChoiceError: as `draw`.
     """
-    kind = kind_of(path)
+    kind = figure_format(path)
     if kind not in ("pdf", "csv") and len(names) != 1:
         found = f"{len(names)} figures: {', '.join(names)}"
         raise InputError([Issue(str(path), None, "figure", found, f"one of them for a {kind}, a .pdf or a folder")])
@@ -92,17 +92,17 @@ def write_all(
     for kind in kinds:
         if kind == "csv":
             written += [folder / "curves.csv", folder / "limits.csv"]
-            write(names, runs, options, written[-2])
+            write_figures(names, runs, options, written[-2])
             with replacing(written[-1]) as temporary:
                 write_limits(runs, temporary)
             continue
         for name in names:
             written.append(folder / f"{name}.{kind}")
-            write([name], runs, options, written[-1])
+            write_figures([name], runs, options, written[-1])
     return written
 
 
-def kind_of(path: Path) -> str:
+def figure_format(path: Path) -> str:
     """The format that a file's suffix names.
 
     Raises:

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from optiplan.arrays import Array
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import build_geometry
-from optiplan.viewer.body_triangles import triangles_of
+from optiplan.viewer.body_triangles import body_triangles
 
 FLAT = 1e-9
 """m: thinner outlines are lines, which have no area to fill."""
@@ -19,7 +19,7 @@ def outlines(scene: Scene, plane: tuple[int, int]) -> Iterator[Array]:
     for obstacle in scene.obstacles:
         if obstacle.shape.endless:
             continue
-        vertices = triangles_of(build_geometry(obstacle.shape)).vertices
+        vertices = body_triangles(build_geometry(obstacle.shape)).vertices
         X_WO = obstacle.X_WO
         points = (vertices @ X_WO.rotation.T + X_WO.translation)[:, plane]
         if np.ptp(points, axis=0).min() > FLAT:

@@ -8,12 +8,12 @@ import pytest
 
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import circle
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import derived
+from optiplan.robot.frames import frame_pose
 from optiplan.runs.pipeline import run
 from tests.reference.entries import entry
 

@@ -11,11 +11,11 @@ from optiplan.errors import InputError
 from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Box, Obstacle, Scene
 from optiplan.kinematics.ik.closed_form import closed_form
-from optiplan.kinematics.jacobians import frame_pose, geometric_jacobian
 from optiplan.planners.base import Budget
 from optiplan.planners.cartesian.tool_path import circle_through
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import JointGoal, PoseGoal, derived, unchecked_problem
+from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import load_robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify

@@ -13,7 +13,7 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt import attempts, optimizer, path_search, planner, stopping_rule
-from optiplan.planners.trajopt.coarse_descents import Way
+from optiplan.planners.trajopt.coarse_descents import GuessPath
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
@@ -245,7 +245,7 @@ def test_a_path_on_an_optimised_curve_is_optimised_again_only_where_shortcuts_he
     attempt = run.optimiser.run(run._along(ends), Budget(5.0))
     cost = float(path_time(ends, problem.limits.velocity).sum())
     run.repaired = attempt, cost
-    run._sampled(Way(SampledPath(ends, 0, shorter * cost, {})))
+    run._sampled(GuessPath(SampledPath(ends, 0, shorter * cost, {})))
     seeds = [entry["seed"] for entry in run.info["attempts"] if entry["seed"] != "close"]
     assert seeds == kinds
     assert run.incumbent.candidates
@@ -257,7 +257,7 @@ def test_a_path_that_takes_far_longer_than_the_best_motion_is_left() -> None:
     run = planner._Run(problem, Budget(5.0), lambda stage, fraction: None, TrajOptOptions())
     ends = np.array([problem.start, problem.goal[0].q])
     run.attempts.attempt("straight", run._along(ends), run.budget)
-    run._sampled(Way(SampledPath(ends, 0, 2.0 * run.incumbent.cost, {})))
+    run._sampled(GuessPath(SampledPath(ends, 0, 2.0 * run.incumbent.cost, {})))
     assert {attempt["seed"] for attempt in run.info["attempts"]} <= {"straight", "close"}
     assert run.patience.in_vain == 1
 

@@ -7,12 +7,12 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.native_model import planning_model
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.planners.trajopt.warm import WarmStart
 from optiplan.problem.problem import derived
+from optiplan.robot.frames import frame_pose
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from tests.planners import cases

@@ -102,7 +102,7 @@ def probability(p: float) -> str:
     return "&lt; 0.001" if p < 0.001 else f"{p:.2g}" if p < 0.1 else f"{p:.2f}"
 
 
-def within(value: Interval, what: str = "median") -> Cell:
+def with_interval(value: Interval, what: str = "median") -> Cell:
     """A value with its interval behind it."""
     if math.isnan(value.value):
         return Cell(NOTHING, kind="none")

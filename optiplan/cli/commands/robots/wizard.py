@@ -21,7 +21,7 @@ from optiplan.robot.limits import DEFAULTS, joint_units
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.urdf.reader import read_urdf
 from optiplan.robot.urdf.srdf import LinkPair, link_pair, srdf_text
-from optiplan.verify.continuous.kept_clearance import prepare as prove
+from optiplan.verify.continuous.kept_clearance import prove_kept_clearances as prove
 
 YAML_NAME, SRDF_NAME = "robot.yaml", "robot.srdf"
 TOUCHING = "touching"

@@ -1,4 +1,4 @@
-"""Plan from or to states of motion: curves that begin and end in them, or a stop, a way from rest to rest, a run-up."""
+"""Plan between states of motion: curves that begin and end in them, or a stop, a way from rest to rest, a run-up."""
 
 from dataclasses import replace
 from typing import Any
@@ -16,7 +16,7 @@ from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.common.via_legs import joined
 from optiplan.planners.trajopt.initial_guess import with_bump
-from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, torque_ratio, with_reserve
+from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
@@ -32,7 +32,9 @@ _NO_GAIN = 1e-6
 """Share of the cost below which a motion counts as no better."""
 
 
-def plan_moving(planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+def plan_nonzero_ends(
+    planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress
+) -> PlanResult:
     """Plan a problem that states motion at its start or at goals.
 
     Each joint's fastest profile between the states is the motion itself where it is free, and the first guess of a
@@ -40,10 +42,10 @@ def plan_moving(planner: Planner[TrajOptOptions], problem: Problem, budget: Budg
     begins, as `planner` finds it, and runs up; that motion is an answer, and the first guess of another curve. Then
     curves with a bump are tried while `Patience` allows.
     """
-    return _MovingRun(planner, problem, budget, progress).result()
+    return _NonzeroEndRun(planner, problem, budget, progress).result()
 
 
-class _MovingRun:
+class _NonzeroEndRun:
     """State of one call."""
 
     def __init__(self, planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress) -> None:
@@ -53,7 +55,7 @@ class _MovingRun:
         self.info: dict[str, Any] = {"attempts": [], "cut_short": False}
         self.candidates: list[Candidate] = []
         self.best, self.bound = np.inf, 0.0
-        self.curve: tuple[Attempt, MovingOptimiser] | None = None
+        self.curve: tuple[Attempt, NonzeroEndOptimiser] | None = None
         self.touching: tuple[Touch, Trajectory] | None = None
         self.patience = Patience(budget, self.options.good_enough)
         with self.watch.stage("set-up"):
@@ -81,7 +83,7 @@ class _MovingRun:
         early = self.budget.share(_DIRECT)
         for q in goals[: self.options.straight_goals]:
             for end in self.problem.end_states(q):
-                if not early.over and self._worth():
+                if not early.over and self._should_continue():
                     self._direct(end, early)
         failure = None
         if not self.candidates and not self.budget.over:
@@ -96,7 +98,7 @@ class _MovingRun:
         profile = BetweenStates(start, end, limits, names).trajectory()
         if self._good(profile) is None:
             self._offer(profile)
-        if self._worth():
+        if self._should_continue():
             self._optimised("direct", profile, EndStates(start, end), budget)
 
     def _good(self, motion: Trajectory) -> Failure | None:
@@ -166,7 +168,7 @@ class _MovingRun:
         """Optimise from the best curve with a bump, while that can be expected to gain."""
         rng = np.random.default_rng(self.problem.seed)
         for _ in range(self.options.seeds):
-            if self.curve is None or not self._worth():
+            if self.curve is None or not self._should_continue():
                 return
             attempt, optimiser = self.curve
             T = attempt.trajectory.duration
@@ -174,10 +176,10 @@ class _MovingRun:
             self._run("bump", optimiser, control, T, self.budget)
 
     def _optimised(self, kind: str, motion: Trajectory, ends: EndStates, budget: Budget) -> None:
-        optimiser = MovingOptimiser(self.problem, self.optimiser, ends)
+        optimiser = NonzeroEndOptimiser(self.problem, self.optimiser, ends)
         self._run(kind, optimiser, optimiser.along(motion), motion.duration, budget)
 
-    def _run(self, kind: str, optimiser: MovingOptimiser, control: Array, duration: float, budget: Budget) -> None:
+    def _run(self, kind: str, optimiser: NonzeroEndOptimiser, control: Array, duration: float, budget: Budget) -> None:
         """Optimise a curve and offer it, if it is free."""
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
         before = self.optimiser.steps
@@ -206,7 +208,7 @@ class _MovingRun:
             announce(self.progress, trajectory)
         return True
 
-    def _worth(self) -> bool:
+    def _should_continue(self) -> bool:
         """Return whether the budget and `Patience` allow another attempt."""
         if self.budget.over:
             return False

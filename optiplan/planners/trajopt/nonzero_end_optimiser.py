@@ -57,7 +57,7 @@ def with_reserve(problem: Problem) -> Problem:
     return derived(problem, limits=replace(problem.limits, torque=(1.0 - 2.0 * RESERVE) * problem.limits.torque))
 
 
-class MovingOptimiser:
+class NonzeroEndOptimiser:
     """Optimise curves between two states of motion, by the optimiser of curves between two configurations.
 
     With the control points at the ends as of a duration T', the least duration of the others is g(T'), an ordinary

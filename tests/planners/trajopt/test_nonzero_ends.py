@@ -10,7 +10,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import PLANNERS, make_planner, planner_entry
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
-from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser
+from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import derived
@@ -94,7 +94,7 @@ def test_the_curve_is_near_the_fastest_whatever_the_guess(share, guess):
     start, end = problem.start_state, problem.goal[0].state
     least = BetweenStates(start, end, problem.limits, problem.robot.joint_names).trajectory()
     optimiser = Optimiser(problem, planning_model(problem.robot, problem.scene), TrajOptOptions())
-    curves = MovingOptimiser(problem, optimiser, EndStates(start, end))
+    curves = NonzeroEndOptimiser(problem, optimiser, EndStates(start, end))
     found = curves.run(curves.along(least), guess * least.duration, Budget(10.0)).trajectory
     assert 1.0 - 1e-6 <= found.duration / least.duration < 1.015
     for order, rate in enumerate((start.q, start.v, start.a)):
@@ -121,7 +121,7 @@ def test_curves_are_bent_smoothly_to_new_ends():
     assert same == pytest.approx(moved, abs=1e-9)
 
 
-def test_vias_with_moving_ends():
+def test_vias_with_nonzero_ends():
     problem = moving(cases.free(), acceleration=False)
     middle = 0.5 * (problem.start + problem.goal[0].q)
     through = derived(problem, vias=(cases.Via(op.JointGoal(middle, 1e-3)),))

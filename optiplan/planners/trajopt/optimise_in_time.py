@@ -11,11 +11,11 @@ from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResu
 from optiplan.planners.common.dynamic_obstacles import delayed, without_dynamic_obstacles
 from optiplan.planners.trajopt.bspline_basis import DEGREE
 from optiplan.planners.trajopt.initial_guess import with_bump
-from optiplan.planners.trajopt.moving_ends import (
+from optiplan.planners.trajopt.nonzero_end_optimiser import (
     EXACT,
     STRETCHES,
     EndStates,
-    MovingOptimiser,
+    NonzeroEndOptimiser,
     torque_ratio,
     with_reserve,
 )
@@ -35,7 +35,7 @@ _CLOSE = 1.01
 """Cost to that of the motion among what stands still, up to which no further curve is tried."""
 
 
-class TimedOptimiser(MovingOptimiser):
+class TimedOptimiser(NonzeroEndOptimiser):
     """Optimise curves whose duration is part of the answer: they are not made faster afterwards."""
 
     def timed(self, control: Any, duration: float) -> Trajectory | None:
@@ -53,7 +53,7 @@ class TimedOptimiser(MovingOptimiser):
         return None
 
 
-def plan_among_moving(
+def optimise_in_time(
     planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress
 ) -> PlanResult:
     """Plan among what stands still, wait or slow down until nothing that moves is met, and optimise curves in time.

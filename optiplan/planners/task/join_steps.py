@@ -20,7 +20,7 @@ from optiplan.arrays import Array
 from optiplan.libraries import loading
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.task.chains import Done
+from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
 from optiplan.planners.task.stops import why_stop
 from optiplan.planners.task.stretches import Stretch
@@ -56,7 +56,7 @@ _SLACK = 1e-9
 _BISECTIONS = 60
 
 
-def flowing(
+def join_steps(
     stretches: Sequence[Stretch], budget: Budget, progress: Progress, thorough: bool = True
 ) -> list[list[Stretch]]:
     """Return the stretches, those joined that are quicker so, in groups between which the arm must stop.
@@ -75,7 +75,7 @@ def flowing(
     return found
 
 
-def _groups(stretches: Sequence[Stretch], go_on: Callable[[Done, Done], bool]) -> list[list[Stretch]]:
+def _groups(stretches: Sequence[Stretch], go_on: Callable[[PlannedStep, PlannedStep], bool]) -> list[list[Stretch]]:
     """Cut stretches where one does not go on in the next."""
     groups: list[list[Stretch]] = []
     for stretch in stretches:
@@ -86,16 +86,16 @@ def _groups(stretches: Sequence[Stretch], go_on: Callable[[Done, Done], bool]) -
     return groups
 
 
-def _goes_on(before: Done, after: Done) -> bool:
+def _goes_on(before: PlannedStep, after: PlannedStep) -> bool:
     return why_stop(before, after) is None and not (_stands(before) or _stands(after))
 
 
-def _stands(done: Done) -> bool:
+def _stands(done: PlannedStep) -> bool:
     """Whether a move ends where it begins: it has no direction to leave or to arrive in."""
     return bool(np.abs(done.after.q - done.before.q).max(initial=0.0) <= _NOWHERE)
 
 
-def _can_be_joined(before: Done, after: Done) -> bool:
+def _can_be_joined(before: PlannedStep, after: PlannedStep) -> bool:
     """Whether the curves of both may change without regard to constraints: those of lines do not."""
     return all(one.is_line or (one.stage and not one.stage.problem.path_constraints) for one in (before, after))
 
@@ -146,7 +146,7 @@ class _PathElement:
     curve: Trajectory
 
     @property
-    def done(self) -> Done:
+    def done(self) -> PlannedStep:
         """Its first step."""
         return self.run.done[0]
 
