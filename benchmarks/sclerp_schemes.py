@@ -37,11 +37,12 @@ from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.planners.sclerp.screw_motion import ScrewTask, attempt
-from optiplan.problem.problem import PoseGoal, unchecked_problem
+from optiplan.problem.problem import PoseGoal
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import load_robot
 from tests.reference.entries import entry
 from tests.reference.sclerp_misprints import PRINTED, printed_scheme
+from tests.unchecked_problem import unchecked_problem
 
 SCHEMES = ("printed", "corrected", "damped", "qp", "qp, led")
 ANGLE = 0.1  # m/rad: how much the angle counts where the nearest pose is looked for

@@ -72,10 +72,9 @@ class Problem(FreeSpace):
         task: steps in order; none where there is a goal.
         vias: to be passed in this order.
         limits: the robot's limits times the given fractions.
-        source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores.
-        hash: SHA-256 of `source` with the contents of the files of the robot and the meshes.
-
-    `derived` and `unchecked_problem` make problems without source and hash, which are "" and {}.
+        source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores; empty of
+            one that was `derived`.
+        hash: SHA-256 of `source` with the contents of the files of the robot and the meshes; likewise.
 
     Raises:
         InputError: every issue found, with the valid values.
@@ -403,19 +402,6 @@ def derived(problem: Problem, **changes: Any) -> Problem:
     if unknown := changes.keys() - _CHANGEABLE:
         raise TypeError(f"a problem derived from another has no {', '.join(sorted(unknown))} of its own")
     return Problem.of({**vars(problem), **changes, "source": {}, "hash": ""})
-
-
-def unchecked_problem(robot: Robot, start: Values, goal: Goal, **parts: Any) -> Problem:
-    """Return a problem of attributes as they are, without source and hash; those not in `parts` have their defaults.
-
-    Raises:
-        TypeError: as `derived`.
-    """
-    rest = np.zeros(robot.n)
-    defaults = {"name": "problem", "scene": Scene(), "limits": robot.limits, "vias": (), "task": (), "seed": 0}
-    defaults |= {"objective": Objective(), "path_constraints": (), "planner": "trajopt", "options": {}}
-    bare = Problem.of(defaults | {"robot": robot, "goal": goal, "start_velocity": rest, "start_acceleration": rest})
-    return derived(bare, start=start, **parts)
 
 
 _CHANGEABLE = {one.name for one in fields(Problem)} - {"source", "hash"}

@@ -11,9 +11,10 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem, RegionGoal, Via, derived, unchecked_problem
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import chain, joint, write_robot
+from tests.unchecked_problem import unchecked_problem
 
 READY = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 LEFT = np.array([1.2, 0.2, 0.1, -1.9, 0.1, 2.0, 0.6])

@@ -14,13 +14,14 @@ from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler, ran
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.sample_path import SamplingOptions, path_check, sample_path
 from optiplan.problem.goals import GoalOptions
-from optiplan.problem.problem import JointGoal, PoseGoal, derived, unchecked_problem
+from optiplan.problem.problem import JointGoal, PoseGoal, derived
 from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from tests.planners import cases
 from tests.problem.goal_errors import goal_residual
 from tests.robot.robots import BARE, LINK, joint, write_robot
+from tests.unchecked_problem import unchecked_problem
 
 
 def sampler(problem, seed=0, **options):

@@ -16,7 +16,7 @@ from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import REFLECTION, aim, b_matrix, iterate_scheme, reflected, spatial_J1
 from optiplan.planners.sclerp.screw_kinematics import Tool
-from optiplan.problem.problem import PoseGoal, unchecked_problem
+from optiplan.problem.problem import PoseGoal
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import load_robot
 from optiplan.verify.verify import verify
@@ -24,6 +24,7 @@ from tests.reference.baxter import free_report_arm
 from tests.reference.entries import entry, matches
 from tests.reference.poses import rot
 from tests.reference.sclerp_misprints import PRINTED, printed_aim, printed_scheme, report_J1, report_screw
+from tests.unchecked_problem import unchecked_problem
 
 RUNS = [run["id"] for run in entry("sclerp.runs").value]
 CONVERGING = [run["id"] for run in entry("sclerp.runs").value if run["converged"]]

@@ -15,7 +15,7 @@ from optiplan.kinematics.ik.numeric import IkOptions, joints_that_move, solve_ik
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
 from optiplan.planners.base import Budget
-from optiplan.problem.problem import JointGoal, derived, unchecked_problem
+from optiplan.problem.problem import JointGoal, derived
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.mimic_joints import coupling, unfold
@@ -26,6 +26,7 @@ from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.report import VerifyPolicy
 from optiplan.viewer.scene import build_scene
 from tests.robot.robots import BARE, BODILESS, joint, write_robot
+from tests.unchecked_problem import unchecked_problem
 from tests.verify.motions import quintic
 
 LIMIT = '<limit lower="-2" upper="2" velocity="3" effort="40"/>'

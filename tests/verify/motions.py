@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from optiplan.problem.problem import JointGoal, unchecked_problem
+from optiplan.problem.problem import JointGoal
 from optiplan.trajectory.trajectory import Trajectory
+from tests.unchecked_problem import unchecked_problem
 
 
 def quintic(names, q0, q1, duration):

@@ -8,7 +8,7 @@ import pytest
 
 from optiplan.kinematics.ik.joint_wraps import images
 from optiplan.problem.load import load_problem
-from optiplan.problem.problem import JointGoal, Problem, unchecked_problem
+from optiplan.problem.problem import JointGoal, Problem
 from optiplan.robot.mimic_joints import Mimic
 from optiplan.robot.robot import load_robot
 from optiplan.robot.urdf.export import export_urdf
@@ -16,6 +16,7 @@ from optiplan.runs.run_folder import load_run
 from optiplan.verify.verify import verify
 from tests.robot.robots import chain, joint, write_robot
 from tests.robot.test_mimic import follower
+from tests.unchecked_problem import unchecked_problem
 from tests.verify.motions import quintic
 
 ATTACK = Path(__file__).parents[1] / "attacks" / "endless"

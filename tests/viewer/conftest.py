@@ -6,9 +6,10 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
-from optiplan.problem.problem import JointGoal, Problem, unchecked_problem
+from optiplan.problem.problem import JointGoal, Problem
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.trajectory.trajectory import Trajectory
+from tests.unchecked_problem import unchecked_problem
 from tests.viewer.browsing import visit
 
 __all__ = ["visit"]

@@ -8,12 +8,13 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.problem.problem import JointGoal, derived, unchecked_problem
+from optiplan.problem.problem import JointGoal, derived
 from optiplan.trajectory.segments import Segment
 from optiplan.viewer.page import export_page, render_page
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
 from optiplan.viewer.server import PageServer
+from tests.unchecked_problem import unchecked_problem
 from tests.viewer.browsing import pixels, poses, until
 
 pytestmark = [pytest.mark.timeout(240)]

@@ -5,9 +5,10 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Obstacle, Scene, Sphere
-from optiplan.problem.problem import JointGoal, unchecked_problem
+from optiplan.problem.problem import JointGoal
 from optiplan.viewer.page import export_page
 from optiplan.viewer.runs import ViewedRun
+from tests.unchecked_problem import unchecked_problem
 from tests.viewer.browsing import pixels
 from tests.viewer.conftest import at
 

@@ -5,9 +5,10 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Scene
-from optiplan.problem.problem import JointGoal, derived, unchecked_problem
+from optiplan.problem.problem import JointGoal, derived
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.runs import RATE, Poses, ViewedRun, run_for_page
+from tests.unchecked_problem import unchecked_problem
 
 WITNESS = {"proved_clearance": 0.0123, "met_clearance": 0.0145}
 COLLISION = {"name": "collision", "passed": True, "worst": 0.0123, "time": 0.4, "witness": WITNESS}

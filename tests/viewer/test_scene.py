@@ -8,8 +8,9 @@ import pytest
 
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.problem.problem import JointGoal, PoseGoal, Via, derived, unchecked_problem
+from optiplan.problem.problem import JointGoal, PoseGoal, Via, derived
 from optiplan.viewer.scene import build_scene
+from tests.unchecked_problem import unchecked_problem
 
 
 def named(scene, name, kind):

@@ -14,11 +14,12 @@ from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.planners.base import Budget
 from optiplan.planners.cartesian.tool_path import circle_through
 from optiplan.planners.registry import make_planner
-from optiplan.problem.problem import JointGoal, PoseGoal, derived, unchecked_problem
+from optiplan.problem.problem import JointGoal, PoseGoal, derived
 from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import load_robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
+from tests.unchecked_problem import unchecked_problem
 
 UR5 = np.array([-0.02, -1.359, 1.644, -0.284, 1.551, 0.0])
 

@@ -12,11 +12,12 @@ from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import Tool
-from optiplan.problem.problem import JointGoal, PoseGoal, derived, unchecked_problem
+from optiplan.problem.problem import JointGoal, PoseGoal, derived
 from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 from tests.planners import cases
 from tests.reference.entries import entry
+from tests.unchecked_problem import unchecked_problem
 
 
 def silent(stage, fraction):

@@ -21,10 +21,11 @@ from optiplan.planners.trajopt.program.qp import Subproblem
 from optiplan.planners.trajopt.program.sqp import DescentOptions
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
-from optiplan.problem.problem import JointGoal, Objective, Problem, unchecked_problem
+from optiplan.problem.problem import JointGoal, Objective, Problem
 from optiplan.robot.robot import Robot, load_robot
 from tests.planners import cases
 from tests.robot.test_mimic import PARTS, write_robot
+from tests.unchecked_problem import unchecked_problem
 
 pytestmark = pytest.mark.skipif(core is None, reason="the native core is not built")
 

@@ -19,8 +19,9 @@ from optiplan.planners.trajopt.program.qp import Penalty, Step, Subproblem
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.term import SoftRows
-from optiplan.problem.problem import JointGoal, Objective, unchecked_problem
+from optiplan.problem.problem import JointGoal, Objective
 from optiplan.robot.robot import load_robot
+from tests.unchecked_problem import unchecked_problem
 
 pytestmark = pytest.mark.skipif(core is None, reason="the native core is not built")
 

@@ -13,10 +13,11 @@ from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
-from optiplan.problem.problem import JointGoal, Problem, derived, unchecked_problem
+from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
+from tests.unchecked_problem import unchecked_problem
 
 pytestmark = pytest.mark.usefixtures("processor_clock")
 

@@ -18,7 +18,7 @@ from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.problem.load import load_problem
-from optiplan.problem.problem import JointGoal, Objective, PoseGoal, Problem, derived, unchecked_problem
+from optiplan.problem.problem import JointGoal, Objective, PoseGoal, Problem, derived
 from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 from optiplan.runs.run import Run
@@ -26,6 +26,7 @@ from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.verify.verify import verify
 from tests.planners import cases
 from tests.robot.robots import BARE, LINK, joint, write_robot
+from tests.unchecked_problem import unchecked_problem
 
 pytestmark = pytest.mark.usefixtures("processor_clock")
 

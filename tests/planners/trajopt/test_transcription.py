@@ -16,8 +16,9 @@ from optiplan.planners.trajopt.program.sqp import DescentOptions, evaluate, opti
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CUTOFF, Margins, _pushed_one_way
 from optiplan.planners.trajopt.terms.term import CostModel, SoftRows
-from optiplan.problem.problem import JointGoal, Objective, Problem, unchecked_problem
+from optiplan.problem.problem import JointGoal, Objective, Problem
 from optiplan.robot.robot import load_robot
+from tests.unchecked_problem import unchecked_problem
 
 GOAL = np.array([1.2, 0.3, 0.4, -1.6, 0.3, 1.9, -0.4])
 
