@@ -15,9 +15,8 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import covering
+from optiplan.verify.tolerances import POSITION_ROUNDING
 
-ROUNDING = 1e-9
-"""On top of the tolerances of goals and vias, m or rad."""
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
 
 
@@ -92,7 +91,7 @@ class Miss(NamedTuple):
     @property
     def ratio(self) -> float:
         """Share of the tolerance and its rounding: at most 1 where it is met."""
-        return self.error / (self.limit + ROUNDING)
+        return self.error / (self.limit + POSITION_ROUNDING)
 
 
 def miss(problem: Problem, one: GoalEnd, q: Array) -> list[Miss]:
@@ -216,7 +215,7 @@ def position(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> 
     unit = problem.robot.unit("position", int(j))
     check = Check("position", "exact", True, float(worst[j]), float(limit[j]), unit, float(time[j]), name, detail)
     tolerance = policy.position_tolerance
-    between = _Between(0, limits.lower - tolerance, limits.upper + tolerance, np.full(trajectory.n, ROUNDING))
+    between = _Between(0, limits.lower - tolerance, limits.upper + tolerance, np.full(trajectory.n, POSITION_ROUNDING))
     return _proved(check, problem, trajectory, between)
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, is_finite
 from optiplan.errors import InputError
 from optiplan.kinematics.manipulability import ToolKinematics, ellipsoids, scaled
 from optiplan.problem.problem import Problem
@@ -18,7 +18,6 @@ from optiplan.viewer.run_data.checks import about, checks_of
 from optiplan.viewer.run_data.clearance import clearance_of
 from optiplan.viewer.run_data.closed_loop import Arrays, log_quantities
 from optiplan.viewer.run_data.curves import curves_of, tool_frames, tool_points
-from optiplan.viewer.run_data.stops import stops_told
 from optiplan.viewer.surfaces import base64_of
 
 RATE = 100.0  # samples of the motion a second
@@ -236,3 +235,14 @@ def _points(points: Sequence[Any] | None) -> list[list[float]]:
         return []
     array = np.asarray(points, dtype=float)
     return [] if array.size == 0 or array.size % 3 else array.reshape(-1, 3).tolist()
+
+
+def stops_told(record: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+    """Return the stops that a record (`run.json`) tells of: `t`, s, the step that each comes `after`, and `why`."""
+    told = ((record or {}).get("info") or {}).get("stops")
+    stops = [one for one in told if isinstance(one, Mapping)] if isinstance(told, list | tuple) else []
+    return [
+        {"t": float(one["t"]), "after": int(one["after"]), "why": str(one.get("why", ""))}
+        for one in stops
+        if is_finite(one.get("t")) and is_finite(one.get("after"))
+    ]

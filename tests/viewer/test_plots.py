@@ -9,7 +9,7 @@ from optiplan.errors import InputError, UnknownChoiceError
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.plots.curves import motion_curves
 from optiplan.viewer.plots.figures import FIGURES, PlotOptions, draw, write_all, write_figures
-from optiplan.viewer.plots.outlines import outlines
+from optiplan.viewer.plots.path_figure import outlines
 from optiplan.viewer.plots.runs import PlottedRun, comparable
 
 HEADS = {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml", "csv": b"run,t,"}

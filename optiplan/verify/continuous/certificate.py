@@ -8,12 +8,13 @@ from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
-from optiplan.verify.continuous.interval_queries import ROUNDING, DistanceQuery, Middles, Nearness
+from optiplan.verify.continuous.interval_queries import DistanceQuery, Middles, Nearness
 from optiplan.verify.continuous.intervals import Intervals, blocks, boxes, middles, spans, step_sizes
 from optiplan.verify.continuous.motion_bounds import Boxes
 from optiplan.verify.continuous.motion_tools import tools_of
 from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof, least_of_kinds
 from optiplan.verify.report import VerifyPolicy
+from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair at first
 _TOLD = 0.8  # share of the smallest distance measured that is proved as clearance
@@ -23,7 +24,7 @@ _ROOM = 1.25  # factor on the clearance to prove, below which meshes are queried
 _MOST_OF_HULLS = 2  # halvings of an interval for hulls of clusters; else the bodies in them are queried
 _MOST_AGAIN = 4_000  # items examined to refine the clearance after the proof
 _FIRST_TRAVEL = 0.2  # rad or m, summed over joints: travel within the first intervals
-_LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up ROUNDING
+_LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up CLEARANCE_ROUNDING
 _MOST_HALVINGS = 12  # of a piece before the first query
 _MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _NONE = np.empty(0, dtype=np.intp)
@@ -175,7 +176,9 @@ class _Search:
         tree, margins = self.bodies.tree, []
         for k in range(0, len(first), _CHUNK):
             Q, D = 0.5 * (low + high)[k : k + _CHUNK], 0.5 * (high - low)[k : k + _CHUNK] + 1e-15
-            margins.append(tree.bounds.apart(Q, D, self.policy.clearance + _FAR + ROUNDING) - ROUNDING)
+            margins.append(
+                tree.bounds.apart(Q, D, self.policy.clearance + _FAR + CLEARANCE_ROUNDING) - CLEARANCE_ROUNDING
+            )
         margin = np.concatenate(margins)
         clear, far = margin > self.policy.clearance + _EASY, margin > self.policy.clearance + _FAR
         self.lower_clearance(margin[far], tree.tops[np.nonzero(far)[1]])
@@ -250,7 +253,7 @@ class _Search:
                 self.update_nearest(query, at, np.flatnonzero(found.hulls & ~found.parts & ~unsure), measure=True)
             self.proof.queries += len(found.bound)
             self.proof.gjk_only += int(found.gjk_only.sum())
-            if (found.best[~several] <= self.policy.clearance + ROUNDING).any():
+            if (found.best[~several] <= self.policy.clearance + CLEARANCE_ROUNDING).any():
                 self.stop(items, "bodies touch" if self.policy.clearance <= 0 else "bodies come too near", contact=True)
                 return query
             if not unsure.any():
@@ -270,7 +273,7 @@ class _Search:
         travel = self.motion.travel(at.joints, moving)
         flat = found.bound - travel.total
         nearest = self.nearest_measured(query.items.pair) if self.record is None else np.full(len(flat), np.inf)
-        close = np.flatnonzero(~(flat - ROUNDING > nearest))
+        close = np.flatnonzero(~(flat - CLEARANCE_ROUNDING > nearest))
         along = self.motion.along_normals(at.joints, moving, travel, found.normals, close)
         linear, loss = np.full(len(flat), -np.inf), np.zeros(len(flat))
         linear[close], loss[close] = along.linear, along.curvature_loss
@@ -282,7 +285,9 @@ class _Search:
         parts = [self.bodies.tree.parts[pair] for pair in query.items.pair.tolist()]
         parent = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
         inner, rows = replace(query.items.take(parent), pair=np.concatenate(parts)), query.rows[parent]
-        margin = self.bodies.lower_bound(self.bodies.place(at.poses, rows, inner.pair)) - travel[parent] - ROUNDING
+        margin = (
+            self.bodies.lower_bound(self.bodies.place(at.poses, rows, inner.pair)) - travel[parent] - CLEARANCE_ROUNDING
+        )
         clear = margin > np.maximum(self.target(inner.pair), self.policy.clearance + _EASY)
         self.prove(inner, clear, margin)
         return inner.take(np.flatnonzero(~clear)), rows[~clear]
@@ -310,7 +315,7 @@ class _Search:
         for pair in np.unique(items.pair[found]).tolist():
             own = np.flatnonzero(items.pair == pair)
             least = self.kept[pair].least(at.q[rows[own]], at.reach[rows[own]])
-            proved = least > self.policy.clearance + ROUNDING
+            proved = least > self.policy.clearance + CLEARANCE_ROUNDING
             clear[own[proved]] = True
             if not proved.any():
                 continue

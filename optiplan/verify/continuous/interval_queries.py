@@ -11,8 +11,7 @@ from optiplan.verify.continuous.bodies import PlacedBody
 from optiplan.verify.continuous.intervals import Intervals
 from optiplan.verify.continuous.motion_bounds import Boxes, MotionQuery
 from optiplan.verify.continuous.separating_planes import Distances
-
-ROUNDING = 1e-9  # m, subtracted from every proved clearance
+from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,12 +78,12 @@ class Nearness:
     @cached_property
     def margin(self) -> Array:
         """The clearance proved on the intervals, m."""
-        return np.asarray(np.maximum(self.bound - self.travel, self.linear - self.loss) - ROUNDING)
+        return np.asarray(np.maximum(self.bound - self.travel, self.linear - self.loss) - CLEARANCE_ROUNDING)
 
     def halvings(self, still: Index, target: Array) -> Index:
         """How often to halve `still` (K,): the least of 1 to 4 times after which scaled bounds reach `target`."""
         parts = 2.0 ** np.arange(1, 4)[:, None]
         bound, linear = self.bound[still], np.maximum(self.linear[still], -1e9)
         plane = bound + (linear - bound) / parts - self.loss[still] / parts**2
-        enough: Flags = np.maximum(bound - self.travel[still] / parts, plane) > 1.1 * target + ROUNDING
+        enough: Flags = np.maximum(bound - self.travel[still] / parts, plane) > 1.1 * target + CLEARANCE_ROUNDING
         return np.asarray(4 - enough.sum(axis=0), dtype=np.intp)

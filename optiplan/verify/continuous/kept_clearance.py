@@ -24,10 +24,10 @@ from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import joint_box
 from optiplan.robot.self_collision.pair_survey import content_digest
 from optiplan.verify.continuous.bodies import Bodies
-from optiplan.verify.continuous.interval_queries import ROUNDING
 from optiplan.verify.continuous.motion_bounds import Boxes, Motion, MotionQuery
 from optiplan.verify.continuous.rings import near_rings
 from optiplan.verify.continuous.separating_planes import PairDistances, unconfirmed
+from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 VERSION = 2
 """Counted up when clearances are proved in another way, so that what is kept is made again."""
@@ -178,7 +178,7 @@ class _Maker:
             return self._divided(pair, joints)
         places = np.linspace(-1.0, 1.0, _ANGLES)[:, None]
         measured = self._measured(pair, joints, whole[0] + places * whole[1])
-        apart = measured[measured > 10.0 * ROUNDING]
+        apart = measured[measured > 10.0 * CLEARANCE_ROUNDING]
         if not len(apart):
             return self._table(joints, *whole, np.array([-np.inf]))
         gap = _RINGS * float(np.quantile(apart, 0.25))
@@ -188,7 +188,7 @@ class _Maker:
         left = [triangles[flags] for triangles, flags in zip(surfaces, near, strict=True)]
         if not all(map(len, left)):
             # Surfaces that meet at no angle are inside each other at all angles or at none.
-            clearance = gap - ROUNDING if (measured > 0.0).all() else -np.inf
+            clearance = gap - CLEARANCE_ROUNDING if (measured > 0.0).all() else -np.inf
             return self._table(joints, *whole, np.array([clearance]))
         return self._outside(pair, self._divided(pair, joints, _Residue(left, gap)))
 
@@ -204,12 +204,14 @@ class _Maker:
                 bound, travel = self._bounds(pair, joints, middle, half)
             else:
                 bound, travel = residue.bounds(middle[:, 0] - self._middle[joints[0]], half[:, 0])
-            clearance = bound - travel - ROUNDING
+            clearance = bound - travel - CLEARANCE_ROUNDING
             enough = clearance >= np.minimum(_SHARE[count] * bound, _FINE)
-            proved = (clearance > ROUNDING) & enough
+            proved = (clearance > CLEARANCE_ROUNDING) & enough
             short = (half <= self._half[joints] * 0.5 ** _HALVINGS[count]).all(axis=1)
             ended = proved | short
-            done.append((middle[ended], half[ended], np.where(clearance > ROUNDING, clearance, -np.inf)[ended]))
+            done.append(
+                (middle[ended], half[ended], np.where(clearance > CLEARANCE_ROUNDING, clearance, -np.inf)[ended])
+            )
             middle, half = _halved(middle[~ended], half[~ended], self._half[joints])
         done.append((middle, half, np.full(len(middle), -np.inf)))
         return self._table(joints, *(np.concatenate(column) for column in zip(*done, strict=True)))
@@ -259,8 +261,8 @@ class _Maker:
         boxes = self._motion.of_all_joints(Boxes(still[:, 0], Q, still, D, still, still, still))
         travel = self._motion.travel(boxes, MotionQuery(rows, pairs, placed, *kinematics.axes(poses))).total
         bound = self._bodies.lower_bound(placed)
-        near = np.flatnonzero(bound - travel - ROUNDING < _FINE)
-        enough = travel[near] + _FINE + ROUNDING
+        near = np.flatnonzero(bound - travel - CLEARANCE_ROUNDING < _FINE)
+        enough = travel[near] + _FINE + CLEARANCE_ROUNDING
         bound[near] = np.maximum(bound[near], self._distances.query(pairs[near], placed.take(near), enough).bound)
         return bound, travel
 
