@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from optiplan.control.tasks.other_frames import LookAtTask, RelativePoseTask
     from optiplan.control.tasks.whole_body import CentreOfMassTask, ManipulabilityTask
     from optiplan.errors import InputError, OptiPlanError
+    from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
     from optiplan.problem.constraints.expression import Expression
@@ -64,7 +65,7 @@ if TYPE_CHECKING:
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.regions.region import RegionGoal
-    from optiplan.problem.statement import Pose, Region, ViaPoint
+    from optiplan.problem.statement import Region, ViaPoint
     from optiplan.problem.task.builder import Task
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
@@ -124,7 +125,8 @@ _ROOMS = {
     "problem.regions.region": ("RegionGoal",),
     "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
-    "problem.statement": ("Pose", "Region", "ViaPoint"),
+    "geometry.pose": ("Pose",),
+    "problem.statement": ("Region", "ViaPoint"),
     "problem.task.builder": ("Task",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),

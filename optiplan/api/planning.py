@@ -16,6 +16,7 @@ from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.third_party import planner_object
 from optiplan.problem.problem import JointGoal, Problem, Via
+from optiplan.robot.given_configurations import configuration, is_by_name
 from optiplan.runs import pipeline
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.runs.run import Run
@@ -151,7 +152,7 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
 
     Args:
         problem: robot, scene and limits; the run's own problem goes from the first waypoint past all to the last.
-        waypoints: (k, n), k >= 2, rad or m.
+        waypoints: (k, n), k >= 2, rad or m; each may be values by joint, `{joint: value}`.
         deviation: from the straight lines, rad or m of the joint that deviates most; 0 or at least 1e-4.
 
     Returns:
@@ -232,14 +233,18 @@ def _known(warm_start: Any) -> Trajectory | None:
 
 
 def _waypoints(problem: Problem, waypoints: Any) -> Array:
-    n = problem.robot.n
+    robot = problem.robot
+    if isinstance(waypoints, Sequence) and any(map(is_by_name, waypoints)):
+        named = enumerate(waypoints)
+        given = robot.joint_names, robot.configurations
+        return np.array([configuration(*given, q, "retime", f"waypoints[{k}]") for k, q in named])
     try:
         points = np.asarray(waypoints, float)
     except (TypeError, ValueError, OverflowError):
         points = np.empty(0)
-    if points.ndim != 2 or points.shape[1:] != (n,) or len(points) < 2 or not np.isfinite(points).all():
+    if points.ndim != 2 or points.shape[1:] != (robot.n,) or len(points) < 2 or not np.isfinite(points).all():
         found = described(points) if points.size else described(waypoints)
-        raise wrong_argument("retime", "waypoints", found, f"an array (k, {n}) of finite numbers, k >= 2")
+        raise wrong_argument("retime", "waypoints", found, f"an array (k, {robot.n}) of finite numbers, k >= 2")
     return points
 
 

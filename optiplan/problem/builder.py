@@ -17,7 +17,7 @@ from optiplan.files import is_file
 from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import open_mesh
 from optiplan.geometry.obstacle_motion import ObstacleMotion
-from optiplan.geometry.pose_schema import PoseSpec, ToleranceSpec
+from optiplan.geometry.pose import PoseGoalSpec, PoseSpec, ToleranceSpec
 from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
@@ -28,7 +28,7 @@ from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import CONFIGURATIONS, AlternativeSpec, PoseGoalSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.ends import CONFIGURATIONS, AlternativeSpec, StartSpec, ViaSpec
 from optiplan.problem.schema.task import GripperSpec
 from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file

@@ -9,22 +9,23 @@ import pinocchio as pin
 
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
+from optiplan.geometry.pose import Pose
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shapes import shape_data
 from optiplan.problem.constraints.statements import KINDS, constraint_data
 from optiplan.problem.objectives.objective import Objective
-from optiplan.problem.statement import Pose, end_data, is_configuration, via_point_data
+from optiplan.problem.statement import end_data, is_configuration, via_point_data
 from optiplan.trajectory.state import State
 
 
 def start_data(start: Any) -> Any:
     """`start:` of a file."""
-    if isinstance(start, str | State) or is_configuration(start):
+    if isinstance(start, str | State | Mapping) or is_configuration(start):
         return end_data(start, "Problem", "start")
-    if isinstance(start, Mapping):
-        return plain(start)
-    expected = "values of the joints (n,), op.State(q, v, a), or the name of a configuration of the robot"
+    expected = (
+        "values of the joints (n,) or {joint: value}, op.State(q, v, a), or the name of a configuration of the robot"
+    )
     raise wrong_argument("Problem", "start", described(start), expected)
 
 

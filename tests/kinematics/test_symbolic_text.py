@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from optiplan.errors import OptiPlanError, UnknownChoiceError
-from optiplan.kinematics.jacobians import frame_pose, geometric_jacobian
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
 from optiplan.kinematics.symbolic.text import parallel_blocks, symbolic_text
 from optiplan.kinematics.symbolic.trig_polynomial import trig_polynomial
+from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import chain, joint, write_robot
 

@@ -8,9 +8,9 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.poses import pose_from_data
-from optiplan.kinematics.jacobians import geometric_jacobian
 from optiplan.kinematics.manipulability import ToolKinematics, manipulability_measures
 from optiplan.robot.dh.table import DhTable, forward, frames
+from optiplan.robot.frames import geometric_jacobian
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.workspace.sampling import Workspace, WorkspaceOptions, study_workspace
 from tests.reference.entries import Entry, entry, matches

@@ -5,9 +5,9 @@ import pytest
 
 from optiplan.geometry.poses import pose_from_data
 from optiplan.kinematics.ik.closed_form import closed_form
-from optiplan.kinematics.jacobians import geometric_jacobian
 from optiplan.kinematics.manipulability import ToolKinematics, manipulability_measures, measure_gradients
 from optiplan.robot.dh.table import frames
+from optiplan.robot.frames import geometric_jacobian
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.workspace import accuracy
 from tests.reference.entries import Entry, entry

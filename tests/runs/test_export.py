@@ -63,7 +63,7 @@ def test_a_slower_motion_among_what_moves_is_verified_first(tmp_path):
 
 
 def _tool(robot, q):
-    from optiplan.kinematics.jacobians import frame_pose
+    from optiplan.robot.frames import frame_pose
 
     return frame_pose(robot, q, robot.tool_frame)
 

@@ -11,11 +11,12 @@ from rich.table import Table
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_to_data
-from optiplan.kinematics.jacobians import analytic_jacobian, frame_pose, geometric_jacobian
+from optiplan.kinematics.jacobians import analytic_jacobian
 from optiplan.kinematics.manipulability import ROWS, JacobianRows, ellipsoids, manipulability_measures
 from optiplan.kinematics.mecanum import WHEELS, wheel_matrix
 from optiplan.kinematics.singularities import NAMES, singularity_model
 from optiplan.kinematics.symbolic.text import LEGEND, symbolic_text
+from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import Robot
 from optiplan.verify.report import jsonable
 

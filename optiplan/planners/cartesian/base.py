@@ -10,7 +10,6 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.cartesian.branch_change import Branch, other_branches
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker, gone_together
@@ -23,6 +22,7 @@ from optiplan.planners.common.region_poses import single_ends, with_poses
 from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.problem.constraints import statements
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.timing.time_path import Method, TimingOptions, ToolLimits, time_path
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -11,7 +11,6 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.ik.numeric import pose_error
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.differential_ik import Aim, gone_together
 from optiplan.planners.cartesian.path_following import follow
@@ -24,6 +23,7 @@ from optiplan.planners.task.stages import Stage, Stages, WorldState
 from optiplan.problem.problem import JointGoal
 from optiplan.problem.task.scene_change import scene_after
 from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep
+from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from optiplan.config.document import Number, Strict
 from optiplan.config.values import Coordinate, Direction, ExactlyOne, Length, Name, NamePair, Quaternion, Size, Vector
-from optiplan.geometry.pose_schema import Angles, PoseSpec, ToleranceSpec
+from optiplan.geometry.pose import Angles, PoseSpec, ToleranceSpec
 from optiplan.geometry.poses import in_radians
 
 
