@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.config.document import Document, validate
@@ -18,7 +17,7 @@ from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.constraints.states import BrokenConstraint
 from optiplan.problem.free_space import free_check
-from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, Via
+from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.nonzero_ends import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
@@ -26,49 +25,26 @@ from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
-from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
+from optiplan.robot.robot import Robot, load_robot, robot_names
 
 DECIDES_COLLISIONS = (("robot",), ("group",), ("locked",), ("scene", "allowed_collisions"), ("scene", "attached"))
 """Where an issue stands in these fields, collisions found would be no news about the file."""
 
 
-@dataclass(frozen=True, eq=False)
-class ProblemParts:
-    """What a problem is made of; `Problem` describes the attributes."""
-
-    name: str
-    robot: Robot
-    scene: Scene
-    start: Array
-    start_velocity: Array
-    start_acceleration: Array
-    goal: Goal
-    limits: Limits
-    vias: tuple[Via, ...]
-    task: tuple[TaskStep, ...]
-    objective: Objective
-    path_constraints: tuple[PathConstraint, ...]
-    planner: str
-    options: Mapping[str, Any]
-    seed: int
-    source: Mapping[str, Any]
-    hash: str
-
-
 @dataclass(frozen=True)
 class Reading:
-    """Result of reading a file: the parts of the problem if there are no issues."""
+    """What a file holds: the attributes of its `Problem` by name, or the issues because of which it has none."""
 
-    parts: ProblemParts | None
-    issues: tuple[Issue, ...]
+    parts: Mapping[str, Any]
+    issues: tuple[Issue, ...] = ()
 
-    def whole(self) -> ProblemParts:
-        """The parts.
+    def whole(self) -> Mapping[str, Any]:
+        """Return the attributes.
 
         Raises:
             InputError: all issues.
         """
-        if self.parts is None:
+        if not self.parts:
             raise InputError(self.issues)
         return self.parts
 
@@ -93,7 +69,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         robots: loads a robot.
     """
     spec, issues = _schema(document)
-    compiler = Compiler(document, base, Draft.of_data(document.data) if spec is None else Draft.of_spec(spec))
+    compiler = Compiler(document, base, Draft.of(spec or document.data))
     robot = compiler.robot(robots)
     scene = compiler.scene(robot)
     robot = None if robot is None else compiler.mounted(robot, scene)
@@ -117,28 +93,28 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         later = collision_model(robot, scene.standing) if scene.dynamic_obstacles else model
         issues += _collisions(document, (model, later), compiler.draft, places)
     if issues or spec is None or robot is None or limits is None or places.start is None:
-        return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
+        return Reading({}, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
     source, digest = source_of(spec, document.path.stem.strip("<>"), base, robot)
-    parts = ProblemParts(
-        name=source["name"],
-        robot=robot,
-        scene=scene,
-        start=places.start.state.q,
-        start_velocity=places.start.state.v,
-        start_acceleration=places.start.state.a,
-        goal=tuple(part.value for part in places.goal),
-        limits=limits,
-        vias=tuple(part.value for part in places.vias),
-        task=tuple(part.value for part in places.task),
-        objective=Objective(**spec.objective.model_dump(exclude_none=True)),
-        path_constraints=tuple(part.value for part in places.constraints),
-        planner=spec.planner.name,
-        options=dict(spec.planner.model_extra or {}),
-        seed=spec.seed,
-        source=source,
-        hash=digest,
-    )
-    return Reading(parts, ())
+    parts = {
+        "name": source["name"],
+        "robot": robot,
+        "scene": scene,
+        "start": places.start.state.q,
+        "start_velocity": places.start.state.v,
+        "start_acceleration": places.start.state.a,
+        "goal": tuple(part.value for part in places.goal),
+        "limits": limits,
+        "vias": tuple(part.value for part in places.vias),
+        "task": tuple(part.value for part in places.task),
+        "objective": Objective(**spec.objective.model_dump(exclude_none=True)),
+        "path_constraints": tuple(part.value for part in places.constraints),
+        "planner": spec.planner.name,
+        "options": dict(spec.planner.model_extra or {}),
+        "seed": spec.seed,
+        "source": source,
+        "hash": digest,
+    }
+    return Reading(parts)
 
 
 def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:

@@ -10,7 +10,7 @@ from optiplan.errors import InputError, described, wrong_argument
 from optiplan.files import reading
 from optiplan.problem import to_data
 from optiplan.problem.builder import RobotLoader
-from optiplan.problem.from_data import ProblemParts, read_problem
+from optiplan.problem.from_data import read_problem
 from optiplan.problem.task.builder import task_data
 from optiplan.robot.given_configurations import in_order
 from optiplan.robot.reference import UNKNOWN
@@ -34,14 +34,22 @@ ARGUMENT_WRITERS = {
 """Parts of a problem: key of the file, and how the part stands there."""
 
 
-def read_arguments(robot: Any, given: Mapping[str, Any], labels: Mapping[str, Any]) -> ProblemParts:
-    """Return the parts of a problem built in Python."""
+def arguments_data(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parts of a problem, by the names of their arguments, as they stand in a file."""
+    written = [(*ARGUMENT_WRITERS[name], value) for name, value in arguments.items()]
+    return {key: write(value) for key, write, value in written}
+
+
+def read_arguments(robot: Any, arguments: Mapping[str, Any], labels: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the attributes of a problem of these arguments; `labels` stand in a file as they are.
+
+    Raises:
+        InputError: as for a file, about the arguments of `op.Problem`.
+    """
     if not isinstance(robot, Robot | str | Path | Mapping):
         expected = "op.load_robot(…), op.Robot.from_urdf(…), the name of a robot or the path of a robot.yaml"
         raise wrong_argument("Problem", "robot", described(robot), expected)
-    data = {ARGUMENT_WRITERS[part][0]: ARGUMENT_WRITERS[part][1](value) for part, value in given.items()}
-    data |= {"version": 1, "name": labels["name"], "seed": labels["seed"], "robot": robot}
-    data["planner"] = to_data.planner_data(labels["planner"], labels["options"])
+    data = {**arguments_data(arguments), **labels, "version": 1, "robot": robot}
     if isinstance(robot, str | Path) and Path(robot).suffix.lower() == ".urdf":
         data["robot"] = {"urdf": robot}
     if not isinstance(robot, Robot):
@@ -56,11 +64,11 @@ def read_arguments(robot: Any, given: Mapping[str, Any], labels: Mapping[str, An
     return read_data(data, robot)
 
 
-def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> ProblemParts:
-    """Return the parts of a problem of plain data, with this robot, if one is given.
+def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Mapping[str, Any]:
+    """Return the attributes of a problem of plain data, with this robot, if one is given.
 
     Raises:
-        InputError: as for a file.
+        InputError: as for a file, about the arguments of `op.Problem`.
     """
     loader = load_robot if robot is None else _loader(robot)
     try:

@@ -1,14 +1,12 @@
 """Vias with planners that know nothing of them: leg by leg."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult
 from optiplan.planners.common.via_legs import joined, plan_through
 from optiplan.planners.registry import make_planner
-from optiplan.problem.problem import JointGoal, PoseGoal, Via
+from optiplan.problem.problem import JointGoal, PoseGoal, Via, derived
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.trajectory import Trajectory
 from tests.planners import cases
@@ -22,7 +20,7 @@ def quiet(stage, fraction):
 
 
 def through(*ends):
-    return replace(cases.free(), vias=tuple(Via(end) for end in ends))
+    return derived(cases.free(), vias=tuple(Via(end) for end in ends))
 
 
 @pytest.mark.parametrize("name", ["quintic", "rrtconnect"])

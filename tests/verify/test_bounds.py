@@ -14,7 +14,7 @@ from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpac
 from optiplan.geometry.shapes import shape_of_body
 from optiplan.verify.continuous.bodies import Bodies, support, support_vertices
 from optiplan.verify.continuous.intervals import Intervals, boxes, step_sizes
-from optiplan.verify.continuous.motion_bounds import DistanceQuery, Motion
+from optiplan.verify.continuous.motion_bounds import Motion, MotionQuery
 from optiplan.verify.continuous.separating_planes import PairDistances
 from tests.verify.motions import smooth
 
@@ -71,7 +71,7 @@ def test_approach_bounds_the_gap_over_the_whole_interval(model, panda, seed, wid
     placed = bodies.place(poses, rows, pairs)
     asked_of = PairDistances(model, bodies)
     found = asked_of.query(pairs, placed)
-    motion, query = Motion(bodies), DistanceQuery(rows, pairs, placed, *bodies.kinematics.axes(poses))
+    motion, query = Motion(bodies), MotionQuery(rows, pairs, placed, *bodies.kinematics.axes(poses))
     travel = motion.travel(b, query)
     chosen = np.flatnonzero(rng.random(len(pairs)) < 0.7)
     near = motion.along_normals(b, query, travel, found.normals, chosen)

@@ -1,14 +1,14 @@
 import base64
-import dataclasses
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Scene
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal, derived
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.runs import RATE, Poses, ViewedRun, run_for_page
+from tests.unchecked_problem import unchecked_problem
 
 WITNESS = {"proved_clearance": 0.0123, "met_clearance": 0.0145}
 COLLISION = {"name": "collision", "passed": True, "worst": 0.0123, "time": 0.4, "witness": WITNESS}
@@ -50,7 +50,7 @@ def test_ellipsoids_hold_what_the_jacobian_says(shelf, motion, panda):
 
 def test_ellipsoids_of_a_planar_arm_are_flat(planar):
     flat = Poses(
-        Problem(name="flat", robot=planar, scene=Scene(), start=np.zeros(2), goal=(), limits=planar.limits)
+        unchecked_problem(name="flat", robot=planar, scene=Scene(), start=np.zeros(2), goal=(), limits=planar.limits)
     ).ellipsoids(np.array([[0.3, 1.0]]))
     assert flat.shape == (1, 7)
     assert flat[0, 6] < 1e-12 < flat[0, 5]
@@ -81,7 +81,7 @@ def test_a_motion_that_ends_where_it_starts_has_no_bound(shelf, motion, offset):
     there = motion(shelf)
     q = shelf.start.copy()
     q[2] += offset
-    back = motion(dataclasses.replace(shelf, start=there.end, goal=(JointGoal(q),)))
+    back = motion(derived(shelf, start=there.end, goal=(JointGoal(q),)))
     coefficients = np.concatenate([there.coefficients, back.coefficients])
     circle = Trajectory(there.joint_names, np.array([0.0, 1.6, 3.2]), coefficients)
     facts = dict(run_for_page(shelf, Poses(shelf), ViewedRun("circle", circle, REPORT))["facts"])

@@ -64,12 +64,11 @@ import signal
 import numpy as np
 signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in a shell's background ignores it
 from optiplan.robot.robot import load_robot
-from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
-from optiplan.viewer.server import serve
+from optiplan.viewer.server import serve_runs
 robot = load_robot("planar2r")
-problem = Problem(robot, np.zeros(2), (), Scene(), limits=robot.limits)
-serve(problem, [], port=0, on_ready=lambda url: print(url, flush=True))
+problem = Problem(robot, np.zeros(2), np.zeros(2))
+serve_runs(problem, [], port=0, on_ready=lambda url: print(url, flush=True))
 """
     child = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ

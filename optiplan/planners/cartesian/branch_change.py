@@ -1,6 +1,6 @@
 """Another branch of the inverse kinematics to run a tool path on, and the motion that leads to it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.via_legs import joined
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.sampling.rrtconnect import RrtConnect
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, derived
 from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -31,7 +31,7 @@ class Branch:
         """The motion, after that from the problem's start to q, with rest in between; or why there is no way to q."""
         if not self.changed:
             return motion
-        there = replace(problem, goal=(JointGoal(self.q, 1e-9),), vias=())
+        there = derived(problem, goal=(JointGoal(self.q, 1e-9),), vias=())
         reasons = []
         for planner in (Quintic(), RrtConnect()):
             result = planner.plan(there, budget.share(0.5), lambda stage, fraction: None)
@@ -51,7 +51,7 @@ def other_branches(
     X = frame_pose(problem.robot, problem.start, frame)
     near = problem.start if end is None else end
     goals = ranked_goals(
-        replace(problem, start=near, goal=(PoseGoal(frame, X),), vias=()), model, budget, count + 1, nearer=False
+        derived(problem, start=near, goal=(PoseGoal(frame, X),), vias=()), model, budget, count + 1, nearer=False
     )
     here = Tracker(problem.robot, frame, line(X, X), Aim())
     exact = [here.correct(0.0, q) for q in ([] if isinstance(goals, Failure) else goals)]

@@ -1,7 +1,6 @@
 """Obstacles that move: a motion among those that stand still waits, or goes slower, until the others have passed."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -12,7 +11,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.path_timing import within_torque
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.trajectory import Trajectory
 
 _STATIC = 0.6
@@ -52,7 +51,7 @@ def wait_for_obstacles(planner: Planner[Any], problem: Problem, budget: Budget, 
 
 def without_dynamic_obstacles(problem: Problem) -> Problem:
     """The problem among what stands still."""
-    return replace(problem, scene=problem.scene.standing)
+    return derived(problem, scene=problem.scene.standing)
 
 
 def delayed(

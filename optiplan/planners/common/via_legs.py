@@ -10,7 +10,7 @@ import numpy as np
 from optiplan.errors import Issue, PlannerAnswerError, described
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.dynamic_obstacles import wait_for_obstacles
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -67,7 +67,7 @@ def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress
     infos: list[dict[str, Any]] = []
     seconds: Counter[str] = Counter()
     for k, goal in enumerate(ends):
-        leg = replace(problem, goal=goal, vias=())
+        leg = derived(problem, goal=goal, vias=())
         leg = leg.with_start(legs[-1].end) if legs else leg
         share = budget.share(1.0 / (len(ends) - k))
         result = _answer(planner, leg, share, _part_of(progress, k, len(ends)))

@@ -11,7 +11,7 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.dynamic_obstacles import delayed
 from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.stretches import Stretch
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -24,7 +24,7 @@ def waiting(problem: Problem, stretches: list[Stretch], budget: Budget) -> list[
     found: list[Stretch] = []
     begin = 0.0
     for stretch in stretches:
-        timed = _passing(replace(problem, scene=problem.scene.later(begin)), stretch, budget)
+        timed = _passing(derived(problem, scene=problem.scene.later(begin)), stretch, budget)
         if isinstance(timed, Failure):
             first = stretch.done[0]
             return of_step(timed, first.step, first.before, problem.robot, first.stage)
@@ -43,7 +43,7 @@ def _passing(problem: Problem, stretch: Stretch, budget: Budget) -> Stretch | Fa
     scene = Scene(moving, first.before.scene.attached, allowed)
     if isinstance(motion, Trajectory):
         assert first.stage is not None
-        own = replace(first.stage.problem, scene=scene, goal=())
+        own = derived(first.stage.problem, scene=scene, goal=())
         passing = delayed(own, [motion], planning_model(own.robot, scene), budget)
         if isinstance(passing, Failure):
             return passing

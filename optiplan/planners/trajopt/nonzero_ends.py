@@ -20,7 +20,7 @@ from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEn
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
-from optiplan.problem.problem import GoalEnd, JointGoal, Problem
+from optiplan.problem.problem import GoalEnd, JointGoal, Problem, derived
 from optiplan.trajectory.profiles.state_to_state import BetweenStates, NoProfile, fastest_run_up, fastest_stop
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
@@ -143,7 +143,7 @@ class _NonzeroEndRun:
             run_ups.append((rest, found))
         if not goals and refused is not None:
             return replace(refused, detail=f"no curve was found, and a run-up is no way in: {refused.detail}")
-        still = replace(problem, goal=tuple(goals)).with_start(problem.start if stop is None else stop.end)
+        still = derived(problem, goal=tuple(goals)).with_start(problem.start if stop is None else stop.end)
         with self.watch.stage("from rest to rest"):
             planned = self.planner.plan(still, self.budget.share(_DETOUR), stages_of(self.progress))
         if planned.trajectory is None:

@@ -14,7 +14,7 @@ from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.optimizer import Attempt
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
 
 _STREAM = 0
 """Seed of all its random numbers."""
@@ -91,7 +91,7 @@ class SeedlessSearch:
 
         Return whether an end was found.
         """
-        run, problem = self.attempts, replace(self.problem, seed=_STREAM)
+        run, problem = self.attempts, derived(self.problem, seed=_STREAM)
         patience = Patience(run.budget, run.patience.good_enough)
         record = {"attempts": run.incumbent.info["attempts"], "cut_short": False}
         incumbent = Incumbent(

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 from optiplan.geometry.scene import Scene
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.scene_change import carrying, scene_after, scene_during
 from optiplan.problem.task.steps import Attach, Detach, TaskStep
 from optiplan.trajectory.cut import cut_trajectory
@@ -149,7 +149,7 @@ def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[Ta
 def part_problem(problem: Problem, scene: Scene) -> Problem:
     """Return the problem of a part of a task, with the masses of what is held."""
     robot = carrying(problem.robot, scene)
-    return replace(problem, robot=robot, scene=scene, task=(), path_constraints=())
+    return derived(problem, robot=robot, scene=scene, task=(), path_constraints=())
 
 
 def _words(steps: list[TaskStep]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from optiplan.arrays import Array, Flags, Index
 from optiplan.verify.continuous.bodies import PlacedBody
 from optiplan.verify.continuous.intervals import Intervals
-from optiplan.verify.continuous.motion_bounds import Boxes, DistanceQuery
+from optiplan.verify.continuous.motion_bounds import Boxes, MotionQuery
 from optiplan.verify.continuous.separating_planes import Distances
 
 ROUNDING = 1e-9  # m, subtracted from every proved clearance
@@ -33,7 +33,7 @@ class Middles:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class DistanceQuery:
     """K items, on which of N intervals each is (K,), where its bodies are in the middle, and their distance there."""
 
     items: Intervals
@@ -42,7 +42,7 @@ class Asked:
     found: Distances
 
     @classmethod
-    def join(cls, parts: "Sequence[Asked]") -> "Asked":
+    def join(cls, parts: "Sequence[DistanceQuery]") -> "DistanceQuery":
         """Concatenate."""
         if len(parts) == 1:
             return parts[0]
@@ -53,13 +53,15 @@ class Asked:
             Distances.join([part.found for part in parts]),
         )
 
-    def take(self, chosen: Index) -> "Asked":
+    def take(self, chosen: Index) -> "DistanceQuery":
         """Those at these positions."""
-        return Asked(self.items.take(chosen), self.rows[chosen], self.placed.take(chosen), self.found.take(chosen))
+        return DistanceQuery(
+            self.items.take(chosen), self.rows[chosen], self.placed.take(chosen), self.found.take(chosen)
+        )
 
-    def query(self, at: Middles) -> DistanceQuery:
+    def motion_query(self, at: Middles) -> MotionQuery:
         """What bounds of motion are asked of."""
-        return DistanceQuery(self.rows, self.items.pair, self.placed, at.direction, at.point)
+        return MotionQuery(self.rows, self.items.pair, self.placed, at.direction, at.point)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from optiplan.robot.self_collision.pair_proof import joint_box
 from optiplan.robot.self_collision.pair_survey import content_digest
 from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.interval_queries import ROUNDING
-from optiplan.verify.continuous.motion_bounds import Boxes, DistanceQuery, Motion
+from optiplan.verify.continuous.motion_bounds import Boxes, Motion, MotionQuery
 from optiplan.verify.continuous.rings import near_rings
 from optiplan.verify.continuous.separating_planes import PairDistances, unconfirmed
 
@@ -257,7 +257,7 @@ class _Maker:
         pairs = np.full(len(Q), pair)
         placed = self._bodies.place(poses, rows, pairs)
         boxes = self._motion.of_all_joints(Boxes(still[:, 0], Q, still, D, still, still, still))
-        travel = self._motion.travel(boxes, DistanceQuery(rows, pairs, placed, *kinematics.axes(poses))).total
+        travel = self._motion.travel(boxes, MotionQuery(rows, pairs, placed, *kinematics.axes(poses))).total
         bound = self._bodies.lower_bound(placed)
         near = np.flatnonzero(bound - travel - ROUNDING < _FINE)
         enough = travel[near] + _FINE + ROUNDING
