@@ -69,8 +69,9 @@ def plan_many(
         raise wrong_argument("plan_many", "progress", described(progress), "a function of a name and a fraction")
     requests = _requests(problems, planner, options, checked_seconds("plan_many", budget))
     if _is_dask(workers):
-        there = [workers.submit(_planned, one, pure=False) for one in requests]
-        return _ordered(requests, [_arriving(one) for one in there], progress, lambda: workers.cancel(there))
+        client: Any = workers
+        there = [client.submit(_planned, one, pure=False) for one in requests]
+        return _ordered(requests, [_arriving(one) for one in there], progress, lambda: client.cancel(there))
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
         expected = "a whole number >= 1, or a Dask client (distributed.Client)"
         raise wrong_argument("plan_many", "workers", described(workers), expected)
