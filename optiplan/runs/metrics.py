@@ -5,7 +5,7 @@ Lengths and torques are integrals over time, to 1e-6 of themselves (`trajectory/
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.quadrature import integral, panels
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.trajectory.trajectory import States, Trajectory
 from optiplan.verify.report import Report
 
 _ACCURACY = 1e-6  # of the smallest manipulability, relative
@@ -82,15 +82,15 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
     parts = [_Instant(loaded, motion) for loaded, motion in motions]
     integrals = sum((integral(part, motion) for part, (_, motion) in zip(parts, motions, strict=True)), np.zeros(1))
     squared = integrals[3:] / trajectory.duration
-    joint, jerk, share = peak_jerk(trajectory, problem)
+    worst = peak_jerk(trajectory, problem)
     found = _clearances(report)
     return Metrics(
         tool_path=float(integrals[0]),
         tool_rotation=float(integrals[1]),
         joint_path=float(integrals[2]),
-        peak_jerk=jerk,
-        peak_jerk_joint=robot.joint_names[joint],
-        jerk_share=share,
+        peak_jerk=worst.jerk,
+        peak_jerk_joint=robot.joint_names[worst.joint],
+        jerk_share=worst.share,
         rms_torque=float(np.sqrt(squared.sum())),
         joint_torques=dict(zip(robot.joint_names, np.sqrt(squared).tolist(), strict=True)),
         clearance=found.get("proved_clearance"),
@@ -143,7 +143,7 @@ class _Instant:
         np.square(inverse_dynamics(self._robot, Q, V, A), out=found[:, 3:])
         return found.reshape(*t.shape, -1)
 
-    def _states(self, t: Array) -> tuple[Array, Array, Array]:
+    def _states(self, t: Array) -> States:
         """Position, velocity and acceleration at times t (m, k), those of a row in one piece: (m, k, n) each."""
         breakpoints = self._trajectory.breakpoints
         piece = np.searchsorted(breakpoints[1:-1], t[:, 0], side="right")
@@ -188,8 +188,16 @@ def by_determinant(J: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.linalg.det(square), 0.0)))
 
 
-def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, float | None]:
-    """Joint with the largest jerk, that jerk, and the largest share of a limit (n,), over all time, exactly.
+class PeakJerk(NamedTuple):
+    """The joint with the largest jerk, that jerk, rad/s³ or m/s³, and the largest share of a limit that a joint has."""
+
+    joint: int
+    jerk: float
+    share: float | None
+
+
+def peak_jerk(trajectory: Trajectory, problem: Problem) -> PeakJerk:
+    """The largest jerk over all time, exactly.
 
     A joint whose velocity or acceleration jumps has an infinite jerk, and an infinite share of a finite limit; also
     where it jumps from or to what the problem states at the ends (rest, where it states nothing).
@@ -203,7 +211,7 @@ def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, flo
         jerk[steps > _JUMP * limit] = np.inf
     joint, limited = int(np.argmax(jerk)), np.isfinite(limits.jerk)
     share = float((jerk[limited] / limits.jerk[limited]).max()) if limited.any() else None
-    return joint, float(jerk[joint]), share
+    return PeakJerk(joint, float(jerk[joint]), share)
 
 
 def peak_wheel_rates(robot: Robot, trajectory: Trajectory) -> dict[str, float] | None:

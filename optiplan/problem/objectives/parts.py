@@ -13,16 +13,13 @@ from optiplan.problem.objectives.objective import PLAIN, Objective
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.quadrature import gauss_points
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.trajectory.trajectory import States, Trajectory
 
 CLEAR = 0.1
 """m: two bodies that are farther apart cost nothing."""
 
 SINGULAR = 1e-3
 """Added to the manipulability, so that a singular configuration has a finite cost."""
-
-States = tuple[Array, Array, Array]
-"""Position, velocity and acceleration (N, n) each."""
 
 
 class ObjectiveParts:
@@ -41,7 +38,7 @@ class ObjectiveParts:
         self._model = CollisionModel(robot, scene) if "clearance" in wanted else None
         rates: dict[str, Callable[[States], Array]] = {
             "energy": self._energy,
-            "joint_path": lambda states: np.linalg.norm(states[1], axis=1),
+            "joint_path": lambda states: np.linalg.norm(states.v, axis=1),
             "tool_path": self._tool_speed,
             "tool_smoothness": self._tool_acceleration,
             "clearance": self._nearness,
@@ -59,7 +56,7 @@ class ObjectiveParts:
             found["jerk"] = trajectory.squared_jerk()
         if self._rates:
             t, weights = gauss_points(trajectory)
-            states = trajectory(t), trajectory(t, 1), trajectory(t, 2)
+            states = States(trajectory(t), trajectory(t, 1), trajectory(t, 2))
             found |= {name: float(weights @ rate(states)) for name, rate in self._rates.items()}
         return found
 
@@ -74,12 +71,12 @@ class ObjectiveParts:
         return np.asarray((inverse_dynamics(self._robot, *states) ** 2).sum(axis=1))
 
     def _tool_speed(self, states: States) -> Array:
-        J = self._tool.evaluate(states[0])[1]
-        return np.asarray(np.linalg.norm(np.einsum("kij,kj->ki", J[:, :3], states[1]), axis=1))
+        J = self._tool.evaluate(states.q)[1]
+        return np.asarray(np.linalg.norm(np.einsum("kij,kj->ki", J[:, :3], states.v), axis=1))
 
     def _tool_acceleration(self, states: States) -> Array:
         model, data = self._robot.model, self._data
-        frame, found = self._robot.frame_id(self._robot.tool_frame), np.empty(len(states[0]))
+        frame, found = self._robot.frame_id(self._robot.tool_frame), np.empty(len(states.q))
         for k, state in enumerate(zip(*states, strict=True)):
             pin.forwardKinematics(model, data, *state)
             pin.updateFramePlacement(model, data, frame)
@@ -88,22 +85,22 @@ class ObjectiveParts:
         return found
 
     def _nearness(self, states: States) -> Array:
-        found = np.full(len(states[0]), CLEAR)
+        found = np.full(len(states.q), CLEAR)
         if self._model is not None:
-            near = self._model.near(states[0], CLEAR)
+            near = self._model.near(states.q, CLEAR)
             outside = of_obstacles(self._model)[near.pairs]
             np.minimum.at(found, near.rows[outside], near.distance[outside])
         return CLEAR - found
 
     def _singularity(self, states: States) -> Array:
-        J = self._tool.evaluate(states[0])[1]
+        J = self._tool.evaluate(states.q)[1]
         return np.asarray(1.0 / (SINGULAR + np.prod(np.linalg.svd(J, compute_uv=False), axis=1)))
 
     def _off_centre(self, states: States) -> Array:
         limits = self._robot.limits
         limited = np.isfinite(limits.lower) & np.isfinite(limits.upper)
         low, high = limits.lower[limited], limits.upper[limited]
-        share = (states[0][:, limited] - 0.5 * (low + high)) / (0.5 * (high - low))
+        share = (states.q[:, limited] - 0.5 * (low + high)) / (0.5 * (high - low))
         return np.asarray((share**2).sum(axis=1))
 
 
