@@ -19,6 +19,7 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from optiplan.api.checking import check
+    from optiplan.api.init_robot import init_robot
     from optiplan.api.kinematics import ik
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
@@ -83,6 +84,7 @@ if TYPE_CHECKING:
 
 _ROOMS = {
     "api.checking": ("check",),
+    "api.init_robot": ("init_robot",),
     "api.kinematics": ("ik",),
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
@@ -229,6 +231,7 @@ __all__ = [
     "check",
     "execute",
     "ik",
+    "init_robot",
     "load_problem",
     "load_robot",
     "load_run",
