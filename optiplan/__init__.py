@@ -18,13 +18,17 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
+    from optiplan.api.checking import check
+    from optiplan.api.kinematics import ik
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
+    from optiplan.api.many import plan_many
     from optiplan.api.planning import plan, retime, verify
     from optiplan.api.plotting import plot
     from optiplan.api.replanning import Replanner
     from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
+    from optiplan.api.workspaces import workspace
     from optiplan.control.controller import Controller
     from optiplan.control.limits.clearance import ClearanceLimit
     from optiplan.control.limits.half_space import HalfSpaceLimit
@@ -70,13 +74,17 @@ if TYPE_CHECKING:
     from optiplan.verify.report import Check, Report
 
 _ROOMS = {
+    "api.checking": ("check",),
+    "api.kinematics": ("ik",),
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
+    "api.many": ("plan_many",),
     "api.planning": ("plan", "retime", "verify"),
     "api.replanning": ("Replanner",),
     "api.simulating": ("execute", "simulate"),
     "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
+    "api.workspaces": ("workspace",),
     "control.controller": ("Controller",),
     "control.limits.clearance": ("ClearanceLimit",),
     "control.limits.half_space": ("HalfSpaceLimit",),
@@ -202,11 +210,14 @@ __all__ = [
     "WheelSpeed",
     "WheelSpeedLimit",
     "__version__",
+    "check",
     "execute",
+    "ik",
     "load_problem",
     "load_robot",
     "load_run",
     "plan",
+    "plan_many",
     "planners",
     "plot",
     "retime",
@@ -214,6 +225,7 @@ __all__ = [
     "simulate",
     "verify",
     "view",
+    "workspace",
 ]
 
 
@@ -232,7 +244,7 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-_ROOMS_CALLED = ("planners", "verify")
+_ROOMS_CALLED = ("planners", "verify", "workspace")
 """Rooms that have the name of a function: `op.verify(…)` is the function, `optiplan.verify.report` one of its files."""
 
 

@@ -1,10 +1,9 @@
 """Objective metrics of a motion: lengths, peak jerk, torque, clearance, manipulability.
 
-Lengths and torques are integrals over time, computed panel by panel by Gauss-Kronrod quadrature: a panel is halved
-until the rules of four and of nine points differ by less than its share of 1e-6 of the whole.
+Lengths and torques are integrals over time, to 1e-6 of themselves (`trajectory/quadrature.py`).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -19,30 +18,11 @@ from optiplan.problem.task.timeline import mismatch, scene_parts
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.quadrature import integral, panels
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 
-_NODES, _WEIGHTS = np.array(  # of nine points on [0, 1] (Kronrod); every second node is one of the four of Gauss
-    [
-        [0.011719874631213444, 0.031488686832736507],
-        [0.069431844202973712, 0.085026802667861363],
-        [0.179856891251845009, 0.133399170226142224],
-        [0.330009478207571868, 0.163474594800725815],
-        [0.500000000000000000, 0.173221490945068181],
-        [0.669990521792428132, 0.163474594800725815],
-        [0.820143108748154991, 0.133399170226142224],
-        [0.930568155797026288, 0.085026802667861363],
-        [0.988280125368786556, 0.031488686832736507],
-    ]
-).T
-_GAUSS = np.array([0.173927422568726929, 0.326072577431273071, 0.326072577431273071, 0.173927422568726929])
-_BOTH = np.zeros((2, len(_NODES)))  # the two rules' weights
-_BOTH[0, 1::2], _BOTH[1] = _GAUSS, _WEIGHTS
-_ACCURACY = 1e-6  # of an integral, and of the smallest manipulability, relative
-_NOTHING = 1e-3  # m, rad, (N m)^2 s: integrals smaller than this need no more digits than this one
-_PANELS = 22  # least number per motion: a kink between their points is negligible
-_HALVINGS = 14  # at most, of a panel: speed has kinks where the tool stands still
-_MOST_PANELS = 20_000  # panels at a time; beyond that the integral is not refined further
+_ACCURACY = 1e-6  # of the smallest manipulability, relative
 _JUMP = 1e-5  # share of a velocity or acceleration limit that counts as a jump; the verifier's own tolerance
 _CLOSER = 9  # samples between the neighbours of the smallest of a measure, in each round
 _ROUNDS = 13  # at most, of looking closer
@@ -208,46 +188,6 @@ def by_determinant(J: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.linalg.det(square), 0.0)))
 
 
-def integral(f: Callable[[Array], Array], trajectory: Trajectory) -> Array:
-    """Integral over the whole motion of f, which maps times (m, s) to values (m, s, k) >= 0: array (k,).
-
-    Times of a row are of one panel. Panels begin and end at breakpoints, where f may jump.
-    """
-    a, b = _panels(trajectory)
-    total: Array = np.zeros(1)
-    for halving in range(_HALVINGS + 1):
-        rough_value, fine = _gauss_kronrod(f, a, b)
-        share = (b - a)[:, None] / trajectory.duration
-        allowed = _ACCURACY * np.maximum(total + fine.sum(axis=0), _NOTHING) * share
-        rough = (np.abs(fine - rough_value) > allowed).any(axis=1)
-        if not rough.any() or len(a) > _MOST_PANELS or halving == _HALVINGS:
-            break
-        total = total + fine[~rough].sum(axis=0)
-        a, b = a[rough], b[rough]
-        middle = 0.5 * (a + b)
-        a, b = np.concatenate([a, middle]), np.concatenate([middle, b])
-    return np.asarray(total + fine.sum(axis=0))
-
-
-def _panels(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Beginnings and ends of the first panels: the pieces, cut into parts of at most a 22nd of the motion."""
-    h, breakpoints = trajectory.widths, trajectory.breakpoints
-    if h.max() * _PANELS <= trajectory.duration:
-        return breakpoints[:-1], breakpoints[1:]
-    parts = np.maximum(np.ceil(h * (_PANELS / trajectory.duration) - 1e-9), 1.0).astype(np.intp)
-    piece = np.repeat(np.arange(len(h)), parts)
-    within = np.arange(len(piece)) - (np.cumsum(parts) - parts)[piece]
-    a = breakpoints[piece] + within * (h / parts)[piece]
-    return a, np.append(a[1:], trajectory.duration)
-
-
-def _gauss_kronrod(f: Callable[[Array], Array], a: Array, b: Array) -> tuple[Array, Array]:
-    """Integrals of f over panels from a (m,) to b (m,), by four points and by nine: two arrays (m, k)."""
-    width = (b - a)[:, None]
-    both = _BOTH @ f(a[:, None] + width * _NODES) * width[:, None]
-    return both[:, 0], both[:, 1]
-
-
 def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, float | None]:
     """Joint with the largest jerk, that jerk, and the largest share of a limit (n,), over all time, exactly.
 
@@ -273,7 +213,7 @@ def peak_wheel_rates(robot: Robot, trajectory: Trajectory) -> dict[str, float] |
     """
     if robot.mecanum is None:
         return None
-    a, b = _panels(trajectory)
+    a, b = panels(trajectory)
     t = np.append((a[:, None] + (b - a)[:, None] * np.linspace(0.0, 0.875, 8)).ravel(), b[-1])
     rates = wheel_rates_along(robot, trajectory(t), trajectory(t, 1))
     assert rates is not None

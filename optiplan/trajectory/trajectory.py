@@ -9,8 +9,8 @@ import numpy as np
 
 from optiplan.arrays import Array, Index
 from optiplan.errors import InputError, Issue, described
+from optiplan.figure_style import element_of, line_style, sheet, styled
 from optiplan.trajectory import bspline, polynomial
-from optiplan.trajectory.curves_svg import joint_curves
 from optiplan.trajectory.pieces import defect, read_pieces
 from optiplan.trajectory.segments import Segment, read_segments, segment_data
 from optiplan.trajectory.state import State
@@ -97,7 +97,13 @@ class Trajectory:
     def _repr_html_(self) -> str:
         """The curves of the joints, for notebooks."""
         t = np.linspace(0.0, self.duration, _CURVE)
-        return f"<p>{self!r}</p>{joint_curves(t, self(t), self.joint_names)}"
+        with styled():
+            figure = sheet(2.6)
+            ax = figure.add_subplot(xlabel="time, s", ylabel="position, rad (m)", title="joint positions over time")
+            for j, (name, values) in enumerate(zip(self.joint_names, self(t).T, strict=True)):
+                ax.plot(t, values, label=name, **line_style(j))
+            figure.legend(loc="outside right upper")
+            return f"<p>{self!r}</p>{element_of(figure)}"
 
     @classmethod
     def from_bspline(cls, joint_names: Sequence[str], knots: Array, control_points: Array, degree: int) -> "Trajectory":

@@ -72,7 +72,7 @@ class WorkspaceSamples:
     values: dict[str, Array]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Workspace:
     """Result of a workspace study.
 
@@ -92,6 +92,11 @@ class Workspace:
     def free_fraction(self) -> float:
         """Share of the configurations in which nothing touches."""
         return float(self.samples.free.mean())
+
+    def __repr__(self) -> str:
+        """Robot, reach and coverage in one line."""
+        shares = f"{self.voxels.coverage.whole:.1%} of the voxels covered, {self.free_fraction:.1%} free"
+        return f"Workspace: {self.robot.name}, reach {self.reach.largest:.4g} m, {shares}"
 
 
 def robot_with_meshes(name: str, group: str | None = None) -> Robot:

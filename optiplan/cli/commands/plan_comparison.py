@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from optiplan.api.checking import choose, placed
 from optiplan.cli.output import Exit, interrupts_held, messages, print_error, print_json, results, stdout_is_ours
-from optiplan.cli.planner_choice import choose, placed
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError, Issue
 from optiplan.planners.base import Budget, Failure

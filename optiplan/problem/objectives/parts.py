@@ -12,6 +12,7 @@ from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.objectives.objective import PLAIN, Objective
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.quadrature import gauss_points
 from optiplan.trajectory.trajectory import Trajectory
 
 CLEAR = 0.1
@@ -20,9 +21,6 @@ CLEAR = 0.1
 SINGULAR = 1e-3
 """Added to the manipulability, so that a singular configuration has a finite cost."""
 
-_NODES, _WEIGHTS = (0.5 * (x + 1.0) if k == 0 else 0.5 * x for k, x in enumerate(np.polynomial.legendre.leggauss(5)))
-_PANELS = 64  # least number per motion
-
 States = tuple[Array, Array, Array]
 """Position, velocity and acceleration (N, n) each."""
 
@@ -30,8 +28,7 @@ States = tuple[Array, Array, Array]
 class ObjectiveParts:
     """Parts of the objective of one problem; data that depend only on the problem are built once.
 
-    Integrals are by Gauss-Legendre quadrature with five points in each of at least 64 panels, which end at breakpoints;
-    the duration and squared jerk are exact.
+    Integrals are sums over `gauss_points`; the duration and squared jerk are exact.
     """
 
     def __init__(self, robot: Robot, scene: Scene, objective: Objective) -> None:
@@ -61,10 +58,7 @@ class ObjectiveParts:
         if self.objective.jerk:
             found["jerk"] = trajectory.squared_jerk()
         if self._rates:
-            edges = np.union1d(trajectory.breakpoints, np.linspace(0.0, trajectory.duration, _PANELS + 1))
-            width = np.diff(edges)
-            t = (edges[:-1, None] + width[:, None] * _NODES).ravel()
-            weights = (width[:, None] * _WEIGHTS).ravel()
+            t, weights = gauss_points(trajectory)
             states = trajectory(t), trajectory(t, 1), trajectory(t, 2)
             found |= {name: float(weights @ rate(states)) for name, rate in self._rates.items()}
         return found

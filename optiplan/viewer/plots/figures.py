@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.figure_style import styled, undated
 from optiplan.files import replacing
 from optiplan.viewer.plots.curves_csv import write_curves, write_limits
 from optiplan.viewer.plots.joint_figure import draw_joints
 from optiplan.viewer.plots.path_figure import draw_path
 from optiplan.viewer.plots.runs import PlottedRun
-from optiplan.viewer.plots.style import styled
 from optiplan.viewer.plots.tool_figure import draw_tool
 
 PICTURES = ("png", "svg", "pdf")
@@ -116,7 +116,7 @@ def figure_format(path: Path) -> str:
 
 
 def _save(figures: Sequence[Any], path: Path, kind: str) -> None:
-    dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})  # the same runs, the same files
+    dated = undated(kind)
     with styled():
         if kind == "pdf":
             from matplotlib.backends.backend_pdf import PdfPages

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.figure_style import AXES, line_style, sheet
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.viewer.plots.outlines import outlines
 from optiplan.viewer.plots.runs import PlottedRun
-from optiplan.viewer.plots.style import AXES, line_style, sheet
 
 PLANES = ((0, 1), (0, 2), (1, 2))
 NAMES = "xyz"

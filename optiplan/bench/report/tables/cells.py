@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from optiplan.bench.report.figures import COLOURS, line_of
 from optiplan.bench.statistics.intervals_and_tests import Interval
+from optiplan.figure_style import COLOURS, line_of
 
 NOTHING = "–"
 BOUND = "one bound a problem: the least over the end configurations that were reached or that it lists"
