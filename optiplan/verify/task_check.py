@@ -10,7 +10,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
-from optiplan.problem.constraints.statements import PairClearance, ToolSpeed
+from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Via, derived
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
@@ -18,6 +18,7 @@ from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, sc
 from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.cut import cut_trajectory
+from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import collision
@@ -53,7 +54,7 @@ class _Part:
 
 def standing_at(problem: Problem, q: Array) -> Trajectory:
     """Return a second at a configuration (n,)."""
-    return Trajectory(problem.robot.joint_names, np.array([0.0, 1.0]), q[None, None])
+    return standstill(problem.robot.joint_names, q, 1.0)
 
 
 def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:

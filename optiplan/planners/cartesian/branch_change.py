@@ -10,11 +10,11 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.common.goal_ranking import ranked_goals
-from optiplan.planners.common.via_legs import joined
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.sampling.rrtconnect import RrtConnect
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem, derived
 from optiplan.robot.frames import frame_pose
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.trajectory import Trajectory
 
 _OTHER = 1e-3  # rad or m: configurations that differ by less are one
@@ -36,7 +36,7 @@ class Branch:
         for planner in (Quintic(), RrtConnect()):
             result = planner.plan(there, budget.share(0.5), lambda stage, fraction: None)
             if result.trajectory is not None:
-                return joined([result.trajectory, motion])
+                return join_trajectories([result.trajectory, motion])
             reasons.append(result.failure)
         return reasons[-1] or Failure("no-path", "no way to another branch")
 

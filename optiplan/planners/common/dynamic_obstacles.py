@@ -12,6 +12,7 @@ from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progres
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.problem.problem import Problem, derived
+from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.trajectory import Trajectory
 
 _STATIC = 0.6
@@ -107,10 +108,8 @@ def _delay(problem: Problem, motion: Trajectory, wait: float, slower: float) -> 
     scaled = (within_torque(problem.robot, problem.limits, scaled) or scaled) if slower != 1.0 else scaled
     if wait == 0.0:
         return Delayed(scaled, wait, slower)
-    still = np.zeros((1, *scaled.coefficients.shape[1:]))
-    still[0, 0] = scaled.start
-    edges = np.concatenate([[0.0], scaled.breakpoints + wait])
-    return Delayed(Trajectory(scaled.joint_names, edges, np.concatenate([still, scaled.coefficients])), wait, slower)
+    still = standstill(scaled.joint_names, scaled.start, wait)
+    return Delayed(join_trajectories([still, scaled]), wait, slower)
 
 
 def _horizon(problem: Problem) -> float:

@@ -1,16 +1,14 @@
 """Plan through vias with any point-to-point planner: leg by leg, at rest at each via."""
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
-
-import numpy as np
 
 from optiplan.errors import Issue, PlannerAnswerError, described
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.dynamic_obstacles import wait_for_obstacles
 from optiplan.problem.problem import JointGoal, Problem, derived
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -77,7 +75,7 @@ def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress
         legs.append(result.trajectory)
         infos.append(dict(result.info))
     cut_short = any(info.get("cut_short", False) for info in infos)
-    return PlanResult(joined(legs), None, seconds, {"legs": infos, "cut_short": cut_short})
+    return PlanResult(join_trajectories(legs), None, seconds, {"legs": infos, "cut_short": cut_short})
 
 
 def _answer(
@@ -98,15 +96,6 @@ def _answer(
     name = f"the planner {type(planner).__name__}"
     expected = "a PlanResult with a Trajectory, or with a Failure that says why there is none"
     raise PlannerAnswerError([Issue(name, None, "plan", f"returned {found}", expected)])
-
-
-def joined(legs: Sequence[Trajectory]) -> Trajectory:
-    """Concatenate motions; each begins where the one before ends."""
-    size = max(leg.coefficients.shape[1] for leg in legs)
-    padded = [np.pad(leg.coefficients, ((0, 0), (0, size - leg.coefficients.shape[1]), (0, 0))) for leg in legs]
-    begins = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])
-    breakpoints = [leg.breakpoints[1:] + begin for leg, begin in zip(legs, begins, strict=False)]
-    return Trajectory(legs[0].joint_names, np.concatenate([[0.0], *breakpoints]), np.concatenate(padded))
 
 
 def _part_of(progress: Progress, k: int, count: int) -> Progress:

@@ -10,18 +10,16 @@ from optiplan.arrays import Array
 from optiplan.libraries import clock
 from optiplan.planners.base import (
     Budget,
-    Candidate,
     Failure,
     Planner,
     PlanResult,
     Progress,
-    announce,
     stages_of,
 )
 from optiplan.planners.common.dynamic_obstacles import without_dynamic_obstacles
 from optiplan.planners.common.failures import too_heavy
+from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.common.stopwatch import Stopwatch
-from optiplan.planners.common.via_legs import joined as in_turn
 from optiplan.planners.task.chains import PlannedStep, of_step
 from optiplan.planners.task.join_steps import join_steps
 from optiplan.planners.task.line_timing import line_limits, timed_line
@@ -30,11 +28,12 @@ from optiplan.planners.task.search import TaskSearch
 from optiplan.planners.task.stops import stops_of
 from optiplan.planners.task.stretches import Stretch
 from optiplan.planners.task.via_moves import ViaMoves, unsupported
-from optiplan.planners.task.waiting import standstill, waiting
+from optiplan.planners.task.waiting import waiting
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import Attach, Detach, Dwell
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -66,14 +65,12 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         with watch.stage("waiting"):
             found = _wait_for_obstacles(moves, planner, stretches, budget, progress)
         return replace(found, timings=watch.seconds, info={"moves": search.infos, **found.info})
-    candidates: list[Candidate] = []
+    incumbent = Incumbent(problem, progress, watch, began)
 
     def offer(way: Sequence[Stretch]) -> float:
-        """Keep a way to do the steps if it is the best so far; return its duration, s."""
-        motion = moves.motion(joined(moves.problem, way))
-        if not candidates or problem.cost(motion) < problem.cost(candidates[-1].trajectory):
-            candidates.append(Candidate(motion, clock() - began))
-            announce(progress, motion)
+        """Offer a way to do the steps; return its duration, s."""
+        motion = moves.motion(joined_stretches(moves.problem, way))
+        incumbent.offer(motion)
         return motion.duration
 
     info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
@@ -86,8 +83,7 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
             offer(whole)
     info |= {"cut_short": search.cut_short or budget.over, "stops": stops_of(whole)}
     info["stops_left_out"] = len(stretches) - len(whole)
-    *earlier, last = candidates
-    return PlanResult(last.trajectory, None, watch.seconds, info, tuple(earlier), last.seconds)
+    return incumbent.result(info)
 
 
 def _stopping(search: TaskSearch, budget: Budget, watch: Stopwatch) -> list[Stretch] | Failure:
@@ -158,7 +154,7 @@ def _wait_for_obstacles(
         passed = waiting(problem, way, budget)
         if not isinstance(passed, Failure):
             waited = sum(b.ends[-1] - a.ends[-1] for a, b in zip(way, passed, strict=True))
-            motion = moves.motion(joined(problem, passed))
+            motion = moves.motion(joined_stretches(problem, passed))
             return PlanResult(motion, None, {}, {"waited": waited, "stops": stops_of(passed)})
         failure = passed
     return PlanResult(None, moves.failure(failure))
@@ -180,7 +176,7 @@ def _timed(done: PlannedStep, budget: Budget) -> "Trajectory | float | Failure":
     return motion
 
 
-def joined(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
+def joined_stretches(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
     """Join stretches, each at rest at both ends, to one motion of all joints, with its segments."""
     parts: list[Trajectory] = []
     segments: list[Segment] = []
@@ -191,14 +187,17 @@ def joined(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
             assert first.stage is not None
             parts.append(motion_of_all_joints(problem.robot, first.stage.columns, motion, first.before.q))
         elif motion > 0.0:
-            parts.append(standstill(problem.robot, first.before.q, motion))
+            parts.append(standstill(problem.robot.joint_names, first.before.q, motion))
         since = begin
         for one, end in zip(stretch.done, stretch.ends, strict=True):
             step = one.step
             segments.append(Segment(step.number, step.kind, step.name, since, begin + end, *_object_and_link(one)))
             since = begin + end
         begin = since
-    return replace(in_turn(parts or [standstill(problem.robot, problem.start, 1e-3)]), segments=tuple(segments))
+    return replace(
+        join_trajectories(parts or [standstill(problem.robot.joint_names, problem.start, 1e-3)]),
+        segments=tuple(segments),
+    )
 
 
 def _object_and_link(done: PlannedStep) -> tuple[str, str]:

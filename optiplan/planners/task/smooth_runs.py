@@ -9,6 +9,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.line_timing import line_limits
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import ToolLimits
 from optiplan.trajectory.trajectory import Trajectory
@@ -75,7 +76,7 @@ def _longer(run: SmoothRun, after: PlannedStep) -> SmoothRun:
     second = _beginning(after.curve.scaled(corners[-1].after.length), _state(first, first.duration))
     length = first.duration + second.duration
     edges = tuple(edge * first.duration / length for edge in run.edges)
-    return SmoothRun((*run.done, after), _one_path(first, second), (*edges, 1.0))
+    return SmoothRun((*run.done, after), join_trajectories([first, second]), (*edges, 1.0))
 
 
 def _state(path: Trajectory, at: float) -> Array:
@@ -91,10 +92,3 @@ def _beginning(path: Trajectory, state: Array) -> Trajectory:
     coefficients[0] = 0.0
     coefficients[0, :6] = piece
     return Trajectory(path.joint_names, path.breakpoints, coefficients)
-
-
-def _one_path(first: Trajectory, second: Trajectory) -> Trajectory:
-    size = max(first.coefficients.shape[1], second.coefficients.shape[1])
-    parts = [np.pad(c, ((0, 0), (0, size - c.shape[1]), (0, 0))) for c in (first.coefficients, second.coefficients)]
-    breakpoints = np.concatenate([first.breakpoints, second.breakpoints[1:] + first.duration])
-    return Trajectory(first.joint_names, breakpoints, np.concatenate(parts))

@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget, Failure
@@ -12,7 +10,7 @@ from optiplan.planners.common.dynamic_obstacles import delayed
 from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.stretches import Stretch
 from optiplan.problem.problem import Problem, derived
-from optiplan.robot.robot import Robot
+from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -49,14 +47,9 @@ def _passing(problem: Problem, stretch: Stretch, budget: Budget) -> Stretch | Fa
             return passing
         slower = (passing.motion.duration - passing.wait) / motion.duration
         return replace(stretch, motion=passing.motion, ends=tuple(passing.wait + slower * end for end in stretch.ends))
-    still = standstill(problem.robot, first.before.q, motion)
+    still = standstill(problem.robot.joint_names, first.before.q, motion)
     met = first_contact(planning_model(problem.robot, scene), still, lambda: budget.over)
     if met is None:
         return stretch
     pair = met.contact.pair
     return Failure("collision", f"'{pair.name_a}' meets '{pair.name_b}', which moves", met.witness(still))
-
-
-def standstill(robot: Robot, q: np.ndarray, seconds: float) -> Trajectory:
-    """Return the motion of a robot that stands at q (n,)."""
-    return Trajectory(robot.joint_names, np.array([0.0, seconds]), q[None, None])

@@ -7,29 +7,26 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
-from optiplan.libraries import clock
-from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce, stages_of
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.common.stopwatch import Stopwatch
-from optiplan.planners.common.via_legs import joined
 from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem, derived
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.profiles.state_to_state import BetweenStates, NoProfile, fastest_run_up, fastest_stop
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
 
 _DIRECT, _DETOUR = 1.0 / 3.0, 0.7
 """Share of the budget for curves from the direct profiles, and of what is left for the way from rest to rest."""
-
-_NO_GAIN = 1e-6
-"""Share of the cost below which a motion counts as no better."""
 
 
 def plan_nonzero_ends(
@@ -51,10 +48,9 @@ class _NonzeroEndRun:
     def __init__(self, planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress) -> None:
         self.planner, self.problem, self.budget, self.progress = planner, problem, budget, progress
         self.options, self.watch = planner.options, Stopwatch()
-        self.began = clock()
         self.info: dict[str, Any] = {"attempts": [], "cut_short": False}
-        self.candidates: list[Candidate] = []
-        self.best, self.bound = np.inf, 0.0
+        self.incumbent = Incumbent(problem, progress, self.watch)
+        self.bound = 0.0
         self.curve: tuple[Attempt, NonzeroEndOptimiser] | None = None
         self.touching: tuple[Touch, Trajectory] | None = None
         self.patience = Patience(budget, self.options.good_enough)
@@ -66,12 +62,9 @@ class _NonzeroEndRun:
         """Search and return the best motion, or the failure."""
         failure = self._search()
         self.info["cut_short"] |= self.budget.over
-        if self.candidates:
-            *earlier, last = self.candidates
-            return PlanResult(last.trajectory, None, self.watch.seconds, self.info, tuple(earlier), last.seconds)
         if self.budget.cancelled or failure is None:
             failure = out_of_time(self.budget, "looking for a trajectory")
-        return PlanResult(None, failure, self.watch.seconds, self.info)
+        return self.incumbent.result(self.info, failure)
 
     def _search(self) -> Failure | None:
         with self.watch.stage("goals"):
@@ -86,10 +79,10 @@ class _NonzeroEndRun:
                 if not early.over and self._should_continue():
                     self._direct(end, early)
         failure = None
-        if not self.candidates and not self.budget.over:
+        if not self.incumbent.candidates and not self.budget.over:
             failure = self._detour()
         self._bumps()
-        return None if self.candidates else failure
+        return None if self.incumbent.candidates else failure
 
     def _direct(self, end: State, budget: Budget) -> None:
         """Try the profiles from state to state, and the curve that they lead to."""
@@ -150,7 +143,7 @@ class _NonzeroEndRun:
             return planned.failure
         run_up = next((one for q, one in run_ups if np.abs(q - planned.trajectory.end).max() < 1e-6), None)
         parts = [part for part in (stop, planned.trajectory, run_up) if part is not None]
-        whole = joined(parts)
+        whole = join_trajectories(parts)
         self._offer(whole)
         end = whole.state(whole.duration)
         self._optimised("detour", whole, EndStates(problem.start_state, end), self.budget)
@@ -199,17 +192,12 @@ class _NonzeroEndRun:
 
     def _offer(self, trajectory: Trajectory) -> bool:
         """Keep a free motion if it is better than the best; return whether it is."""
-        cost = self.problem.cost(trajectory)
-        if cost >= self.best * (1.0 - _NO_GAIN) or tuple(self.optimiser.constraints.broken(trajectory)):
+        if not self.incumbent.improves(trajectory) or tuple(self.optimiser.constraints.broken(trajectory)):
             return False
-        self.best = cost
-        self.candidates.append(Candidate(trajectory, clock() - self.began))
-        with self.watch.aside():
-            announce(self.progress, trajectory)
-        return True
+        return self.incumbent.offer(trajectory)
 
     def _should_continue(self) -> bool:
         """Return whether the budget and `Patience` allow another attempt."""
         if self.budget.over:
             return False
-        return not self.candidates or self.patience.worth_another(self.best, self.bound)
+        return not self.incumbent.candidates or self.patience.worth_another(self.incumbent.cost, self.bound)

@@ -19,7 +19,7 @@ from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
-from optiplan.planners.trajopt.incumbent import Incumbent
+from optiplan.planners.trajopt.incumbent import CurveIncumbent
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
@@ -77,7 +77,7 @@ class PathSearch:
     model: CollisionModel
     budget: Budget
     patience: Patience
-    incumbent: Incumbent
+    incumbent: CurveIncumbent
     watch: Stopwatch
     coarse: CoarseDescents
     searches: int = 0
@@ -167,7 +167,9 @@ class PathSearch:
         self._ways.sort(key=lambda way: way.duration)
         return self._ways.pop(0) if self._ways else failure
 
-    def anew(self, problem: Problem, patience: Patience, incumbent: Incumbent, coarse: CoarseDescents) -> "PathSearch":
+    def anew(
+        self, problem: Problem, patience: Patience, incumbent: CurveIncumbent, coarse: CoarseDescents
+    ) -> "PathSearch":
         """Return searches that begin at the first seed again and share the models of thinner obstacles alone."""
         fresh = PathSearch(problem, self.model, self.budget, patience, incumbent, self.watch, coarse)
         fresh._checks = self._checks

@@ -22,7 +22,7 @@ from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
 from optiplan.planners.trajopt.end_search import EndSearch
-from optiplan.planners.trajopt.incumbent import Incumbent
+from optiplan.planners.trajopt.incumbent import CurveIncumbent
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
 from optiplan.planners.trajopt.nonzero_ends import plan_nonzero_ends
 from optiplan.planners.trajopt.optimise_in_time import optimise_in_time
@@ -102,7 +102,9 @@ class _Run:
             self.model = kept_planning_model(problem.robot, problem.scene)
             self.info.update(not_in_core(self.model))
             self.optimiser = Optimiser(problem, self.model, options)
-        self.incumbent = Incumbent(problem, self.optimiser.constraints, progress, self.info, began, self.watch)
+        self.incumbent = CurveIncumbent(
+            problem, progress, self.watch, began, constraints=self.optimiser.constraints, info=self.info
+        )
         self.coarse = CoarseDescents(self.optimiser, budget, self.patience, self.watch)
         self.paths = PathSearch(problem, self.model, budget, self.patience, self.incumbent, self.watch, self.coarse)
         self.attempts = Attempts(self.optimiser, budget, self.incumbent, self.patience, self.watch)
@@ -119,12 +121,9 @@ class _Run:
         self.attempts.refine()
         self.attempts.finest()
         self.info["cut_short"] |= self.budget.over
-        if self.incumbent.candidates:
-            *earlier, last = self.incumbent.candidates
-            return PlanResult(last.trajectory, None, self.watch.seconds, self.info, tuple(earlier), last.seconds)
         if self.budget.cancelled:
             failure = out_of_time(self.budget, "looking for a trajectory")
-        return PlanResult(None, failure, self.watch.seconds, self.info)
+        return self.incumbent.result(self.info, failure)
 
     def _search(self) -> Failure | None:
         problem, start = self.problem, self.problem.start

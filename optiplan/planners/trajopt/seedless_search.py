@@ -9,7 +9,7 @@ from optiplan.planners.base import Failure
 from optiplan.planners.common.goal_ranking import GoalSampler, apart, goal_sampler
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents
-from optiplan.planners.trajopt.incumbent import Incumbent
+from optiplan.planners.trajopt.incumbent import CurveIncumbent
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.optimizer import Attempt
 from optiplan.planners.trajopt.path_search import PathSearch
@@ -93,10 +93,9 @@ class SeedlessSearch:
         """
         run, problem = self.attempts, derived(self.problem, seed=_STREAM)
         patience = Patience(run.budget, run.patience.good_enough)
-        record = {"attempts": run.incumbent.info["attempts"], "cut_short": False}
-        incumbent = Incumbent(
-            problem, run.incumbent.constraints, lambda stage, share: None, record, run.incumbent.began, run.watch
-        )
+        info = {"attempts": run.incumbent.info["attempts"], "cut_short": False}
+        kept, silent = run.incumbent, lambda stage, share: None
+        incumbent = CurveIncumbent(problem, silent, run.watch, kept.began, constraints=kept.constraints, info=info)
         self._own = Attempts(run.optimiser, run.budget, incumbent, patience, run.watch)
         self._descents = replace(self.coarse, patience=patience)
         self._searches = self.paths.anew(problem, patience, incumbent, self._descents)

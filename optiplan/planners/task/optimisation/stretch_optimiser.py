@@ -8,7 +8,6 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
-from optiplan.planners.common.via_legs import joined
 from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.join_steps import time_of
@@ -26,6 +25,7 @@ from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.program.sqp import DescentOptions, optimise
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.cut import cut_trajectory
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import tool_motion, tool_scale
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -71,7 +71,7 @@ def optimised(stretches: Sequence[Stretch], options: TrajOptOptions, budget: Bud
         assert isinstance(stretch.motion, Trajectory)
         steps += [cut_trajectory(stretch.motion, a, b) for a, b in pairwise((0.0, *stretch.ends))]
     counts = np.cumsum([0, *(len(run.done) for run in runs)]).tolist()
-    curves = [joined(steps[a:b]) for a, b in pairwise(counts)]
+    curves = [join_trajectories(steps[a:b]) for a, b in pairwise(counts)]
     found = StretchOptimiser(runs, curves, options).run(budget)
     return list(stretches) if found is None else [found]
 
@@ -145,7 +145,7 @@ class StretchOptimiser:
         curve = self.made.curve(y, self.made.shortest_duration(y))
         motions = [self._motion(curve, k) for k in range(len(self.parts))]
         edges = np.concatenate([[0.0], np.cumsum([motion.duration for motion in motions])])
-        whole = joined(motions)
+        whole = join_trajectories(motions)
         ends = self._ends(curve, edges)
         done = tuple(one for run in self.runs for one in run.done)
         slower = 0.0
