@@ -19,6 +19,7 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from optiplan.api.checking import check
+    from optiplan.api.init_robot import init_robot
     from optiplan.api.kinematics import ik
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
@@ -46,24 +47,16 @@ if TYPE_CHECKING:
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
     from optiplan.problem.constraints.expression import Expression
-    from optiplan.problem.constraints.statements import (
-        FixedOrientation,
+    from optiplan.problem.constraints.motions import (
         JointCoupling,
-        LookAt,
         ManipulabilityAbove,
-        OnArc,
-        OnCircle,
-        OnLine,
-        OnPlane,
-        OnScrew,
-        OrientationCone,
         PairClearance,
-        PositionBox,
-        RelativePose,
         ToolAcceleration,
         ToolSpeed,
         WheelSpeed,
     )
+    from optiplan.problem.constraints.points import OnArc, OnCircle, OnLine, OnPlane, PositionBox
+    from optiplan.problem.constraints.poses import FixedOrientation, LookAt, OnScrew, OrientationCone, RelativePose
     from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
     from optiplan.problem.objectives.objective import Objective
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
@@ -83,6 +76,7 @@ if TYPE_CHECKING:
 
 _ROOMS = {
     "api.checking": ("check",),
+    "api.init_robot": ("init_robot",),
     "api.kinematics": ("ik",),
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
@@ -110,24 +104,16 @@ _ROOMS = {
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "problem.constraints.expression": ("Expression",),
-    "problem.constraints.statements": (
-        "FixedOrientation",
+    "problem.constraints.motions": (
         "JointCoupling",
-        "LookAt",
         "ManipulabilityAbove",
-        "OnArc",
-        "OnCircle",
-        "OnLine",
-        "OnPlane",
-        "OnScrew",
-        "OrientationCone",
         "PairClearance",
-        "PositionBox",
-        "RelativePose",
         "ToolAcceleration",
         "ToolSpeed",
         "WheelSpeed",
     ),
+    "problem.constraints.points": ("OnArc", "OnCircle", "OnLine", "OnPlane", "PositionBox"),
+    "problem.constraints.poses": ("FixedOrientation", "LookAt", "OnScrew", "OrientationCone", "RelativePose"),
     "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Octree", "PointCloud", "Sphere"),
     "problem.goals_and_vias": ("JointGoal", "PoseGoal"),
     "problem.regions.region": ("RegionGoal",),
@@ -229,6 +215,7 @@ __all__ = [
     "check",
     "execute",
     "ik",
+    "init_robot",
     "load_problem",
     "load_robot",
     "load_run",

@@ -18,7 +18,8 @@ import pinocchio as pin
 import optiplan as op
 from optiplan.geometry.scene import Attachment, Scene, Sphere
 from optiplan.problem.constraints.base import WHOLE, During, Statement
-from optiplan.problem.constraints.statements import OnPlane, PairClearance, ToolSpeed
+from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
+from optiplan.problem.constraints.points import OnPlane
 from optiplan.problem.goals_and_vias import Via
 from optiplan.problem.problem import derived
 from optiplan.problem.task.steps import TaskStep

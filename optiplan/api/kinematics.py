@@ -55,7 +55,7 @@ def ik(  # noqa: PLR0913  # one keyword for each thing that chooses among soluti
             collisions are not looked at.
         prefer: of a redundant arm: each solution moves, with its pose kept, to the `middle` of the joint limits, to the
             `reference`, which is `near`, or to the greatest `manipulability`; None: as found.
-        count: solutions that starts are tried for, at most, where there is no closed form.
+        count: solutions returned, at most; a closed form has no more than eight.
 
     Returns:
         Configurations (k, n), rad or m, the nearest first: by max_i |q_i - near_i|. Without a solution k is 0.
@@ -84,7 +84,7 @@ def ik(  # noqa: PLR0913  # one keyword for each thing that chooses among soluti
     if scene is not None:
         model = collision_model(arm, _scene(scene))
         found = [q for q in found if not model.collides(q) and model.contained(q) is None]
-    return np.array(found if all else found[:1]).reshape(-1, arm.n)
+    return np.array(found[: count if all else 1]).reshape(-1, arm.n)
 
 
 def _loaded(robot: Any) -> Robot:

@@ -7,14 +7,10 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics
+from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.constraints.expression import Expression
-from optiplan.problem.constraints.statements import (
-    WHOLE,
-    JointCoupling,
-    ManipulabilityAbove,
-    PathConstraint,
-    ToolAcceleration,
-)
+from optiplan.problem.constraints.motions import JointCoupling, ManipulabilityAbove, ToolAcceleration
+from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import joint_units
 from optiplan.trajectory import polynomial

@@ -10,7 +10,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
-from optiplan.problem.constraints.statements import PairClearance, ToolSpeed
+from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Via, derived
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep

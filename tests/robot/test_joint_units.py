@@ -8,7 +8,7 @@ import pytest
 import optiplan as op
 from optiplan.errors import InputError
 from optiplan.geometry.scene import Scene
-from optiplan.problem.constraints.statements import JointCoupling
+from optiplan.problem.constraints.motions import JointCoupling
 from optiplan.problem.objectives.objective import UNITS, part_unit
 from optiplan.problem.problem import Problem, derived
 from optiplan.robot.limits import joint_unit, joint_units, thousandths

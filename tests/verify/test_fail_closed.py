@@ -10,13 +10,9 @@ import pytest
 import optiplan as op
 from optiplan.geometry.scene import Attachment, Box, Obstacle, Scene, Sphere
 from optiplan.problem.constraints.base import WHOLE, Statement
-from optiplan.problem.constraints.statements import (
-    KINDS,
-    OnPlane,
-    PairClearance,
-    ToolAcceleration,
-    ToolSpeed,
-)
+from optiplan.problem.constraints.motions import PairClearance, ToolAcceleration, ToolSpeed
+from optiplan.problem.constraints.points import OnPlane
+from optiplan.problem.constraints.statements import KINDS
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.problem import derived
@@ -128,7 +124,7 @@ def test_every_kind_of_constraint_has_a_check():
     """Of poses by what they measure; `tests/verify/test_constraint_check.py` takes each."""
     for kind in KINDS.values():
         found = _checks_of(object.__new__(kind))
-        assert found is not _poses or kind.__module__.endswith("poses")
+        assert found is not _poses or kind.__module__.endswith(("poses", "points"))
 
 
 def test_constraints_hold_where_a_step_takes_no_time(planar, problem, swing):

@@ -5,7 +5,7 @@ import numpy as np
 from optiplan.planners.base import Budget
 from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.stages import Stage
-from optiplan.problem.constraints.statements import ToolSpeed
+from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.task.steps import StraightLine
 from optiplan.trajectory.timing.time_path import TimingOptions, ToolLimits, time_path
 from optiplan.trajectory.trajectory import Trajectory

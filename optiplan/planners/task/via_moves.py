@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from optiplan.planners.base import Failure, Planner
-from optiplan.problem.constraints.statements import WHOLE
+from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.trajectory.segments import Segment

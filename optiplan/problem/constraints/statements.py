@@ -5,35 +5,15 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from optiplan.problem.constraints import motions, poses
+from optiplan.problem.constraints import motions, points, poses
 from optiplan.problem.constraints.base import WHOLE, During, Statement
-from optiplan.problem.constraints.motions import (
-    JointCoupling,
-    ManipulabilityAbove,
-    PairClearance,
-    ToolAcceleration,
-    ToolSpeed,
-    WheelSpeed,
-)
-from optiplan.problem.constraints.poses import (
-    FixedOrientation,
-    LookAt,
-    OnArc,
-    OnCircle,
-    OnLine,
-    OnPlane,
-    OnScrew,
-    OrientationCone,
-    PositionBox,
-    RelativePose,
-)
 
 PathConstraint: TypeAlias = Statement
 """Any statement of `KINDS`."""
 
 KINDS: dict[str, type[Statement]] = {
     kind.KEY: kind
-    for room in (poses, motions)
+    for room in (poses, points, motions)
     for kind in vars(room).values()
     if isinstance(kind, type) and issubclass(kind, Statement) and kind is not Statement
 }
@@ -67,30 +47,3 @@ def frame_of(one: PathConstraint) -> str | None:
     """Return the frame that a constraint is about, if it is about one."""
     frame: str | None = getattr(one, "frame", None)
     return frame
-
-
-__all__ = [
-    "KINDS",
-    "WHOLE",
-    "During",
-    "FixedOrientation",
-    "JointCoupling",
-    "LookAt",
-    "ManipulabilityAbove",
-    "OnArc",
-    "OnCircle",
-    "OnLine",
-    "OnPlane",
-    "OnScrew",
-    "OrientationCone",
-    "PairClearance",
-    "PathConstraint",
-    "PositionBox",
-    "RelativePose",
-    "ToolAcceleration",
-    "ToolSpeed",
-    "WheelSpeed",
-    "constraint_data",
-    "constraint_of",
-    "frame_of",
-]

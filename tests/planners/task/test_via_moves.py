@@ -7,7 +7,7 @@ import optiplan as op
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult
 from optiplan.planners.task.planner import plan_task
-from optiplan.problem.constraints.statements import ToolSpeed
+from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.problem import JointGoal, Via, derived
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.trajectory import Trajectory
