@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from optiplan.api.loading import load_run
 from optiplan.errors import UnknownChoiceError, described, path_argument, wrong_argument
 from optiplan.runs.run import Run
-from optiplan.viewer.plots.figures import FIGURES, PlotOptions, draw, figure_format, write_figures
+from optiplan.viewer.plots.figures import FIGURES, PlotOptions, draw, figure_format, save_figures
 from optiplan.viewer.plots.runs import PlottedRun, comparable
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def plot(
     options = PlotOptions(_names(joints), bool(share), _count(frames))
     try:
         if path is not None:
-            write_figures([figure], drawn, options, path)
+            save_figures([figure], drawn, options, path)
         drawn_figure: Figure = draw(figure, drawn, options)
         return drawn_figure
     except UnknownChoiceError as error:

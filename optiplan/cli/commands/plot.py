@@ -40,7 +40,7 @@ def plot(
     Exit code: 0 done · 2 bad input.
     """
     from optiplan.cli.viewing import plotted_runs
-    from optiplan.viewer.plots.figures import FORMATS, PlotOptions, figure_format, write_all, write_figures
+    from optiplan.viewer.plots.figures import FORMATS, PlotOptions, figure_format, save_figures, write_all
     from optiplan.viewer.plots.runs import comparable
 
     asked = None if kinds is None else _chosen("format", kinds, FORMATS)
@@ -58,7 +58,7 @@ def plot(
         if to_folder:
             written = write_all(names, asked or ["png"], drawn, options, out)
         else:
-            write_figures(names, drawn, options, out)
+            save_figures(names, drawn, options, out)
             written = [out]
     if as_json:
         print_json({"written": [str(path) for path in written], "exit_code": 0})

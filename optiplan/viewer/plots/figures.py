@@ -56,7 +56,7 @@ def draw(name: str, runs: Sequence[PlottedRun], options: PlotOptions) -> Any:
         return FIGURES[name](runs, options)
 
 
-def write_figures(names: Sequence[str], runs: Sequence[PlottedRun], options: PlotOptions, path: Path) -> None:
+def save_figures(names: Sequence[str], runs: Sequence[PlottedRun], options: PlotOptions, path: Path) -> None:
     """Write figures into one file of the kind that its suffix names; it appears whole or not at all.
 
     A PDF has a page for each, CSV is the same whatever the figure; the others hold one.
@@ -92,13 +92,13 @@ def write_all(
     for kind in kinds:
         if kind == "csv":
             written += [folder / "curves.csv", folder / "limits.csv"]
-            write_figures(names, runs, options, written[-2])
+            save_figures(names, runs, options, written[-2])
             with replacing(written[-1]) as temporary:
                 write_limits(runs, temporary)
             continue
         for name in names:
             written.append(folder / f"{name}.{kind}")
-            write_figures([name], runs, options, written[-1])
+            save_figures([name], runs, options, written[-1])
     return written
 
 
