@@ -24,8 +24,8 @@ from published import ROOT, commit, print_json, print_table, write_markdown
 from optiplan.config.document import read_yaml
 from optiplan.simulation.log import Log
 from optiplan.simulation.pictures import response_picture
+from optiplan.simulation.recorder import ToolPoses
 from optiplan.simulation.simulation import Simulation, run_control
-from optiplan.simulation.tool_error import ToolPoses
 
 ROTORS = [3.0, 3.0, 2.0, 0.3, 0.3, 0.2]
 """kg·m², of SRRA's drives: chosen, as in control/srra_pid_step.yaml."""

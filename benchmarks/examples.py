@@ -25,7 +25,7 @@ from rich.progress import track
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import load_problem
-from optiplan.runs.pipeline import attempt
+from optiplan.runs.pipeline import plan_and_verify_once
 from optiplan.runs.run import Run
 
 OURS, ROUNDING = "trajopt", 1.005
@@ -46,7 +46,9 @@ def main() -> None:
     jobs = [(file, planner) for file in files[k - 1 :: n] for planner in planners]
     rows: list[dict[str, Any]] = []
     try:
-        attempt(load_problem(files[0]), OURS, {}, Budget(1.0), lambda stage, share: None)  # pays for imports
+        plan_and_verify_once(
+            load_problem(files[0]), OURS, {}, Budget(1.0), lambda stage, share: None
+        )  # pays for imports
         for file, planner in track(jobs, "planning", console=Console(stderr=True), transient=True):
             rows.append(solve(file, planner, options.budget))
     except KeyboardInterrupt:
@@ -68,7 +70,7 @@ def main() -> None:
 def solve(file: Path, planner: str, budget: float) -> dict[str, Any]:
     """One run: verdict, duration in s, time of planning in s."""
     problem = load_problem(file)
-    done: Run = attempt(problem, planner, {}, Budget(budget), lambda stage, share: None)
+    done: Run = plan_and_verify_once(problem, planner, {}, Budget(budget), lambda stage, share: None)
     return {
         "problem": file.stem,
         "objective": sorted(name for name, weight in vars(problem.objective).items() if weight and name != "time"),

@@ -35,7 +35,7 @@ from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import ScenePart, scene_parts
 from optiplan.robot.batched.kinematics import BatchKinematics
-from optiplan.runs.pipeline import attempt
+from optiplan.runs.pipeline import plan_and_verify_once
 from optiplan.simulation.execution import ExecutionOptions, execute
 from optiplan.simulation.log import Log
 from optiplan.simulation.plants.base import Payload
@@ -106,7 +106,7 @@ CLEARANCES = (
 def run(file: Path, budget: float) -> dict[str, Any] | str:
     """Errors and clearances of one problem; the reason in words where it cannot be executed."""
     problem = load_problem(file)
-    done = attempt(problem, problem.planner, problem.options, Budget(budget), lambda stage, share: None)
+    done = plan_and_verify_once(problem, problem.planner, problem.options, Budget(budget), lambda stage, share: None)
     if not done.verified or done.trajectory is None:
         return "no verified motion"
     mass = SHARE * RATED.get(problem.robot.name, OTHER_RATED)

@@ -17,7 +17,6 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figur
 
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +30,7 @@ import optiplan as op
 from optiplan.collision.native_model import planning_model
 from optiplan.planners.common.path_timing import timed_path
 from optiplan.problem.goals import GoalOptions, goal_configurations
+from optiplan.problem.problem import derived
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -62,7 +62,7 @@ def carried(problem: op.Problem, seed: int) -> op.Problem | None:
         if np.linalg.norm(p - X.translation) < APART:
             continue
         pose = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, rng.uniform(-np.pi, np.pi)) @ X.rotation, p)
-        there = replace(problem, goal=(op.PoseGoal(robot.tool_frame, pose),))
+        there = derived(problem, goal=(op.PoseGoal(robot.tool_frame, pose),))
         starts = goal_configurations(there, model, rng, FEW).configurations
         if starts:
             return problem.with_goal(goal).with_start(starts[0]).with_constraints(cone)

@@ -32,7 +32,7 @@ from rich.console import Console
 from rich.progress import track
 
 import optiplan
-from optiplan.bench.execution.run_task import packed
+from optiplan.bench.execution.run_task import hash_and_pack
 from optiplan.bench.results.best_known import BestKnown, BestKnownTable, options_text
 from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
@@ -158,7 +158,7 @@ def entry(name: str, done: Run, arguments: argparse.Namespace) -> BestKnown:
         seed=arguments.seed,
         budget=arguments.budget,
         version=f"{optiplan.__version__} {commit()}",
-        trajectory=packed(done.trajectory)[0],
+        trajectory=hash_and_pack(done.trajectory)[0],
     )
 
 

@@ -35,7 +35,7 @@ from optiplan.errors import InputError
 from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
-from optiplan.runs.pipeline import attempt
+from optiplan.runs.pipeline import plan_and_verify_once
 
 STARTUP = 30.0
 """s beyond its budget after which a peer that has not answered is ended: Python, libraries and models are loaded."""
@@ -116,7 +116,7 @@ def peer(text: str, budget: float) -> tuple[str, tuple[str, dict[str, Any]]]:
 
 def solve(problem: Problem, name: str, options: dict[str, Any], budget: float, look: SecondLook) -> dict[str, Any]:
     """One planner on one problem."""
-    done = attempt(problem, name, options, Budget(budget), silent)
+    done = plan_and_verify_once(problem, name, options, Budget(budget), silent)
     failed = {check.name for check in done.report.checks if not check.passed} if done.report else None
     ours = sum(done.timings.get(key, 0.0) for key in ("plan", "verify", "other proofs"))
     return {

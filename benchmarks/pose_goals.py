@@ -33,8 +33,8 @@ from rich.progress import track
 
 import optiplan as op
 from optiplan.errors import InputError
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
+from optiplan.robot.frames import frame_pose
 from optiplan.runs.pipeline import run
 
 ROBOTS = ("panda", "ur5", "fetch")

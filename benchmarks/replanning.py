@@ -29,7 +29,7 @@ from rich.progress import track
 
 import optiplan as op
 from optiplan.collision.model import CollisionModel
-from optiplan.kinematics.jacobians import geometric_jacobian
+from optiplan.robot.frames import geometric_jacobian
 
 BY, ON_THE_WAY, DRAWS = 0.05, 0.3, 10
 HEADINGS = (

@@ -37,11 +37,12 @@ from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.planners.sclerp.screw_motion import ScrewTask, attempt
-from optiplan.problem.problem import PoseGoal, Problem
+from optiplan.problem.problem import PoseGoal
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import load_robot
 from tests.reference.entries import entry
 from tests.reference.sclerp_misprints import PRINTED, printed_scheme
+from tests.unchecked_problem import unchecked_problem
 
 SCHEMES = ("printed", "corrected", "damped", "qp", "qp, led")
 ANGLE = 0.1  # m/rad: how much the angle counts where the nearest pose is looked for
@@ -78,7 +79,7 @@ def measure(tool: Tool, run: dict[str, Any], scheme: str) -> dict[str, Any]:
 def by_programs(tool: Tool, start: Array, X_WG: pin.SE3, scheme: str) -> dict[str, Any]:
     """The path of `qp`, or where it ends; led to the goal configurations in turn if the scheme's name says so."""
     robot = tool.robot
-    problem = Problem(
+    problem = unchecked_problem(
         name="run", robot=robot, scene=Scene(()), start=start, goal=(PoseGoal(tool.frame, X_WG),), limits=robot.limits
     )
     model, budget = CollisionModel(robot, Scene(())), Budget(600.0)

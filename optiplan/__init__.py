@@ -18,13 +18,18 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
+    from optiplan.api.checking import check
+    from optiplan.api.init_robot import init_robot
+    from optiplan.api.kinematics import ik
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
+    from optiplan.api.many import plan_many
     from optiplan.api.planning import plan, retime, verify
     from optiplan.api.plotting import plot
     from optiplan.api.replanning import Replanner
     from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
+    from optiplan.api.workspaces import workspace
     from optiplan.control.controller import Controller
     from optiplan.control.limits.clearance import ClearanceLimit
     from optiplan.control.limits.half_space import HalfSpaceLimit
@@ -38,33 +43,26 @@ if TYPE_CHECKING:
     from optiplan.control.tasks.other_frames import LookAtTask, RelativePoseTask
     from optiplan.control.tasks.whole_body import CentreOfMassTask, ManipulabilityTask
     from optiplan.errors import InputError, OptiPlanError
+    from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
     from optiplan.problem.constraints.expression import Expression
-    from optiplan.problem.constraints.statements import (
-        FixedOrientation,
+    from optiplan.problem.constraints.motions import (
         JointCoupling,
-        LookAt,
         ManipulabilityAbove,
-        OnArc,
-        OnCircle,
-        OnLine,
-        OnPlane,
-        OnScrew,
-        OrientationCone,
         PairClearance,
-        PositionBox,
-        RelativePose,
         ToolAcceleration,
         ToolSpeed,
         WheelSpeed,
     )
+    from optiplan.problem.constraints.points import OnArc, OnCircle, OnLine, OnPlane, PositionBox
+    from optiplan.problem.constraints.poses import FixedOrientation, LookAt, OnScrew, OrientationCone, RelativePose
     from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
     from optiplan.problem.objectives.objective import Objective
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.regions.region import RegionGoal
-    from optiplan.problem.statement import Pose, Region, ViaPoint
+    from optiplan.problem.statement import Region, ViaPoint
     from optiplan.problem.task.builder import Task
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
@@ -77,13 +75,18 @@ if TYPE_CHECKING:
     from optiplan.verify.report import Check, Report
 
 _ROOMS = {
+    "api.checking": ("check",),
+    "api.init_robot": ("init_robot",),
+    "api.kinematics": ("ik",),
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
+    "api.many": ("plan_many",),
     "api.planning": ("plan", "retime", "verify"),
     "api.replanning": ("Replanner",),
     "api.simulating": ("execute", "simulate"),
     "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
+    "api.workspaces": ("workspace",),
     "control.controller": ("Controller",),
     "control.limits.clearance": ("ClearanceLimit",),
     "control.limits.half_space": ("HalfSpaceLimit",),
@@ -101,30 +104,23 @@ _ROOMS = {
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "problem.constraints.expression": ("Expression",),
-    "problem.constraints.statements": (
-        "FixedOrientation",
+    "problem.constraints.motions": (
         "JointCoupling",
-        "LookAt",
         "ManipulabilityAbove",
-        "OnArc",
-        "OnCircle",
-        "OnLine",
-        "OnPlane",
-        "OnScrew",
-        "OrientationCone",
         "PairClearance",
-        "PositionBox",
-        "RelativePose",
         "ToolAcceleration",
         "ToolSpeed",
         "WheelSpeed",
     ),
+    "problem.constraints.points": ("OnArc", "OnCircle", "OnLine", "OnPlane", "PositionBox"),
+    "problem.constraints.poses": ("FixedOrientation", "LookAt", "OnScrew", "OrientationCone", "RelativePose"),
     "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Octree", "PointCloud", "Sphere"),
     "problem.goals_and_vias": ("JointGoal", "PoseGoal"),
     "problem.regions.region": ("RegionGoal",),
     "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
-    "problem.statement": ("Pose", "Region", "ViaPoint"),
+    "geometry.pose": ("Pose",),
+    "problem.statement": ("Region", "ViaPoint"),
     "problem.task.builder": ("Task",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
@@ -216,11 +212,15 @@ __all__ = [
     "WheelSpeed",
     "WheelSpeedLimit",
     "__version__",
+    "check",
     "execute",
+    "ik",
+    "init_robot",
     "load_problem",
     "load_robot",
     "load_run",
     "plan",
+    "plan_many",
     "planners",
     "plot",
     "retime",
@@ -228,6 +228,7 @@ __all__ = [
     "simulate",
     "verify",
     "view",
+    "workspace",
 ]
 
 
@@ -246,7 +247,7 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-_ROOMS_CALLED = ("planners", "verify")
+_ROOMS_CALLED = ("planners", "verify", "workspace")
 """Rooms that have the name of a function: `op.verify(…)` is the function, `optiplan.verify.report` one of its files."""
 
 

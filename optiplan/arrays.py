@@ -36,7 +36,7 @@ def distinct(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return ordered[np.concatenate([[True], ordered[1:] != ordered[:-1]])] if len(ordered) else ordered
 
 
-def unit(values: Sequence[float]) -> Array:
+def unit_vector(values: Sequence[float]) -> Array:
     """The vector or quaternion, of shape (k,), divided by its length.
 
     Raises:

@@ -25,7 +25,7 @@ ROOMS = (
     {"cli"},
 )
 LEVELS = {name: level for level, names in enumerate(ROOMS, 1) for name in names}
-GROUND = {"_core", "arrays", "cache", "config", "cores", "errors", "files", "libraries", "resources"}
+GROUND = {"_core", "arrays", "cache", "config", "cores", "errors", "figure_style", "files", "libraries", "resources"}
 MAX_FILE, MAX_FUNCTION = 420, 58
 MAX_SIDE_BY_SIDE = 17
 

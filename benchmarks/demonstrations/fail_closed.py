@@ -19,8 +19,10 @@ from asked import Figures
 import optiplan as op
 from optiplan.geometry.scene import Attachment, Scene, Sphere
 from optiplan.problem.constraints.base import WHOLE, During, Statement
-from optiplan.problem.constraints.statements import OnPlane, PairClearance, ToolSpeed
+from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
+from optiplan.problem.constraints.points import OnPlane
 from optiplan.problem.goals_and_vias import Via
+from optiplan.problem.problem import derived
 from optiplan.problem.task.steps import TaskStep
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
@@ -41,7 +43,7 @@ class Fresh(Statement):
         """Return the constraint of an entry of a file."""
         return cls(frame, during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values."""
         return {}
 
@@ -57,7 +59,7 @@ def with_action(problem: op.Problem, motion: Trajectory, action: object) -> tupl
     still = Trajectory(
         motion.joint_names, np.array([0.0, 1.0]), motion.start[None, None], (Segment(1, "x", "x", 0, 1),)
     )
-    return replace(problem, goal=(), task=(TaskStep(1, "x", "x", action),)), still  # type: ignore[arg-type]
+    return derived(problem, goal=(), task=(TaskStep(1, "x", "x", action),)), still  # type: ignore[arg-type]
 
 
 def unknown(figures: Figures) -> None:
@@ -73,12 +75,12 @@ def unknown(figures: Figures) -> None:
         ("a plane during nothing", OnPlane("tool", np.eye(3)[1], 0.0, 9.0, during=(0.7, 0.2)), "plane constraint"),
     ]
     for what, one, name in nothing:
-        figures.tell(what, f"refused: {name}", refused(replace(problem, path_constraints=(one,)), motion))
-    figures.tell("an unknown goal", "refused: goal", refused(replace(problem, goal=(object(),)), motion))
-    figures.tell("an unknown via", "refused: via", refused(replace(problem, vias=(Via(object()),)), motion))  # type: ignore[arg-type]
+        figures.tell(what, f"refused: {name}", refused(derived(problem, path_constraints=(one,)), motion))
+    figures.tell("an unknown goal", "refused: goal", refused(derived(problem, goal=(object(),)), motion))
+    figures.tell("an unknown via", "refused: via", refused(derived(problem, vias=(Via(object()),)), motion))  # type: ignore[arg-type]
     figures.tell("an unknown action", "refused: statements", refused(*with_action(problem, motion, object())))
     held = Attachment("load", Sphere(0.01), "tip", pin.SE3.Identity(), frozenset({"forearm", "tip"}), mass=0.1)
-    heavy = replace(problem, scene=Scene((), (held,)))
+    heavy = derived(problem, scene=Scene((), (held,)))
     figures.tell("a mass that the robot does not carry", "refused: statements", refused(heavy, motion))
     left_out(figures, problem, motion)
 
@@ -87,7 +89,7 @@ def left_out(figures: Figures, problem: op.Problem, motion: Trajectory) -> None:
     """Take each part out of the verifier in turn."""
     ball = op.Sphere("ball", 0.05, position=(3.0, 0.0, 0.0)).moving([[0], [0.1], [0]])
     limit, via = ToolSpeed("tool", 50.0), Via(op.JointGoal(motion(0.5 * motion.duration)))
-    whole = replace(problem, scene=op.Scene([ball]), path_constraints=(limit,), vias=(via,))
+    whole = derived(problem, scene=op.Scene([ball]), path_constraints=(limit,), vias=(via,))
     figures.tell("a moving ball, a tool speed and a via", "verified", refused(whole, motion))
     for name in ("collision", "loaded_torque", "path_constraints"):
         original: Callable[..., Any] = getattr(verifier, name)
@@ -112,7 +114,7 @@ def units(figures: Figures) -> None:
         assert motion is not None
         unit = "m" if slides else "rad"
         expected = {"position": unit, "velocity": f"{unit}/s", "acceleration": f"{unit}/s²", "jerk": f"{unit}/s³"}
-        far = replace(problem, goal=(op.JointGoal(-goal),), start=goal)
+        far = derived(problem, goal=(op.JointGoal(-goal),), start=goal)
         quick = motion.scaled(0.01)
         found = {check.name: check.unit for check in verify(far, quick).checks if check.place == names[j]}
         expected = {"start": unit, "goal": unit} | {key: expected[key] for key in ("velocity", "acceleration", "jerk")}

@@ -16,6 +16,7 @@ from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.third_party import planner_object
 from optiplan.problem.problem import JointGoal, Problem, Via
+from optiplan.robot.given_configurations import configuration, is_by_name
 from optiplan.runs import pipeline
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.runs.run import Run
@@ -78,7 +79,7 @@ def plan(
         >>> run.verified
         True
     """
-    _check(problem, "plan")
+    checked_problem(problem, "plan")
     asked, chosen = _planner(problem, planner, options)
     if progress is not None and not callable(progress):
         raise wrong_argument("plan", "progress", described(progress), "a function of a stage's name and a fraction")
@@ -117,7 +118,7 @@ def verify(problem: Problem, motion: Trajectory | Samples | Run | Path | str | S
         >>> op.verify(problem, op.plan(problem).trajectory).verified
         True
     """
-    _check(problem, "verify")
+    checked_problem(problem, "verify")
     names = problem.robot.joint_names
     if isinstance(motion, Trajectory):
         return verifier.verify(problem, motion)
@@ -151,7 +152,7 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
 
     Args:
         problem: robot, scene and limits; the run's own problem goes from the first waypoint past all to the last.
-        waypoints: (k, n), k >= 2, rad or m.
+        waypoints: (k, n), k >= 2, rad or m; each may be values by joint, `{joint: value}`.
         deviation: from the straight lines, rad or m of the joint that deviates most; 0 or at least 1e-4.
 
     Returns:
@@ -166,7 +167,7 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
         >>> op.retime(problem, [problem.start, problem.start + 0.1]).verified
         True
     """
-    _check(problem, "retime")
+    checked_problem(problem, "retime")
     if problem.task:
         raise wrong_argument(
             "retime", "problem", "a problem with a task", "one with a goal, which the last waypoint replaces"
@@ -189,9 +190,10 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
     return pipeline.proved(task, "retime", {}, PlanResult(motion, None, {}), Budget(BUDGET), proofs, timings)
 
 
-def _check(problem: Any, function: str) -> None:
+def checked_problem(problem: Any, function: str, argument: str = "problem") -> None:
+    """Refuse an argument of a function that is no problem."""
     if not isinstance(problem, Problem):
-        raise wrong_argument(function, "problem", described(problem), "op.load_problem(…) or op.Problem(…)")
+        raise wrong_argument(function, argument, described(problem), "op.load_problem(…) or op.Problem(…)")
 
 
 def _planner(problem: Problem, planner: Any, options: Any) -> tuple[str | Planner[Any], Mapping[str, Any]]:
@@ -219,9 +221,18 @@ def _silent(stage: str, fraction: float) -> None:
 def _budget(budget: Any) -> Budget:
     if isinstance(budget, Budget):
         return budget
+    return Budget(checked_seconds("plan", budget))
+
+
+def checked_seconds(function: str, budget: Any) -> float:
+    """Return the seconds of a budget that is a number.
+
+    Raises:
+        InputError: it is none, or not above 0.
+    """
     if not is_finite(budget) or budget <= 0.0:
-        raise wrong_argument("plan", "budget", described(budget), "a number of seconds above 0")
-    return Budget(float(budget))
+        raise wrong_argument(function, "budget", described(budget), "a number of seconds above 0")
+    return float(budget)
 
 
 def _known(warm_start: Any) -> Trajectory | None:
@@ -232,14 +243,18 @@ def _known(warm_start: Any) -> Trajectory | None:
 
 
 def _waypoints(problem: Problem, waypoints: Any) -> Array:
-    n = problem.robot.n
+    robot = problem.robot
+    if isinstance(waypoints, Sequence) and any(map(is_by_name, waypoints)):
+        named = enumerate(waypoints)
+        given = robot.joint_names, robot.configurations
+        return np.array([configuration(*given, q, "retime", f"waypoints[{k}]") for k, q in named])
     try:
         points = np.asarray(waypoints, float)
     except (TypeError, ValueError, OverflowError):
         points = np.empty(0)
-    if points.ndim != 2 or points.shape[1:] != (n,) or len(points) < 2 or not np.isfinite(points).all():
+    if points.ndim != 2 or points.shape[1:] != (robot.n,) or len(points) < 2 or not np.isfinite(points).all():
         found = described(points) if points.size else described(waypoints)
-        raise wrong_argument("retime", "waypoints", found, f"an array (k, {n}) of finite numbers, k >= 2")
+        raise wrong_argument("retime", "waypoints", found, f"an array (k, {robot.n}) of finite numbers, k >= 2")
     return points
 
 

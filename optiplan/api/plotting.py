@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from optiplan.api.loading import load_run
 from optiplan.errors import UnknownChoiceError, described, path_argument, wrong_argument
 from optiplan.runs.run import Run
-from optiplan.viewer.plots.figures import FIGURES, PlotOptions, draw, kind_of, write
+from optiplan.viewer.plots.figures import FIGURES, PlotOptions, draw, figure_format, save_figures
 from optiplan.viewer.plots.runs import PlottedRun, comparable
 
 if TYPE_CHECKING:
@@ -47,14 +47,14 @@ def plot(
     """
     path = None if out is None else path_argument("plot", "out", out, "the path of a file")
     if path is not None:
-        kind_of(path)
+        figure_format(path)
     if not isinstance(figure, str) or figure not in FIGURES:
         raise wrong_argument("plot", "figure", described(figure), f"one of: {', '.join(FIGURES)}")
     drawn = comparable([_plotted(run) for run in runs], "op.plot")
     options = PlotOptions(_names(joints), bool(share), _count(frames))
     try:
         if path is not None:
-            write([figure], drawn, options, path)
+            save_figures([figure], drawn, options, path)
         drawn_figure: Figure = draw(figure, drawn, options)
         return drawn_figure
     except UnknownChoiceError as error:

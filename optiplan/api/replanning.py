@@ -5,10 +5,11 @@ from typing import Any
 
 from optiplan.api.planning import BUDGET, plan
 from optiplan.errors import InputError, described, wrong_argument
+from optiplan.geometry.pose import Values
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.planners.base import Budget, Planner
 from optiplan.problem.problem import Problem
-from optiplan.problem.statement import End, Values
+from optiplan.problem.statement import End
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
 

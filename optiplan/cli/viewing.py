@@ -15,7 +15,7 @@ from optiplan.verify.verify import verify
 from optiplan.viewer.plots.runs import PlottedRun
 from optiplan.viewer.run_data.closed_loop import read_log
 from optiplan.viewer.runs import ViewedRun
-from optiplan.viewer.server import serve
+from optiplan.viewer.server import serve_runs
 
 EXECUTED = "execution"
 """Key of a `run.json` that `optiplan control` wrote."""
@@ -88,7 +88,7 @@ def serve_page(problem: Problem, runs: Sequence[ViewedRun], port: int) -> None:
     """Serve until ctrl-C."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     console = results()
-    serve(problem, runs, port=port, on_ready=lambda url: console.print(f"open {url} in a browser (ctrl-C ends)"))
+    serve_runs(problem, runs, port=port, on_ready=lambda url: console.print(f"open {url} in a browser (ctrl-C ends)"))
 
 
 def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str = "") -> ViewedRun:

@@ -8,7 +8,7 @@ import coal
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.geometry.convex import triangles_of, vertices_of
+from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.enclosure import Enclosure, connected_parts
 
 _KINDS = (coal.BVHModelBase, coal.Halfspace)
@@ -102,14 +102,14 @@ class Containment:
 
     def _box(self, mesh: int) -> tuple[Array, Array]:
         if mesh not in self._corners:
-            vertices = vertices_of(self.shapes[mesh])
+            vertices = mesh_vertices(self.shapes[mesh])
             self._corners[mesh] = vertices.min(axis=0), vertices.max(axis=0)
         return self._corners[mesh]
 
     def _enclosure(self, mesh: int) -> Enclosure:
         if mesh not in self._enclosures:
             shape = self.shapes[mesh]
-            self._enclosures[mesh] = Enclosure(vertices_of(shape), triangles_of(shape))
+            self._enclosures[mesh] = Enclosure(mesh_vertices(shape), mesh_triangles(shape))
         return self._enclosures[mesh]
 
     def _parts_of(self, body: int) -> list[Array]:
@@ -117,7 +117,7 @@ class Containment:
         if body not in self._parts:
             shape = self.shapes[body]
             if isinstance(shape, coal.BVHModelBase):
-                parts = connected_parts(vertices_of(shape), triangles_of(shape))
+                parts = connected_parts(mesh_vertices(shape), mesh_triangles(shape))
                 self._parts[body] = [part[:: len(part) // _FEW + 1] for part in parts]
             elif isinstance(shape, coal.ConvexBase):
                 corners = np.array(shape.points())

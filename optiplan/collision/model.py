@@ -49,7 +49,7 @@ class CollisionModel:
     def __init__(self, robot: Robot, scene: Scene) -> None:
         self.robot, self.scene, self.same_bodies = robot, scene, SameBodies()
         self.motions = tuple(body.motion for body in scene.obstacles if body.motion is not None)
-        self.model, self._carriers = with_obstacle_joints(robot.model, scene.moving)
+        self.model, self._carriers = with_obstacle_joints(robot.model, scene.dynamic_obstacles)
         self._moved = displacements(self.motions, np.zeros(1))[0]
         bodies = bodies_of(robot, scene, self._carriers)
         self.names = tuple(name for name, _ in bodies)

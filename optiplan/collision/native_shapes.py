@@ -9,7 +9,7 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array, Index
 from optiplan.cache import digest
-from optiplan.geometry.convex import triangles_of, vertices_of
+from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import Shape
@@ -36,7 +36,7 @@ def native_shape(body: coal.CollisionGeometry) -> "Shape | None":
         case coal.ConvexBase():
             return _hull(np.array(body.points()))
         case coal.BVHModelBase():
-            return _mesh(vertices_of(body), triangles_of(body))
+            return _mesh(mesh_vertices(body), mesh_triangles(body))
     return None
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from optiplan.arrays import unit
+from optiplan.arrays import unit_vector
 from optiplan.config.document import Number, Strict
 
 LARGEST_COORDINATE = 1e6
@@ -52,7 +52,7 @@ def _sized(count: int, words: str) -> AfterValidator:
 
 
 def _unit_length(values: tuple[float, ...]) -> tuple[float, ...]:
-    unit(values)
+    unit_vector(values)
     return values
 
 

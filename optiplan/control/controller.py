@@ -15,8 +15,8 @@ from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.limits.row_limit import KeptRowLimit, RowLimit
 from optiplan.control.limits.stop_limits import StopLimit
 from optiplan.control.objective import BASE_DAMPING, TaskObjective, singular_values
-from optiplan.control.qp.answers import Answers
 from optiplan.control.qp.program import Program
+from optiplan.control.qp.qp_sequence import QpSequence
 from optiplan.control.qp.solvers import DEFAULT, QpSolver, make_solver
 from optiplan.control.row_stack import RowStack
 from optiplan.control.step import ControlStep
@@ -107,7 +107,7 @@ class Controller:
         if not is_finite(longest_step) or longest_step <= 0.0:
             expected = "a finite number of seconds > 0"
             raise wrong_argument("Controller", "longest_step", described(longest_step), expected)
-        self._answers, self._longest = Answers(make_solver(solver), guess), float(longest_step)
+        self._programs, self._longest = QpSequence(make_solver(solver), guess), float(longest_step)
         for part in (*self.tasks, *self.limits):
             part.bind(robot)
         self._order = _order(relax, self.limits)
@@ -153,7 +153,7 @@ class Controller:
         self._box.update(state, dt)
         brake = self._box.brake(state, dt)
         outcome = StepOutcome(state, dt, brake)
-        self._answers.solve_seconds = 0.0
+        self._programs.solve_seconds = 0.0
         groups = self._guard.rows(c, state, dt, self.time)
         self._rows.collect(c, state, dt, groups)
         x = self._solve(c, state, dt, outcome)
@@ -161,11 +161,11 @@ class Controller:
             x = self._way_out(outcome)
         if x is None:
             self._guard.keep(state, brake, dt, self.time + dt)
-            self._answers.reset()
-        outcome.x, outcome.how = (brake.v, "braking") if x is None else (x, self._answers.how)
+            self._programs.reset()
+        outcome.x, outcome.how = (brake.v, "braking") if x is None else (x, self._programs.how)
         outcome.next = self._guard.state
         self.time += dt
-        outcome.solve_seconds = self._answers.solve_seconds
+        outcome.solve_seconds = self._programs.solve_seconds
         return self._report.step(outcome, self._guard.nearest, begin)
 
     def stop(self, state: State, dt: float) -> ControlStep:
@@ -206,9 +206,9 @@ class Controller:
                 outcome.demand = demand
                 if rows.any and not rows.holds(witness):
                     groups = rows.by_importance()
-                    program, witness, outcome.slack = self._answers.relaxed(program, groups, witness)
+                    program, witness, outcome.slack = self._programs.relaxed(program, groups, witness)
                     low, high = program.low, program.high
-            found = self._answers.find(program, witness, level)
+            found = self._programs.find(program, witness, level)
             if found is None:
                 return x
             x = witness = found
@@ -263,7 +263,7 @@ class Controller:
             for share in (1.0, 0.25):
                 x = self._box_clip(share * most * d)
                 if self._guard.accepts(self._next(state, x, dt), dt, t, outcome.brake, outcome.slack):
-                    self._answers.how, outcome.share = "way out", share
+                    self._programs.how, outcome.share = "way out", share
                     return x
         nearest = self._guard.nearest
         if nearest is not None and tried:

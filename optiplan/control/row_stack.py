@@ -7,7 +7,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.row_limit import LimitRows, RowLimit
-from optiplan.control.qp.answers import RowGroup
+from optiplan.control.qp.qp_sequence import RowGroup
 from optiplan.trajectory.state import State
 
 AT_ROW = 1e-7

@@ -52,12 +52,12 @@ class CoacdPieces:
     growth: float
 
 
-def vertices_of(mesh: coal.BVHModelBase) -> Array:
+def mesh_vertices(mesh: coal.BVHModelBase) -> Array:
     """Vertices of a mesh, shape (k, 3), in m."""
     return np.array(mesh.vertices(), dtype=np.float64).reshape(-1, 3)
 
 
-def triangles_of(mesh: coal.BVHModelBase) -> Triangles:
+def mesh_triangles(mesh: coal.BVHModelBase) -> Triangles:
     """Triangles of a mesh."""
     corners = (mesh.tri_indices(i) for i in range(mesh.num_tris))
     return np.array([(t[0], t[1], t[2]) for t in corners], dtype=np.int64).reshape(-1, 3)
@@ -101,7 +101,7 @@ class Cover:
 
 def cover_of(mesh: coal.BVHModelBase) -> Cover:
     """The hull of a mesh if it is within `WITHIN` of the mesh, else pieces that are, else the mesh; cached on disk."""
-    vertices, triangles = vertices_of(mesh), triangles_of(mesh)
+    vertices, triangles = mesh_vertices(mesh), mesh_triangles(mesh)
     content = cache.kept(cover_name(vertices, triangles), lambda: _pack_cover(_cover(vertices, triangles)))
     return _unpack_cover(content, vertices)
 
@@ -114,7 +114,7 @@ def cover_name(vertices: Array, triangles: Triangles) -> str:
 
 def over_cover_of(mesh: coal.BVHModelBase, bodies: Sequence[Array]) -> float:
     """Return how far (m) the hulls of points, (k, 3) each, reach beyond a mesh at most; cached on disk."""
-    vertices, triangles = vertices_of(mesh), triangles_of(mesh)
+    vertices, triangles = mesh_vertices(mesh), mesh_triangles(mesh)
     key = cache.digest(
         [vertices.tobytes(), triangles.tobytes(), *(body.tobytes() for body in bodies), repr(COVER_VERSION).encode()]
     )
@@ -163,7 +163,7 @@ def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: CoacdOptions = 
     content = cache.load(name)
     if content is None:
         log.info("cutting a mesh of %d triangles into convex pieces, once", mesh.num_tris)
-        content = _pack(_cut(vertices_of(mesh), triangles_of(mesh), options))
+        content = _pack(_cut(mesh_vertices(mesh), mesh_triangles(mesh), options))
         cache.store(name, content)
     return _unpack(content)
 

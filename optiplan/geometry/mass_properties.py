@@ -7,7 +7,7 @@ import coal
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.geometry.convex import triangles_of, vertices_of
+from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.enclosure import Enclosure
 
 
@@ -54,9 +54,9 @@ def _of_mesh(mesh: coal.BVHModelBase) -> MassProperties:
     Of one with corners a, b, c seen from that point, V = a · (b × c) / 6, ∫ x dV = V s / 4 with s = a + b + c, and
     ∫ x xᵀ dV = V (a aᵀ + b bᵀ + c cᵀ + s sᵀ) / 20.
     """
-    vertices = vertices_of(mesh)
+    vertices = mesh_vertices(mesh)
     origin = vertices.mean(axis=0)
-    solids = Enclosure(vertices, triangles_of(mesh)).solids()
+    solids = Enclosure(vertices, mesh_triangles(mesh)).solids()
     if solids is None:
         raise ValueError("is a mesh that is open somewhere")
     volume, first, second = 0.0, np.zeros(3), np.zeros((3, 3))

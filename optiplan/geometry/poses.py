@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import UNIT_TOLERANCE, unit
+from optiplan.arrays import UNIT_TOLERANCE, unit_vector
 
 HALF_TURN = 1e-9
 """Components of a unit quaternion smaller than this are rounding when the shorter of two ways round is chosen."""
@@ -63,7 +63,7 @@ def pose_from_data(data: Mapping[str, Any]) -> pin.SE3:
         check_angles(rpy)
         rotation = pin.rpy.rpyToMatrix(*map(float, rpy))
     elif quaternion is not None:
-        rotation = pin.Quaternion(unit(quaternion)).toRotationMatrix()
+        rotation = pin.Quaternion(unit_vector(quaternion)).toRotationMatrix()
     position = data.get("position")
     return pin.SE3(rotation, np.zeros(3) if position is None else np.asarray(position, float))
 

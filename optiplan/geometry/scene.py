@@ -178,18 +178,22 @@ class Scene:
         object.__setattr__(self, "allowed", frozenset(map(_pair, _listed(allowed, "allowed", "pairs of names"))))
 
     @property
-    def moving(self) -> tuple[Obstacle, ...]:
+    def dynamic_obstacles(self) -> tuple[Obstacle, ...]:
         """The obstacles that move."""
         return tuple(body for body in self.obstacles if body.motion is not None)
 
     @property
     def standing(self) -> "Scene":
         """The scene without the obstacles that move; itself where there are none."""
-        return self.without(*(body.name for body in self.moving)) if self.moving else self
+        return self.without(*(body.name for body in self.dynamic_obstacles)) if self.dynamic_obstacles else self
 
     def later(self, t: float) -> "Scene":
         """The scene as it is t seconds from now, in which what moves goes on from where it is then."""
-        return replace(self, obstacles=tuple(_later(body, t) for body in self.obstacles)) if self.moving else self
+        return (
+            replace(self, obstacles=tuple(_later(body, t) for body in self.obstacles))
+            if self.dynamic_obstacles
+            else self
+        )
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from typing import Any, Self
 import coal
 import numpy as np
 
-from optiplan.arrays import Array, unit
+from optiplan.arrays import Array, unit_vector
 from optiplan.config.document import Strict
 from optiplan.config.values import Coordinate, Direction, ExactlyOne, Length, Size
 from optiplan.geometry.file_shapes import FileShape, Mesh, MeshSpec, Octree, OctreeSpec, PointCloud, PointCloudSpec
@@ -178,7 +178,7 @@ class HalfSpace(Shape):
     @classmethod
     def from_data(cls, data: HalfSpaceSpec) -> Self:
         """`{normal: [x, y, z], offset: d}`."""
-        x, y, z = unit(data.normal).tolist()
+        x, y, z = unit_vector(data.normal).tolist()
         return cls((x, y, z), data.offset, data.normal)
 
     def to_data(self) -> dict[str, Any]:

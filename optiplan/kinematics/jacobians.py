@@ -1,4 +1,4 @@
-"""Jacobians of any frame of a robot: geometric, and analytic in roll-pitch-yaw angles or in a quaternion.
+"""Analytic Jacobians of any frame of a robot, in roll-pitch-yaw angles or in a quaternion.
 
 Source: B. Siciliano et al., Robotics: Modelling, Planning and Control, section 3.6; values from pinocchio.
 """
@@ -9,42 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import Robot
 
-Axes = Literal["world", "frame"]
 Rates = Literal["rpy", "quaternion"]
-
-
-def frame_pose(robot: Robot, q: Array, frame: str) -> pin.SE3:
-    """Pose X_WF of a frame at q (n,).
-
-    Raises:
-        UnknownChoiceError: there is no such frame.
-    """
-    data = robot.model.createData()
-    index = robot.frame_id(frame)
-    pin.framesForwardKinematics(robot.model, data, np.asarray(q, dtype=np.float64))
-    return pin.SE3(data.oMf[index])
-
-
-def geometric_jacobian(robot: Robot, q: Array, frame: str, axes: Axes = "world") -> Array:
-    """J of shape (6, n) with [v; w] = J q̇: velocity v, m/s, of the frame's origin, and angular velocity w, rad/s.
-
-    Column of a revolute joint with the axis z through p: [z x (p_F - p); z]; of a prismatic one: [z; 0].
-
-    Args:
-        robot: with n joints.
-        q: (n,), rad and m.
-        frame: a link, joint or fixed frame.
-        axes: whose axes v and w are seen along, those of the `world` or of the `frame` itself.
-
-    Raises:
-        UnknownChoiceError: there is no such frame.
-    """
-    reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED if axes == "world" else pin.ReferenceFrame.LOCAL
-    data, index = robot.model.createData(), robot.frame_id(frame)
-    jacobian: Array = pin.computeFrameJacobian(robot.model, data, np.asarray(q, dtype=np.float64), index, reference)
-    return jacobian.reshape(6, -1)  # of one joint it is (6,)
 
 
 def analytic_jacobian(robot: Robot, q: Array, frame: str, rates: Rates = "rpy") -> Array:

@@ -111,7 +111,7 @@ def scaled(J: Array, part: JacobianRows = "full", length: float = 1.0) -> Array:
     return np.asarray((J * weights)[..., ROWS[part], :])
 
 
-def measures(J: Array) -> Measures:
+def manipulability_measures(J: Array) -> Measures:
     """Measures of Jacobians J (N, m, n)."""
     s = np.asarray(np.linalg.svd(J, compute_uv=False), dtype=np.float64)
     # Behind the largest singular value that is 0 nothing can be moved at all: not well conditioned either.
@@ -121,7 +121,7 @@ def measures(J: Array) -> Measures:
 
 
 def yoshikawa(J: Array) -> Array:
-    """Yoshikawa's measure of Jacobians J (N, m, n), as in `measures`: (N,).
+    """Yoshikawa's measure of Jacobians J (N, m, n), as in `manipulability_measures`: (N,).
 
     With J^T = Q R, for n < m J = Q R, it is |r_11 … r_rr|: as exact as the singular values, in a third of their time.
     """

@@ -17,18 +17,19 @@ from optiplan.files import is_file
 from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import open_mesh
 from optiplan.geometry.obstacle_motion import ObstacleMotion
-from optiplan.geometry.pose_schema import PoseSpec, ToleranceSpec
+from optiplan.geometry.pose import PoseGoalSpec, PoseSpec, ToleranceSpec
 from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import ShapeSpec, build_geometry, shape_from_spec
+from optiplan.problem.constraints.motions import WheelSpeed
 from optiplan.problem.constraints.schema import PathConstraintSpec
 from optiplan.problem.constraints.statements import PathConstraint, constraint_of
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import CONFIGURATIONS, AlternativeSpec, PoseGoalSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.ends import CONFIGURATIONS, AlternativeSpec, StartSpec, ViaSpec
 from optiplan.problem.schema.task import GripperSpec
 from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
@@ -130,28 +131,22 @@ class Compiler:
     ) -> list[LocatedValue[PathConstraint]]:
         """Return the valid path constraints: those of the whole motion, or `parts`."""
         found: list[LocatedValue[PathConstraint]] = []
-        bodies = {*link_names(robot), *scene.names}
+        valid = {
+            "frame": {*frame_names(robot), robot.tool_frame},
+            "body": {*link_names(robot), *scene.names},
+            "joint": set(robot.joint_names),
+        }
         for part in self.draft.constraints if parts is None else parts:
-            key, value = part.value.kind, part.value.value
-            data = value.model_dump(by_alias=True)
-            names = [(field, data.get(field)) for field in (("frame", "to") if key == "relative_pose" else ("frame",))]
-            wrong = [(field, name) for field, name in names if name is not None and name not in frame_names(robot)]
-            for field, name in wrong:
-                self.unknown((*part.place, key, field), "frame", name, frame_names(robot))
-            for i, pair in enumerate(data.get("pairs", ())):
-                for name in pair:
-                    if name not in bodies:
-                        wrong.append(("pairs", name))
-                        self.unknown((*part.place, key, "pairs", i), "body", name, bodies)
-            for name in data.get("joints") or ():
-                if name not in robot.joint_names:
-                    wrong.append(("joints", name))
-                    self.unknown((*part.place, key, "joints", name), "joint", name, robot.joint_names)
-            if key == "wheel_speed" and robot.mecanum is None:
-                wrong.append((key, ""))
-                self.report((*part.place, key), f"{robot.name}, which has no wheels", "a robot file with `mecanum`")
-            if not wrong:
-                found.append(LocatedValue((*part.place, key), constraint_of(key, data, robot.tool_frame)))
+            key, place = part.value.kind, (*part.place, part.value.kind)
+            one = constraint_of(key, part.value.value.model_dump(by_alias=True), robot.tool_frame)
+            wrong = [mention for mention in one.mentioned() if mention.name not in valid[mention.kind]]
+            for where, kind, name in wrong:
+                self.unknown((*place, *where), kind, name, valid[kind])
+            wheelless = isinstance(one, WheelSpeed) and robot.mecanum is None
+            if wheelless:
+                self.report(place, f"{robot.name}, which has no wheels", "a robot file with `mecanum`")
+            if not wrong and not wheelless:
+                found.append(LocatedValue(place, one))
         return found
 
     def passed(self, robot: Robot, part: LocatedValue[ViaSpec]) -> JointGoal | PoseGoal | None:

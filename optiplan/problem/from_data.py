@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from optiplan.arrays import Array
-from optiplan.collision.contacts import Contact
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.config.document import Document, validate
@@ -17,58 +15,36 @@ from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader
 from optiplan.problem.constraints.statements import PathConstraint
-from optiplan.problem.constraints.states import TOUCHING, BrokenConstraint
-from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, Via
+from optiplan.problem.constraints.states import BrokenConstraint
+from optiplan.problem.free_space import free_check
+from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
-from optiplan.problem.moving_states import StatedState, impossible_states
+from optiplan.problem.nonzero_ends import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
-from optiplan.robot.robot import Limits, Robot, load_robot, robot_names
+from optiplan.robot.robot import Robot, load_robot, robot_names
 
 DECIDES_COLLISIONS = (("robot",), ("group",), ("locked",), ("scene", "allowed_collisions"), ("scene", "attached"))
 """Where an issue stands in these fields, collisions found would be no news about the file."""
 
 
-@dataclass(frozen=True, eq=False)
-class ProblemParts:
-    """What a problem is made of; `Problem` describes the attributes."""
-
-    name: str
-    robot: Robot
-    scene: Scene
-    start: Array
-    start_velocity: Array
-    start_acceleration: Array
-    goal: Goal
-    limits: Limits
-    vias: tuple[Via, ...]
-    task: tuple[TaskStep, ...]
-    objective: Objective
-    path_constraints: tuple[PathConstraint, ...]
-    planner: str
-    options: Mapping[str, Any]
-    seed: int
-    source: Mapping[str, Any]
-    hash: str
-
-
 @dataclass(frozen=True)
 class Reading:
-    """Result of reading a file: the parts of the problem if there are no issues."""
+    """What a file holds: the attributes of its `Problem` by name, or the issues because of which it has none."""
 
-    parts: ProblemParts | None
-    issues: tuple[Issue, ...]
+    parts: Mapping[str, Any]
+    issues: tuple[Issue, ...] = ()
 
-    def whole(self) -> ProblemParts:
-        """The parts.
+    def whole(self) -> Mapping[str, Any]:
+        """Return the attributes.
 
         Raises:
             InputError: all issues.
         """
-        if self.parts is None:
+        if not self.parts:
             raise InputError(self.issues)
         return self.parts
 
@@ -93,7 +69,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         robots: loads a robot.
     """
     spec, issues = _schema(document)
-    compiler = Compiler(document, base, Draft.of_data(document.data) if spec is None else Draft.of_spec(spec))
+    compiler = Compiler(document, base, Draft.of(spec or document.data))
     robot = compiler.robot(robots)
     scene = compiler.scene(robot)
     robot = None if robot is None else compiler.mounted(robot, scene)
@@ -113,31 +89,32 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS
     ):
         model = collision_model(robot, scene)
-        later = collision_model(robot, scene.standing) if scene.moving else model  # what moves may be elsewhere by then
+        # by the time of a via or a goal, what moves may be elsewhere
+        later = collision_model(robot, scene.standing) if scene.dynamic_obstacles else model
         issues += _collisions(document, (model, later), compiler.draft, places)
     if issues or spec is None or robot is None or limits is None or places.start is None:
-        return Reading(None, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
+        return Reading({}, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
     source, digest = source_of(spec, document.path.stem.strip("<>"), base, robot)
-    parts = ProblemParts(
-        name=source["name"],
-        robot=robot,
-        scene=scene,
-        start=places.start.state.q,
-        start_velocity=places.start.state.v,
-        start_acceleration=places.start.state.a,
-        goal=tuple(part.value for part in places.goal),
-        limits=limits,
-        vias=tuple(part.value for part in places.vias),
-        task=tuple(part.value for part in places.task),
-        objective=Objective(**spec.objective.model_dump(exclude_none=True)),
-        path_constraints=tuple(part.value for part in places.constraints),
-        planner=spec.planner.name,
-        options=dict(spec.planner.model_extra or {}),
-        seed=spec.seed,
-        source=source,
-        hash=digest,
-    )
-    return Reading(parts, ())
+    parts = {
+        "name": source["name"],
+        "robot": robot,
+        "scene": scene,
+        "start": places.start.state.q,
+        "start_velocity": places.start.state.v,
+        "start_acceleration": places.start.state.a,
+        "goal": tuple(part.value for part in places.goal),
+        "limits": limits,
+        "vias": tuple(part.value for part in places.vias),
+        "task": tuple(part.value for part in places.task),
+        "objective": Objective(**spec.objective.model_dump(exclude_none=True)),
+        "path_constraints": tuple(part.value for part in places.constraints),
+        "planner": spec.planner.name,
+        "options": dict(spec.planner.model_extra or {}),
+        "seed": spec.seed,
+        "source": source,
+        "hash": digest,
+    }
+    return Reading(parts)
 
 
 def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:
@@ -251,37 +228,20 @@ def _collisions(
     issues = []
     cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
     if places.start is not None and draft.start is not None:
-        found = _touching(model, places.start.q)
+        found = free_check(model, places.start.q).reason
         if found:
             place = (*draft.start.place, draft.start.value.kind)
             issues.append(document.issue(place, f"the start is in collision: {found}", cure))
     for via in places.vias:
-        found = _touching(later, via.value.at.q) if isinstance(via.value.at, JointGoal) else ""
+        found = free_check(later, via.value.at.q).reason if isinstance(via.value.at, JointGoal) else ""
         if found:
             issues.append(document.issue(via.place, f"the via is in collision: {found}", cure))
     hits: list[tuple[Place, str]] = []
     for part in places.goal:
         if isinstance(part.value, JointGoal):
-            found = _touching(later, part.value.q)
+            found = free_check(later, part.value.q).reason
             if found:
                 hits.append((part.place, found))
     if len(hits) == len(draft.goal):
         issues += [document.issue(place, f"the goal is in collision: {found}", cure) for place, found in hits]
     return issues
-
-
-def _touching(model: CollisionModel, q: Array) -> str:
-    """Return the bodies in contact at q in words, the deepest first; empty if none."""
-    contacts = sorted(model.touching(q, TOUCHING), key=lambda contact: contact.distance)
-    words = [_depth(contact) for contact in contacts[:3]]
-    rest = len(contacts) - len(words)
-    within = None if contacts else model.contained(q)
-    if within is not None:
-        return f"'{within[0]}' is inside '{within[1]}'"
-    return "; ".join(words) + (f"; and {rest} more pairs" if rest else "")
-
-
-def _depth(contact: Contact) -> str:
-    names = f"'{contact.pair.name_a}' and '{contact.pair.name_b}'"
-    depth = max(0.0, -contact.distance) * 1e3
-    return f"{names} overlap by {depth:.3g} mm" if depth >= 1e-3 else f"{names} touch"

@@ -10,15 +10,16 @@ from optiplan.errors import InputError, described, wrong_argument
 from optiplan.files import reading
 from optiplan.problem import to_data
 from optiplan.problem.builder import RobotLoader
-from optiplan.problem.from_data import ProblemParts, read_problem
+from optiplan.problem.from_data import read_problem
 from optiplan.problem.task.builder import task_data
+from optiplan.robot.given_configurations import in_order
 from optiplan.robot.reference import UNKNOWN
 from optiplan.robot.robot import Robot, load_robot
 
 _HERE = "<problem>"
 """Stands for the file of a problem that has none."""
 
-SAID = {
+ARGUMENT_WRITERS = {
     "start": ("start", to_data.start_data),
     "goal": ("goal", to_data.goal_data),
     "task": ("task", task_data),
@@ -33,14 +34,22 @@ SAID = {
 """Parts of a problem: key of the file, and how the part stands there."""
 
 
-def read_arguments(robot: Any, given: Mapping[str, Any], labels: Mapping[str, Any]) -> ProblemParts:
-    """Return the parts of a problem built in Python."""
+def arguments_data(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parts of a problem, by the names of their arguments, as they stand in a file."""
+    written = [(*ARGUMENT_WRITERS[name], value) for name, value in arguments.items()]
+    return {key: write(value) for key, write, value in written}
+
+
+def read_arguments(robot: Any, arguments: Mapping[str, Any], labels: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the attributes of a problem of these arguments; `labels` stand in a file as they are.
+
+    Raises:
+        InputError: as for a file, about the arguments of `op.Problem`.
+    """
     if not isinstance(robot, Robot | str | Path | Mapping):
         expected = "op.load_robot(…), op.Robot.from_urdf(…), the name of a robot or the path of a robot.yaml"
         raise wrong_argument("Problem", "robot", described(robot), expected)
-    data = {SAID[part][0]: SAID[part][1](value) for part, value in given.items()}
-    data |= {"version": 1, "name": labels["name"], "seed": labels["seed"], "robot": robot}
-    data["planner"] = to_data.planner_data(labels["planner"], labels["options"])
+    data = {**arguments_data(arguments), **labels, "version": 1, "robot": robot}
     if isinstance(robot, str | Path) and Path(robot).suffix.lower() == ".urdf":
         data["robot"] = {"urdf": robot}
     if not isinstance(robot, Robot):
@@ -55,18 +64,35 @@ def read_arguments(robot: Any, given: Mapping[str, Any], labels: Mapping[str, An
     return read_data(data, robot)
 
 
-def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> ProblemParts:
-    """Return the parts of a problem of plain data, with this robot, if one is given.
+def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Mapping[str, Any]:
+    """Return the attributes of a problem of plain data, with this robot, if one is given.
 
     Raises:
-        InputError: as for a file.
+        InputError: as for a file, about the arguments of `op.Problem`.
     """
     loader = load_robot if robot is None else _loader(robot)
     try:
         with reading(None):
-            return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader).whole()
+            stated = _with_joints_in_order(plain(data), robot)
+            return read_problem(Document(Path(_HERE), stated, {}), Path.cwd(), loader).whole()
     except InputError as error:
         raise error.about(_HERE, "op.Problem") from None
+
+
+def _with_joints_in_order(data: Mapping[str, Any], robot: Robot | None) -> Mapping[str, Any]:
+    """Return the data with lists in the place of values by joint, `{joint: value}`, of start, goal and vias."""
+    goal, vias = data.get("goal"), data.get("via") or []
+    alternatives = goal.get("any_of", []) if isinstance(goal, dict) else []
+    ends = {"start": data.get("start"), "goal": goal}
+    ends |= {f"goal[{k}]": end for k, end in enumerate(alternatives)}
+    ends |= {f"vias[{k}]": via for k, via in enumerate(vias)}
+    for argument, end in ends.items():
+        values = end if isinstance(end, dict) else {}
+        for key in ("joints", "velocity", "acceleration"):
+            if isinstance(values.get(key), Mapping):
+                robot = robot or load_robot(data["robot"])
+                values[key] = in_order(robot.joint_names, values[key], "Problem", argument)
+    return data
 
 
 def _loader(robot: Robot) -> RobotLoader:

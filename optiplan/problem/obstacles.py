@@ -6,11 +6,11 @@ from typing import Any
 from optiplan.errors import path_argument, wrong_argument
 from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import FORMATS, OCTREE_FORMATS, POINT_FORMATS
+from optiplan.geometry.pose import Values, checked
 from optiplan.geometry.scene import Obstacle
 from optiplan.geometry.shapes import build_geometry, shape_from_spec
 from optiplan.problem.builder import stated_pose
 from optiplan.problem.schema.scene import ObstacleSpec
-from optiplan.problem.statement import Values, checked
 
 
 def Box(

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +11,19 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import path_argument, seed_argument, wrong_argument
 from optiplan.files import write_text
+from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.kinematics.ik.joint_wraps import endless_turns
 from optiplan.problem import to_data
 from optiplan.problem.constraints.expression import Expression, split_expressions
 from optiplan.problem.constraints.statements import PathConstraint
-from optiplan.problem.from_data import ProblemParts
-from optiplan.problem.from_python import SAID, read_arguments, read_data
+from optiplan.problem.free_space import FreeSpace
+from optiplan.problem.from_python import ARGUMENT_WRITERS, arguments_data, read_arguments, read_data
 from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.statement import End, Pose, Values, ViaPoint
+from optiplan.problem.statement import End, ViaPoint
 from optiplan.problem.summary import as_table, goals_in_words
 from optiplan.problem.task.builder import Task
 from optiplan.problem.task.steps import TaskStep
@@ -36,16 +37,16 @@ __all__ = ["Goal", "GoalEnd", "JointGoal", "Objective", "Pose", "PoseGoal", "Pro
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Problem(ProblemParts):
+class Problem(FreeSpace):
     """A task: which robot goes from where to where, around what, within which limits; never changed.
 
     The arguments are checked as a problem file is, and give the same problem with the same hash.
 
     Args:
         robot: a `Robot`, the name of a shipped one, or the path of a robot.yaml.
-        start: values of the planned joints (n,), rad or m, the name of a configuration of the robot, or a `State` of
-            a robot that is moving.
-        goal: a `Pose`, a `Region`, values of the joints (n,), the name of a configuration, a `State` to arrive in, or
+        start: values of the planned joints (n,) or `{joint: value}`, rad or m, the name of a configuration of the
+            robot, or a `State` of a robot that is moving.
+        goal: a `Pose`, a `Region`, values of the joints, the name of a configuration, a `State` to arrive in, or
             a list of alternatives.
         task: several steps, in place of a goal.
         scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.
@@ -63,9 +64,6 @@ class Problem(ProblemParts):
         start_velocity: (n,), rad/s or m/s; None: that of the `State`, else zeros.
         start_acceleration: (n,), rad/s² or m/s²; None: that of the `State`, else zeros.
 
-    With `limits` that are `Limits`, (n,) arrays, the parts are taken as they are, unchecked, and there is no hash: so
-    planners make parts of problems, by `dataclasses.replace`.
-
     Attributes:
         robot: where it stands, with the masses of what it carries (`robot.mounting`).
         start: (n,), rad or m.
@@ -74,8 +72,9 @@ class Problem(ProblemParts):
         task: steps in order; none where there is a goal.
         vias: to be passed in this order.
         limits: the robot's limits times the given fractions.
-        source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores.
-        hash: SHA-256 of `source` with the contents of the files of the robot and the meshes.
+        source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores; empty of
+            one that was `derived`.
+        hash: SHA-256 of `source` with the contents of the files of the robot and the meshes; likewise.
 
     Raises:
         InputError: every issue found, with the valid values.
@@ -88,8 +87,23 @@ class Problem(ProblemParts):
         Problem: problem, panda, to a pose of panda_hand_tcp; 1 obstacle (shelf)
     """
 
-    source: Mapping[str, Any] = field(init=False)  # dropped by `dataclasses.replace`
-    hash: str = field(init=False)
+    name: str
+    robot: Robot
+    scene: Scene
+    start: Array
+    start_velocity: Array
+    start_acceleration: Array
+    goal: Goal
+    limits: Limits
+    vias: tuple[Via, ...]
+    task: tuple[TaskStep, ...]
+    objective: Objective
+    path_constraints: tuple[PathConstraint, ...]
+    planner: str
+    options: Mapping[str, Any]
+    seed: int
+    source: Mapping[str, Any]
+    hash: str
 
     def __init__(
         self,
@@ -100,7 +114,7 @@ class Problem(ProblemParts):
         *,
         task: Task | Sequence[TaskStep | Mapping[str, Any]] | None = None,
         vias: Sequence[ViaPoint | Via | End] = (),
-        limits: Mapping[str, float | str] | Limits | None = None,
+        limits: Mapping[str, float | str] | None = None,
         objective: Objective | Mapping[str, float] | None = None,
         path_constraints: Sequence[PathConstraint | Mapping[str, Any]] = (),
         base: Pose | Mapping[str, Any] | None = None,
@@ -112,21 +126,16 @@ class Problem(ProblemParts):
         start_velocity: Values | None = None,
         start_acceleration: Values | None = None,
     ) -> None:
-        parts: dict[str, Any] = {"start": start, "goal": goal, "scene": scene, "vias": vias, "limits": limits}
-        parts |= {"objective": objective, "task": task, "path_constraints": path_constraints}
-        rates = start_velocity, start_acceleration
-        labels = {"name": name, "seed": seed}
-        labels |= {"planner": "trajopt" if planner is None else planner, "options": {} if options is None else options}
-        if isinstance(limits, Limits):
-            self._set({"robot": robot, **parts, **labels, **_defaults(robot, parts, rates), "source": {}, "hash": ""})
-            return
-        parts["path_constraints"], expressions = split_expressions(path_constraints)
-        if any(rate is not None for rate in rates):
-            parts["start"] = to_data.moving_start(start, *rates)
-        needed = {"start"} if goal is None and task is not None else {"start", "goal"}
-        stated = parts | {"base": base, "gravity": gravity}
-        stated = {key: value for key, value in stated.items() if value is not None or key in needed}
-        self._take(read_arguments(robot, stated, labels))
+        if start_velocity is not None or start_acceleration is not None:
+            start = to_data.moving_start(start, start_velocity, start_acceleration)
+        in_file, expressions = split_expressions(path_constraints)
+        given = {"start": start, "goal": goal, "task": task, "scene": scene, "vias": vias, "limits": limits}
+        given |= {"objective": objective, "path_constraints": in_file, "base": base, "gravity": gravity}
+        needed = {"start"} if task is not None else {"start", "goal"}
+        chosen = to_data.planner_data("trajopt" if planner is None else planner, options)
+        labels = {"name": name, "seed": seed, "planner": chosen}
+        stated = {key: value for key, value in given.items() if value is not None or key in needed}
+        self._set(read_arguments(robot, stated, labels))
         self._add_expressions(expressions)
 
     def _set(self, parts: Mapping[str, Any]) -> None:
@@ -137,14 +146,11 @@ class Problem(ProblemParts):
             array.flags.writeable = False  # nobody writes into what the hash is about
             object.__setattr__(self, name, array)
 
-    def _take(self, parts: ProblemParts) -> None:
-        self._set({one.name: getattr(parts, one.name) for one in fields(ProblemParts)})
-
     @classmethod
-    def of(cls, parts: ProblemParts) -> "Problem":
-        """Return the problem that was read."""
+    def of(cls, parts: Mapping[str, Any]) -> "Problem":
+        """Return the problem of these attributes, as they are."""
         problem = object.__new__(cls)
-        problem._take(parts)
+        problem._set(parts)
         return problem
 
     @property
@@ -161,7 +167,7 @@ class Problem(ProblemParts):
         return State.of(self.start, self.start_velocity, self.start_acceleration)
 
     @property
-    def moving(self) -> bool:
+    def nonzero_ends(self) -> bool:
         """Whether the robot moves at the start or at some goal."""
         return self.moving_start or any(isinstance(goal, JointGoal) and goal.moving for goal in self.goal)
 
@@ -172,7 +178,7 @@ class Problem(ProblemParts):
 
     def end_states(self, q: Array) -> list[State]:
         """Return the states in which a motion that ends at q (n,) may arrive: at rest, or as goals there say."""
-        if not self.moving:
+        if not self.nonzero_ends:
             return [State.of(q, np.zeros(len(q)), np.zeros(len(q)))]
         rates = [goal.state for goal in self.goal if isinstance(goal, JointGoal) and self._there(goal, q)]
         return [State(q, rate.v, rate.a) for rate in rates] or [State(q)]
@@ -187,7 +193,7 @@ class Problem(ProblemParts):
 
         In the states of motion of the problem's start and goals; obstacles and limits of position are ignored.
         """
-        if not self.moving:
+        if not self.nonzero_ends:
             return lower_bounds(self.start, np.asarray(ends), self.limits)
         start = self.start_state
         return np.array([moving_bounds(start, self.end_states(q), self.limits).min() for q in np.asarray(ends)])
@@ -198,9 +204,7 @@ class Problem(ProblemParts):
         Raises:
             InputError: not a whole number from 0 upwards.
         """
-        other = replace(self, seed=seed_argument("Problem.with_seed", seed))
-        other._set({"source": self.source, "hash": self.hash})
-        return other
+        return Problem.of({**vars(self), "seed": seed_argument("Problem.with_seed", seed)})
 
     def with_start(self, start: Values | str | State) -> "Problem":
         """Return the problem with another start: a configuration (n,), rad or m, the name of one, or a `State`.
@@ -302,9 +306,11 @@ class Problem(ProblemParts):
 
     def with_parts(self, **parts: Any) -> "Problem":
         """Return the problem with several parts changed at once: `start`, `goal`, `scene` …; checked as a file is."""
-        unknown = parts.keys() - SAID.keys()
+        unknown = parts.keys() - ARGUMENT_WRITERS.keys()
         if unknown:
-            raise wrong_argument("Problem.with_parts", "part", f"'{min(unknown)}'", f"one of: {', '.join(SAID)}")
+            raise wrong_argument(
+                "Problem.with_parts", "part", f"'{min(unknown)}'", f"one of: {', '.join(ARGUMENT_WRITERS)}"
+            )
         return self._with(**parts)
 
     def save(self, path: Path | str) -> None:
@@ -334,7 +340,7 @@ class Problem(ProblemParts):
             constraints, expressions = split_expressions(changes.get("path_constraints", self.path_constraints))
             if "path_constraints" in changes:
                 changes["path_constraints"] = constraints
-            data = dict(self.source) | {SAID[part][0]: SAID[part][1](value) for part, value in changes.items()}
+            data = dict(self.source) | arguments_data(changes)
             other = Problem.of(read_data(data, self.robot)).with_seed(self.seed)
             other._add_expressions(expressions)
             return other
@@ -347,7 +353,7 @@ class Problem(ProblemParts):
             changes["limits"] = self.robot.limits.scaled(**changes["limits"])
         if "goal" in changes and isinstance(changes["goal"], GoalEnd):
             changes["goal"] = (changes["goal"],)
-        return replace(self, **changes)
+        return derived(self, **changes)
 
     def _add_expressions(self, expressions: Sequence[Expression]) -> None:
         """Add users' constraints, which no file holds: they are part of the hash, and `source` does not show them."""
@@ -385,15 +391,17 @@ class Problem(ProblemParts):
         return str(self.scene).removeprefix("Scene: ")
 
 
-def _defaults(robot: Any, parts: Mapping[str, Any], rates: Sequence[Values | None]) -> dict[str, Any]:
-    """Return the parts of a problem that is taken as it is, unchecked, with defaults for those not given."""
-    velocity, acceleration = (np.zeros(robot.n) if rate is None else rate for rate in rates)
-    return {
-        "scene": parts["scene"] or Scene(),
-        "vias": tuple(parts["vias"]),
-        "objective": parts["objective"] or Objective(),
-        "path_constraints": tuple(parts["path_constraints"]),
-        "task": () if parts["task"] is None else tuple(parts["task"]),
-        "start_velocity": velocity,
-        "start_acceleration": acceleration,
-    }
+def derived(problem: Problem, **changes: Any) -> Problem:
+    """Return a problem with other values of its attributes, as they are: unchecked, without source and hash.
+
+    So planners make the legs of a problem; no `run.json` can describe another problem than the one planned.
+
+    Raises:
+        TypeError: an attribute that there is not, or `source` or `hash`.
+    """
+    if unknown := changes.keys() - _CHANGEABLE:
+        raise TypeError(f"a problem derived from another has no {', '.join(sorted(unknown))} of its own")
+    return Problem.of({**vars(problem), **changes, "source": {}, "hash": ""})
+
+
+_CHANGEABLE = {one.name for one in fields(Problem)} - {"source", "hash"}

@@ -1,102 +1,23 @@
 """`Pose` and `ViaPoint` for construction in Python, checked by the schema of problem files."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
-from pydantic import BaseModel
 
-from optiplan.arrays import Array, is_finite
-from optiplan.config.document import Document, plain, validate
-from optiplan.errors import InputError, described, wrong_argument
-from optiplan.geometry.poses import pose_from_data, pose_to_data
+from optiplan.arrays import is_finite
+from optiplan.config.document import plain
+from optiplan.errors import described, wrong_argument
+from optiplan.geometry.pose import Pose, Values, checked
+from optiplan.geometry.poses import pose_to_data
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec, axes_data
-from optiplan.problem.schema.ends import PoseGoalSpec, ViaSpec
+from optiplan.problem.schema.ends import ViaSpec
+from optiplan.robot.given_configurations import is_by_name
 from optiplan.trajectory.state import State
-
-Values = Sequence[float] | Array
-Spec = TypeVar("Spec", bound=BaseModel)
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Desired pose of a frame of the robot in the world: a goal or a via.
-
-    Attributes:
-        position: [x, y, z], m.
-        rpy: [roll, pitch, yaw], rad, about the fixed axes x, then y, then z of the world, as in URDF.
-        quaternion: [x, y, z, w] of unit length, instead of `rpy`; with neither the axes are those of the world.
-        frame: a link or fixed frame of the robot; None: its tool frame.
-        position_tolerance: m; None: 1e-4 (of a via point: 1e-6).
-        orientation_tolerance: rad; None: 1e-3 (of a via point: 1e-6).
-        rpy_deg: `rpy` in degrees; the pose then has `rpy`.
-
-    Raises:
-        InputError: a vector of another length, both rotations, a quaternion not of unit length, a tolerance not > 0.
-
-    Example:
-        >>> import optiplan as op
-        >>> op.Pose(position=(0.5, 0.2, 0.6), rpy=(3.14, 0, 0))
-        Pose(position=(0.5, 0.2, 0.6), rpy=(3.14, 0.0, 0.0))
-    """
-
-    position: Values
-    rpy: Values | None = None
-    quaternion: Values | None = None
-    frame: str | None = None
-    position_tolerance: float | None = None
-    orientation_tolerance: float | None = None
-    rpy_deg: Values | None = None
-
-    def __post_init__(self) -> None:
-        names = {"tolerance.position": "position_tolerance", "tolerance.orientation": "orientation_tolerance"}
-        spec = checked(PoseGoalSpec, self.to_data(), "Pose", names)
-        for name in ("position", "rpy", "rpy_deg", "quaternion"):
-            object.__setattr__(self, name, getattr(spec, name))
-
-    @classmethod
-    def from_matrix(cls, X_WG: Array | pin.SE3, frame: str | None = None) -> "Pose":
-        """Return the pose of a homogeneous matrix (4, 4), m, or of a `pinocchio.SE3`.
-
-        Raises:
-            InputError: not a rigid transform.
-        """
-        if isinstance(X_WG, pin.SE3):
-            return cls._of(X_WG, frame)
-        X = np.asarray(X_WG, float) if np.shape(X_WG) == (4, 4) else np.zeros((4, 4))
-        R = X[:3, :3]
-        if np.abs(R.T @ R - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0 or (X[3] != [0.0, 0.0, 0.0, 1.0]).any():
-            expected = "a matrix (4, 4): a rotation and a translation in m above the row 0, 0, 0, 1"
-            raise wrong_argument("Pose.from_matrix", "X_WG", described(X_WG), expected)
-        return cls._of(pin.SE3(R, X[:3, 3]), frame)
-
-    @classmethod
-    def _of(cls, X_WG: pin.SE3, frame: str | None) -> "Pose":
-        data = pose_to_data(X_WG)
-        return cls(data["position"], quaternion=data["quaternion"], frame=frame)
-
-    @property
-    def matrix(self) -> Array:
-        """The homogeneous matrix (4, 4), m."""
-        return np.asarray(pose_from_data(self.to_data()).homogeneous)
-
-    def to_data(self) -> dict[str, Any]:
-        """As a problem file says it."""
-        tolerance = {"position": self.position_tolerance, "orientation": self.orientation_tolerance}
-        parts = {key: getattr(self, key) for key in ("frame", "position", "rpy", "rpy_deg", "quaternion")}
-        stated = {**parts, "tolerance": {key: value for key, value in tolerance.items() if value is not None} or None}
-        return {key: plain(value) for key, value in stated.items() if value is not None}
-
-    def __repr__(self) -> str:
-        """What was said, and nothing else."""
-        said = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return f"Pose({', '.join(f'{name}={value!r}' for name, value in said.items() if value is not None)})"
-
 
 Range: TypeAlias = float | str | tuple[float | str, float | str]
 """How far a coordinate may be off: either way, between two, or `"free"`."""
@@ -159,7 +80,8 @@ class Region:
 
 
 End: TypeAlias = Pose | Region | JointGoal | PoseGoal | RegionGoal | pin.SE3 | str | Values | State | Mapping[str, Any]
-"""One end: a pose, a region, a configuration (n,), rad or m, its name, a state of motion, or what a file would say."""
+"""One end: a pose, a region, a configuration (n,) or `{joint: value}`, rad or m, its name, a state of motion, or what a
+file would say."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +89,7 @@ class ViaPoint:
     """Via point of a motion.
 
     Attributes:
-        at: a configuration (n,), rad or m, the name of one, or a `Pose`.
+        at: a configuration (n,) or `{joint: value}`, rad or m, the name of one, or a `Pose`.
         tolerance: of each joint, or of both parts of a pose, rad or m; None: 1e-6.
         velocity: (n,) rad/s or m/s, desired; only the planner `spline` meets it.
         time: s from the start, likewise; given for all via points or for none.
@@ -184,7 +106,10 @@ class ViaPoint:
     time: float | None = None
 
     def __post_init__(self) -> None:
-        checked(ViaSpec, self.to_data(), "ViaPoint", {"joints": "at", "configuration": "at", "pose": "at"})
+        data = self.to_data()
+        if isinstance(data.get("joints"), Mapping):  # which joints these are the robot says, later
+            data["joints"] = list(data["joints"].values())
+        checked(ViaSpec, data, "ViaPoint", {"joints": "at", "configuration": "at", "pose": "at"})
 
     def to_data(self) -> dict[str, Any]:
         """As a problem file says it."""
@@ -196,31 +121,6 @@ class ViaPoint:
         """What was said, and nothing else."""
         said = {name: getattr(self, name) for name in self.__dataclass_fields__}
         return f"ViaPoint({', '.join(f'{name}={value!r}' for name, value in said.items() if value is not None)})"
-
-
-def checked(spec: type[Spec], data: Mapping[str, Any], function: str, names: Mapping[str, str]) -> Spec:
-    """Validate data by a class of the schema; issues name the arguments of the call.
-
-    Args:
-        spec: class of the schema.
-        data: as a file says it.
-        function: called by the user, without `op.`.
-        names: of arguments, by the names of the schema's fields.
-
-    Raises:
-        InputError: what does not fit.
-    """
-    try:
-        return validate(spec, Document(Path(f"op.{function}"), plain(data), {}))
-    except InputError as error:
-        raise InputError(replace(issue, field=_argument(issue.field, names)) for issue in error.issues) from None
-
-
-def _argument(field: str, names: Mapping[str, str]) -> str:
-    for name, argument in names.items():
-        if field == name or field.startswith((f"{name}[", f"{name}.")):
-            return argument + field.removeprefix(name)
-    return field
 
 
 def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
@@ -238,12 +138,12 @@ def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
     if isinstance(end, JointGoal):
         return _joint_goal_data(end, function, argument)
     if isinstance(end, Mapping):
-        return dict(plain(end))
+        return {"joints": plain(end)} if is_by_name(end) else dict(plain(end))
     if isinstance(end, State):
         return state_data(end.q, end.v, end.a)
     if is_configuration(end):
         return {"joints": np.asarray(end, dtype=float).tolist()}
-    expected = "values of the joints (n,), the name of a configuration, op.Pose(…) or op.Region(…)"
+    expected = "values of the joints (n,) or {joint: value}, the name of a configuration, op.Pose(…) or op.Region(…)"
     raise wrong_argument(function, argument, described(end), expected)
 
 

@@ -9,22 +9,23 @@ import pinocchio as pin
 
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
+from optiplan.geometry.pose import Pose
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shapes import shape_data
 from optiplan.problem.constraints.statements import KINDS, constraint_data
 from optiplan.problem.objectives.objective import Objective
-from optiplan.problem.statement import Pose, end_data, is_configuration, via_point_data
+from optiplan.problem.statement import end_data, is_configuration, via_point_data
 from optiplan.trajectory.state import State
 
 
 def start_data(start: Any) -> Any:
     """`start:` of a file."""
-    if isinstance(start, str | State) or is_configuration(start):
+    if isinstance(start, str | State | Mapping) or is_configuration(start):
         return end_data(start, "Problem", "start")
-    if isinstance(start, Mapping):
-        return plain(start)
-    expected = "values of the joints (n,), op.State(q, v, a), or the name of a configuration of the robot"
+    expected = (
+        "values of the joints (n,) or {joint: value}, op.State(q, v, a), or the name of a configuration of the robot"
+    )
     raise wrong_argument("Problem", "start", described(start), expected)
 
 
@@ -114,11 +115,11 @@ def _one_constraint_data(one: Any, function: str, argument: str) -> dict[str, An
         raise wrong_argument(function, argument, described(one), f"one of: {expected}")
     poses = {name: pose_from_data(pose.to_data()) for name, pose in vars(one).items() if isinstance(pose, Pose)}
     try:
-        said: dict[str, Any] = plain(constraint_data(replace(one, **poses)))  # type: ignore[type-var]  # dataclasses
+        data: dict[str, Any] = plain(constraint_data(replace(one, **poses)))  # type: ignore[type-var]  # dataclasses
     except (AttributeError, TypeError, ValueError):
         words = f"one that is said by {', '.join(described(value) for value in vars(one).values())}"
         raise wrong_argument(function, argument, words, f"what op.{type(one).__name__} is made of") from None
-    return said
+    return data
 
 
 def base_data(base: Any) -> Any:

@@ -14,7 +14,7 @@ from optiplan.config.messages import choices
 from optiplan.config.values import LARGEST_COORDINATE
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import read_bytes
-from optiplan.geometry.convex import body_of, cover_of, hull_of, over_cover_of, pieces_of, vertices_of
+from optiplan.geometry.convex import body_of, cover_of, hull_of, mesh_vertices, over_cover_of, pieces_of
 from optiplan.robot.spec import CollisionSpec, Treatment
 
 PRIMITIVE = "primitive"
@@ -78,7 +78,7 @@ def _treated(
     mesh = item.geometry
     if not isinstance(mesh, coal.BVHModelBase):
         return PRIMITIVE, 0.0, iter([item.copy()])
-    vertices = vertices_of(mesh)
+    vertices = mesh_vertices(mesh)
     if not (len(vertices) and (np.abs(vertices) <= LARGEST_COORDINATE).all()):  # NaN is refused too
         raise ValueError(f"a mesh without finite vertices, or with one beyond {LARGEST_COORDINATE:g} m")
     match wanted:

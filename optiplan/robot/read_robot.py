@@ -19,7 +19,7 @@ from optiplan.robot.limits import Limits, build_limits
 from optiplan.robot.link_geometry import LinkGeometry, treat
 from optiplan.robot.mimic_joints import Mimic
 from optiplan.robot.named_configurations import configurations, tool_frame
-from optiplan.robot.reference import DESCRIPTION, UNKNOWN, Reference, description, referred, robot_file, said
+from optiplan.robot.reference import DESCRIPTION, UNKNOWN, Reference, description, inline_content, referred, robot_file
 from optiplan.robot.self_collision.pairs import Locked, declared_pairs, set_pairs, unchecked_pairs
 from optiplan.robot.spec import MecanumSpec, RobotSpec
 from optiplan.robot.urdf.srdf import LinkPair
@@ -92,7 +92,7 @@ def read_robot(
         locked=reduced.locked,
         allowed=allowed,
         files=files,
-        fingerprint=cache.digest([*map(read_bytes, files), *said(document, ref)]),
+        fingerprint=cache.digest([*map(read_bytes, files), *inline_content(document, ref)]),
         dh=None if spec.dh is None else spec.dh.table(),
         group=planned.name,
         groups=spec.groups,

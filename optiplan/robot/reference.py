@@ -73,7 +73,7 @@ def description(keys: Mapping[str, Any], base: Path | None) -> Document:
     return Document(folder / DESCRIPTION, {"version": 1, "name": name, **data}, {})
 
 
-def said(document: Document, ref: str | Mapping[str, Any]) -> list[bytes]:
+def inline_content(document: Document, ref: str | Mapping[str, Any]) -> list[bytes]:
     """What stands in no file, for the fingerprint; where files lie does not count."""
     if not isinstance(ref, Mapping):
         return []

@@ -11,10 +11,15 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from optiplan.arrays import Array
 from optiplan.config.document import plain
-from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_argument
+from optiplan.config.messages import choices
+from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_argument, wrong_argument
 from optiplan.files import reading, write_text
+from optiplan.geometry.pose import Pose, Values
 from optiplan.robot.batched.kinematics import BatchKinematics
+from optiplan.robot.frames import frame_pose, geometric_jacobian
+from optiplan.robot.given_configurations import configuration
 from optiplan.robot.held_joints import held_model
 from optiplan.robot.limits import Limits, joint_unit
 from optiplan.robot.loaded_robots import LoadedRobots, MountedRobots
@@ -197,6 +202,60 @@ class Robot(RobotParts):
         if not self.model.existFrame(name):
             raise UnknownChoiceError("frame", name, [frame.name for frame in self.model.frames[1:]])
         return int(self.model.getFrameId(name))
+
+    def fk(self, q: Values | Mapping[str, float] | str, frame: str | None = None) -> Pose:
+        """Return the pose X_WF of a frame in the world.
+
+        X_WF = X_W1(q_1) … X_(k-1)k(q_k) X_kF: the product of the placements and motions of the joints that carry F.
+
+        Args:
+            q: (n,), rad or m; values by joint, `{joint: value}`; or the name of a configuration.
+            frame: a link, joint or fixed frame; None: the tool frame.
+
+        Returns:
+            The pose: `position`, m, `quaternion` [x, y, z, w], and `matrix` (4, 4). It is a goal of `op.Problem`, too.
+
+        Raises:
+            InputError: other values than one a joint, or no such frame.
+
+        Example:
+            >>> import optiplan as op
+            >>> op.load_robot("planar2r").fk([0.0, 0.0]).position
+            (1.1, 0.18, 0.5)
+        """
+        values = configuration(self.joint_names, self.configurations, q, "Robot.fk")
+        name = self._frame(frame, "Robot.fk")
+        return Pose.of(frame_pose(self, values, name), name)
+
+    def jacobian(self, q: Values | Mapping[str, float] | str, frame: str | None = None) -> Array:
+        """Return the geometric Jacobian J (6, n) of a frame: [v; w] = J q̇, along the axes of the world.
+
+        v is the velocity of the frame's origin, m/s, w its angular velocity, rad/s. The column of a joint that turns
+        about the axis z through p is [z × (p_F - p); z], that of one that slides along z is [z; 0].
+
+        Args:
+            q: as of `fk`.
+            frame: as of `fk`.
+
+        Raises:
+            InputError: as `fk`.
+
+        Example:
+            >>> import optiplan as op
+            >>> op.load_robot("panda").jacobian("ready").shape
+            (6, 7)
+        """
+        values = configuration(self.joint_names, self.configurations, q, "Robot.jacobian")
+        return geometric_jacobian(self, values, self._frame(frame, "Robot.jacobian"))
+
+    def _frame(self, name: str | None, function: str) -> str:
+        """Return the frame of that name, or the tool frame."""
+        if name is None:
+            return self.tool_frame
+        if not isinstance(name, str) or not self.model.existFrame(name):
+            frames = [str(frame.name) for frame in self.model.frames[1:]]
+            raise wrong_argument(function, "frame", f"'{name}'", choices(str(name), frames))
+        return name
 
     def with_tool(self, frame: str) -> "Robot":
         """Return the same robot with another tool frame.

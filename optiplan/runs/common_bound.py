@@ -46,7 +46,7 @@ def common_bound(problem: Problem, reached: Sequence[Array]) -> Bound:
     return Bound(seconds, words)
 
 
-def bound_of(problem: Problem, trajectory: Trajectory) -> float:
+def duration_bound(problem: Problem, trajectory: Trajectory) -> float:
     """Return the lower bound, s, of a motion's duration: of its end, or of all that a task must do at rest.
 
     Of a task: the sum over the stretches between the steps before and after which the robot stands still, each from

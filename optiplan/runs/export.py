@@ -95,7 +95,7 @@ class Exported:
     errors: Mapping[str, float]
 
 
-def export(
+def export_trajectory(
     trajectory: Trajectory,
     path: Path,
     format: str | None = None,

@@ -1,12 +1,11 @@
 """Objective metrics of a motion: lengths, peak jerk, torque, clearance, manipulability.
 
-Lengths and torques are integrals over time, computed panel by panel by Gauss-Kronrod quadrature: a panel is halved
-until the rules of four and of nine points differ by less than its share of 1e-6 of the whole.
+Lengths and torques are integrals over time, to 1e-6 of themselves (`trajectory/quadrature.py`).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,30 +18,11 @@ from optiplan.problem.task.timeline import mismatch, scene_parts
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.trajectory.quadrature import integral, panels
+from optiplan.trajectory.trajectory import States, Trajectory
 from optiplan.verify.report import Report
 
-_NODES, _WEIGHTS = np.array(  # of nine points on [0, 1] (Kronrod); every second node is one of the four of Gauss
-    [
-        [0.011719874631213444, 0.031488686832736507],
-        [0.069431844202973712, 0.085026802667861363],
-        [0.179856891251845009, 0.133399170226142224],
-        [0.330009478207571868, 0.163474594800725815],
-        [0.500000000000000000, 0.173221490945068181],
-        [0.669990521792428132, 0.163474594800725815],
-        [0.820143108748154991, 0.133399170226142224],
-        [0.930568155797026288, 0.085026802667861363],
-        [0.988280125368786556, 0.031488686832736507],
-    ]
-).T
-_GAUSS = np.array([0.173927422568726929, 0.326072577431273071, 0.326072577431273071, 0.173927422568726929])
-_BOTH = np.zeros((2, len(_NODES)))  # the two rules' weights
-_BOTH[0, 1::2], _BOTH[1] = _GAUSS, _WEIGHTS
-_ACCURACY = 1e-6  # of an integral, and of the smallest manipulability, relative
-_NOTHING = 1e-3  # m, rad, (N m)^2 s: integrals smaller than this need no more digits than this one
-_PANELS = 22  # least number per motion: a kink between their points is negligible
-_HALVINGS = 14  # at most, of a panel: speed has kinks where the tool stands still
-_MOST_PANELS = 20_000  # panels at a time; beyond that the integral is not refined further
+_ACCURACY = 1e-6  # of the smallest manipulability, relative
 _JUMP = 1e-5  # share of a velocity or acceleration limit that counts as a jump; the verifier's own tolerance
 _CLOSER = 9  # samples between the neighbours of the smallest of a measure, in each round
 _ROUNDS = 13  # at most, of looking closer
@@ -102,15 +82,15 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
     parts = [_Instant(loaded, motion) for loaded, motion in motions]
     integrals = sum((integral(part, motion) for part, (_, motion) in zip(parts, motions, strict=True)), np.zeros(1))
     squared = integrals[3:] / trajectory.duration
-    joint, jerk, share = peak_jerk(trajectory, problem)
+    worst = peak_jerk(trajectory, problem)
     found = _clearances(report)
     return Metrics(
         tool_path=float(integrals[0]),
         tool_rotation=float(integrals[1]),
         joint_path=float(integrals[2]),
-        peak_jerk=jerk,
-        peak_jerk_joint=robot.joint_names[joint],
-        jerk_share=share,
+        peak_jerk=worst.jerk,
+        peak_jerk_joint=robot.joint_names[worst.joint],
+        jerk_share=worst.share,
         rms_torque=float(np.sqrt(squared.sum())),
         joint_torques=dict(zip(robot.joint_names, np.sqrt(squared).tolist(), strict=True)),
         clearance=found.get("proved_clearance"),
@@ -163,7 +143,7 @@ class _Instant:
         np.square(inverse_dynamics(self._robot, Q, V, A), out=found[:, 3:])
         return found.reshape(*t.shape, -1)
 
-    def _states(self, t: Array) -> tuple[Array, Array, Array]:
+    def _states(self, t: Array) -> States:
         """Position, velocity and acceleration at times t (m, k), those of a row in one piece: (m, k, n) each."""
         breakpoints = self._trajectory.breakpoints
         piece = np.searchsorted(breakpoints[1:-1], t[:, 0], side="right")
@@ -208,48 +188,16 @@ def by_determinant(J: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(np.linalg.det(square), 0.0)))
 
 
-def integral(f: Callable[[Array], Array], trajectory: Trajectory) -> Array:
-    """Integral over the whole motion of f, which maps times (m, s) to values (m, s, k) >= 0: array (k,).
+class PeakJerk(NamedTuple):
+    """The joint with the largest jerk, that jerk, rad/s³ or m/s³, and the largest share of a limit that a joint has."""
 
-    Times of a row are of one panel. Panels begin and end at breakpoints, where f may jump.
-    """
-    a, b = _panels(trajectory)
-    total: Array = np.zeros(1)
-    for halving in range(_HALVINGS + 1):
-        rough_value, fine = _gauss_kronrod(f, a, b)
-        share = (b - a)[:, None] / trajectory.duration
-        allowed = _ACCURACY * np.maximum(total + fine.sum(axis=0), _NOTHING) * share
-        rough = (np.abs(fine - rough_value) > allowed).any(axis=1)
-        if not rough.any() or len(a) > _MOST_PANELS or halving == _HALVINGS:
-            break
-        total = total + fine[~rough].sum(axis=0)
-        a, b = a[rough], b[rough]
-        middle = 0.5 * (a + b)
-        a, b = np.concatenate([a, middle]), np.concatenate([middle, b])
-    return np.asarray(total + fine.sum(axis=0))
+    joint: int
+    jerk: float
+    share: float | None
 
 
-def _panels(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Beginnings and ends of the first panels: the pieces, cut into parts of at most a 22nd of the motion."""
-    h, breakpoints = trajectory.widths, trajectory.breakpoints
-    if h.max() * _PANELS <= trajectory.duration:
-        return breakpoints[:-1], breakpoints[1:]
-    parts = np.maximum(np.ceil(h * (_PANELS / trajectory.duration) - 1e-9), 1.0).astype(np.intp)
-    piece = np.repeat(np.arange(len(h)), parts)
-    within = np.arange(len(piece)) - (np.cumsum(parts) - parts)[piece]
-    a = breakpoints[piece] + within * (h / parts)[piece]
-    return a, np.append(a[1:], trajectory.duration)
-
-
-def _gauss_kronrod(f: Callable[[Array], Array], a: Array, b: Array) -> tuple[Array, Array]:
-    """Integrals of f over panels from a (m,) to b (m,), by four points and by nine: two arrays (m, k)."""
-    width = (b - a)[:, None]
-    both = _BOTH @ f(a[:, None] + width * _NODES) * width[:, None]
-    return both[:, 0], both[:, 1]
-
-
-def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, float | None]:
-    """Joint with the largest jerk, that jerk, and the largest share of a limit (n,), over all time, exactly.
+def peak_jerk(trajectory: Trajectory, problem: Problem) -> PeakJerk:
+    """The largest jerk over all time, exactly.
 
     A joint whose velocity or acceleration jumps has an infinite jerk, and an infinite share of a finite limit; also
     where it jumps from or to what the problem states at the ends (rest, where it states nothing).
@@ -263,7 +211,7 @@ def peak_jerk(trajectory: Trajectory, problem: Problem) -> tuple[int, float, flo
         jerk[steps > _JUMP * limit] = np.inf
     joint, limited = int(np.argmax(jerk)), np.isfinite(limits.jerk)
     share = float((jerk[limited] / limits.jerk[limited]).max()) if limited.any() else None
-    return joint, float(jerk[joint]), share
+    return PeakJerk(joint, float(jerk[joint]), share)
 
 
 def peak_wheel_rates(robot: Robot, trajectory: Trajectory) -> dict[str, float] | None:
@@ -273,7 +221,7 @@ def peak_wheel_rates(robot: Robot, trajectory: Trajectory) -> dict[str, float] |
     """
     if robot.mecanum is None:
         return None
-    a, b = _panels(trajectory)
+    a, b = panels(trajectory)
     t = np.append((a[:, None] + (b - a)[:, None] * np.linspace(0.0, 0.875, 8)).ravel(), b[-1])
     rates = wheel_rates_along(robot, trajectory(t), trajectory(t, 1))
     assert rates is not None

@@ -14,7 +14,7 @@ from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner
 from optiplan.planners.third_party import options_set
 from optiplan.problem.problem import Problem
-from optiplan.runs.common_bound import bound_of
+from optiplan.runs.common_bound import duration_bound
 from optiplan.runs.metrics import measure
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.runs.run import Run
@@ -155,7 +155,7 @@ def proved(
             timings["other proofs"] = others
         for seconds, motion in selection.answers:
             proofs.proved(motion, seconds)
-        bound = bound_of(problem, selection.trajectory)
+        bound = duration_bound(problem, selection.trajectory)
         began = time.perf_counter()
         metrics = measure(problem, selection.trajectory, selection.report)
         timings["measure"] = time.perf_counter() - began
@@ -187,7 +187,7 @@ def chosen(
     return name, options if options is not None else problem.options if name == problem.planner else {}
 
 
-def attempt(
+def plan_and_verify_once(
     problem: Problem,
     planner: str,
     options: Mapping[str, Any],

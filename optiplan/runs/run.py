@@ -15,7 +15,7 @@ from optiplan.errors import path_argument, wrong_argument
 from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
-from optiplan.runs.export import Exported, export
+from optiplan.runs.export import Exported, export_trajectory
 from optiplan.runs.metrics import Metrics
 from optiplan.runs.run_folder import save_run
 from optiplan.trajectory.segments import segment_data
@@ -147,7 +147,7 @@ class Run:
             raise wrong_argument("Run.export", "run", f"a motion that is {self._verdict()}", expected)
         file = path_argument("Run.export", "path", path, "the path of a file")
         proof = (lambda slower: verify(self.problem, slower)) if not unverified else None
-        return export(self.trajectory, file, format, rate, cyclic=cyclic, proof=proof)
+        return export_trajectory(self.trajectory, file, format, rate, cyclic=cyclic, proof=proof)
 
     def __repr__(self) -> str:
         """Return the verdict, its scope and the ratio to the bound in one line."""

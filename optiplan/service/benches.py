@@ -5,12 +5,13 @@ from statistics import median
 from typing import Any
 
 from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.models import BenchPlannerInput, BenchRequest, ProblemInput, Submission
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.requests import digest_of
 from optiplan.service.run_service import RunService
 from optiplan.service.store.bench_table import BenchTable
-from optiplan.service.store.run_table import ENDED, Record
+from optiplan.service.store.run_table import ENDED, Record, RunTable
 
 MOST = 2000
 """Runs of one bench."""
@@ -21,8 +22,8 @@ DRAWING = 120.0
 class Benches:
     """The benches of a service."""
 
-    def __init__(self, service: RunService, table: BenchTable) -> None:
-        self._service, self._table = service, table
+    def __init__(self, service: RunService, table: BenchTable, runs: RunTable, queue: RunQueue) -> None:
+        self._service, self._table, self._runs, self._queue = service, table, runs, queue
 
     async def submit(self, given: BenchRequest) -> Record:
         """Queue the runs of a bench; those that there are of the same submissions are not made again.
@@ -69,7 +70,7 @@ class Benches:
         """
         row = await self._row(bench)
         ids = [run for _, _, _, run in row["content"]["runs"]]
-        records = await self._service.read(lambda: self._service.runs.of_ids(ids))
+        records = await self._service.read(lambda: self._runs.of_ids(ids))
         return _answer(row, records)
 
     async def all(self) -> list[Record]:
@@ -87,7 +88,7 @@ class Benches:
 
         def cancel() -> None:
             for *_, run in content["runs"]:
-                self._service.queue.cancel(run, content.get("submission"))  # older benches have none
+                self._queue.cancel(run, content.get("submission"))  # older benches have none
 
         await self._service.write(cancel)
 
@@ -109,7 +110,7 @@ class Benches:
         row = await self._row(bench)
         content, shown = row["content"], []
         ids = [run for *_, run in content["runs"]]
-        records = await self._service.read(lambda: self._service.runs.of_ids(ids))
+        records = await self._service.read(lambda: self._runs.of_ids(ids))
         for problem, label, seed, run in content["runs"]:
             record = records.get(run)
             if record is None or RUN not in (record["contents"] or {}):
@@ -132,7 +133,7 @@ class Benches:
     def _check_room(self, count: int) -> None:
         if count > MOST:
             raise Refusal(422, f"found {count} runs; expected at most {MOST} in one bench")
-        waiting = self._service.runs.waiting()
+        waiting = self._runs.waiting()
         if waiting + count > self._service.settings.queue:
             raise busy(f"{waiting} runs are queued; {count} more are too many for this server", 60.0)
 

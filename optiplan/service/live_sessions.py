@@ -8,7 +8,7 @@ from typing import Any
 
 import anyio
 
-from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob
+from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
 from optiplan.service.models import LiveRequest
 from optiplan.service.refusals import Refusal, busy, not_found
 from optiplan.service.requests import refusal_of
@@ -79,8 +79,9 @@ class LiveSession:
 class LiveSessions:
     """The controllers of a server."""
 
-    def __init__(self, service: RunService) -> None:
-        self._service = service
+    def __init__(self, service: RunService, pool: SolverPool, most: int) -> None:
+        """Of a service with these processes; `most` may run at a time."""
+        self._service, self._pool, self._most = service, pool, most
         self._running: dict[str, LiveSession] = {}
         self._starting = 0
         self._tasks: set[asyncio.Task[None]] = set()
@@ -106,9 +107,8 @@ class LiveSessions:
             Refusal: the problem is wrong, or as many run as may.
         """
         request = await self._service.request(given)
-        most = self._service.settings.live
-        if len(self._running) + self._starting >= most:
-            raise busy(f"{most} controllers may run at a time on this server, and do", 10.0)
+        if len(self._running) + self._starting >= self._most:
+            raise busy(f"{self._most} controllers may run at a time on this server, and do", 10.0)
         self._starting += 1
         try:
             await self._service.check(given)
@@ -130,7 +130,7 @@ class LiveSessions:
             loop.call_soon_threadsafe(begun.set_result, answer)
 
         job = SolverJob(request, LONGEST, told=told, answered=answered)
-        whole = asyncio.wrap_future(self._service.pool.submit("live", job))
+        whole = asyncio.wrap_future(self._pool.submit("live", job))
         try:
             await asyncio.wait([begun, whole], return_when=asyncio.FIRST_COMPLETED)
         except asyncio.CancelledError:  # the caller has gone

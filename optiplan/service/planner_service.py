@@ -23,8 +23,8 @@ class PlannerService(RunService):
     def __init__(self, settings: ServiceSettings, serving: bool = True) -> None:
         """Open the database and the folder, as `RunService` does; nothing is started."""
         super().__init__(settings, serving)
-        self.pictures, self.live = Pictures(self), LiveSessions(self)
-        self.benches = Benches(self, BenchTable(self.engine))
+        self.pictures, self.live = Pictures(self), LiveSessions(self, self.pool, settings.live)
+        self.benches = Benches(self, BenchTable(self.engine), self.runs, self.queue)
         self.waited = WaitedPlans(self)
 
     async def run(self, run: str) -> Record:

@@ -1,14 +1,13 @@
 """Pictures of a log: errors, limits in use, slack."""
 
-import io
 from collections.abc import Mapping
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from optiplan.arrays import Array
+from optiplan.figure_style import LIMIT, line_style, sheet, styled, svg_of
 from optiplan.robot.limits import Limits
 from optiplan.simulation.log import Log
 
@@ -18,10 +17,11 @@ _SHOWN = 1500
 
 def pictures(log: Log, limits: Limits) -> dict[str, bytes]:
     """SVG files by name: `error.svg`, `limits.svg`, and `slack.svg` where a limit was given up."""
-    drawn = {"error.svg": error_picture(log), "limits.svg": limits_picture(log, limits)}
-    if log.slack:
-        drawn["slack.svg"] = slack_picture(log)
-    return {name: _svg(figure) for name, figure in drawn.items()}
+    with styled():
+        drawn = {"error.svg": error_picture(log), "limits.svg": limits_picture(log, limits)}
+        if log.slack:
+            drawn["slack.svg"] = slack_picture(log)
+        return {name: svg_of(figure).encode() for name, figure in drawn.items()}
 
 
 def error_picture(log: Log) -> Figure:
@@ -29,10 +29,10 @@ def error_picture(log: Log) -> Figure:
     figure, axes = _figure(2)
     rows = _rows(log)
     for j, name in enumerate(log.joint_names):
-        axes[0].plot(log.t[rows], 1e3 * log.error[rows, j], label=name, lw=0.9)
+        axes[0].plot(log.t[rows], 1e3 * log.error[rows, j], label=name, **line_style(j))
     axes[0].set_ylabel("joint error, mrad (mm)")
-    axes[1].plot(log.t[rows], 1e3 * log.tool_error[rows, 0], color="black", lw=0.9, label="position, mm")
-    axes[1].plot(log.t[rows], 1e3 * log.tool_error[rows, 1], color="tab:orange", lw=0.9, label="orientation, mrad")
+    axes[1].plot(log.t[rows], 1e3 * log.tool_error[rows, 0], label="position, mm", **line_style(0))
+    axes[1].plot(log.t[rows], 1e3 * log.tool_error[rows, 1], label="orientation, mrad", **line_style(1))
     axes[1].set_ylabel("tool error")
     return _finished(figure, axes)
 
@@ -47,9 +47,9 @@ def limits_picture(log: Log, limits: Limits) -> Figure:
     for ax, (name, values, limit) in zip(axes, used, strict=False):
         for j, joint in enumerate(log.joint_names):
             if np.isfinite(limit[j]):
-                ax.plot(log.t[rows], values[rows, j] / limit[j], label=joint, lw=0.9)
+                ax.plot(log.t[rows], values[rows, j] / limit[j], label=joint, **line_style(j))
         for end in (-1.0, 1.0):
-            ax.axhline(end, color="tab:red", lw=0.8, ls="--")
+            ax.axhline(end, color=LIMIT, lw=0.8, ls="--")
         ax.set_ylabel(f"{name} / limit")
     if len(used) < 2:
         axes[1].remove()
@@ -61,8 +61,8 @@ def slack_picture(log: Log) -> Figure:
     """By how much limits were given up, by name."""
     figure, axes = _figure(1)
     rows = _rows(log)
-    for name, values in log.slack.items():
-        axes[0].plot(log.t[rows], values[rows], label=name, lw=0.9)
+    for k, (name, values) in enumerate(log.slack.items()):
+        axes[0].plot(log.t[rows], values[rows], label=name, **line_style(k))
     axes[0].set_ylabel("slack, in the limit's unit")
     return _finished(figure, axes)
 
@@ -70,8 +70,8 @@ def slack_picture(log: Log) -> Figure:
 def response_picture(logs: Mapping[str, Log], joint: int, unit: str) -> Figure:
     """Answers of one joint, whose unit is `unit`, to the same step, by name of the controller."""
     figure, axes = _figure(1)
-    for name, log in logs.items():
-        axes[0].plot(log.t, log.q[:, joint], lw=1.1, label=name)
+    for k, (name, log) in enumerate(logs.items()):
+        axes[0].plot(log.t, log.q[:, joint], label=name, **line_style(k))
     first = next(iter(logs.values()))
     axes[0].plot(first.t, first.wanted[:, joint], color="black", ls="--", lw=0.8, label="asked for")
     axes[0].set_ylabel(f"{first.joint_names[joint]}, {unit}")
@@ -83,25 +83,17 @@ def _rows(log: Log) -> slice:
 
 
 def _figure(count: int) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(8.0, 2.4 * count + 0.8), layout="constrained")
+    figure = sheet(2.2 * count + 0.7)
     return figure, list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
 
 
 def _finished(figure: Figure, axes: list[Axes]) -> Figure:
-    """Grid, time below, and legends where they hide nothing: one below all where the curves are the same in all."""
+    """Time below, and legends where they hide nothing: one below all where the curves are the same in all."""
     labels = [ax.get_legend_handles_labels()[1] for ax in axes]
     for ax in axes:
-        ax.grid(visible=True, lw=0.3)
         if labels[0] != labels[-1]:
             ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.01, 0.5))
     if labels[0] == labels[-1]:
         figure.legend(*axes[0].get_legend_handles_labels(), fontsize=7, ncols=4, loc="outside lower center")
     axes[-1].set_xlabel("t, s")
     return figure
-
-
-def _svg(figure: Figure) -> bytes:
-    file = io.BytesIO()
-    with matplotlib.rc_context({"svg.hashsalt": "optiplan"}):  # the same picture, the same bytes
-        figure.savefig(file, format="svg", metadata={"Date": None})
-    return file.getvalue()

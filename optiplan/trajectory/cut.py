@@ -7,7 +7,7 @@ from optiplan.trajectory.timing.compose import shifted
 from optiplan.trajectory.trajectory import Trajectory
 
 
-def cut(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
+def cut_trajectory(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
     """Return the motion between two times, s; its own time starts at 0, and its segments are left out.
 
     Exact however short the part is: no breakpoint is moved.

@@ -47,8 +47,8 @@ def read_pieces(data: Any, file: str) -> tuple[tuple[str, ...], Array, Array]:
     names = data.get("joint_names")
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InputError([Issue(file, None, "joint_names", f"{names!r:.120}", "a list of names")])
-    breakpoints = numbers(pieces.get("breakpoints"), file, "pieces.breakpoints")
-    coefficients = numbers(pieces.get("coefficients"), file, "pieces.coefficients")
+    breakpoints = json_array(pieces.get("breakpoints"), file, "pieces.breakpoints")
+    coefficients = json_array(pieces.get("coefficients"), file, "pieces.coefficients")
     problem = defect(tuple(names), breakpoints, coefficients)
     if problem is not None:
         field = problem[0] if problem[0] == "joint_names" else f"pieces.{problem[0]}"
@@ -56,7 +56,7 @@ def read_pieces(data: Any, file: str) -> tuple[tuple[str, ...], Array, Array]:
     return tuple(names), breakpoints, coefficients
 
 
-def numbers(value: Any, file: str, field: str) -> Array:
+def json_array(value: Any, file: str, field: str) -> Array:
     """Return parsed JSON as an array.
 
     Raises:

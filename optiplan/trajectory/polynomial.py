@@ -5,6 +5,7 @@ Coefficients ascend along the last axis: p(x) = sum_k c[..., k] x^k.
 
 from functools import cache
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
@@ -72,15 +73,24 @@ def unit_roots(coefficients: Array) -> Array:
     return roots
 
 
-def unit_extrema(coefficients: Array) -> tuple[Array, Array, Array, Array]:
-    """Exact minimum and maximum over [0, 1] of N polynomials, (N, d + 1): lo, hi and where, x_lo, x_hi, each (N,)."""
+class UnitExtrema(NamedTuple):
+    """Minimum and maximum over [0, 1] of N polynomials, and where: (N,) each."""
+
+    low: Array
+    high: Array
+    x_low: Array
+    x_high: Array
+
+
+def unit_extrema(coefficients: Array) -> UnitExtrema:
+    """Exact minimum and maximum over [0, 1] of N polynomials, (N, d + 1)."""
     count = len(coefficients)
     inner = unit_roots(derivative(coefficients)) if coefficients.shape[-1] > 1 else np.empty((count, 0))
     x = np.concatenate([np.zeros((count, 1)), np.ones((count, 1)), inner], axis=1)
     value = evaluate(coefficients[:, None, :], x)
     rows = np.arange(count)
     low, high = value.argmin(axis=1), value.argmax(axis=1)
-    return value[rows, low], value[rows, high], x[rows, low], x[rows, high]
+    return UnitExtrema(value[rows, low], value[rows, high], x[rows, low], x[rows, high])
 
 
 def may_hold_extrema(coefficients: Array) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:

@@ -12,7 +12,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.trajectory.from_samples import from_samples, interpolation
-from optiplan.trajectory.pieces import numbers
+from optiplan.trajectory.pieces import json_array
 from optiplan.trajectory.trajectory import Trajectory
 
 _KINDS = ("q", "v", "a")
@@ -88,7 +88,7 @@ def samples_from_dict(data: Any, file: str, joint_names: Sequence[str] | None = 
     names = data.get("joint_names", None if joint_names is None else list(joint_names))
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InputError([Issue(file, None, "joint_names", f"{names!r:.120}", "a list of names")])
-    given = {key: numbers(data[key], file, key) for key in ("t", *_KINDS) if data.get(key) is not None}
+    given = {key: json_array(data[key], file, key) for key in ("t", *_KINDS) if data.get(key) is not None}
     return _ordered(Samples(tuple(names), **given, file=file), joint_names)
 
 

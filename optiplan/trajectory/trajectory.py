@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from optiplan.arrays import Array, Index
 from optiplan.errors import InputError, Issue, described
+from optiplan.figure_style import element_of, line_style, sheet, styled
 from optiplan.trajectory import bspline, polynomial
-from optiplan.trajectory.curves_svg import joint_curves
 from optiplan.trajectory.pieces import defect, read_pieces
 from optiplan.trajectory.segments import Segment, read_segments, segment_data
 from optiplan.trajectory.state import State
@@ -22,6 +22,14 @@ _OUTSIDE = 1e-9  # s; how far outside [0, duration] rounding may put a time
 
 _MOST_SAMPLES = 60_000  # in a dictionary
 _CURVE = 160  # samples of a drawing
+
+
+class States(NamedTuple):
+    """Positions, velocities and accelerations at many times, (…, n) each, rad or m and s."""
+
+    q: Array
+    v: Array
+    a: Array
 
 
 @dataclass(frozen=True)
@@ -97,7 +105,13 @@ class Trajectory:
     def _repr_html_(self) -> str:
         """The curves of the joints, for notebooks."""
         t = np.linspace(0.0, self.duration, _CURVE)
-        return f"<p>{self!r}</p>{joint_curves(t, self(t), self.joint_names)}"
+        with styled():
+            figure = sheet(2.6)
+            ax = figure.add_subplot(xlabel="time, s", ylabel="position, rad (m)", title="joint positions over time")
+            for j, (name, values) in enumerate(zip(self.joint_names, self(t).T, strict=True)):
+                ax.plot(t, values, label=name, **line_style(j))
+            figure.legend(loc="outside right upper")
+            return f"<p>{self!r}</p>{element_of(figure)}"
 
     @classmethod
     def from_bspline(cls, joint_names: Sequence[str], knots: Array, control_points: Array, degree: int) -> "Trajectory":
@@ -187,17 +201,17 @@ class Trajectory:
             value += c[piece, k]
         return value if order == 0 or everywhere else np.where(inside[:, None], value, 0.0)
 
-    def states(self, t: Array) -> tuple[Array, Array, Array]:
-        """Position, velocity and acceleration at times t (k,) in [0, duration], s: (k, n) each."""
+    def states(self, t: Array) -> States:
+        """States at times t (k,) in [0, duration], s: (k, n) each."""
         piece = np.searchsorted(self.breakpoints[1:-1], t, side="right")
         return self.states_in(piece, t - self.breakpoints[piece])
 
-    def states_in(self, piece: Index, local: Array) -> tuple[Array, Array, Array]:
+    def states_in(self, piece: Index, local: Array) -> States:
         """Return the same at times `local` (k,) since the beginning of pieces (k,)."""
         q, v, a = self.states_along(piece, local[:, None])
-        return q[:, 0], v[:, 0], a[:, 0]
+        return States(q[:, 0], v[:, 0], a[:, 0])
 
-    def states_along(self, piece: Index, local: Array) -> tuple[Array, Array, Array]:
+    def states_along(self, piece: Index, local: Array) -> States:
         """Return the same at s times `local` (k, s) since the beginning of each of the pieces (k,): (k, s, n) each."""
         c = self._side_by_side
         powers = np.ones((*local.shape, c.shape[1]))
@@ -205,7 +219,7 @@ class Trajectory:
             np.multiply(powers[..., k - 1], local, out=powers[..., k])
         value = powers @ c[piece]
         q, v, a = (np.ascontiguousarray(value[..., order * self.n : (order + 1) * self.n]) for order in range(3))
-        return q, v, a
+        return States(q, v, a)
 
     def state(self, t: float) -> State:
         """Position, velocity and acceleration at a time t, s: where a new motion may begin.

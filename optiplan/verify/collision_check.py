@@ -67,7 +67,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
 def _covered(model: CollisionModel) -> tuple[str, ...]:
     """Return the statements of a problem that a proof with these bodies and motions is a check of."""
     bodies = model.names[len(model.robot.link_boxes) :]
-    moving = [motion(one.name) for one, _ in zip(model.scene.moving, model.motions, strict=True)]
+    moving = [motion(one.name) for one, _ in zip(model.scene.dynamic_obstacles, model.motions, strict=True)]
     return "robot.links", *map(body, bodies), *moving
 
 

@@ -11,17 +11,16 @@ from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.mecanum import wheel_matrix
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.measures import Measure, measures
-from optiplan.problem.constraints.statements import (
+from optiplan.problem.constraints.motions import (
     JointCoupling,
     ManipulabilityAbove,
     PairClearance,
-    PathConstraint,
-    RelativePose,
     ToolAcceleration,
     ToolSpeed,
     WheelSpeed,
-    frame_of,
 )
+from optiplan.problem.constraints.poses import RelativePose
+from optiplan.problem.constraints.statements import PathConstraint, frame_of
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 from optiplan.trajectory import polynomial

@@ -23,7 +23,7 @@ def file_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, 
     if given.samples is not None:
         yield samples(problem, trajectory, policy, given.samples)
     if trajectory.segments or any(key in file for file in _files(given).values() for key in ("segments", "events")):
-        yield events(trajectory, given)
+        yield file_events(trajectory, given)
     if "duration" in given.record:
         yield duration(trajectory, given.record)
     sampled_run = bool(given.record) and "t" in given.motion  # its samples have those of the wheels beside them
@@ -49,8 +49,8 @@ def names(problem: Problem, trajectory: Trajectory) -> Check:
     return Check("segments", "exact", False, detail=detail)
 
 
-def events(trajectory: Trajectory, given: GivenFiles) -> Check:
-    """Check that `segments` and `events` of the files are those of the motion: each, in order, at its time.
+def file_events(trajectory: Trajectory, given: GivenFiles) -> Check:
+    """Check that `segments` and `file_events` of the files are those of the motion: each, in order, at its time.
 
     In the folder of a run both files have them.
     """

@@ -7,19 +7,16 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics
+from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.constraints.expression import Expression
-from optiplan.problem.constraints.statements import (
-    WHOLE,
-    JointCoupling,
-    ManipulabilityAbove,
-    PathConstraint,
-    ToolAcceleration,
-)
+from optiplan.problem.constraints.motions import JointCoupling, ManipulabilityAbove, ToolAcceleration
+from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import joint_units
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check
+from optiplan.verify.tolerances import POSITION_ROUNDING
 
 RATE = 1000.0
 """Hz, at which sampled quantities are looked at …"""
@@ -29,8 +26,6 @@ LEAST, MOST = 200, 200_000
 
 RATE_SHARE = 1e-3
 """Share of a limit of speed or acceleration by which it may be passed, as of `constraint_check.SPEED_SHARE`."""
-
-ROUNDING = 1e-9
 
 
 def joint_coupling(problem: Problem, trajectory: Trajectory, one: JointCoupling) -> Check:
@@ -48,7 +43,7 @@ def joint_coupling(problem: Problem, trajectory: Trajectory, one: JointCoupling)
     ]
     worst, when = max((abs(value), begin + time) for value, time in ends)
     place = " + ".join(f"{weight:g} {name}" for name, weight in one.joints.items())
-    passed = worst <= one.within + ROUNDING
+    passed = worst <= one.within + POSITION_ROUNDING
     unit = joint_units("position", problem.robot.revolute[weights != 0.0])
     return Check(_name(one), "exact", passed, worst, one.within, unit, when, place, _words(passed, one))
 
@@ -59,7 +54,7 @@ def manipulability(problem: Problem, trajectory: Trajectory, one: Manipulability
     J = ToolKinematics(problem.robot, one.frame).evaluate(trajectory(times))[1]
     value = np.prod(np.linalg.svd(J, compute_uv=False), axis=1)
     k = int(np.argmin(value))
-    passed = bool(value[k] >= one.at_least - ROUNDING)
+    passed = bool(value[k] >= one.at_least - POSITION_ROUNDING)
     witness = {"q": trajectory(float(times[k])).tolist()}
     detail = _sampled(passed, len(times), one)
     time = float(times[k])
@@ -99,7 +94,7 @@ def expression(problem: Problem, trajectory: Trajectory, one: Expression) -> Che
     violation = one.violations(value)
     wrong = ~np.isfinite(violation)
     k = int(np.flatnonzero(wrong)[0]) if wrong.any() else int(np.argmax(violation))
-    passed = not wrong.any() and bool(violation[k] <= ROUNDING)
+    passed = not wrong.any() and bool(violation[k] <= POSITION_ROUNDING)
     detail = "not finite" if wrong.any() else _sampled(passed, len(times), one)
     below = np.isfinite(one.lower) and (
         not np.isfinite(one.upper) or value[k].min() - one.lower <= one.upper - value[k].max()

@@ -15,9 +15,8 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import covering
+from optiplan.verify.tolerances import POSITION_ROUNDING
 
-ROUNDING = 1e-9
-"""On top of the tolerances of goals and vias, m or rad."""
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
 
 
@@ -55,7 +54,7 @@ def joints(problem: Problem, trajectory: Trajectory) -> Check:
     return Check("joints", "exact", False, detail=f"found {', '.join(found)}; expected {', '.join(expected)}")
 
 
-def start(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+def start_position(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
     """max_j |q_j(0) - start_j| <= position_tolerance."""
     error = np.abs(trajectory.start - problem.start)
     allowed = np.full(len(error), policy.position_tolerance)
@@ -92,7 +91,7 @@ class Miss(NamedTuple):
     @property
     def ratio(self) -> float:
         """Share of the tolerance and its rounding: at most 1 where it is met."""
-        return self.error / (self.limit + ROUNDING)
+        return self.error / (self.limit + POSITION_ROUNDING)
 
 
 def miss(problem: Problem, one: GoalEnd, q: Array) -> list[Miss]:
@@ -166,12 +165,12 @@ def rest(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Chec
 def _at_ends(problem: Problem, value: Array, allowed: Array, duration: float) -> tuple[Check, float]:
     """Return the check of deviations (order, end, n) at both ends, and the largest share of what is allowed."""
     order, end, j = _worst(value, allowed)
-    name = "ends" if problem.moving else "rest"
+    name = "ends" if problem.nonzero_ends else "rest"
     what = f"{ORDERS[order + 1]} at the {'end' if end else 'start'}"
-    detail = f"{what}, off what the problem states" if problem.moving else what
+    detail = f"{what}, off what the problem states" if problem.nonzero_ends else what
     worst, limit = float(value[order, end, j]), float(allowed[order, end, j])
     passed = bool((value <= allowed).all())
-    detail += "" if passed or order == 0 or problem.moving else _LIFTED
+    detail += "" if passed or order == 0 or problem.nonzero_ends else _LIFTED
     time = duration if end else 0.0
     joint, unit = problem.robot.joint_names[j], problem.robot.unit(ORDERS[order + 1], j)
     return Check(name, "exact", passed, worst, limit, unit, time, joint, detail), worst / limit
@@ -216,7 +215,7 @@ def position(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> 
     unit = problem.robot.unit("position", int(j))
     check = Check("position", "exact", True, float(worst[j]), float(limit[j]), unit, float(time[j]), name, detail)
     tolerance = policy.position_tolerance
-    between = _Between(0, limits.lower - tolerance, limits.upper + tolerance, np.full(trajectory.n, ROUNDING))
+    between = _Between(0, limits.lower - tolerance, limits.upper + tolerance, np.full(trajectory.n, POSITION_ROUNDING))
     return _proved(check, problem, trajectory, between)
 
 

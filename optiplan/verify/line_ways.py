@@ -7,7 +7,9 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.problem.constraints.statements import OnLine, OrientationCone, PathConstraint
+from optiplan.problem.constraints.points import OnLine
+from optiplan.problem.constraints.poses import OrientationCone
+from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.task.steps import Action, StraightLine
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.samples import sample_times

@@ -69,7 +69,7 @@ def _mounting(robot: Robot) -> list[str]:
 
 def _moving(problem: Problem) -> list[str]:
     """Name the obstacles that move, as stated, and when."""
-    names = [body.name for body in problem.scene.moving]
+    names = [body.name for body in problem.scene.dynamic_obstacles]
     return [f"moving as stated while the robot moves: {', '.join(names)}"] if names else []
 
 

@@ -88,7 +88,7 @@ def _carried(held: Attachment, robot: Robot) -> bool:
 def _scene(problem: Problem) -> list[str]:
     scene = problem.scene
     bodies = [body(name) for name in scene.names]
-    moving = [motion(one.name) for one in scene.moving]
+    moving = [motion(one.name) for one in scene.dynamic_obstacles]
     heavy = [_mass(held) for held in scene.attached if held.mass]
     unknown = [f"scene.{field.name}" for field in fields(Scene) if field.name not in _OF_SCENE]
     return bodies + moving + heavy + unknown

@@ -10,14 +10,15 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
-from optiplan.problem.constraints.statements import PairClearance, ToolSpeed
-from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Via
+from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
+from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Via, derived
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
 from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.cut import cut
+from optiplan.trajectory.cut import cut_trajectory
+from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import collision
@@ -53,7 +54,7 @@ class _Part:
 
 def standing_at(problem: Problem, q: Array) -> Trajectory:
     """Return a second at a configuration (n,)."""
-    return Trajectory(problem.robot.joint_names, np.array([0.0, 1.0]), q[None, None])
+    return standstill(problem.robot.joint_names, q, 1.0)
 
 
 def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
@@ -65,7 +66,7 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
     scenes = scene_parts(problem, trajectory)
     return [
         steps,
-        limit_checks.start(problem, trajectory, policy),
+        limit_checks.start_position(problem, trajectory, policy),
         *_worst_of(_ends(parts), "goal"),
         *_worst_of(_passed(parts), "via"),
         *_worst_of(_lines(parts, policy), "line"),
@@ -146,7 +147,7 @@ def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
     way: LineWay | None = None
     for (step, scene, begin, end), after in zip_longest(steps, steps[1:]):
         own = part_problem(problem, scene_during(scene.later(begin), step))
-        motion = cut(trajectory, begin, end) if end > begin else None
+        motion = cut_trajectory(trajectory, begin, end) if end > begin else None
         following = None if after is None else after[0].action
         way = line_way(step.action, following, frame_at(own.robot, step.action, trajectory(begin)), way)
         yield _Part(step, own, motion, begin, trajectory(end), way)
@@ -162,7 +163,7 @@ def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
             ends = list(action.ends) or [PoseGoal(action.frame, part.way.end)]
         else:
             continue
-        check = limit_checks.goal(replace(part.problem, goal=tuple(ends)), standing_at(part.problem, part.q))
+        check = limit_checks.goal(derived(part.problem, goal=tuple(ends)), standing_at(part.problem, part.q))
         length = 0.0 if part.motion is None else part.motion.duration
         yield covering(replace(_named(check, part), time=part.begin + length), f"{step_place(k)}.end")
 
@@ -187,7 +188,7 @@ def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
             yield Check("via", "exact", False, detail=f"{part.step.words} takes no time", time=part.begin)
             continue
         at = [_of_all(part.problem, action.joints, via.at, part.q) for via in action.vias]
-        check = vias(replace(part.problem, vias=tuple(Via(one) for one in at)), motion)
+        check = vias(derived(part.problem, vias=tuple(Via(one) for one in at)), motion)
         passed = [f"{step_place(k)}.via[{i}]" for i in range(len(action.vias))]
         yield covering(_later(_named(check, part), part.begin), *passed)
 
@@ -198,7 +199,7 @@ def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
         if part.way is None:
             continue
         lasting = part.lasting()
-        own = replace(part.problem, path_constraints=tuple(line_constraints(part.way, part.problem.robot, lasting)))
+        own = derived(part.problem, path_constraints=tuple(line_constraints(part.way, part.problem.robot, lasting)))
         for check in path_constraints(own, lasting, policy):
             known = replace(_later(_named(check, part), part.begin), name="line", covers=())
             yield covering(known, f"{step_place(k)}.line")
@@ -210,7 +211,7 @@ def _speeds(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
         action = part.step.action
         if not isinstance(action, StraightLine) or action.speed == np.inf:
             continue
-        own = replace(part.problem, path_constraints=(ToolSpeed(action.frame, action.speed, np.inf),))
+        own = derived(part.problem, path_constraints=(ToolSpeed(action.frame, action.speed, np.inf),))
         for check in path_constraints(own, part.lasting(), policy):
             known = replace(_later(_named(check, part), part.begin), covers=())
             yield covering(known, f"{step_place(k)}.speed")
@@ -279,7 +280,7 @@ def _constraints(
     T = trajectory.duration
     for k, one in enumerate(problem.path_constraints):
         if not isinstance(one, PairClearance):
-            for check in path_constraints(replace(problem, path_constraints=(one,)), trajectory, policy):
+            for check in path_constraints(derived(problem, path_constraints=(one,)), trajectory, policy):
                 yield replace(check, covers=(constraint(k),))
             continue
         for scene in scenes:
@@ -287,11 +288,11 @@ def _constraints(
             if high > low:
                 lasts = scene.end - scene.begin
                 during = ((low - scene.begin) / lasts, (high - scene.begin) / lasts)
-                own = replace(scene.problem, path_constraints=(replace(one, during=during),))
+                own = derived(scene.problem, path_constraints=(replace(one, during=during),))
                 for check in path_constraints(own, scene.motion(trajectory), policy):
                     yield replace(_later(check, scene.begin), covers=(constraint(k),))
     for k, part in enumerate(parts):
-        own = replace(part.problem, path_constraints=part.step.constraints)
+        own = derived(part.problem, path_constraints=part.step.constraints)
         for check in path_constraints(own, part.lasting(), policy):
             covers = tuple(f"{step_place(k)}.{one}" for one in check.covers)
             yield replace(_later(_named(check, part), part.begin), covers=covers)

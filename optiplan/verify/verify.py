@@ -69,7 +69,7 @@ def holds(problem: Problem, trajectory: Trajectory) -> bool:
     """Whether `verify` accepts a trajectory; one with other ends is refused without a proof of the rest."""
     if not (limit_checks.form(trajectory).passed and limit_checks.joints(problem, trajectory).passed):
         return False
-    ends = (limit_checks.start, limit_checks.rest)
+    ends = (limit_checks.start_position, limit_checks.rest)
     if not all(check(problem, trajectory, _DEFAULT).passed for check in ends):
         return False
     return limit_checks.goal(problem, trajectory).passed and verify(problem, trajectory).verified
@@ -78,7 +78,7 @@ def holds(problem: Problem, trajectory: Trajectory) -> bool:
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
     passed = [f"vias[{k}]" for k in range(len(problem.vias))]
     return [
-        limit_checks.start(problem, trajectory, policy),
+        limit_checks.start_position(problem, trajectory, policy),
         covering(limit_checks.goal(problem, trajectory), "goal"),
         *([covering(vias(problem, trajectory), *passed)] if problem.vias else []),
         *path_constraints(problem, trajectory, policy),

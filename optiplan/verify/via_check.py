@@ -10,8 +10,9 @@ from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.frame_motion import FrameMotion
-from optiplan.verify.limit_checks import ROUNDING, Miss, miss
+from optiplan.verify.limit_checks import Miss, miss
 from optiplan.verify.report import Check
+from optiplan.verify.tolerances import POSITION_ROUNDING
 
 _HALVINGS = 40
 _RATE = 500.0  # Hz: samples of the distance to a pose; the dips between them are followed to their bottom
@@ -46,7 +47,7 @@ def vias(problem: Problem, trajectory: Trajectory) -> Check:
         if passage.entered is None:
             break
         since = passage.entered
-    worst = max(passages, key=lambda one: (one.entered is None, one.error / (one.limit + ROUNDING)))
+    worst = max(passages, key=lambda one: (one.entered is None, one.error / (one.limit + POSITION_ROUNDING)))
     k = passages.index(worst) + 1
     passed = worst.entered is not None
     detail = f"all {count} in order; nearest to its tolerance is via {k}" if passed else _missed(k, count, since, worst)
@@ -78,11 +79,13 @@ def _ratios(problem: Problem, at: PoseGoal, Q: Array) -> Array:
     offset = np.linalg.norm(X[:, :3, 3] - at.X_WG.translation, axis=1)
     apart = np.linalg.norm(X[:, :3, :3] - at.X_WG.rotation, axis=(1, 2))
     angle = 2.0 * np.arcsin(np.minimum(apart / np.sqrt(8.0), 1.0))
-    return np.asarray(np.maximum(offset / (at.position + ROUNDING), angle / (at.orientation + ROUNDING)))
+    return np.asarray(
+        np.maximum(offset / (at.position + POSITION_ROUNDING), angle / (at.orientation + POSITION_ROUNDING))
+    )
 
 
 def _of_joints(problem: Problem, trajectory: Trajectory, at: JointGoal, since: float) -> _Passage:
-    entered = _entry(trajectory, at.q, at.tolerance + ROUNDING, since)
+    entered = _entry(trajectory, at.q, at.tolerance + POSITION_ROUNDING, since)
     inner = trajectory.breakpoints[trajectory.breakpoints >= since]
     known = np.abs(trajectory(np.append(inner, since)) - at.q).max(axis=1)
     low, high = 0.0, float(known.min())

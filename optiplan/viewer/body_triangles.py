@@ -6,26 +6,26 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
-from optiplan.viewer.surfaces import Surface, bounded, bvh_surface, convex_hull
+from optiplan.viewer.surfaces import Surface, bounded, bvh_surface, hull_surface
 
 ROUND = 24
 """Corners of a circle."""
 
 
-def triangles_of(body: coal.CollisionGeometry) -> Surface:
+def body_triangles(body: coal.CollisionGeometry) -> Surface:
     """Triangles of a body of coal in its own frame, m; bodies of a kind that is not known by their bounding box."""
     shape = shape_of_body(body)
     points = None if shape is None else _corners(shape)
     if points is not None:
-        return convex_hull(points)
+        return hull_surface(points)
     match body:
         case coal.ConvexBase():
-            return convex_hull(np.asarray(body.points(), dtype=float))
+            return hull_surface(np.asarray(body.points(), dtype=float))
         case coal.BVHModelBase():
             return bounded(bvh_surface(body))
     body.computeLocalAABB()
     box = body.aabb_local
-    return convex_hull(_box(box.max_ - box.min_) + 0.5 * (box.min_ + box.max_))
+    return hull_surface(_box(box.max_ - box.min_) + 0.5 * (box.min_ + box.max_))
 
 
 def _corners(shape: Shape) -> Array | None:

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, is_finite
 from optiplan.errors import InputError
 from optiplan.kinematics.manipulability import ToolKinematics, ellipsoids, scaled
 from optiplan.problem.problem import Problem
-from optiplan.runs.common_bound import bound_of
+from optiplan.runs.common_bound import duration_bound
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.run_data.attempts import found_by
@@ -18,8 +18,7 @@ from optiplan.viewer.run_data.checks import about, checks_of
 from optiplan.viewer.run_data.clearance import clearance_of
 from optiplan.viewer.run_data.closed_loop import Arrays, log_quantities
 from optiplan.viewer.run_data.curves import curves_of, tool_frames, tool_points
-from optiplan.viewer.run_data.stops import stops_told
-from optiplan.viewer.surfaces import packed
+from optiplan.viewer.surfaces import base64_of
 
 RATE = 100.0  # samples of the motion a second
 MAX_SAMPLES = 6000
@@ -106,7 +105,7 @@ class Poses:
         return np.hstack([quaternions, drawn.velocity])
 
 
-def show_run(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _WHOLE) -> dict[str, Any]:
+def run_for_page(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _WHOLE) -> dict[str, Any]:
     """JSON-ready form of a run for the page."""
     shown: dict[str, Any] = {"label": run.label, "facts": [], "problems": [], "duration": 0.0}
     shown["badge"] = _badge(run)
@@ -182,15 +181,15 @@ def _motion(problem: Problem, poses: Poses, trajectory: Trajectory, detail: Deta
     return {
         "duration": trajectory.duration,
         "samples": count,
-        "poses": packed(joints),
-        "path": packed(tool),
-        "other_paths": [packed(points) for points in others],
-        "ellipsoids": packed(poses.ellipsoids(Q)) if detail.ellipsoids else None,
+        "poses": base64_of(joints),
+        "path": base64_of(tool),
+        "other_paths": [base64_of(points) for points in others],
+        "ellipsoids": base64_of(poses.ellipsoids(Q)) if detail.ellipsoids else None,
     }
 
 
 def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    bound = bound_of(problem, trajectory)
+    bound = duration_bound(problem, trajectory)
     facts = [("duration", f"{trajectory.duration:.3f} s")]
     if bound >= SMALLEST_BOUND:
         whole = "× bound of its stops" if problem.task else "× bound of this end configuration"
@@ -227,7 +226,7 @@ def _witness(poses: Poses, n: int, source: Mapping[str, Any]) -> dict[str, Any] 
     if time is not None:
         shown["time"] = float(time)
     if q is not None and np.shape(q) == (n,) and np.all(np.isfinite(np.asarray(q, dtype=float))):
-        shown["poses"] = packed(poses.of(np.asarray([q], dtype=float))[0])
+        shown["poses"] = base64_of(poses.of(np.asarray([q], dtype=float))[0])
     return shown
 
 
@@ -236,3 +235,14 @@ def _points(points: Sequence[Any] | None) -> list[list[float]]:
         return []
     array = np.asarray(points, dtype=float)
     return [] if array.size == 0 or array.size % 3 else array.reshape(-1, 3).tolist()
+
+
+def stops_told(record: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+    """Return the stops that a record (`run.json`) tells of: `t`, s, the step that each comes `after`, and `why`."""
+    told = ((record or {}).get("info") or {}).get("stops")
+    stops = [one for one in told if isinstance(one, Mapping)] if isinstance(told, list | tuple) else []
+    return [
+        {"t": float(one["t"]), "after": int(one["after"]), "why": str(one.get("why", ""))}
+        for one in stops
+        if is_finite(one.get("t")) and is_finite(one.get("after"))
+    ]

@@ -20,9 +20,9 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.goal_marks import regions, targets
 from optiplan.viewer.moving_objects import moved_by, object_stays
 from optiplan.viewer.run_data.curves import short_names
-from optiplan.viewer.runs import Detail, Poses, RunLike, ViewedRun, motion_of, show_run
+from optiplan.viewer.runs import Detail, Poses, RunLike, ViewedRun, motion_of, run_for_page
 from optiplan.viewer.stick_figure import skeleton
-from optiplan.viewer.surfaces import Colour, encode, packed, visual_surfaces
+from optiplan.viewer.surfaces import Colour, base64_of, encode, visual_surfaces
 
 _PLAIN: Colour = (0.93, 0.94, 0.95, 1.0)
 _COLLISION: Colour = (0.45, 0.62, 0.78, 1.0)
@@ -65,7 +65,7 @@ class SceneData:
         goal: the same at the end to be reached, None when it is not known.
         targets: poses that the goal names, and those of the vias: the tool's where a via gives joint values.
         regions: goal regions, see `goal_marks.regions`.
-        runs: motions to play, see `runs.show_run`.
+        runs: motions to play, see `runs.run_for_page`.
         bound: lower bound of the problem, s, by which durations are divided, and what it is the least of.
         tool: body and pose in it of the robot's tool frame.
         several: whether the runs are of several problems; then every run has its own obstacles.
@@ -155,7 +155,7 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
     for run in viewed:
         own = run.problem or problem
         names = own.scene.names if several else sorted(moving)
-        seen = show_run(own, Poses(own) if several else poses, run, detail)
+        seen = run_for_page(own, Poses(own) if several else poses, run, detail)
         shown.append(seen | {"objects": _moving_objects(parts, own, names, run.trajectory)})
     return SceneData(
         name=", ".join(dict.fromkeys((run.problem or problem).name for run in viewed)) if several else problem.name,
@@ -163,8 +163,8 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
         parts=tuple(parts.parts),
         bodies=problem.robot.model.njoints - 1,
         joints=_joints(problem.robot),
-        start=packed(poses.of(problem.start[None])[0]),
-        goal=None if goal is None else packed(poses.of(goal[None])[0]),
+        start=base64_of(poses.of(problem.start[None])[0]),
+        goal=None if goal is None else base64_of(poses.of(goal[None])[0]),
         targets=targets(problem),
         regions=regions(problem, goal),
         runs=tuple(shown),

@@ -77,7 +77,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Suppress logging: standard error belongs to the command."""
 
 
-def serve(
+def serve_runs(
     problem: Problem,
     runs: Sequence[RunLike],
     host: str = "127.0.0.1",

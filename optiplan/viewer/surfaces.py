@@ -42,13 +42,13 @@ class Surface:
             "kind": "mesh",
             "low": low.tolist(),
             "step": step,
-            "vertices": packed(np.round((self.vertices - low) / step), "<u2"),
-            "faces": packed(self.faces, "<u4" if wide else "<u2"),
+            "vertices": base64_of(np.round((self.vertices - low) / step), "<u2"),
+            "faces": base64_of(self.faces, "<u4" if wide else "<u2"),
             "wide": wide,
         }
 
 
-def packed(array: npt.NDArray[Any], dtype: str = "<f4") -> str:
+def base64_of(array: npt.NDArray[Any], dtype: str = "<f4") -> str:
     """Base64 of an array's numbers in C order, little-endian."""
     return base64.b64encode(np.ascontiguousarray(array, dtype=dtype).tobytes()).decode("ascii")
 
@@ -63,10 +63,10 @@ def encode(geometry: coal.CollisionGeometry) -> dict[str, Any]:
     if isinstance(picture, dict):
         return picture
     if picture is not None:
-        return convex_hull(picture).encoded()
+        return hull_surface(picture).encoded()
     match geometry:
         case coal.ConvexBase():
-            return convex_hull(np.asarray(geometry.points(), dtype=float)).encoded()
+            return hull_surface(np.asarray(geometry.points(), dtype=float)).encoded()
         case coal.BVHModelBase():
             return bounded(bvh_surface(geometry)).encoded()
     geometry.computeLocalAABB()
@@ -117,7 +117,7 @@ def _merged(surface: Surface, cell: float) -> Surface:
     return Surface(sums / count, faces[(a != b) & (b != c) & (c != a)], surface.colour)
 
 
-def convex_hull(points: Array) -> Surface:
+def hull_surface(points: Array) -> Surface:
     """Triangles of the convex hull of points (k, 3), seen from outside counter-clockwise."""
     hull = ConvexHull(points)
     faces = hull.simplices.astype(np.int64)

@@ -11,9 +11,9 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.problem import Problem
-from optiplan.viewer.body_triangles import triangles_of
+from optiplan.viewer.body_triangles import body_triangles
 from optiplan.viewer.scene import obstacle_colour
-from optiplan.viewer.surfaces import Surface, convex_hull
+from optiplan.viewer.surfaces import Surface, hull_surface
 
 WIDTH, HEIGHT = 144, 104
 """px."""
@@ -93,19 +93,19 @@ def _surfaces(problem: Problem, q: Array) -> Iterator[tuple[Surface, Sequence[fl
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
     for body in robot.geometry.geometryObjects:
-        yield _placed(triangles_of(body.geometry), data.oMi[body.parentJoint] * body.placement), ROBOT
+        yield _placed(body_triangles(body.geometry), data.oMi[body.parentJoint] * body.placement), ROBOT
     for held in problem.scene.attached:
         X_WL = data.oMf[robot.model.getFrameId(held.link)]
-        yield _placed(triangles_of(build_geometry(held.shape)), X_WL * held.X_LO), HELD
+        yield _placed(body_triangles(build_geometry(held.shape)), X_WL * held.X_LO), HELD
     for obstacle in problem.scene.obstacles:
         if not obstacle.shape.endless:
-            surface = triangles_of(build_geometry(obstacle.shape))
+            surface = body_triangles(build_geometry(obstacle.shape))
             yield _placed(surface, obstacle.X_WO), obstacle_colour(obstacle.shape)[:3]
 
 
 def _placed(surface: Surface, X_WB: pin.SE3) -> Surface:
     if len(surface.faces) > MOST_FACES:
-        surface = convex_hull(surface.vertices)
+        surface = hull_surface(surface.vertices)
     return Surface(surface.vertices @ X_WB.rotation.T + X_WB.translation, surface.faces)
 
 

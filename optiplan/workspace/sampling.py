@@ -13,7 +13,7 @@ from optiplan.config.document import read_yaml
 from optiplan.cores import cores
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import HalfSpace, Obstacle, Scene
-from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
+from optiplan.kinematics.manipulability import ToolKinematics, manipulability_measures, scaled
 from optiplan.robot.reference import robot_file
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.workspace.accuracy import tool_error
@@ -72,7 +72,7 @@ class WorkspaceSamples:
     values: dict[str, Array]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Workspace:
     """Result of a workspace study.
 
@@ -92,6 +92,11 @@ class Workspace:
     def free_fraction(self) -> float:
         """Share of the configurations in which nothing touches."""
         return float(self.samples.free.mean())
+
+    def __repr__(self) -> str:
+        """Robot, reach and coverage in one line."""
+        shares = f"{self.voxels.coverage.whole:.1%} of the voxels covered, {self.free_fraction:.1%} free"
+        return f"Workspace: {self.robot.name}, reach {self.reach.largest:.4g} m, {shares}"
 
 
 def robot_with_meshes(name: str, group: str | None = None) -> Robot:
@@ -138,7 +143,7 @@ def study_workspace(
     return Workspace(robot, options, sphere, samples, voxels, rings)
 
 
-def configurations(robot: Robot, options: WorkspaceOptions, start: int, stop: int) -> Array:
+def sample_configurations(robot: Robot, options: WorkspaceOptions, start: int, stop: int) -> Array:
     """Configurations number `start` to `stop` (not included) of the study, (stop - start, n); a chunk at most."""
     lower, upper = sampling_range(robot)
     if options.grid is None:
@@ -162,9 +167,9 @@ class _Sampling(ChunkedWork[WorkspaceSamples]):
 
         def sample(chunk: int) -> WorkspaceSamples:
             start = chunk * CHUNK
-            Q = configurations(robot, options, start, min(start + CHUNK, self.size))
+            Q = sample_configurations(robot, options, start, min(start + CHUNK, self.size))
             X_WT, J = tool.evaluate(Q)
-            found = vars(measures(scaled(J, length=self.length)))
+            found = vars(manipulability_measures(scaled(J, length=self.length)))
             if options.resolution is not None:
                 error = tool_error(J, options.resolution)
                 found = {**found, "error_worst": error.position_worst, "error_rms": error.position_rms}

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from optiplan.geometry.convex import CoacdOptions, faces_of, hull_of, pieces_of, protrusion, vertices_of
+from optiplan.geometry.convex import CoacdOptions, faces_of, hull_of, mesh_vertices, pieces_of, protrusion
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import LINK, joint, write_robot
 
@@ -32,7 +32,7 @@ def load(path):
 
 def dense(mesh, count=4000):
     """Points on the triangles of a mesh."""
-    vertices = vertices_of(mesh)
+    vertices = mesh_vertices(mesh)
     rng = np.random.default_rng(0)
     corners = np.array([[vertices[mesh.tri_indices(i)[k]] for k in range(3)] for i in range(mesh.num_tris)])
     weights = rng.dirichlet(np.ones(3), count)
@@ -41,11 +41,11 @@ def dense(mesh, count=4000):
 
 def test_a_hull_contains_every_vertex_and_no_more(angle):
     mesh = load(angle)
-    hull = hull_of(vertices_of(mesh))
+    hull = hull_of(mesh_vertices(mesh))
     corners = np.asarray(hull.points())
-    out = protrusion(faces_of(corners), vertices_of(mesh))
+    out = protrusion(faces_of(corners), mesh_vertices(mesh))
     assert out.max() < 1e-9
-    assert {tuple(p) for p in corners.round(9)} <= {tuple(p) for p in vertices_of(mesh).round(9)}
+    assert {tuple(p) for p in corners.round(9)} <= {tuple(p) for p in mesh_vertices(mesh).round(9)}
 
 
 @pytest.mark.parametrize("points", [[[0, 0, 0]], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]])
@@ -72,7 +72,7 @@ def test_pieces_contain_the_mesh_and_leave_its_hollow_free(angle):
     hollow = np.array([[0.0, 0.2, 0.0], [0.1, 0.1, 0.0]])
     assert np.min([protrusion(faces, hollow) for faces in bodies], axis=0).min() > 0.02
     for rough in pieces.vertices:
-        assert protrusion(faces_of(vertices_of(mesh)), rough).max() < 0.01  # grown little beyond the hull
+        assert protrusion(faces_of(mesh_vertices(mesh)), rough).max() < 0.01  # grown little beyond the hull
     assert 0 <= pieces.growth < 0.01
 
 

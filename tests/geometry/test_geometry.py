@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optiplan.arrays import unit
+from optiplan.arrays import unit_vector
 from optiplan.geometry.dual_quaternion import DualQuaternion, screw_between
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 
@@ -59,7 +59,7 @@ def test_nearly_unit_is_normalised():
 )
 def test_length_must_be_one(values, length):
     with pytest.raises(ValueError, match=f"found length {length}; expected unit length"):
-        unit(values)
+        unit_vector(values)
 
 
 def test_two_rotations_are_refused():

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 
 import optiplan
 from optiplan.geometry.meshes import reading, reading_process
-from optiplan.geometry.meshes.reading import MeshFile, open_mesh, prepare, read_mesh
-from optiplan.geometry.meshes.triangles import MeshError, unpack
+from optiplan.geometry.meshes.reading import MeshFile, open_mesh, read_mesh, read_together
+from optiplan.geometry.meshes.triangles import MeshError, unpack_soup
 from optiplan.geometry.scene import Mesh
 from optiplan.geometry.shapes import build_geometry
 
@@ -303,7 +303,7 @@ def test_a_file_that_is_cut_off_is_refused_wherever_it_is_cut(kind):
         found = reading_process._answer(suffix, content[:length])
         if kind == ".obj" and found[0] == "mesh" and found != whole:
             assert content[:length].endswith(b"\n")
-            assert len(unpack(found[1]).vertices) == 8
+            assert len(unpack_soup(found[1]).vertices) == 8
         else:
             assert found[0] == "error" or found == whole
 
@@ -336,7 +336,7 @@ def test_a_broken_file_is_arrays_or_a_reason(case):
         assert data.decode().strip()
         assert len(data) < 500
         return
-    soup = unpack(data)
+    soup = unpack_soup(data)
     assert np.isfinite(soup.vertices).all()
     assert soup.triangles.min() >= 0
     assert soup.triangles.max() < len(soup.vertices)
@@ -363,7 +363,7 @@ def test_what_takes_too_much_is_ended_and_the_others_are_read(monkeypatch, tmp_p
     (tmp_path / "good.ply").write_bytes(VALID[".ply"])
     good = [open_mesh(tmp_path / f"good.{kind}") for kind in ("stl", "obj", "ply")]
     bad = hostile(".ply", content)
-    prepare([good[0], bad, *good[1:]])
+    read_together([good[0], bad, *good[1:]])
     for mesh in good:
         same_mesh(read_mesh(mesh), solid())
     with pytest.raises(MeshError, match=why):

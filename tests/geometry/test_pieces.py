@@ -9,7 +9,7 @@ import trimesh
 from optiplan.collision.clearance_test import PairMargins
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry import convex_pieces
-from optiplan.geometry.convex import cover_of, faces_of, hull_of, protrusion, vertices_of
+from optiplan.geometry.convex import cover_of, faces_of, hull_of, mesh_vertices, protrusion
 from optiplan.geometry.convex_hulls import covering_hull
 from optiplan.geometry.convex_pieces import PieceOptions, cut, measured
 from optiplan.geometry.enclosure import winding_number
@@ -216,7 +216,7 @@ def test_links_of_the_fetch_are_within_a_millimetre(shared, tmp_path):
         assert cover.kind in ("hull", "convex_pieces")
         assert cover.over_cover <= 1e-3
         bodies = [vertices_of_hull(piece) for piece in cover.pieces]
-        assert outside(bodies, vertices_of(mesh)).max() <= 1e-9
+        assert outside(bodies, mesh_vertices(mesh)).max() <= 1e-9
         assert hull_of(bodies[0]).num_points == len(bodies[0])
 
 

@@ -5,7 +5,8 @@ import pinocchio as pin
 import pytest
 
 from optiplan.errors import UnknownChoiceError
-from optiplan.kinematics.jacobians import analytic_jacobian, frame_pose, geometric_jacobian
+from optiplan.kinematics.jacobians import analytic_jacobian
+from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import load_robot
 
 ROBOTS = ("srra", "puma560", "delbot", "panda")

@@ -10,8 +10,8 @@ from optiplan.errors import UnknownChoiceError
 from optiplan.kinematics.manipulability import (
     ToolKinematics,
     ellipsoids,
+    manipulability_measures,
     measure_gradients,
-    measures,
     scaled,
     yoshikawa,
 )
@@ -97,7 +97,7 @@ def test_hessian_is_the_difference_of_jacobians(which, sliding):
 def test_measures_are_what_their_formulas_say(arm, part):
     J = scaled(ToolKinematics(arm).evaluate(random_q(arm))[1], part, length=0.5)
     assert J.shape[1] == (6 if part == "full" else 3)
-    found = measures(J)
+    found = manipulability_measures(J)
     assert np.abs(found.yoshikawa - np.sqrt(np.linalg.det(J @ J.transpose(0, 2, 1)))).max() < 1e-9
     assert np.abs(found.asada * np.linalg.cond(J) - 1.0).max() < 1e-9
     assert np.abs(found.smallest**2 - np.linalg.eigvalsh(J @ J.transpose(0, 2, 1))[:, 0]).max() < 1e-12
@@ -107,7 +107,7 @@ def test_measures_are_what_their_formulas_say(arm, part):
 def test_the_product_of_singular_values_without_them(shape):
     J = np.random.default_rng(3).normal(size=(50, *shape))
     J[0, :, -1] = J[0, :, -2] = J[0, :, 0]
-    assert yoshikawa(J) == pytest.approx(measures(J).yoshikawa, rel=1e-9, abs=1e-14)
+    assert yoshikawa(J) == pytest.approx(manipulability_measures(J).yoshikawa, rel=1e-9, abs=1e-14)
 
 
 def test_length_divides_the_rows_of_the_velocity():
@@ -120,7 +120,7 @@ def test_gradients_are_differences_of_the_measures(arm, part):
     tool, Q, h = ToolKinematics(arm), random_q(arm), 1e-6
 
     def found(at):
-        return vars(measures(scaled(tool.evaluate(at)[1], part)))
+        return vars(manipulability_measures(scaled(tool.evaluate(at)[1], part)))
 
     H = tool.hessians(Q).transpose(0, 3, 1, 2)  # the derivative's index first, so that rows are where `scaled` has them
     H = scaled(H, part).transpose(0, 2, 3, 1)
@@ -140,7 +140,9 @@ def test_gradient_of_an_arm_with_fewer_joints_than_rows():
     arm = load_robot("planar2r")
     tool, Q = ToolKinematics(arm), np.array([[0.3, 1.1], [0.4, -0.7]])
     J, H = tool.evaluate(Q)[1][:, :3], tool.hessians(Q)[:, :3]
-    assert measures(J).yoshikawa == pytest.approx(np.sqrt(np.linalg.det(J.transpose(0, 2, 1) @ J)), abs=1e-12)
+    assert manipulability_measures(J).yoshikawa == pytest.approx(
+        np.sqrt(np.linalg.det(J.transpose(0, 2, 1) @ J)), abs=1e-12
+    )
     slope = measure_gradients(J, H).yoshikawa
     a1, a2 = two_links(arm)
     assert slope[:, 0] == pytest.approx(0.0, abs=1e-12)
@@ -163,7 +165,7 @@ def test_two_links_are_most_dexterous_at_right_angles():
     q2 = np.linspace(-np.pi, np.pi, 721)
     for q1 in (0.0, 1.3):
         Q = np.stack([np.full_like(q2, q1), q2], axis=1)
-        m = measures(ToolKinematics(arm).evaluate(Q)[1][:, :3]).yoshikawa
+        m = manipulability_measures(ToolKinematics(arm).evaluate(Q)[1][:, :3]).yoshikawa
         assert m == pytest.approx(a1 * a2 * np.abs(np.sin(q2)), abs=1e-12)
         for half in (q2 < 0.0, q2 > 0.0):
             assert abs(q2[half][np.argmax(m[half])]) == pytest.approx(np.pi / 2.0, abs=1e-12)
@@ -173,13 +175,13 @@ def test_gradient_at_a_singularity_is_finite():
     arm = load_robot("ur5")
     tool, Q = ToolKinematics(arm), np.zeros((1, 6))
     J = tool.evaluate(Q)[1]
-    assert measures(J).yoshikawa[0] < 1e-12
+    assert manipulability_measures(J).yoshikawa[0] < 1e-12
     for gradient in vars(measure_gradients(J, tool.hessians(Q))).values():
         assert np.isfinite(gradient).all()
 
 
 def test_measures_of_a_tool_that_nothing_moves():
-    found = measures(np.zeros((1, 3, 2)))
+    found = manipulability_measures(np.zeros((1, 3, 2)))
     assert (found.yoshikawa[0], found.asada[0], found.smallest[0]) == (0.0, 0.0, 0.0)
 
 
@@ -229,7 +231,7 @@ def test_each_singularity_has_its_name(name):
             middle = 0.5 * (a + b)
             a, b = (middle, b) if model.factors(middle[None]).sines[0, k] > 0.0 else (a, middle)
         assert expected in model.factors(a[None]).names(1e-9)[0]
-        assert measures(ToolKinematics(arm).evaluate(a[None])[1]).smallest[0] < 1e-9
+        assert manipulability_measures(ToolKinematics(arm).evaluate(a[None])[1]).smallest[0] < 1e-9
 
 
 def test_a_straight_ur_is_singular_and_a_bent_one_is_not():

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from optiplan.errors import OptiPlanError, UnknownChoiceError
-from optiplan.kinematics.jacobians import frame_pose, geometric_jacobian
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
 from optiplan.kinematics.symbolic.text import parallel_blocks, symbolic_text
-from optiplan.kinematics.symbolic.trig_polynomial import expand
+from optiplan.kinematics.symbolic.trig_polynomial import trig_polynomial
+from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import chain, joint, write_robot
 
@@ -89,8 +89,8 @@ def test_what_is_no_polynomial_is_refused():
     x = casadi.SX.sym("x")
     for expression in (casadi.sqrt(x), casadi.sin(2 * x)):
         with pytest.raises(ValueError, match="not a sum or product"):
-            expand(expression, ("x",), {})
-    assert expand(casadi.sin(x) ** 2 + casadi.cos(x) ** 2, ("x",), {}) == {(0, 0, 0): 1.0}
+            trig_polynomial(expression, ("x",), {})
+    assert trig_polynomial(casadi.sin(x) ** 2 + casadi.cos(x) ** 2, ("x",), {}) == {(0, 0, 0): 1.0}
 
 
 def test_the_twin_is_the_source():

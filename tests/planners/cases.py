@@ -11,9 +11,10 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem, RegionGoal, Via
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import chain, joint, write_robot
+from tests.unchecked_problem import unchecked_problem
 
 READY = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
 LEFT = np.array([1.2, 0.2, 0.1, -1.9, 0.1, 2.0, 0.6])
@@ -38,7 +39,7 @@ def tool_pose(name, q):
 def problem(name, start, goal, *obstacles, seed=0, allowed=()):
     arm = robot(name)
     scene = Scene(obstacles, allowed=frozenset(frozenset(pair) for pair in allowed))
-    return Problem(
+    return unchecked_problem(
         name="case",
         robot=arm,
         scene=scene,
@@ -129,7 +130,7 @@ def swing():
 
 def unlimited_jerk():
     """The same, where acceleration may jump."""
-    return replace(swing(), limits=replace(swing().limits, jerk=np.full(2, np.inf)))
+    return derived(swing(), limits=replace(swing().limits, jerk=np.full(2, np.inf)))
 
 
 def one_box():
@@ -146,7 +147,7 @@ def tight():
 
 
 def through_a_via():
-    return replace(swing(), vias=(Via(JointGoal(np.array([0.2, 1.1]))),))
+    return derived(swing(), vias=(Via(JointGoal(np.array([0.2, 1.1]))),))
 
 
 def small_reach():
@@ -184,7 +185,7 @@ def turntable():
 def endless():
     """An endless joint may turn on: from 3 to -3 rad it is a quarter of a radian across, or six back."""
     arm = turntable()
-    return Problem(
+    return unchecked_problem(
         name="endless",
         robot=arm,
         scene=Scene(),
@@ -196,13 +197,13 @@ def endless():
 
 def weak():
     """Motors that hold the arm on the way, but cannot speed it up as fast as its acceleration limits allow."""
-    return replace(swing(), limits=replace(swing().limits, torque=np.array([27.0, 7.0])))
+    return derived(swing(), limits=replace(swing().limits, torque=np.array([27.0, 7.0])))
 
 
 def too_weak():
     """Motors that hold the arm where it starts and not where it shall end."""
     limits = replace(swing().limits, torque=np.array([15.0, 20.0]))
-    return replace(problem("planar2r", [1.4, 0.1], [JointGoal(np.array([0.0, 0.1]))]), limits=limits)
+    return derived(problem("planar2r", [1.4, 0.1], [JointGoal(np.array([0.0, 0.1]))]), limits=limits)
 
 
 def out_of_reach():

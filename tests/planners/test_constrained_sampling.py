@@ -6,7 +6,6 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.native_model import planning_model
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.path_constraints.motion_check import PathConstraints
@@ -15,6 +14,7 @@ from optiplan.planners.sampling.constrained.searches import Query, connect, road
 from optiplan.planners.sampling.constrained.smoothing import shortcut
 from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.robot.frames import frame_pose
 from tests.planners.constraint_cases import CONSTRAINTS, assert_held_and_proved, key_of, stated
 
 pytestmark = pytest.mark.usefixtures("processor_clock")

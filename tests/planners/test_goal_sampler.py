@@ -14,13 +14,14 @@ from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler, ran
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.sample_path import SamplingOptions, path_check, sample_path
 from optiplan.problem.goals import GoalOptions
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import JointGoal, PoseGoal, derived
 from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from tests.planners import cases
 from tests.problem.goal_errors import goal_residual
 from tests.robot.robots import BARE, LINK, joint, write_robot
+from tests.unchecked_problem import unchecked_problem
 
 
 def sampler(problem, seed=0, **options):
@@ -35,7 +36,7 @@ def bounds(problem, goals):
 def loose(position, orientation=1e-3):
     problem = cases.pose()
     goal = problem.goal[0]
-    return replace(problem, goal=(PoseGoal(goal.frame, goal.X_WG, position, orientation),))
+    return derived(problem, goal=(PoseGoal(goal.frame, goal.X_WG, position, orientation),))
 
 
 def test_more_are_new_free_in_the_goal_and_ranked():
@@ -58,7 +59,7 @@ def test_lists_of_joint_goals_and_of_closed_forms_are_complete():
     pose = PoseGoal("tool0", cases.tool_pose("ur5", np.array([0.3, -1.2, 1.4, -0.5, 1.1, 0.2])))
     problem = cases.problem("ur5", [0.0, -1.0, 1.0, 0.0, 1.0, 0.0], [pose])
     assert sampler(problem).complete
-    wide = replace(problem, goal=(replace(pose, position=0.05),))
+    wide = derived(problem, goal=(replace(pose, position=0.05),))
     assert not sampler(wide).complete
     assert sampler(wide).more(3)
     assert not sampler(cases.pose()).complete
@@ -100,7 +101,7 @@ def test_goals_that_all_collide_are_final_only_after_looking_for_others():
     model = CollisionModel(problem.robot, problem.scene)
     assert isinstance(ranked_goals(problem, model, Budget(20.0)), Failure)  # a joint goal: at once
     at = PoseGoal(problem.robot.tool_frame, cases.tool_pose("panda", cases.LEFT))
-    blocked = replace(problem, goal=(at,))
+    blocked = derived(problem, goal=(at,))
     asked = []
     collides = model.collides
     model.collides = lambda q: asked.append(q) or collides(q)
@@ -136,7 +137,7 @@ def many_joints(robot, q, *obstacles):
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
     goal = PoseGoal("la19", data.oMf[robot.model.getFrameId("la19")].copy())
-    return Problem(
+    return unchecked_problem(
         name="many", robot=robot, scene=Scene(obstacles), start=np.zeros(robot.n), goal=(goal,), limits=robot.limits
     )
 
@@ -160,7 +161,7 @@ def test_many_joints_of_which_few_need_move(two_arms):
     pin.framesForwardKinematics(two_arms.model, data, 0.5 * bent)
     tip = data.oMf[two_arms.model.getFrameId("la19")].translation
     post = cases.box("post", (0.05, 0.05, 0.3), tip)
-    around = replace(free, scene=Scene((post,)), goal=(JointGoal(bent),))
+    around = derived(free, scene=Scene((post,)), goal=(JointGoal(bent),))
     model = CollisionModel(two_arms, around.scene)
     assert not MotionCheck(model, around.limits).free(around.start, bent)
     path = sample_path(path_check(model, around.limits), around.start, [bent], SamplingOptions(Budget(20.0)))

@@ -1,15 +1,14 @@
 """Vias with planners that know nothing of them: leg by leg."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult
-from optiplan.planners.common.via_legs import joined, plan_through
+from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner
-from optiplan.problem.problem import JointGoal, PoseGoal, Via
+from optiplan.problem.problem import JointGoal, PoseGoal, Via, derived
 from optiplan.runs.pipeline import run
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.trajectory import Trajectory
 from tests.planners import cases
 
@@ -22,7 +21,7 @@ def quiet(stage, fraction):
 
 
 def through(*ends):
-    return replace(cases.free(), vias=tuple(Via(end) for end in ends))
+    return derived(cases.free(), vias=tuple(Via(end) for end in ends))
 
 
 @pytest.mark.parametrize("name", ["quintic", "rrtconnect"])
@@ -94,7 +93,7 @@ def test_the_last_leg_ends_at_the_goal():
 def test_motions_of_different_degrees_are_joined_without_loss():
     a = Trajectory(("x",), np.array([0.0, 1.0]), np.array([[[0.0], [1.0]]]))
     b = Trajectory(("x",), np.array([0.0, 0.5, 2.0]), np.array([[[1.0], [0.0], [4.0], [0.0]], [[2.0], [1], [0], [0]]]))
-    both = joined([a, b])
+    both = join_trajectories([a, b])
     assert both.breakpoints.tolist() == [0.0, 1.0, 1.5, 3.0]
     t = np.linspace(0.0, 2.0, 21)
     assert both(1.0 + t)[1:] == pytest.approx(b(t)[1:], abs=1e-14)

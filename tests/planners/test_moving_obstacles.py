@@ -1,18 +1,17 @@
 """Planning among obstacles that move: any planner waits or goes slower, `trajopt` goes round in time."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import optiplan as op
 from optiplan.collision.native_model import planning_model
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.problem.problem import derived
+from optiplan.robot.frames import frame_pose
 from optiplan.runs.pipeline import run
 from tests.planners import cases
 from tests.verify.test_moving_obstacles import MIDDLE, MOTION, REACH, T, ball, through
@@ -67,7 +66,7 @@ def test_through_vias(with_vias):
 
 def test_rows_in_time_against_differences():
     """Values of the rows by the duration and by the control points."""
-    problem = replace(REACH, scene=op.Scene([ball([0.0, 0.03, 0.5], [[0], [0, 0.1], [0, -1.0, -0.3]])]))
+    problem = derived(REACH, scene=op.Scene([ball([0.0, 0.03, 0.5], [[0], [0, 0.1], [0, -1.0, -0.3]])]))
     model = planning_model(problem.robot, problem.scene)
     basis = SplineBasis(bunched_breakpoints(22, 0.6))
     control = along_path(basis, np.array([MOTION.start, MOTION.end]), problem.limits.velocity)

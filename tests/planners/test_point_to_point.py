@@ -14,7 +14,7 @@ from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.point_to_point.base import STEPS
 from optiplan.planners.registry import make_planner
 from optiplan.problem.load import problem_from_dict
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.verify.verify import verify
@@ -30,7 +30,7 @@ def plan(problem: Problem, name: str, **options: object) -> PlanResult:
 
 
 def free_of_jerk(problem: Problem) -> Problem:
-    return replace(problem, limits=replace(problem.limits, jerk=np.full(problem.robot.n, np.inf)))
+    return derived(problem, limits=replace(problem.limits, jerk=np.full(problem.robot.n, np.inf)))
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -89,7 +89,7 @@ def test_too_little_torque_slows_down_or_refuses_a_duration(name):
     strong = plan(problem, name).trajectory
     gravity = Gravity(problem.robot, problem.limits.torque)
     most = np.max([gravity.torque(q) for q in strong(np.linspace(0.0, strong.duration, 99))], axis=0)
-    weak = replace(problem, limits=replace(problem.limits, torque=1.05 * most))
+    weak = derived(problem, limits=replace(problem.limits, torque=1.05 * most))
     slower = plan(weak, name).trajectory
     assert slower.duration > 1.01 * strong.duration
     assert verify(weak, slower).verified
@@ -126,7 +126,7 @@ def test_a_trapezoid_that_cannot_be_is_an_input_error(shape, field, bounds):
 def test_a_velocity_against_the_motion_is_an_input_error():
     """The shoulder moves by -1.5 rad: a negative velocity is its own; the other way round it is not."""
     there = cases.planar()
-    back = replace(there, start=there.goal[0].q, goal=(JointGoal(there.start),))
+    back = derived(there, start=there.goal[0].q, goal=(JointGoal(there.start),))
     for duration in ({"duration": 18}, {}):
         assert plan(there, "lspb", velocity=-0.1, **duration).trajectory is not None
         with pytest.raises(InputError, match=r"-0\.1 rad/s for joint 'shoulder'.*a positive one"):
@@ -179,9 +179,9 @@ def test_velocities_at_the_ends_are_the_problems(name, option):
     with pytest.raises(InputError, match=rf"{option}.*\[0\.2, 0\.0\].*those of the problem, \[0\.0, 0\.0\]"):
         plan(problem, name, **{option: [0.2, 0.0]})
     assert plan(problem, name, **{option: [0.0, 0.0]}).trajectory is not None
-    moving = replace(problem, start_velocity=np.array([0.2, 0.0])) if option == "start_velocity" else problem
+    moving = derived(problem, start_velocity=np.array([0.2, 0.0])) if option == "start_velocity" else problem
     if option == "end_velocity":
-        moving = replace(problem, goal=(JointGoal(problem.goal[0].q, velocity=np.array([0.2, 0.0])),))
+        moving = derived(problem, goal=(JointGoal(problem.goal[0].q, velocity=np.array([0.2, 0.0])),))
     found = plan(moving, name, **{option: [0.2, 0.0]}).trajectory
     assert verify(moving, found).verified
     assert {check.name for check in verify(problem, found).failures} == {"rest"}
@@ -246,7 +246,7 @@ def test_an_endless_joint_goes_the_other_way_round_where_one_is_blocked(tmp_path
     """The goal is 2.3 rad back, past a post, or 4 rad on."""
     free = one_joint(tmp_path, "{name: turn, joint: revolute, a: 0.3}", 4.1)
     post = Obstacle("post", Sphere(0.05), pin.SE3(np.eye(3), 0.25 * np.array([np.cos(-1.0), np.sin(-1.0), 0.0])))
-    blocked = replace(free, scene=Scene((post,)))
+    blocked = derived(free, scene=Scene((post,)))
     for problem, end in ((free, 4.1 - 2.0 * np.pi), (blocked, 4.1)):
         result = plan(problem, name)
         assert verify(problem, result.trajectory).verified
@@ -266,7 +266,7 @@ def test_huge_and_tiny_limits(tmp_path, name, limits):
 
 def test_goals_are_tried_until_one_is_free():
     away = JointGoal(0.5 * (cases.READY + cases.LEFT) + [0.0, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0])
-    problem = replace(cases.wall(), goal=(*cases.wall().goal, away))
+    problem = derived(cases.wall(), goal=(*cases.wall().goal, away))
     result = plan(problem, "quintic")
     blocked = plan(cases.wall(), "quintic").failure
     assert blocked.kind == "collision"

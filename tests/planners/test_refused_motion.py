@@ -1,6 +1,5 @@
 """A failure holds the motion that was refused, of every planner that has one, so that it can be looked at."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +9,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.refused_path import refused_path
 from optiplan.planners.registry import make_planner
-from optiplan.problem.problem import PoseGoal
+from optiplan.problem.problem import PoseGoal, derived
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
@@ -24,7 +23,7 @@ def failure_of(name, problem, **options):
 def posed():
     """The wall, with the goal as a pose."""
     tool = cases.tool_pose("panda", cases.LEFT)
-    return replace(cases.wall(), goal=(PoseGoal(cases.robot("panda").tool_frame, tool, 1e-4, 1e-3),))
+    return derived(cases.wall(), goal=(PoseGoal(cases.robot("panda").tool_frame, tool, 1e-4, 1e-3),))
 
 
 @pytest.mark.parametrize("name", ["quintic", "scurve", "spline", "rounded", "line", "screw", "sclerp"])

@@ -19,6 +19,7 @@ from optiplan.planners.sampling.shortcutting import path_time, shorten
 from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
 from optiplan.planners.trajopt import planner as trajopt
 from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.problem.problem import derived
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
 
@@ -59,7 +60,7 @@ def test_blocked_goals_are_passed_over():
 def test_a_joint_without_bounds_may_turn_either_way():
     problem = cases.planar()
     endless = replace(problem.limits, lower=np.array([-np.inf, -2.8]), upper=np.array([np.inf, 2.8]))
-    path = sample(replace(problem, limits=endless), goals=[np.array([-9.0, 0.3])])
+    path = sample(derived(problem, limits=endless), goals=[np.array([-9.0, 0.3])])
     assert path.waypoints[-1][0] == -9.0
 
 

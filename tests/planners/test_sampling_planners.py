@@ -24,6 +24,7 @@ from optiplan.planners.sampling.search import SearchOptions
 from optiplan.planners.sampling.shortcutting import path_time, path_times
 from optiplan.planners.sampling.smoothing import smooth_path, spline_along
 from optiplan.problem.load import load_problem
+from optiplan.problem.problem import derived
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.trajectory import Trajectory
 from tests.planners import cases
@@ -75,7 +76,7 @@ def test_answers_are_verified_and_repeatable(name):
     assert not first.info["cut_short"]
     assert first.info["states"] > 0
     assert np.array_equal(first.trajectory.coefficients, again.trajectory.coefficients)
-    other = plan(make_planner(name, QUICK[name]), replace(problem, seed=1)).trajectory
+    other = plan(make_planner(name, QUICK[name]), derived(problem, seed=1)).trajectory
     assert not np.array_equal(first.trajectory.coefficients, other.coefficients)
 
 
@@ -228,7 +229,7 @@ def test_roadmaps_belong_to_their_scene_and_few_are_kept():
     for k in range(5):
         problem = bar()
         plan(
-            planner, replace(problem, scene=Scene((*problem.scene.obstacles, cases.box("far", (0.1,) * 3, (9, k, 0)))))
+            planner, derived(problem, scene=Scene((*problem.scene.obstacles, cases.box("far", (0.1,) * 3, (9, k, 0)))))
         )
     assert len(planner.roadmaps) == 4
     keys = {world_key(CollisionModel(p.robot, p.scene)) for p in (cases.wall(), cases.free(), cases.planar())}
@@ -240,7 +241,7 @@ def test_other_limits_are_another_roadmap(name):
     planner, problem = Prm(PrmOptions(vertices=20, attempts=0)), bar()
     for share in (1.0, 1.0, 0.99):
         changed = replace(problem.limits, **{name: share * getattr(problem.limits, name)})
-        plan(planner, replace(problem, limits=changed))
+        plan(planner, derived(problem, limits=changed))
     assert len(planner.roadmaps) == 2
 
 

@@ -10,7 +10,7 @@ import pytest
 from optiplan.planners.base import Budget
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.registry import make_planner
-from optiplan.problem.problem import JointGoal
+from optiplan.problem.problem import JointGoal, derived
 from tests.planners import cases
 
 SWING = np.linspace(-3.0, 3.0, 61)  # rad, of the shoulder
@@ -19,7 +19,7 @@ SWING = np.linspace(-3.0, 3.0, 61)  # rad, of the shoulder
 def plan(name, share):
     problem = cases.free()
     limits = replace(problem.limits, torque=problem.limits.torque * share)
-    return make_planner(name).plan(replace(problem, limits=limits), Budget(20.0), lambda stage, fraction: None)
+    return make_planner(name).plan(derived(problem, limits=limits), Budget(20.0), lambda stage, fraction: None)
 
 
 @pytest.mark.parametrize("name", ["quintic", "rrtconnect"])
@@ -50,7 +50,7 @@ def test_a_way_is_found_around_what_is_too_heavy(name):
     data = arm.model.createData()
     weight = lambda q: np.abs(pin.computeGeneralizedGravity(arm.model, data, np.array(q)))  # noqa: E731
     limits = replace(arm.limits, torque=np.array([0.8, 1.1]) * np.max([weight([x, 0.0]) for x in SWING], axis=0))
-    problem = replace(cases.problem("planar2r", [-1.55, 0.1], [JointGoal(np.array([1.55, 0.1]))]), limits=limits)
+    problem = derived(cases.problem("planar2r", [-1.55, 0.1], [JointGoal(np.array([1.55, 0.1]))]), limits=limits)
     assert Gravity(arm, limits.torque).too_much(np.array([0.0, 0.1]))
     result = make_planner(name).plan(problem, Budget(10.0), lambda stage, fraction: None)
     assert result.failure is None

@@ -9,7 +9,7 @@ from optiplan.errors import InputError
 from optiplan.planners.base import Budget
 from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.registry import make_planner
-from optiplan.problem.problem import JointGoal, PoseGoal, Via
+from optiplan.problem.problem import JointGoal, PoseGoal, Via, derived
 from optiplan.runs.pipeline import run
 from optiplan.verify.via_check import vias
 from tests.planners import cases
@@ -22,9 +22,9 @@ OPEN_JERK = {"parabolic"}
 
 
 def problem(*points, jerk=True):
-    free = replace(cases.free(), vias=points or (Via(JointGoal(FIRST)), Via(POSE)))
+    free = derived(cases.free(), vias=points or (Via(JointGoal(FIRST)), Via(POSE)))
     limits = free.limits if jerk else replace(free.limits, jerk=np.full(7, np.inf))
-    return replace(free, limits=limits)
+    return derived(free, limits=limits)
 
 
 def quiet(stage, fraction):
@@ -65,7 +65,7 @@ def test_vias_are_hit_without_stopping_and_all_is_verified(name, options):
 @pytest.mark.parametrize("name", ["spline", "parabolic", "rounded"])
 def test_without_vias_they_go_straight_to_the_goal(name):
     """`parabolic` with each joint at its own acceleration: the joints start together, not in proportion."""
-    motion = answer(name, replace(problem(jerk=False), vias=()))
+    motion = answer(name, derived(problem(jerk=False), vias=()))
     if name == "parabolic":
         return
     Q = motion(np.linspace(0.0, motion.duration, 50)) - cases.READY
@@ -77,7 +77,7 @@ def test_without_vias_they_go_straight_to_the_goal(name):
 def test_equal_points_are_passed_once(name):
     points = (cases.READY, FIRST, FIRST, cases.LEFT)
     assert answer(name, problem(*(Via(JointGoal(q)) for q in points), jerk=False)).duration > 0.5
-    still = replace(problem(Via(JointGoal(cases.READY)), jerk=False), goal=(JointGoal(cases.READY),))
+    still = derived(problem(Via(JointGoal(cases.READY)), jerk=False), goal=(JointGoal(cases.READY),))
     assert answer(name, still).duration < 0.1
 
 
@@ -133,7 +133,7 @@ def test_options_that_make_no_sense_are_input_errors(name, options, words):
 
 
 def test_where_the_path_turns_straight_back_it_stops_and_hits_the_via():
-    there_and_back = replace(problem(Via(JointGoal(cases.LEFT))), goal=(JointGoal(cases.READY + 0.001),))
+    there_and_back = derived(problem(Via(JointGoal(cases.LEFT))), goal=(JointGoal(cases.READY + 0.001),))
     motion = answer("rounded", there_and_back)
     check = vias(there_and_back, motion)
     assert check.worst < 1e-9
@@ -158,6 +158,6 @@ def test_a_via_out_of_reach_is_named():
 
 @pytest.mark.parametrize("name", ["spline", "rounded"])
 def test_a_wall_in_the_way_is_named(name):
-    failure = answer(name, replace(cases.wall(), vias=(Via(JointGoal(0.5 * (cases.READY + cases.LEFT))),)))
+    failure = answer(name, derived(cases.wall(), vias=(Via(JointGoal(0.5 * (cases.READY + cases.LEFT))),)))
     assert failure.kind in {"collision", "goal-in-collision"}
     assert "plate" in failure.witness["pair"]

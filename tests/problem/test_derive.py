@@ -1,6 +1,5 @@
 """Problems made from problems: what they say of themselves is what they are, or nothing."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 from optiplan.errors import InputError
 from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Mesh, Obstacle, Scene, Sphere
 from optiplan.problem.load import load_problem, problem_from_dict
-from optiplan.problem.problem import JointGoal, PoseGoal, Via
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, Via, derived
 
 MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 
@@ -72,12 +71,19 @@ def test_the_same_start_again_is_the_same_problem(problem):
     assert problem.with_start(np.array([0.1, 0.2])).with_start(problem.start).hash == problem.hash
 
 
-def test_replace_keeps_no_hash_of_another_problem(problem):
+def test_what_is_derived_has_no_hash_of_another_problem(problem):
     """The fault: run.json described another problem than the one that was planned."""
-    grafted = replace(problem, start=np.array([0.1, 0.2]))
+    grafted = derived(problem, start=np.array([0.1, 0.2]))
     assert (grafted.hash, dict(grafted.source)) == ("", {})
     with pytest.raises((TypeError, ValueError)):
-        replace(problem, start=np.array([0.1, 0.2]), hash=problem.hash)
+        derived(problem, start=np.array([0.1, 0.2]), hash=problem.hash)
+
+
+def test_no_argument_switches_the_checks_off(problem):
+    with pytest.raises(InputError, match="limits"):
+        Problem(problem.robot, start=[9.0, 9.0], goal=[0.0, 0.0], limits=problem.robot.limits)
+    with pytest.raises(TypeError, match="gaol"):
+        derived(problem, gaol=())
 
 
 def test_the_seed_is_recorded_beside_the_hash(problem):
@@ -96,6 +102,6 @@ def test_what_is_derived_is_checked_as_a_file_is(problem):
 
 
 def test_a_problem_without_source_stays_one(problem):
-    bare = replace(problem)
+    bare = derived(problem)
     assert bare.with_start(np.array([0.1, 0.2])).hash == ""
     np.testing.assert_allclose(bare.with_limits(velocity=0.5).limits.velocity, 0.5 * problem.robot.limits.velocity)

@@ -1,7 +1,5 @@
 """Goal configurations: free, distinct, ranked; reasons where there are none."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.problem.goals import GoalOptions, goal_configurations, listed_ends
-from optiplan.problem.problem import JointGoal, PoseGoal
+from optiplan.problem.problem import JointGoal, PoseGoal, derived
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from tests.planners import cases
 from tests.problem.goal_errors import goal_residual
@@ -57,25 +55,25 @@ def test_images_of_one_configuration_by_whole_turns_are_listed_once():
     problem = cases.endless()
     q = problem.goal[0].q
     turns = [np.array([2.0 * np.pi * k, 0.0]) for k in (0, 1, -1)]
-    several = replace(problem, goal=tuple(JointGoal(q + turn) for turn in (*turns, 1e-7 + turns[0])))
+    several = derived(problem, goal=tuple(JointGoal(q + turn) for turn in (*turns, 1e-7 + turns[0])))
     found = np.array(find(several).configurations)
     apart = np.abs(found[:, None] - found).max(axis=2) + np.eye(len(found))
     assert len(found) >= 2
     assert (apart >= 1e-6).all()
-    both = replace(problem, goal=(JointGoal(q), JointGoal(q + 1e-5)))  # 1e-6 apart in any joint is another one
+    both = derived(problem, goal=(JointGoal(q), JointGoal(q + 1e-5)))  # 1e-6 apart in any joint is another one
     assert len(find(both).configurations) == 2 * len(find(problem).configurations)
 
 
 def test_a_blocked_alternative_does_not_hide_a_free_one():
     problem = cases.goal_in_wall()
-    both = replace(problem, goal=(*problem.goal, JointGoal(cases.READY + 0.1)))
+    both = derived(problem, goal=(*problem.goal, JointGoal(cases.READY + 0.1)))
     assert [tuple(q) for q in find(both).configurations] == [tuple(cases.READY + 0.1)]
 
 
 def test_all_alternatives_refused_are_all_named():
     problem = cases.goal_in_wall()
     far = cases.too_far().goal[0]
-    found = find(replace(problem, goal=(*problem.goal, far)))
+    found = find(derived(problem, goal=(*problem.goal, far)))
     assert found.kind == "goal-in-collision"
     assert "alternative 0: " in found.reason
     assert "alternative 1: no configuration" in found.reason
@@ -85,7 +83,7 @@ def test_all_alternatives_refused_are_all_named():
 def test_residuals_measure_what_their_goals_ask():
     problem = cases.pose()
     goal = problem.goal[0]
-    both = replace(problem, goal=(JointGoal(cases.LEFT, tolerance=0.01), PoseGoal(goal.frame, goal.X_WG, 1e-4, 1e-3)))
+    both = derived(problem, goal=(JointGoal(cases.LEFT, tolerance=0.01), PoseGoal(goal.frame, goal.X_WG, 1e-4, 1e-3)))
     near = cases.LEFT + np.array([0, 0, 0, 0, 0, 0, 0.005])
     joint, pose = goal_residual(both, near)
     assert joint.joint == pytest.approx(0.005)

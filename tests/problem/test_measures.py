@@ -5,7 +5,8 @@ import pinocchio as pin
 import pytest
 
 from optiplan.problem.constraints.measures import measures
-from optiplan.problem.constraints.statements import LookAt, OnArc, OnCircle, OnScrew
+from optiplan.problem.constraints.points import OnArc, OnCircle
+from optiplan.problem.constraints.poses import LookAt, OnScrew
 
 AXIS = np.array([0.48, -0.6, 0.64])
 PLACE = pin.SE3(pin.exp3(np.array([0.3, -0.7, 1.1])), np.array([0.4, -0.2, 0.5]))

@@ -15,6 +15,7 @@ import optiplan as op
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.problem.problem import derived
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.robot import load_robot
@@ -294,7 +295,7 @@ def test_a_start_that_the_base_puts_into_an_obstacle_is_refused():
 
 
 def test_what_was_put_together_by_hand_has_no_base_to_change():
-    problem = replace(op.Problem(**UR5))
+    problem = derived(op.Problem(**UR5))
     with pytest.raises(op.InputError, match="put together by hand"):
         problem.with_gravity((0, 0, 0))
 

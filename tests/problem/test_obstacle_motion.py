@@ -23,7 +23,7 @@ def loaded(tmp_path, motion, shape="box: [0.1, 0.1, 0.1]"):
 
 def test_file_and_python_say_the_same(tmp_path):
     problem = loaded(tmp_path, "{polynomial: [[0, -0.5], [0], [0, 0, 1]], until: 2.0}")
-    (cart,) = problem.scene.moving
+    (cart,) = problem.scene.dynamic_obstacles
     assert cart.motion.until == 2.0
     box = op.Box("cart", size=(0.1, 0.1, 0.1), position=(2.0, 0, 0)).moving([[0, -0.5], [0], [0, 0, 1]], until=2.0)
     assert cart.motion.coefficients == pytest.approx(box.motion.coefficients)

@@ -10,13 +10,13 @@ import optiplan as op
 from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
 from optiplan.kinematics.ik.numeric import random_seeds
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.kinematics.symbolic.state import BatchedExpression
 from optiplan.planners.base import Budget
 from optiplan.planners.common.goal_ranking import goal_sampler
 from optiplan.planners.path_constraints.goals import goal_inequalities
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
+from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.limit_checks import goal as goal_check
 from optiplan.viewer.scene import build_scene

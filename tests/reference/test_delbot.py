@@ -8,9 +8,9 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.poses import pose_from_data
-from optiplan.kinematics.jacobians import geometric_jacobian
-from optiplan.kinematics.manipulability import ToolKinematics, measures
+from optiplan.kinematics.manipulability import ToolKinematics, manipulability_measures
 from optiplan.robot.dh.table import DhTable, forward, frames
+from optiplan.robot.frames import geometric_jacobian
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.workspace.sampling import Workspace, WorkspaceOptions, study_workspace
 from tests.reference.entries import Entry, entry, matches
@@ -187,7 +187,7 @@ def test_delbot_circle_reference(arm, table):
     q0 = np.array(expected["q0"])
     assert np.abs(forward(table, q0)[:3, 3] - expected["p0"]).max() < 1e-12
     J = ToolKinematics(arm, table.rows[5].name).evaluate(q0[None])[1]
-    expected.check(measures(J).yoshikawa[0], "manipulability", relative=True)
+    expected.check(manipulability_measures(J).yoshikawa[0], "manipulability", relative=True)
     runs = [(f"{'rk4' if rk4 else 'euler'}_{steps}", steps, rk4) for steps in (40, 400, 4000) for rk4 in (False, True)]
     for name, steps, rk4 in runs[:-1]:
         circle = Circle(arm, expected)

@@ -5,9 +5,9 @@ import pytest
 
 from optiplan.geometry.poses import pose_from_data
 from optiplan.kinematics.ik.closed_form import closed_form
-from optiplan.kinematics.jacobians import geometric_jacobian
-from optiplan.kinematics.manipulability import ToolKinematics, measure_gradients, measures
+from optiplan.kinematics.manipulability import ToolKinematics, manipulability_measures, measure_gradients
 from optiplan.robot.dh.table import frames
+from optiplan.robot.frames import geometric_jacobian
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.workspace import accuracy
 from tests.reference.entries import Entry, entry
@@ -79,7 +79,7 @@ def check_motion(puma: Robot, expected: Entry, i: int) -> None:
     along = np.clip((points - points[0]) @ chord / (chord @ chord), 0.0, 1.0)
     expected.check(np.linalg.norm(points - points[0] - along[:, None] * chord, axis=1).max(), i, "line_deviation")
     expected.check(np.linalg.norm(np.diff(points, axis=0), axis=1).sum(), i, "tool_path_length")
-    measured = measures(ToolKinematics(puma).evaluate(Q)[1]).yoshikawa
+    measured = manipulability_measures(ToolKinematics(puma).evaluate(Q)[1]).yoshikawa
     expected.check(measured.min(), i, "min_manipulability")
 
 
@@ -101,7 +101,7 @@ def test_lecture_example5():
     for theta1 in (0.0, 0.9, -2.3):
         J = tool.evaluate(np.stack([np.full_like(grid, theta1), grid], axis=1))[1][:, :2]
         assert np.abs(np.linalg.det(J) - 0.7 * np.sin(grid)).max() <= expected.tolerance
-        m = measures(J).yoshikawa
+        m = manipulability_measures(J).yoshikawa
         assert np.abs(m - 0.7 * np.abs(np.sin(grid))).max() <= expected.tolerance
         best = grid[m >= m.max() - 1e-12]
         expected.check(sorted(best, reverse=True), "argmax_theta2")

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from optiplan.kinematics.manipulability import ToolKinematics, measures
+from optiplan.kinematics.manipulability import ToolKinematics, manipulability_measures
 from optiplan.planners.base import Budget
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.screw_kinematics import Tool
@@ -80,7 +80,7 @@ def test_the_best_elbow_is_where_the_lecture_says():
     """`lecture.example5`: from 0, at the stretched start, |det J| rises to a1 a2 = 0.7 at q2 = pi/2."""
     expected, result = entry("lecture.example5"), planned("36_best_elbow")
     Q = result.trajectory(np.linspace(0.0, result.duration, 200))
-    m = measures(ToolKinematics(result.problem.robot).evaluate(Q)[1][:, :2]).yoshikawa
+    m = manipulability_measures(ToolKinematics(result.problem.robot).evaluate(Q)[1][:, :2]).yoshikawa
     assert m[0] < 1e-12
     assert (np.diff(m) >= -1e-15).all()
     expected.check(m[-1], "m_for_a1_1_a2_0.7")

@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 
 from optiplan.kinematics.ik.numeric import IkOptions, IkResult, solve_ik
-from optiplan.kinematics.jacobians import geometric_jacobian
 from optiplan.robot.batched.kinematics import BatchKinematics
+from optiplan.robot.frames import geometric_jacobian
 from optiplan.robot.robot import Robot, load_robot
 from tests.reference.baxter import NAMES, free_report_arm
 from tests.reference.entries import entry

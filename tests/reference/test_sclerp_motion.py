@@ -16,7 +16,7 @@ from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import REFLECTION, aim, b_matrix, iterate_scheme, reflected, spatial_J1
 from optiplan.planners.sclerp.screw_kinematics import Tool
-from optiplan.problem.problem import PoseGoal, Problem
+from optiplan.problem.problem import PoseGoal
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import load_robot
 from optiplan.verify.verify import verify
@@ -24,6 +24,7 @@ from tests.reference.baxter import free_report_arm
 from tests.reference.entries import entry, matches
 from tests.reference.poses import rot
 from tests.reference.sclerp_misprints import PRINTED, printed_aim, printed_scheme, report_J1, report_screw
+from tests.unchecked_problem import unchecked_problem
 
 RUNS = [run["id"] for run in entry("sclerp.runs").value]
 CONVERGING = [run["id"] for run in entry("sclerp.runs").value if run["converged"]]
@@ -300,7 +301,7 @@ def bounded_steps(tool, X_G):
 @pytest.mark.parametrize("name", entry("sclerp.reachable")["seed_limits"])
 def test_quadratic_programs_keep_to_the_screw_and_within_limits_at_all_times(arms, name):
     arm = arms[0]
-    problem = Problem(
+    problem = unchecked_problem(
         name=name,
         robot=arm,
         scene=Scene(()),
@@ -326,7 +327,7 @@ def test_the_screw_of_run_a_is_no_slower_than_that_of_the_other_planner_of_screw
     """Moving the joints least rides on the limit of W1 and takes 3.6 s; other configurations at the end take half."""
     arm, name = arms[0], "a_y+45_503050"
     ends = (PoseGoal(arm.tool_frame, goal(name), 1e-6, 1e-6),)
-    problem = Problem(name=name, robot=arm, scene=Scene(()), start=np.zeros(7), goal=ends, limits=arm.limits)
+    problem = unchecked_problem(name=name, robot=arm, scene=Scene(()), start=np.zeros(7), goal=ends, limits=arm.limits)
     found = {kind: make_planner(kind, {}).plan(problem, Budget(120.0), lambda *_: None) for kind in ("sclerp", "screw")}
     assert verify(problem, found["sclerp"].trajectory).verified
     assert found["sclerp"].trajectory.duration <= 1.05 * found["screw"].trajectory.duration

@@ -8,9 +8,9 @@ import pytest
 import optiplan as op
 from optiplan.errors import InputError
 from optiplan.geometry.scene import Scene
-from optiplan.problem.constraints.statements import JointCoupling
+from optiplan.problem.constraints.motions import JointCoupling
 from optiplan.problem.objectives.objective import UNITS, part_unit
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
 from optiplan.robot.limits import joint_unit, joint_units, thousandths
 from optiplan.robot.robot import load_robot
 from optiplan.trajectory.given_files import GivenFiles
@@ -52,7 +52,7 @@ def test_every_check_of_a_joint_has_its_unit(base, moved):
     motion = quintic(base.joint_names, np.zeros(base.n), step, 1.0)
     at = JointCoupling({base.joint_names[moved]: 1.0}, 0.0, 0.1)
     problem = problem_of(base, motion, Scene())
-    problem = replace(problem, start=step, goal=(replace(problem.goal[0], q=-step),), path_constraints=(at,))
+    problem = derived(problem, start=step, goal=(replace(problem.goal[0], q=-step),), path_constraints=(at,))
     t = np.array([0.0, motion.duration])
     report = verify(problem, motion, given=GivenFiles(Samples(base.joint_names, t, motion(t) + 0.1 * step)))
     length = "rad" if base.revolute[moved] else "m"

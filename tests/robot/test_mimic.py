@@ -12,12 +12,12 @@ from optiplan.errors import InputError
 from optiplan.geometry.scene import Obstacle, Scene, Sphere
 from optiplan.kinematics.ik.joint_wraps import images
 from optiplan.kinematics.ik.numeric import IkOptions, joints_that_move, solve_ik
-from optiplan.kinematics.jacobians import frame_pose, geometric_jacobian
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
 from optiplan.planners.base import Budget
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal, derived
 from optiplan.robot.batched.kinematics import BatchKinematics
+from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.mimic_joints import coupling, unfold
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.robot.urdf.export import export_urdf
@@ -26,6 +26,7 @@ from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.report import VerifyPolicy
 from optiplan.viewer.scene import build_scene
 from tests.robot.robots import BARE, BODILESS, joint, write_robot
+from tests.unchecked_problem import unchecked_problem
 from tests.verify.motions import quintic
 
 LIMIT = '<limit lower="-2" upper="2" velocity="3" effort="40"/>'
@@ -292,7 +293,7 @@ def test_turns_of_a_joint_that_another_follows_by_halves(tmp_path):
 def test_trajopt_plans_within_the_torque_of_the_leader(robot):
     """Its derivatives of inverse dynamics are of the unfolded model; pinocchio refuses them for followers."""
     limits = replace(robot.limits, torque=np.array([6.0, 2.0]))
-    strong = Problem(
+    strong = unchecked_problem(
         name="t",
         robot=robot,
         scene=Scene(),
@@ -300,7 +301,7 @@ def test_trajopt_plans_within_the_torque_of_the_leader(robot):
         goal=(JointGoal(np.array([0.9, 0.8])),),
         limits=robot.limits,
     )
-    weak = replace(strong, limits=limits)
+    weak = derived(strong, limits=limits)
     fast, slow = (run(problem, "trajopt", {}, Budget(5.0), lambda *_: None) for problem in (strong, weak))
     assert fast.report is not None
     assert slow.report is not None
@@ -310,7 +311,7 @@ def test_trajopt_plans_within_the_torque_of_the_leader(robot):
 
 
 def test_the_viewer_moves_the_followers(robot):
-    problem = Problem(
+    problem = unchecked_problem(
         name="t",
         robot=robot,
         scene=Scene(),

@@ -8,7 +8,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from optiplan.robot.robot import load_robot
-from optiplan.runs.export import FORMATS, export
+from optiplan.runs.export import FORMATS, export_trajectory
 from optiplan.trajectory.fixed_rate import difference, interpolation_errors, on_cycle
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
@@ -26,7 +26,7 @@ def motion() -> Trajectory:
 @pytest.mark.parametrize("suffix", [".yaml", ".json"])
 def test_a_joint_trajectory_message_holds_the_motion(motion, tmp_path, suffix):
     file = tmp_path / f"motion{suffix}"
-    told = export(motion, file, "ros", 100.0)
+    told = export_trajectory(motion, file, "ros", 100.0)
     message = json.loads(file.read_text()) if suffix == ".json" else YAML(typ="safe").load(file.read_text())
     assert list(message) == ["header", "joint_names", "points"]
     assert message["joint_names"] == list(motion.joint_names)
@@ -40,7 +40,7 @@ def test_a_joint_trajectory_message_holds_the_motion(motion, tmp_path, suffix):
 
 
 def test_a_program_for_an_arm_servos_through_samples_of_the_motion(motion, tmp_path):
-    told = export(motion, tmp_path / "motion.script")
+    told = export_trajectory(motion, tmp_path / "motion.script")
     text = (tmp_path / "motion.script").read_text()
     rows = np.array([[float(x) for x in row.split(",")] for row in re.findall(r"servoj\(\[(.*?)\]", text)])
     assert len(rows) == told.samples - 1

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
-from optiplan.runs.export import MOST_SAMPLES, export
+from optiplan.runs.export import MOST_SAMPLES, export_trajectory
 from optiplan.runs.run import Run
 from tests.verify.motions import quintic
 
@@ -23,7 +23,7 @@ def turning(seconds):
 
 def test_a_long_program_takes_as_long_as_the_motion(tmp_path):
     """Of more than two minutes at 500 Hz, 60 000 samples were written, each of them for 2 ms: much too fast."""
-    written = export(turning(200.001), tmp_path / "long.script")
+    written = export_trajectory(turning(200.001), tmp_path / "long.script")
     lines = [line for line in (tmp_path / "long.script").read_text().splitlines() if "servoj(" in line]
     assert len(lines) == written.samples - 1 == round(written.duration * 500)
     assert all(", t=0.002," in line for line in lines)
@@ -33,16 +33,16 @@ def test_a_long_program_takes_as_long_as_the_motion(tmp_path):
 @pytest.mark.parametrize("rate", [125.0, 333.0, 500.0, 243.37879113187682])
 @pytest.mark.parametrize("seconds", [0.0101, 16.713622348939396, 48.8897151525647, 130.0])
 def test_a_cycle_is_kept(tmp_path, rate, seconds):
-    export(turning(seconds), tmp_path / "x.npz", rate=rate, cyclic=True)
+    export_trajectory(turning(seconds), tmp_path / "x.npz", rate=rate, cyclic=True)
     t = np.load(tmp_path / "x.npz")["t"]
     assert np.diff(t) == pytest.approx(1.0 / rate, rel=1e-9)
     assert seconds * (1.0 - 1e-9) <= t[-1] < seconds + 1.0 / rate
 
 
 def test_a_rate_is_kept_or_refused(tmp_path):
-    assert export(turning(100.0), tmp_path / "x.npz", rate=1000.0).samples == 100_001
+    assert export_trajectory(turning(100.0), tmp_path / "x.npz", rate=1000.0).samples == 100_001
     with pytest.raises(op.InputError, match=f"at most {MOST_SAMPLES}"):
-        export(turning(100.0), tmp_path / "y.npz", rate=1e4)
+        export_trajectory(turning(100.0), tmp_path / "y.npz", rate=1e4)
     assert not (tmp_path / "y.npz").exists()
 
 
@@ -63,7 +63,7 @@ def test_a_slower_motion_among_what_moves_is_verified_first(tmp_path):
 
 
 def _tool(robot, q):
-    from optiplan.kinematics.jacobians import frame_pose
+    from optiplan.robot.frames import frame_pose
 
     return frame_pose(robot, q, robot.tool_frame)
 

@@ -6,10 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.kinematics.manipulability import measures
+from optiplan.kinematics.manipulability import manipulability_measures
 from optiplan.problem.problem import JointGoal
-from optiplan.runs import metrics
-from optiplan.runs.metrics import Metrics, by_determinant, integral, measure, peak_jerk
+from optiplan.runs.metrics import Metrics, by_determinant, measure, peak_jerk
+from optiplan.trajectory import quadrature
+from optiplan.trajectory.quadrature import integral
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
 from tests.planners import cases
@@ -75,17 +76,17 @@ def test_way_there_and_back_counts_twice():
 
 
 def test_rules_of_gauss_and_kronrod_are_exact_as_far_as_they_should():
-    nodes, weights = metrics._NODES, metrics._WEIGHTS
+    nodes, weights = quadrature._NODES, quadrature._WEIGHTS
     for k in range(14):
         assert weights @ nodes**k == pytest.approx(1.0 / (k + 1), abs=1e-15)
     for k in range(8):
-        assert metrics._GAUSS @ nodes[1::2] ** k == pytest.approx(1.0 / (k + 1), abs=1e-15)
+        assert quadrature._GAUSS @ nodes[1::2] ** k == pytest.approx(1.0 / (k + 1), abs=1e-15)
 
 
 @pytest.mark.parametrize("shape", [(6, 7), (6, 6), (3, 2)])
 def test_determinant_is_the_product_of_singular_values(shape):
     J = np.random.default_rng(3).normal(size=(50, *shape))
-    assert by_determinant(J) == pytest.approx(measures(J).yoshikawa, rel=1e-9)
+    assert by_determinant(J) == pytest.approx(manipulability_measures(J).yoshikawa, rel=1e-9)
 
 
 def test_integral_finds_a_kink_anywhere():

@@ -9,7 +9,7 @@ import pytest
 
 import optiplan as op
 from optiplan.planners.base import Budget, Candidate, Failure, PlanResult
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
 from optiplan.runs import selection
 from optiplan.runs.pipeline import run
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
@@ -106,7 +106,7 @@ def test_too_much_torque_alone_is_slowed() -> None:
     joint = int(np.argmax(peaks - slower))
     limit = np.full(7, np.inf)
     limit[joint] = 0.5 * (peaks[joint] + slower[joint])
-    weak = replace(free, limits=replace(free.limits, torque=limit))
+    weak = derived(free, limits=replace(free.limits, torque=limit))
     failed = {check.name for check in verify(weak, motion).checks if not check.passed}
     assert failed == {"torque"}
     chosen = selected(weak, [Candidate(motion, 0.1)], Budget(60.0))

@@ -13,8 +13,8 @@ import pytest
 from ruamel.yaml import YAML
 
 import optiplan as op
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.problem.load import load_problem
+from optiplan.robot.frames import frame_pose
 from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_verdict import judged
 from optiplan.service.refusals import Refusal

@@ -18,7 +18,7 @@ from optiplan.simulation.plants.imperfections import DelayLine, Imperfections, S
 from optiplan.simulation.plants.rigid_body import RigidBodyPlant
 from optiplan.simulation.references.joints import StepReference, TrajectoryReference
 from optiplan.simulation.step_response import step_response
-from optiplan.trajectory.cut import cut
+from optiplan.trajectory.cut import cut_trajectory
 from tests.simulation.conftest import READY, swing
 
 BY = np.array([0.4, 0.2, -0.3, 0.3, 0.2, 0.4, -0.5])
@@ -63,7 +63,7 @@ def test_obstacles_move_while_a_motion_is_executed(reach, motion, engine):
 def test_a_motion_that_begins_moving_is_executed_so(reach, panda, engine):
     if engine == "mujoco":
         pytest.importorskip("mujoco")
-    part = cut(swing(panda.joint_names, READY, BY, 0.7), 0.35, 0.7)
+    part = cut_trajectory(swing(panda.joint_names, READY, BY, 0.7), 0.35, 0.7)
     log = execute(reach, part, ExecutionOptions(engine=engine))
     assert np.abs(part(np.zeros(1), 1)).max() > 0.5
     assert np.abs(log.error[0]).max() == 0.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.trajectory.cut import cut
+from optiplan.trajectory.cut import cut_trajectory
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -18,7 +18,7 @@ def motion():
 
 @pytest.mark.parametrize(("begin", "end"), [(0.0, 1.4), (0.2, 0.3), (0.5, 0.8), (0.1, 1.3)])
 def test_a_part_is_the_motion_in_its_own_time(motion, begin, end):
-    part = cut(motion, begin, end)
+    part = cut_trajectory(motion, begin, end)
     t = np.linspace(0.0, end - begin, 44)[1:-1]
     assert part.duration == pytest.approx(end - begin)
     for order in range(4):
@@ -27,7 +27,7 @@ def test_a_part_is_the_motion_in_its_own_time(motion, begin, end):
 
 @pytest.mark.parametrize(("begin", "lasts"), [(0.5, 2e-16), (0.8, 1e-13), (0.0, 1e-18), (1.4 - 4.5e-16, 4.5e-16)])
 def test_a_part_may_be_as_short_as_numbers_allow(motion, begin, lasts):
-    part = cut(motion, begin, begin + lasts)
+    part = cut_trajectory(motion, begin, begin + lasts)
     assert part.duration == pytest.approx(lasts, rel=0.6)
     piece = max(k for k, t in enumerate(motion.breakpoints[:-1]) if t <= begin)  # the one that begins there
     h = begin - motion.breakpoints[piece]
@@ -36,7 +36,7 @@ def test_a_part_may_be_as_short_as_numbers_allow(motion, begin, lasts):
 
 def test_an_empty_part_is_refused(motion):
     with pytest.raises(ValueError, match="end after the beginning"):
-        cut(motion, 0.3, 0.3)
+        cut_trajectory(motion, 0.3, 0.3)
 
 
 def test_segments_are_scaled_and_stored(motion):

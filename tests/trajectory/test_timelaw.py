@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from optiplan.errors import UnknownChoiceError
-from optiplan.problem.problem import JointGoal
+from optiplan.problem.problem import JointGoal, derived
 from optiplan.robot.robot import load_robot
 from optiplan.trajectory.paths.corner_blends import blend_path
 from optiplan.trajectory.timing.lower_bound import lower_bound
@@ -184,7 +184,7 @@ def test_the_verifier_accepts_every_method(panda, reach, weak, method):
         limits = replace(limits, jerk=np.full(panda.n, np.inf))
     motion = time_path(reach, panda, limits, TimingOptions(method))
     assert farthest(motion, reach, 100) < 1e-9
-    problem = replace(cases.problem("panda", reach.start, [JointGoal(reach.end)]), limits=limits)
+    problem = derived(cases.problem("panda", reach.start, [JointGoal(reach.end)]), limits=limits)
     report = verify(problem, motion)
     assert report.verified, [check for check in report.checks if not check.passed]
     strong = time_path(reach, panda, replace(limits, torque=np.full(panda.n, np.inf)), TimingOptions(method))

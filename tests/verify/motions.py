@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal
 from optiplan.trajectory.trajectory import Trajectory
+from tests.unchecked_problem import unchecked_problem
 
 
 def quintic(names, q0, q1, duration):
@@ -34,7 +35,7 @@ def within_limits(trajectory, limits, fraction=0.999):
 
 def problem_of(robot, trajectory, scene):
     """The problem that this trajectory was made for."""
-    return Problem(
+    return unchecked_problem(
         name="test",
         robot=robot,
         scene=scene,

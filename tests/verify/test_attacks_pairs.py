@@ -10,6 +10,7 @@ import pytest
 from optiplan.errors import InputError
 from optiplan.geometry.scene import HalfSpace, Obstacle, Scene, Sphere
 from optiplan.problem.load import load_problem
+from optiplan.problem.problem import derived
 from optiplan.robot.robot import load_robot
 from optiplan.robot.self_collision.pairs import PROVED
 from optiplan.verify.report import VerifyPolicy
@@ -95,7 +96,7 @@ def test_no_geometry_is_told_beside_the_verdict(tmp_path):
     problem = problem_of(robot, motion, Scene())
     assert verify(problem, motion).links_without_geometry == ("x",)
     none = load_robot(str(write_robot(tmp_path / "none", parts, "collision: none\n")))
-    report = verify(replace(problem, robot=none), motion)
+    report = verify(derived(problem, robot=none), motion)
     assert "collision: none: the robot has no bodies, and no contact of it is checked" in report.notes
     assert report.links_without_geometry == ("a", "x", "b")
 
@@ -103,7 +104,7 @@ def test_no_geometry_is_told_beside_the_verdict(tmp_path):
 def test_a_proof_does_not_outlive_the_limits_it_is_about(panda):
     """A problem with wider limits of position than the robot's has the proved pairs checked."""
     problem = problem_of(panda, small_motion(panda), Scene())
-    wide = replace(problem, limits=replace(problem.limits, upper=problem.limits.upper + 1.0))
+    wide = derived(problem, limits=replace(problem.limits, upper=problem.limits.upper + 1.0))
     assert "proved" in verify(problem, small_motion(panda)).unchecked_pairs
     assert "proved" not in verify(wide, small_motion(panda)).unchecked_pairs
 

@@ -12,9 +12,9 @@ from optiplan.collision.model import CollisionModel
 from optiplan.geometry.enclosure import winding_number
 from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.geometry.shapes import shape_of_body
-from optiplan.verify.continuous.bodies import Bodies, support, vertices_of
+from optiplan.verify.continuous.bodies import Bodies, support, support_vertices
 from optiplan.verify.continuous.intervals import Intervals, boxes, step_sizes
-from optiplan.verify.continuous.motion_bounds import DistanceQuery, Motion
+from optiplan.verify.continuous.motion_bounds import Motion, MotionQuery
 from optiplan.verify.continuous.separating_planes import PairDistances
 from tests.verify.motions import smooth
 
@@ -71,7 +71,7 @@ def test_approach_bounds_the_gap_over_the_whole_interval(model, panda, seed, wid
     placed = bodies.place(poses, rows, pairs)
     asked_of = PairDistances(model, bodies)
     found = asked_of.query(pairs, placed)
-    motion, query = Motion(bodies), DistanceQuery(rows, pairs, placed, *bodies.kinematics.axes(poses))
+    motion, query = Motion(bodies), MotionQuery(rows, pairs, placed, *bodies.kinematics.axes(poses))
     travel = motion.travel(b, query)
     chosen = np.flatnonzero(rng.random(len(pairs)) < 0.7)
     near = motion.along_normals(b, query, travel, found.normals, chosen)
@@ -189,7 +189,7 @@ def corners(bodies, placed, k, side):
     """Vertices in the world by pinocchio's pose of the body, not by the batch kinematics."""
     body = placed.bodies[k, side]
     shape = bodies.shapes[body]
-    local = vertices_of(shape)
+    local = support_vertices(shape)
     if isinstance(shape, coal.Box):
         local = np.array(np.meshgrid(*[[-h, h] for h in shape.halfSide])).reshape(3, -1).T
     X = placed.poses[k, side]
@@ -225,7 +225,7 @@ def test_support_functions_against_points_of_the_body(shape):
     x = rng.uniform(-0.5, 0.5, (200_000, 3))
     x = x[inside(shape, x)]
     n = rng.normal(size=(20, 3))
-    h = support(shape_of_body(shape), vertices_of(shape), n)
+    h = support(shape_of_body(shape), support_vertices(shape), n)
     largest = (x @ n.T).max(axis=0)
     assert (largest <= h + 1e-12).all()
     assert (largest >= h - 0.03 * np.linalg.norm(n, axis=1)).all()
@@ -247,9 +247,9 @@ def inside(shape, x):
 def test_support_of_a_half_space_and_of_an_unknown_shape():
     plane = coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.3)
     n = np.array([[0.0, 0.0, 1.0], [0.0, 1e-3, 1.0]])
-    np.testing.assert_array_equal(support(shape_of_body(plane), vertices_of(plane), n), [0.3, np.inf])
+    np.testing.assert_array_equal(support(shape_of_body(plane), support_vertices(plane), n), [0.3, np.inf])
     cone = coal.Cone(0.1, 0.2)
-    assert np.isinf(support(shape_of_body(cone), vertices_of(cone), n)).all()
+    assert np.isinf(support(shape_of_body(cone), support_vertices(cone), n)).all()
 
 
 def test_winding_number_of_a_tetrahedron():

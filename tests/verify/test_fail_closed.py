@@ -10,15 +10,12 @@ import pytest
 import optiplan as op
 from optiplan.geometry.scene import Attachment, Box, Obstacle, Scene, Sphere
 from optiplan.problem.constraints.base import WHOLE, Statement
-from optiplan.problem.constraints.statements import (
-    KINDS,
-    OnPlane,
-    PairClearance,
-    ToolAcceleration,
-    ToolSpeed,
-)
+from optiplan.problem.constraints.motions import PairClearance, ToolAcceleration, ToolSpeed
+from optiplan.problem.constraints.points import OnPlane
+from optiplan.problem.constraints.statements import KINDS
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
+from optiplan.problem.problem import derived
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.robot.limits import Limits
@@ -44,7 +41,7 @@ class Fresh(Statement):
     def of(cls, data, frame, during):
         return cls(frame, during)
 
-    def said(self):
+    def to_data(self):
         return {}
 
 
@@ -67,7 +64,7 @@ def named(report, name):
 
 
 def task_of(problem, *steps):
-    return replace(problem, goal=(), task=tuple(steps))
+    return derived(problem, goal=(), task=tuple(steps))
 
 
 def in_time(motion, *steps):
@@ -93,7 +90,7 @@ def test_a_verified_report_counts_its_statements(problem, swing):
 
 
 def test_a_fresh_kind_of_constraint_is_refused(problem, swing):
-    report = verify(replace(problem, path_constraints=(Fresh("tool"),)), swing)
+    report = verify(derived(problem, path_constraints=(Fresh("tool"),)), swing)
     assert failed(report) == ["fresh kind constraint"]
     assert "nothing was checked of it" in report.failures[0].detail
 
@@ -103,7 +100,7 @@ def test_a_fresh_kind_is_refused_in_a_task_and_its_steps(planar, problem, swing)
         (move(planar, [-1.0, 0.0]), (Fresh("tool"),)),
         (move(planar, [-1.0, 0.0], constraints=(Fresh("tool"),)), ()),
     ):
-        task = replace(task_of(problem, step), path_constraints=whole)
+        task = derived(task_of(problem, step), path_constraints=whole)
         assert failed(verify(task, in_time(swing, step))) == ["fresh kind constraint"]
 
 
@@ -118,7 +115,7 @@ def test_a_fresh_kind_is_refused_in_a_task_and_its_steps(planar, problem, swing)
     ],
 )
 def test_a_constraint_that_comes_to_nothing_is_refused(problem, swing, one):
-    report = verify(replace(problem, path_constraints=(one,)), swing)
+    report = verify(derived(problem, path_constraints=(one,)), swing)
     assert not report.verified
     assert report.failures[0].name.endswith("constraint")
 
@@ -127,7 +124,7 @@ def test_every_kind_of_constraint_has_a_check():
     """Of poses by what they measure; `tests/verify/test_constraint_check.py` takes each."""
     for kind in KINDS.values():
         found = _checks_of(object.__new__(kind))
-        assert found is not _poses or kind.__module__.endswith("poses")
+        assert found is not _poses or kind.__module__.endswith(("poses", "points"))
 
 
 def test_constraints_hold_where_a_step_takes_no_time(planar, problem, swing):
@@ -143,24 +140,24 @@ def test_constraints_hold_where_a_step_takes_no_time(planar, problem, swing):
 
 @pytest.mark.parametrize("goal", [(), (object(),)])
 def test_goals_that_are_unknown_or_missing_are_not_reached(problem, swing, goal):
-    assert failed(verify(replace(problem, goal=goal), swing)) == ["goal"]
+    assert failed(verify(derived(problem, goal=goal), swing)) == ["goal"]
 
 
 def test_a_region_without_bounds_and_tolerances_that_are_no_numbers_are_not_met(problem, planar, swing):
     X = pin.SE3.Identity()
     free = RegionGoal("tool", X, X, np.full(6, -np.inf), np.full(6, np.inf))
-    assert failed(verify(replace(problem, goal=(free,)), swing)) == ["goal"]
+    assert failed(verify(derived(problem, goal=(free,)), swing)) == ["goal"]
     data = planar.model.createData()
     pin.framesForwardKinematics(planar.model, data, swing.end)
     X_WT = data.oMf[planar.frame_id("tool")].copy()
     for position, orientation in ((1e-3, np.nan), (np.nan, 1e-3)):
-        assert "goal" in failed(verify(replace(problem, goal=(PoseGoal("tool", X_WT, position, orientation),)), swing))
+        assert "goal" in failed(verify(derived(problem, goal=(PoseGoal("tool", X_WT, position, orientation),)), swing))
         via = (Via(PoseGoal("tool", X_WT, position, orientation)),)
-        assert "via" in failed(verify(replace(problem, vias=via), swing))
+        assert "via" in failed(verify(derived(problem, vias=via), swing))
 
 
 def test_an_unknown_via_is_not_passed(problem, swing):
-    assert failed(verify(replace(problem, vias=(Via(object()),)), swing)) == ["via"]
+    assert failed(verify(derived(problem, vias=(Via(object()),)), swing)) == ["via"]
 
 
 def test_an_unknown_action_is_not_done(planar, problem, swing):
@@ -188,7 +185,7 @@ def test_vias_and_goals_beside_a_task_are_not_passed_over(planar, problem, swing
     step = move(planar, [-1.0, 0.0])
     task = task_of(problem, step)
     assert verify(task, in_time(swing, step)).verified
-    beside = replace(task, goal=problem.goal, vias=(Via(JointGoal(np.zeros(2))),))
+    beside = derived(task, goal=problem.goal, vias=(Via(JointGoal(np.zeros(2))),))
     report = verify(beside, in_time(swing, step))
     assert failed(report) == ["statements"]
     assert report.failures[0].detail.endswith("goal, vias[0]")
@@ -198,7 +195,7 @@ def test_a_mass_that_the_robot_does_not_carry_is_not_checked(planar, problem, sw
     held = Attachment(
         "load", Sphere(0.01), "tip", pin.SE3(np.eye(3), np.array([0.0, 0, 0])), frozenset({"forearm", "tip"}), mass=0.1
     )
-    report = verify(replace(problem, scene=Scene((), (held,))), swing)
+    report = verify(derived(problem, scene=Scene((), (held,))), swing)
     assert failed(report) == ["statements"]
     assert report.failures[0].detail == "no check was made of scene.load.mass"
     carried = op.Problem(planar, swing.start, swing.end, Scene((), (held,)))
@@ -210,7 +207,7 @@ def test_a_check_that_is_left_out_is_missed(planar, problem, swing, monkeypatch,
     """Whatever part of the verifier returns a check of nothing, or none, the verdict is not `verified`."""
     crate = Obstacle("crate", Box((0.1, 0.1, 0.1)), pin.SE3(np.eye(3), np.array([3.0, 0, 0])))
     cart = crate.moving([[0.0], [0.1], [0.0]])
-    whole = replace(
+    whole = derived(
         problem,
         scene=Scene((replace(crate, name="still"), cart)),
         path_constraints=(ToolSpeed("tool", 100.0),),
@@ -262,7 +259,7 @@ def test_fields_of_what_a_problem_states_are_known():
 
 def test_an_empty_list_of_checks_never_stands_for_a_constraint(problem, swing):
     for one in (Fresh("tool"), ToolSpeed("tool", 50.0), PairClearance((("upper_arm", "nothing"),), 0.1)):
-        found = path_constraints(replace(problem, path_constraints=(one,)), swing, VerifyPolicy())
+        found = path_constraints(derived(problem, path_constraints=(one,)), swing, VerifyPolicy())
         assert found
         assert all(check.covers == ("path_constraints[0]",) for check in found)
     assert task_check.loaded_torque is verifier.loaded_torque

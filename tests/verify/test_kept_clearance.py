@@ -16,7 +16,7 @@ from optiplan.robot.robot import Robot, load_robot
 from optiplan.verify.collision_check import collision
 from optiplan.verify.continuous import kept_clearance
 from optiplan.verify.continuous.certificate import certify
-from optiplan.verify.continuous.kept_clearance import _surface, prepare
+from optiplan.verify.continuous.kept_clearance import _surface, prove_kept_clearances
 from optiplan.verify.continuous.rings import near_rings
 from optiplan.verify.report import VerifyPolicy
 from tests.verify.motions import problem_of, quintic
@@ -100,7 +100,7 @@ def test_the_scene_is_told_apart_from_the_robot_itself(robot: Robot) -> None:
 
 
 def test_no_more_is_proved_of_a_pair_than_its_distance(robot: Robot) -> None:
-    tables, model, rng = prepare(robot), CollisionModel(robot, Scene()), np.random.default_rng(3)
+    tables, model, rng = prove_kept_clearances(robot), CollisionModel(robot, Scene()), np.random.default_rng(3)
     assert tables
     pairs = {(pair.a, pair.b): k for k, pair in enumerate(model.pairs)}
     for pair, table in tables.items():
@@ -139,7 +139,7 @@ def test_turns_of_an_endless_joint_are_one(tmp_path: Path) -> None:
     proof = certify(model, moving(robot, 2.0, 9.0), VerifyPolicy())
     assert proof.proved
     assert proof.queries < 100
-    table = prepare(robot)[0, 1]
+    table = prove_kept_clearances(robot)[0, 1]
     Q = np.array([[0.3, 0.0], [0.3 + 4.0 * np.pi, 0.0]])
     assert np.ptp(table.least(Q, np.full((2, 2), 1e-3))) == 0.0
 
@@ -149,17 +149,17 @@ def test_what_is_kept_is_read_again_and_made_again_where_it_is_damaged(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     said: list[str] = []
-    made = prepare(robot, lambda words, share: said.append(words))
+    made = prove_kept_clearances(robot, lambda words, share: said.append(words))
     assert "base – disc" in said
     said.clear()
-    again = prepare(robot, lambda words, share: said.append(words))
+    again = prove_kept_clearances(robot, lambda words, share: said.append(words))
     assert not said
     assert made.keys() == again.keys()
     assert all((made[pair].clearance == again[pair].clearance).all() for pair in made)
     (kept,) = (cache.cache_dir() / "clearances").iterdir()
     content = kept.read_bytes()
     kept.write_bytes(content[:100] + bytes([content[100] ^ 1]) + content[101:])
-    prepare(robot, lambda words, share: said.append(words))
+    prove_kept_clearances(robot, lambda words, share: said.append(words))
     assert "base – disc" in said
 
 
@@ -168,8 +168,8 @@ def test_another_body_is_another_entry(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     free, stopped = robot_in(tmp_path / "free", stop=False), robot_in(tmp_path / "stopped")
     at = np.array([[STOP, 0.0]]), np.zeros((1, 2))
-    assert prepare(free)[0, 1].least(*at)[0] > 0.0
-    assert prepare(stopped)[0, 1].least(*at)[0] == -np.inf
+    assert prove_kept_clearances(free)[0, 1].least(*at)[0] > 0.0
+    assert prove_kept_clearances(stopped)[0, 1].least(*at)[0] == -np.inf
 
 
 def test_pairs_of_two_joints_share_the_boxes_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -184,7 +184,7 @@ def test_pairs_of_two_joints_share_the_boxes_looked_at(tmp_path: Path, monkeypat
 
     monkeypatch.setattr(kept_clearance._Maker, "_bounds", counted)
     monkeypatch.setattr(kept_clearance, "_IN_ALL", 4)
-    prepare(robot_in(tmp_path / "robot", stop=False))
+    prove_kept_clearances(robot_in(tmp_path / "robot", stop=False))
     assert 1 <= sum(looked) <= 8  # the boxes that pass the bound are those of the last halving
 
 
@@ -197,7 +197,7 @@ def test_a_body_inside_another_is_not_proved_clear_of_it(tmp_path: Path) -> None
         "version: 1\nname: discs\nurdf: robot.urdf\ncollision: {hull: [base], mesh: [disc, tip]}\n"
     )
     robot = load_robot(str(tmp_path))
-    assert (0, 1) not in prepare(robot)
+    assert (0, 1) not in prove_kept_clearances(robot)
     assert not certify(CollisionModel(robot, Scene()), moving(robot, 0.0, 0.5), VerifyPolicy()).proved
 
 

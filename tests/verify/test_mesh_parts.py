@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.convex import triangles_of, vertices_of
+from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.geometry.shapes import Box, Sphere
 from optiplan.robot.robot import Robot, load_robot
@@ -67,7 +67,7 @@ def test_parts_hold_every_triangle(model: CollisionModel) -> None:
     assert isinstance(mesh, coal.BVHModelBase)
     n = np.random.default_rng(0).normal(size=(300, 3))
     heights = [support(None, part.vertices, n) for part in parts]
-    for triangle in vertices_of(mesh)[triangles_of(mesh)]:
+    for triangle in mesh_vertices(mesh)[mesh_triangles(mesh)]:
         own = (n @ triangle.T).max(axis=1)
         assert any((own <= height + 1e-12).all() for height in heights)
 

@@ -1,11 +1,10 @@
 """The verifier holds the motion at both ends against what the problem states there."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.problem.problem import derived
 from optiplan.trajectory.profiles.state_to_state import fastest
 from optiplan.verify.verify import verify
 
@@ -48,15 +47,15 @@ def test_a_motion_at_rest_is_refused_by_a_problem_that_moves():
     ],
 )
 def test_another_motion_is_refused(change, words):
-    found = failed(replace(MOVING, **change), MOTION)["ends"]
+    found = failed(derived(MOVING, **change), MOTION)["ends"]
     assert words in found.detail
     assert found.worst > found.limit
 
 
 def test_any_of_several_states_may_be_arrived_in():
     goals = (op.JointGoal(END.q), op.JointGoal(END.q, velocity=-V, acceleration=0.5 * A))
-    assert verify(replace(MOVING, goal=goals), MOTION).verified
-    assert "ends" in failed(replace(MOVING, goal=goals[:1]), MOTION)
+    assert verify(derived(MOVING, goal=goals), MOTION).verified
+    assert "ends" in failed(derived(MOVING, goal=goals[:1]), MOTION)
 
 
 def test_a_stated_acceleration_is_held_without_jerk_limits_too():

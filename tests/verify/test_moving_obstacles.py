@@ -7,8 +7,8 @@ import optiplan as op
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.geometry.obstacle_motion import ObstacleMotion
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.common.continuous_collision import first_contact
+from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.obstacle_columns import with_obstacles
 from optiplan.verify.verify import verify
 

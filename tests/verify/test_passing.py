@@ -1,7 +1,5 @@
 """The check `via`: what it must pass, and what it must refuse."""
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from optiplan.geometry.scene import Scene
-from optiplan.problem.problem import JointGoal, PoseGoal, Via
+from optiplan.problem.problem import JointGoal, PoseGoal, Via, derived
 from optiplan.robot.robot import load_robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import via_check
@@ -40,7 +38,7 @@ def line():
 
 def check(line, *points):
     problem, motion = line
-    return vias(replace(problem, vias=points), motion)
+    return vias(derived(problem, vias=points), motion)
 
 
 def test_a_problem_without_vias_has_no_such_check(line):
@@ -72,7 +70,7 @@ def test_vias_in_the_wrong_order_are_refused(line):
     assert found.witness["via"] == 2
     assert found.worst == pytest.approx(0.2, abs=2e-6)
     assert "via 2 of 2 is missed" in found.detail
-    assert not verify(replace(line[0], vias=(joints([0.6, 0.6]), joints([0.4, 0.4]))), line[1]).verified
+    assert not verify(derived(line[0], vias=(joints([0.6, 0.6]), joints([0.4, 0.4]))), line[1]).verified
 
 
 def test_one_place_serves_two_vias_in_a_row(line):
@@ -84,7 +82,7 @@ def test_a_motion_that_comes_back_passes_both_ways(planar):
     problem = problem_of(planar, there_and_back, Scene())
     q = there_and_back(np.array([1.0, 2.0]))
     for order, verdict in (((0, 1, 0), True), ((1, 0, 1), False)):
-        assert vias(replace(problem, vias=tuple(joints(q[i]) for i in order)), there_and_back).passed is verdict
+        assert vias(derived(problem, vias=tuple(joints(q[i]) for i in order)), there_and_back).passed is verdict
 
 
 def test_a_pose_is_found_between_samples(line):
@@ -116,7 +114,7 @@ def test_it_says_the_same_as_dense_samples(seed, degree, tolerance):
         coefficients[i + 1, 0] = h[i] ** np.arange(degree + 1) @ coefficients[i]
     motion = Trajectory(("a", "b"), np.append(0.0, np.cumsum(h)), coefficients)
     robot = load_robot("planar2r")
-    problem = replace(problem_of(robot, motion, Scene()), vias=(joints(rng.normal(size=2), tolerance),))
+    problem = derived(problem_of(robot, motion, Scene()), vias=(joints(rng.normal(size=2), tolerance),))
     found = vias(problem, motion)
     distance = np.abs(motion(np.linspace(0.0, motion.duration, 5000)) - problem.vias[0].at.q).max(axis=1)
     assert found.worst <= distance.min() + 1e-9
@@ -132,6 +130,6 @@ def test_a_pose_is_looked_for_in_all_samples_at_once(line, monkeypatch):
     counted = []
     monkeypatch.setattr(via_check, "miss", lambda *given: counted.append(1) or miss(*given))
     points = [tool(problem.robot, motion(share * motion.duration)) for share in np.linspace(0.1, 0.9, 9)]
-    found = vias(replace(problem, vias=tuple(points)), motion)
+    found = vias(derived(problem, vias=tuple(points)), motion)
     assert found.passed, found.detail
     assert len(counted) < 100 * len(points)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from optiplan.geometry.scene import Scene
+from optiplan.problem.problem import derived
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.limit_checks import rate
@@ -96,7 +97,7 @@ def test_a_motion_at_its_limit_is_proved(planar):
     problem = problem_of(planar, motion, Scene())
     for order, name in ((1, "velocity"), (2, "acceleration"), (3, "jerk")):
         peak = np.abs(np.stack(motion.extrema(order))).max(axis=0)
-        at = replace(problem, limits=replace(problem.limits, **{name: peak}))
+        at = derived(problem, limits=replace(problem.limits, **{name: peak}))
         assert rate(at, motion, VerifyPolicy(), order).passed
-        none = replace(problem, limits=replace(problem.limits, **{name: np.full(2, np.inf)}))
+        none = derived(problem, limits=replace(problem.limits, **{name: np.full(2, np.inf)}))
         assert rate(none, motion, VerifyPolicy(), order).passed

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
-from optiplan.kinematics.jacobians import frame_pose
+from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.segments import Segment
 
 START, END = np.array([0.0, -1.5, 1.5, -1.5, -1.5, 0.0]), np.array([0.6, -1.2, 1.2, -1.5, -1.5, 0.3])

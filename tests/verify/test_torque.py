@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Scene
+from optiplan.problem.problem import derived
 from optiplan.robot.robot import load_robot
 from optiplan.verify.continuous.torque import torque
 from optiplan.verify.continuous.torque_bounds import TorqueBounds
@@ -87,7 +88,7 @@ def test_a_peak_between_samples_counts(panda, swing, share, verdict, rate):
     """With intervals of a whole second to begin with, no first sample is anywhere near the peak."""
     motion, peak = swing
     problem = problem_of(panda, motion, Scene())
-    problem = replace(problem, limits=replace(problem.limits, torque=peak * share / (1.0 + 1e-6)))
+    problem = derived(problem, limits=replace(problem.limits, torque=peak * share / (1.0 + 1e-6)))
     check = torque(problem, motion, VerifyPolicy(torque_rate=rate))
     assert check.passed is verdict, check.detail
     assert check.kind == "continuous"
@@ -100,7 +101,7 @@ def test_a_peak_between_samples_counts(panda, swing, share, verdict, rate):
 def test_what_is_not_checked_is_said(planar):
     swing = within_limits(quintic(planar.joint_names, [1.0, 0.0], [-1.0, 0.0], 1.0), planar.limits)
     problem = problem_of(planar, swing, Scene())
-    endless = replace(problem, limits=replace(problem.limits, torque=np.full(2, np.inf)))
+    endless = derived(problem, limits=replace(problem.limits, torque=np.full(2, np.inf)))
     assert torque(endless, swing, VerifyPolicy()).kind == "unchecked"
 
 

@@ -10,7 +10,7 @@ import pytest
 from optiplan.collision.kept_models import collision_model
 from optiplan.errors import InputError
 from optiplan.geometry.scene import Attachment, Box, Capsule, HalfSpace, Obstacle, Scene, Sphere
-from optiplan.problem.problem import JointGoal, PoseGoal
+from optiplan.problem.problem import JointGoal, PoseGoal, derived
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import collision_check
 from optiplan.verify.continuous.proof import Moment, Proof
@@ -141,7 +141,7 @@ def test_a_peak_inside_a_piece(planar, swing, order, name, excess, verdict):
     """One piece, so nothing shows at breakpoints; the limit is passed by a thousandth of it."""
     peak = np.abs(np.stack(swing.extrema(order))).max(axis=0) + 1e-9
     problem = problem_of(planar, swing, Scene())
-    problem = replace(problem, limits=replace(problem.limits, **{name: peak / (1.0 + excess)}))
+    problem = derived(problem, limits=replace(problem.limits, **{name: peak / (1.0 + excess)}))
     report = verify(problem, swing)
     assert failed(report) == ([] if verdict else [name])
     assert named(report, name).worst == pytest.approx(peak[0])
@@ -152,7 +152,7 @@ def test_position_limits_hold_between_breakpoints(planar):
     problem = problem_of(planar, bump, Scene())
     peak = bump.extrema(0)[1]
     for slack, verdict in ((1e-3, True), (-1e-3, False)):
-        limited = replace(problem, limits=replace(problem.limits, upper=peak + np.array([slack, 1.0])))
+        limited = derived(problem, limits=replace(problem.limits, upper=peak + np.array([slack, 1.0])))
         assert verify(limited, bump).verified is verdict
 
 
@@ -160,19 +160,19 @@ def test_torque_is_a_limit_where_the_robot_has_one(planar, swing):
     problem = problem_of(planar, swing, Scene())
     peak = named(verify(problem, swing), "torque")
     assert peak.kind == "continuous"
-    weak = replace(problem, limits=replace(problem.limits, torque=np.array([0.99 * peak.worst, 100.0])))
+    weak = derived(problem, limits=replace(problem.limits, torque=np.array([0.99 * peak.worst, 100.0])))
     assert failed(verify(weak, swing)) == ["torque"]
-    none = replace(problem, limits=replace(problem.limits, torque=np.full(2, np.inf)))
+    none = derived(problem, limits=replace(problem.limits, torque=np.full(2, np.inf)))
     assert verify(none, swing).verified
 
 
 def test_an_end_that_misses_the_goal(planar, swing):
     problem = problem_of(planar, swing, Scene())
-    missed = replace(problem, goal=(JointGoal(np.add(swing.end, [0.0, 1e-4])),))
+    missed = derived(problem, goal=(JointGoal(np.add(swing.end, [0.0, 1e-4])),))
     report = verify(missed, swing)
     assert failed(report) == ["goal"]
     assert named(report, "goal").place == "elbow"
-    assert verify(replace(problem, goal=(missed.goal[0], problem.goal[0])), swing).verified
+    assert verify(derived(problem, goal=(missed.goal[0], problem.goal[0])), swing).verified
 
 
 @pytest.mark.parametrize(
@@ -184,22 +184,22 @@ def test_pose_goals(planar, swing, shift, turn, part):
     X_WT = data.oMf[planar.model.getFrameId("tool")]
     wanted = pin.SE3(X_WT.rotation @ pin.exp3(np.array([turn, 0, 0])), np.add(X_WT.translation, [0, shift, 0]))
     goal = PoseGoal("tool", wanted, 1e-3, 1e-2)
-    report = verify(replace(problem_of(planar, swing, Scene()), goal=(goal,)), swing)
+    report = verify(derived(problem_of(planar, swing, Scene()), goal=(goal,)), swing)
     assert report.verified is (not part)
     assert not part or named(report, "goal").place == part
 
 
 def test_joints_without_end_may_arrive_a_turn_later(planar, swing):
     problem = problem_of(planar, swing, Scene())
-    away = replace(problem, goal=(JointGoal(np.add(swing.end, [2 * np.pi, 0.0])),))
+    away = derived(problem, goal=(JointGoal(np.add(swing.end, [2 * np.pi, 0.0])),))
     assert failed(verify(away, swing)) == ["goal"]
     endless = replace(planar, limits=replace(planar.limits, lower=np.full(2, -np.inf), upper=np.full(2, np.inf)))
-    assert verify(replace(away, robot=endless), swing).verified
+    assert verify(derived(away, robot=endless), swing).verified
 
 
 def test_another_start(planar, swing):
     problem = problem_of(planar, swing, Scene())
-    assert failed(verify(replace(problem, start=np.add(problem.start, [1e-4, 0])), swing)) == ["start"]
+    assert failed(verify(derived(problem, start=np.add(problem.start, [1e-4, 0])), swing)) == ["start"]
 
 
 def test_ends_in_motion(planar):

@@ -9,6 +9,7 @@ from optiplan.geometry.scene import Attachment, Box, Capsule, Cylinder, HalfSpac
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.trajectory.trajectory import Trajectory
+from tests.unchecked_problem import unchecked_problem
 from tests.viewer.browsing import visit
 
 __all__ = ["visit"]
@@ -41,7 +42,7 @@ def bare(planar: Robot) -> Problem:
     """Two links that have joints and nothing else."""
     robot = copy.copy(planar)
     robot.__dict__.update(name="bare", visual=pin.GeometryModel(), geometry=pin.GeometryModel())
-    return Problem(
+    return unchecked_problem(
         name="flat",
         robot=robot,
         scene=Scene(),
@@ -64,7 +65,7 @@ def shelf(panda: Robot) -> Problem:
     held = Attachment("part", Box((0.03, 0.03, 0.1)), "panda_hand", at(0.0, 0.0, 0.12))
     goal = np.array([0.6, 0.3, -0.2, -1.6, 0.1, 1.9, 0.9])
     start = panda.configurations["ready"]
-    return Problem(
+    return unchecked_problem(
         name='a <b>shelf</b> & "more"',
         robot=panda,
         scene=Scene(obstacles, (held,)),

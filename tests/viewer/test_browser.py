@@ -8,12 +8,13 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal, derived
 from optiplan.trajectory.segments import Segment
 from optiplan.viewer.page import export_page, render_page
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
 from optiplan.viewer.server import PageServer
+from tests.unchecked_problem import unchecked_problem
 from tests.viewer.browsing import pixels, poses, until
 
 pytestmark = [pytest.mark.timeout(240)]
@@ -142,7 +143,7 @@ def test_the_page_tells_the_verdicts_and_escapes_names(visit, exported):
 def overlay(shelf, motion, tmp_path_factory) -> str:
     """Address of a comparison: two runs along one path, one along another, one that failed."""
     path = tmp_path_factory.mktemp("page") / "overlay.html"
-    away = dataclasses.replace(shelf, goal=(JointGoal(shelf.start + 0.4),))
+    away = derived(shelf, goal=(JointGoal(shelf.start + 0.4),))
     failure = {"kind": "no-path", "detail": "there is none", "witness": {"q": shelf.goal[0].q.tolist(), "points": []}}
     runs = [
         ViewedRun("stuck", None, None, failure),
@@ -198,7 +199,7 @@ def test_same_address_same_picture(visit, exported):
 
 
 def test_served_page_of_a_planar_robot_without_runs(visit, planar):
-    problem = Problem(
+    problem = unchecked_problem(
         name="flat",
         robot=planar,
         scene=Scene(),
@@ -269,5 +270,5 @@ def test_a_thousand_obstacles_are_drawn(visit, shelf, tmp_path):
     places = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 10)]), -1).reshape(-1, 3)
     boxes = tuple(Obstacle(f"box{k}", Box((0.05, 0.05, 0.05)), pin.SE3(np.eye(3), p)) for k, p in enumerate(places))
     path = tmp_path / "crowd.html"
-    export_page(dataclasses.replace(shelf, scene=Scene(boxes)), [], path)
+    export_page(derived(shelf, scene=Scene(boxes)), [], path)
     assert pixels(visit(path.as_uri())).std() > 10.0

@@ -5,9 +5,10 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Obstacle, Scene, Sphere
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal
 from optiplan.viewer.page import export_page
 from optiplan.viewer.runs import ViewedRun
+from tests.unchecked_problem import unchecked_problem
 from tests.viewer.browsing import pixels
 from tests.viewer.conftest import at
 
@@ -26,7 +27,7 @@ def ball(panda) -> Obstacle:
 def address(panda, ball, motion, tmp_path_factory) -> str:
     """A page of a motion of 2 s past a ball that falls and stops, and a board that stands."""
     goal = panda.configurations["ready"] + np.array([0.6, 0.2, 0.0, 0.3, 0.0, 0.0, 0.0])
-    problem = Problem(
+    problem = unchecked_problem(
         name="falling",
         robot=panda,
         scene=Scene((ball,)),

@@ -8,8 +8,8 @@ import pytest
 from optiplan.errors import InputError, UnknownChoiceError
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.plots.curves import motion_curves
-from optiplan.viewer.plots.figures import FIGURES, PlotOptions, draw, write, write_all
-from optiplan.viewer.plots.outlines import outlines
+from optiplan.viewer.plots.figures import FIGURES, PlotOptions, draw, save_figures, write_all
+from optiplan.viewer.plots.path_figure import outlines
 from optiplan.viewer.plots.runs import PlottedRun, comparable
 
 HEADS = {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml", "csv": b"run,t,"}
@@ -109,12 +109,12 @@ def test_outlines_are_of_the_obstacles(shelf):
 def test_files_are_what_their_names_say(run, other, tmp_path, kind):
     path = tmp_path / f"new/figure.{kind}"
     names = list(FIGURES) if kind == "pdf" else ["tool"]
-    write(names, [run, other], PlotOptions(), path)
+    save_figures(names, [run, other], PlotOptions(), path)
     assert path.read_bytes().startswith(HEADS[kind])
     if kind == "pdf":
         assert path.read_bytes().count(b"/Type /Page\n") + path.read_bytes().count(b"/Type /Page ") == 3
     first = path.read_bytes()
-    write(names, [run, other], PlotOptions(), path)
+    save_figures(names, [run, other], PlotOptions(), path)
     assert path.read_bytes() == first
 
 
@@ -138,11 +138,11 @@ def test_csv_has_the_samples_and_the_limits(run, tmp_path):
 
 def test_what_cannot_be_drawn_is_named(run, other, planar, bare, motion, tmp_path):
     with pytest.raises(InputError, match=r"found|\.png, \.svg, \.pdf, \.csv"):
-        write(["tool"], [run], PlotOptions(), tmp_path / "figure.jpg")
+        save_figures(["tool"], [run], PlotOptions(), tmp_path / "figure.jpg")
     with pytest.raises(InputError, match="3 figures"):
-        write(list(FIGURES), [run], PlotOptions(), tmp_path / "figure.png")
+        save_figures(list(FIGURES), [run], PlotOptions(), tmp_path / "figure.png")
     with pytest.raises(UnknownChoiceError, match="elbow"):
-        write(["joints"], [run], PlotOptions(joints=("elbow",)), tmp_path / "figure.csv")
+        save_figures(["joints"], [run], PlotOptions(joints=("elbow",)), tmp_path / "figure.csv")
     with pytest.raises(InputError, match="'flat' moves"):
         comparable([run, PlottedRun("flat", bare, motion(bare), True)])
     with pytest.raises(InputError, match="no run with a motion"):

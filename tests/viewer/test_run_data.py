@@ -17,8 +17,7 @@ from optiplan.viewer.run_data.checks import checks_of
 from optiplan.viewer.run_data.clearance import clearance_of
 from optiplan.viewer.run_data.closed_loop import LOG, read_log
 from optiplan.viewer.run_data.curves import curves_of, short_names, tool_frames
-from optiplan.viewer.run_data.stops import stops_told
-from optiplan.viewer.runs import ViewedRun
+from optiplan.viewer.runs import ViewedRun, stops_told
 from optiplan.viewer.scene import build_scene
 
 

@@ -1,14 +1,14 @@
 import base64
-import dataclasses
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from optiplan.geometry.scene import Scene
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal, derived
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.viewer.runs import RATE, Poses, ViewedRun, show_run
+from optiplan.viewer.runs import RATE, Poses, ViewedRun, run_for_page
+from tests.unchecked_problem import unchecked_problem
 
 WITNESS = {"proved_clearance": 0.0123, "met_clearance": 0.0145}
 COLLISION = {"name": "collision", "passed": True, "worst": 0.0123, "time": 0.4, "witness": WITNESS}
@@ -30,7 +30,7 @@ def test_poses_are_those_of_pinocchio(shelf, panda):
 
 
 def test_motion_is_sampled_from_start_to_end(shelf, motion):
-    shown = show_run(shelf, Poses(shelf), ViewedRun("quintic", motion(shelf), REPORT))
+    shown = run_for_page(shelf, Poses(shelf), ViewedRun("quintic", motion(shelf), REPORT))
     poses = floats(shown["poses"], shown["samples"], 7, 7)
     assert shown["samples"] - 1 >= RATE * shown["duration"]
     ends = Poses(shelf).of(np.array([shelf.start, shelf.goal[0].q]))[0]
@@ -38,7 +38,7 @@ def test_motion_is_sampled_from_start_to_end(shelf, motion):
 
 
 def test_ellipsoids_hold_what_the_jacobian_says(shelf, motion, panda):
-    shown = show_run(shelf, Poses(shelf), ViewedRun("quintic", motion(shelf), REPORT))
+    shown = run_for_page(shelf, Poses(shelf), ViewedRun("quintic", motion(shelf), REPORT))
     sent = floats(shown["ellipsoids"], shown["samples"], 7)
     data, tool = panda.model.createData(), panda.model.getFrameId(panda.tool_frame)
     for k, q in enumerate(motion(shelf)(np.linspace(0.0, 1.6, shown["samples"]))):
@@ -50,14 +50,14 @@ def test_ellipsoids_hold_what_the_jacobian_says(shelf, motion, panda):
 
 def test_ellipsoids_of_a_planar_arm_are_flat(planar):
     flat = Poses(
-        Problem(name="flat", robot=planar, scene=Scene(), start=np.zeros(2), goal=(), limits=planar.limits)
+        unchecked_problem(name="flat", robot=planar, scene=Scene(), start=np.zeros(2), goal=(), limits=planar.limits)
     ).ellipsoids(np.array([[0.3, 1.0]]))
     assert flat.shape == (1, 7)
     assert flat[0, 6] < 1e-12 < flat[0, 5]
 
 
 def test_facts_of_a_verified_run(shelf, motion):
-    shown = show_run(shelf, Poses(shelf), ViewedRun("quintic", motion(shelf), REPORT))
+    shown = run_for_page(shelf, Poses(shelf), ViewedRun("quintic", motion(shelf), REPORT))
     facts = dict(shown["facts"])
     assert shown["badge"] == "verified"
     assert facts["duration"] == "1.600 s"
@@ -71,8 +71,8 @@ def test_facts_of_a_verified_run(shelf, motion):
 def test_what_the_verdict_is_about_is_shown(shelf, motion):
     scope = ("4 pairs of links not checked: 4 adjacent", "torque: at all times, without friction")
     run = ViewedRun("quintic", motion(shelf), REPORT | {"scope": list(scope)})
-    assert show_run(shelf, Poses(shelf), run)["about"]["statements"] == list(scope)
-    assert show_run(shelf, Poses(shelf), run._replace(report=None))["about"] is None
+    assert run_for_page(shelf, Poses(shelf), run)["about"]["statements"] == list(scope)
+    assert run_for_page(shelf, Poses(shelf), run._replace(report=None))["about"] is None
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e-15, 1e-12])
@@ -81,10 +81,10 @@ def test_a_motion_that_ends_where_it_starts_has_no_bound(shelf, motion, offset):
     there = motion(shelf)
     q = shelf.start.copy()
     q[2] += offset
-    back = motion(dataclasses.replace(shelf, start=there.end, goal=(JointGoal(q),)))
+    back = motion(derived(shelf, start=there.end, goal=(JointGoal(q),)))
     coefficients = np.concatenate([there.coefficients, back.coefficients])
     circle = Trajectory(there.joint_names, np.array([0.0, 1.6, 3.2]), coefficients)
-    facts = dict(show_run(shelf, Poses(shelf), ViewedRun("circle", circle, REPORT))["facts"])
+    facts = dict(run_for_page(shelf, Poses(shelf), ViewedRun("circle", circle, REPORT))["facts"])
     assert facts["duration"] == "3.200 s"
     assert not any("bound" in name for name in facts)
 
@@ -92,7 +92,7 @@ def test_a_motion_that_ends_where_it_starts_has_no_bound(shelf, motion, offset):
 def test_a_run_is_verified_only_when_its_report_says_so(shelf, motion):
     trajectory, poses = motion(shelf), Poses(shelf)
     runs = [ViewedRun("a", trajectory), ViewedRun("b", trajectory, {"verified": False}), ViewedRun("c", None)]
-    assert [show_run(shelf, poses, run)["badge"] for run in runs] == ["not checked", "not verified", "no plan"]
+    assert [run_for_page(shelf, poses, run)["badge"] for run in runs] == ["not checked", "not verified", "no plan"]
 
 
 def test_refused_check_is_shown_with_its_witness(shelf, motion):
@@ -105,7 +105,7 @@ def test_refused_check_is_shown_with_its_witness(shelf, motion):
         "detail": "they touch",
         "witness": witness,
     }
-    shown = show_run(shelf, Poses(shelf), ViewedRun("bad", motion(shelf), {"verified": False, "checks": [check]}))
+    shown = run_for_page(shelf, Poses(shelf), ViewedRun("bad", motion(shelf), {"verified": False, "checks": [check]}))
     assert shown["problems"] == ["collision: they touch (at 1.100 s)"]
     (found,) = shown["witnesses"]
     assert (found["points"], found["pair"], found["time"]) == (witness["points"], witness["pair"], 1.1)
@@ -114,7 +114,7 @@ def test_refused_check_is_shown_with_its_witness(shelf, motion):
 
 def test_failure_without_a_trajectory_is_shown(shelf):
     failure = {"kind": "no-path", "detail": "the goal is walled in", "witness": {"points": [[0.0, 0.0, 1.0]], "t": 0.5}}
-    shown = show_run(shelf, Poses(shelf), ViewedRun("rrt", None, None, failure))
+    shown = run_for_page(shelf, Poses(shelf), ViewedRun("rrt", None, None, failure))
     assert shown["problems"] == ["no-path: the goal is walled in"]
     assert shown["witnesses"] == [{"points": [[0.0, 0.0, 1.0]], "pair": [], "distance": None, "time": 0.5}]
 
@@ -122,10 +122,10 @@ def test_failure_without_a_trajectory_is_shown(shelf):
 @pytest.mark.parametrize("witness", [{}, {"q": None}, {"points": []}, {"points": [1.0, 2.0]}])
 def test_witness_without_a_place_draws_nothing(shelf, witness):
     failure = {"kind": "budget", "detail": "", "witness": witness}
-    assert show_run(shelf, Poses(shelf), ViewedRun("rrt", None, None, failure))["witnesses"] == []
+    assert run_for_page(shelf, Poses(shelf), ViewedRun("rrt", None, None, failure))["witnesses"] == []
 
 
 def test_witness_of_another_robot_draws_no_robot(shelf):
     failure = {"kind": "collision", "detail": "", "witness": {"q": [0.0, float("nan")], "points": [[0, 0, 0]]}}
-    (found,) = show_run(shelf, Poses(shelf), ViewedRun("rrt", None, None, failure))["witnesses"]
+    (found,) = run_for_page(shelf, Poses(shelf), ViewedRun("rrt", None, None, failure))["witnesses"]
     assert "poses" not in found

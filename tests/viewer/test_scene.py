@@ -1,5 +1,4 @@
 import copy
-import dataclasses
 import json
 from collections import Counter
 
@@ -9,8 +8,9 @@ import pytest
 
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem, Via
+from optiplan.problem.problem import JointGoal, PoseGoal, Via, derived
 from optiplan.viewer.scene import build_scene
+from tests.unchecked_problem import unchecked_problem
 
 
 def named(scene, name, kind):
@@ -31,7 +31,7 @@ def test_everything_is_drawn(shelf, motion):
 
 def test_equal_shapes_are_sent_once(shelf):
     boxes = tuple(Obstacle(f"box{k}", Box((0.1, 0.1, 0.1)), pin.SE3.Random()) for k in range(1000))
-    crowd = dataclasses.replace(shelf, scene=Scene(boxes))
+    crowd = derived(shelf, scene=Scene(boxes))
     scene = build_scene(crowd, [])
     assert sum(part["set"] == "obstacle" for part in scene.parts) == 1000
     assert len({part["geometry"] for part in scene.parts if part["set"] == "obstacle"}) == 1
@@ -58,7 +58,7 @@ def test_small_obstacles_have_another_colour(shelf):
 def test_links_without_visual_geometry_show_their_collision_geometry(shelf, panda):
     blind = copy.copy(panda)
     blind.__dict__["visual"] = pin.GeometryModel()
-    scene = build_scene(dataclasses.replace(shelf, robot=blind), [])
+    scene = build_scene(derived(shelf, robot=blind), [])
     drawn = [(p["name"], p["geometry"]) for p in scene.parts if p["set"] == "visual"]
     assert drawn == [(p["name"], p["geometry"]) for p in scene.parts if p["set"] == "collision"]
 
@@ -90,13 +90,17 @@ def test_goal_ghost_stands_at_the_end_of_the_motion_or_at_the_goal(shelf, motion
     assert goal is not None
     assert goal == build_scene(shelf, [("quintic", motion(shelf), None)]).goal
     pose = PoseGoal(planar.tool_frame, pin.SE3.Identity())
-    sought = Problem(name="pose", robot=planar, scene=Scene(), start=np.zeros(2), goal=(pose,), limits=planar.limits)
+    sought = unchecked_problem(
+        name="pose", robot=planar, scene=Scene(), start=np.zeros(2), goal=(pose,), limits=planar.limits
+    )
     scene = build_scene(sought, [("none", None, None)])
     assert (scene.goal, scene.targets) == (None, ([0, 0, 0, 0, 0, 0, 1],))
 
 
 def test_run_of_another_robot_is_refused(shelf, motion, planar):
-    other = Problem(name="flat", robot=planar, scene=Scene(), start=np.zeros(2), goal=(), limits=planar.limits)
+    other = unchecked_problem(
+        name="flat", robot=planar, scene=Scene(), start=np.zeros(2), goal=(), limits=planar.limits
+    )
     with pytest.raises(OptiPlanError, match="run 'quintic' moves 7 joints; robot 'planar2r' has 2"):
         build_scene(other, [("quintic", motion(shelf), None)])
 
@@ -104,7 +108,7 @@ def test_run_of_another_robot_is_refused(shelf, motion, planar):
 def test_vias_are_marked_where_the_tool_passes(shelf):
     X = pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.3]))
     vias = (Via(PoseGoal("panda_hand_tcp", X)), Via(JointGoal(shelf.start)))
-    marked = build_scene(dataclasses.replace(shelf, vias=vias), []).targets[-2:]
+    marked = build_scene(derived(shelf, vias=vias), []).targets[-2:]
     data = shelf.robot.model.createData()
     pin.framesForwardKinematics(shelf.robot.model, data, shelf.start)
     tool = data.oMf[shelf.robot.model.getFrameId(shelf.robot.tool_frame)]

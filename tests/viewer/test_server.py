@@ -11,7 +11,7 @@ import pytest
 
 from optiplan.errors import OptiPlanError
 from optiplan.viewer import server
-from optiplan.viewer.server import PageServer, serve
+from optiplan.viewer.server import PageServer, serve_runs
 from tests.waiting import PATIENCE
 
 
@@ -53,7 +53,7 @@ def test_serve_ends_on_ctrl_c(shelf, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(PageServer, "serve_forever", interrupted)
-    serve(shelf, [], port=0, on_ready=urls.append)
+    serve_runs(shelf, [], port=0, on_ready=urls.append)
     with pytest.raises(urllib.error.URLError):
         urllib.request.urlopen(urls[0], timeout=5)
 
@@ -64,12 +64,11 @@ import signal
 import numpy as np
 signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in a shell's background ignores it
 from optiplan.robot.robot import load_robot
-from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
-from optiplan.viewer.server import serve
+from optiplan.viewer.server import serve_runs
 robot = load_robot("planar2r")
-problem = Problem(robot, np.zeros(2), (), Scene(), limits=robot.limits)
-serve(problem, [], port=0, on_ready=lambda url: print(url, flush=True))
+problem = Problem(robot, np.zeros(2), np.zeros(2))
+serve_runs(problem, [], port=0, on_ready=lambda url: print(url, flush=True))
 """
     child = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=os.environ

@@ -8,7 +8,7 @@ from PIL import Image
 
 from optiplan.geometry.scene import Box, Capsule, Cylinder, Sphere
 from optiplan.geometry.shapes import build_geometry
-from optiplan.viewer.body_triangles import triangles_of
+from optiplan.viewer.body_triangles import body_triangles
 from optiplan.viewer.thumbnail import HEIGHT, WIDTH, _drawn, thumbnail
 
 
@@ -19,7 +19,7 @@ def test_triangles_are_as_large_as_the_bodies():
         (Cylinder(0.1, 0.4), (0.2, 0.2, 0.4)),
         (Capsule(0.1, 0.4), (0.2, 0.2, 0.6)),
     ):
-        surface = triangles_of(build_geometry(shape))
+        surface = body_triangles(build_geometry(shape))
         np.testing.assert_allclose(np.ptp(surface.vertices, axis=0), size, rtol=0.02)
         a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
         outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c)

@@ -10,7 +10,7 @@ import pytest
 
 from optiplan.cores import cores
 from optiplan.errors import OptiPlanError
-from optiplan.kinematics.manipulability import ToolKinematics, measures, scaled
+from optiplan.kinematics.manipulability import ToolKinematics, manipulability_measures, scaled
 from optiplan.robot.robot import load_robot
 from optiplan.workspace.accuracy import joint_resolution, tool_error
 from optiplan.workspace.parallel import ChunkedWork, run_chunks
@@ -98,7 +98,7 @@ def test_values_are_those_of_the_samples():
     steps = joint_resolution(robot, "17bit")
     found = study_workspace(robot, WorkspaceOptions(samples=50, collision=False, resolution=steps), processes=1)
     J = ToolKinematics(robot).evaluate(found.samples.q)[1]
-    expected = measures(scaled(J, length=found.reach.largest)).yoshikawa
+    expected = manipulability_measures(scaled(J, length=found.reach.largest)).yoshikawa
     assert found.samples.values["yoshikawa"] == pytest.approx(expected)
     assert found.samples.values["error_worst"] == pytest.approx(tool_error(J, steps).position_worst)
     assert found.free_fraction == 1.0

@@ -113,7 +113,7 @@ class DaskCluster:
         """Refuse workers whose results may differ; those that join later are checked with each task."""
         expected = cluster_worker.signature()
         try:
-            answers = self._client.run(cluster_worker.differences, dict(expected), on_error="return")
+            answers = self._client.run(cluster_worker.version_differences, dict(expected), on_error="return")
         except (OSError, ValueError) as error:
             raise self._lost() from error
         for worker, words in answers.items():

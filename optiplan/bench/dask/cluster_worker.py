@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import metadata
 
-from optiplan.bench.dask.file_transfer import BundleContents, keep, lacking, unpack
+from optiplan.bench.dask.file_transfer import BundleContents, keep, lacking, unpack_files
 from optiplan.bench.execution.code_version import own_digest
 from optiplan.bench.execution.slot import WorkerSlot
 from optiplan.bench.results.records import BenchTask, Outcome
@@ -66,7 +66,7 @@ def signature() -> dict[str, str]:
         return found | {"example-robot-data": "not installed"}
 
 
-def differences(theirs: Mapping[str, str]) -> tuple[str, ...]:
+def version_differences(theirs: Mapping[str, str]) -> tuple[str, ...]:
     """Return the differences of this machine from the `signature` of another, in words."""
     ours = signature()
     names = dict.fromkeys((*theirs, *ours))
@@ -92,7 +92,7 @@ def carry_out(
         Stopped: the session has ended.
         WorkerError: no process can be started here.
     """
-    words = differences(expected)
+    words = version_differences(expected)
     if words:
         return Incompatible(words)
     for digest, bundle_contents in bundles.items():
@@ -102,7 +102,7 @@ def carry_out(
         return MissingBundles(frozenset(missing))
     thread_slot = _thread_slot(session)
     with thread_slot.lock:
-        return thread_slot.slot.run(replace(task, problem=unpack(task.problem)))
+        return thread_slot.slot.run(replace(task, problem=unpack_files(task.problem)))
 
 
 def end_session(session: str) -> None:

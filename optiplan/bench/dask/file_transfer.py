@@ -119,7 +119,7 @@ def keep(digest: str, bundle_contents: BundleContents) -> None:
         shutil.rmtree(fresh)
 
 
-def unpack(problem: BenchProblem) -> BenchProblem:
+def unpack_files(problem: BenchProblem) -> BenchProblem:
     """Return the problem with files in place of bundles, which are all cached."""
     data: dict[str, Any] = deepcopy(dict(problem.data))
     data["robot"] = _unpacked(data["robot"])

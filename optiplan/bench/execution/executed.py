@@ -36,6 +36,6 @@ def executed(done: Run) -> tuple[bool | None, dict[str, float | None]]:
     return not log.touched and not log.stopped and track.tool_rms <= FOLLOWED, numbers
 
 
-def kept(numbers: dict[str, Any], wanted: tuple[str, ...] | None) -> dict[str, Any]:
+def only_wanted(numbers: dict[str, Any], wanted: tuple[str, ...] | None) -> dict[str, Any]:
     """The numbers that a suite asks for; None asks for all."""
     return {name: value for name, value in numbers.items() if wanted is None or name in wanted}

@@ -16,11 +16,11 @@ def machine() -> dict[str, Any]:
         "cores": len(os.sched_getaffinity(0)),
         "memory": int((_field("/proc/meminfo", "MemTotal") or "0").split()[0]) // 1000,
         "system": platform.platform(),
-        "load": load(),
+        "load": load_average(),
     }
 
 
-def load() -> float:
+def load_average() -> float:
     """Return the load average of the last minute."""
     return os.getloadavg()[0]
 
@@ -59,7 +59,7 @@ def ended(pid: int) -> bool:
         return True
 
 
-def cores() -> list[int]:
+def physical_cores() -> list[int]:
     """The cores that this process may use, one of every physical core before the second threads of any."""
     seen: list[str] = []
     ranked = []

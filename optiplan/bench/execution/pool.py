@@ -5,7 +5,7 @@ import threading
 from collections.abc import Generator, Iterable, Iterator
 from typing import Protocol
 
-from optiplan.bench.execution.machine import cores
+from optiplan.bench.execution.machine import physical_cores
 from optiplan.bench.execution.slot import Stopped, WorkerSlot
 from optiplan.bench.results.records import BenchTask, Outcome
 
@@ -38,7 +38,7 @@ class LocalPool:
             workers: how many.
             pin: keep each on a core of its own; there must be as many.
         """
-        pinned: list[int | None] = list(cores()) if pin else [None] * workers
+        pinned: list[int | None] = list(physical_cores()) if pin else [None] * workers
         self._stop = threading.Event()
         self._lock = threading.Lock()
         self._slots = [WorkerSlot(f"local/{index}", self._stop, pinned[index]) for index in range(workers)]

@@ -13,7 +13,7 @@ import numpy as np
 
 from optiplan.bench.execution import machine
 from optiplan.bench.execution.code_version import own_digest, planner_code
-from optiplan.bench.execution.executed import executed, kept
+from optiplan.bench.execution.executed import executed, only_wanted
 from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import OptiPlanError, PlannerAnswerError
@@ -55,7 +55,7 @@ class Executor:
         began, cpu = time.perf_counter(), processor_time()
         row = {**empty_row(task), "started_at": machine.now(), "optiplan": own_digest()}
         row["code"] = self._code(task.planner)
-        row["load"] = machine.load()
+        row["load"] = machine.load_average()
         timings: dict[str, Any] = {}
         blob = None
         try:
@@ -66,14 +66,14 @@ class Executor:
             cpu = processor_time()
             options, budget = task.planner.options, Budget(task.budget)
             done = run(problem.with_seed(task.seed), task.planner.name, options, budget, lambda stage, part: None)
-            stored, blob = packed(done.trajectory)
+            stored, blob = hash_and_pack(done.trajectory)
             columns = result_columns(done, task.metrics) | {"trajectory": stored}
             columns["cut_short"] |= done.trajectory is None and done.timings["plan"] >= task.budget - reserve(
                 task.budget
             )
             began_execution = time.perf_counter()
             columns["executed"], numbers = executed(done)
-            columns["metrics"] |= jsonable(kept(numbers, task.metrics))
+            columns["metrics"] |= jsonable(only_wanted(numbers, task.metrics))
             spent = timings | {**done.timings, "stages": dict(done.stages)}
             if columns["executed"] is not None:
                 spent["execute"] = time.perf_counter() - began_execution
@@ -134,8 +134,8 @@ def warm_up_problem(problem: Problem) -> dict[str, Any]:
     bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
     middle = np.where(bounded, 0.5 * (limits.lower + limits.upper), middle + 1.0)
     goal = problem.start + WARM_UP_STEP * (middle - problem.start)
-    kept = {key: problem.source[key] for key in KEPT_KEYS if key in problem.source}
-    return kept | {"name": "warm-up", "goal": {"joints": goal.tolist()}}
+    chosen = {key: problem.source[key] for key in KEPT_KEYS if key in problem.source}
+    return chosen | {"name": "warm-up", "goal": {"joints": goal.tolist()}}
 
 
 def forget(seed: int) -> None:
@@ -184,7 +184,7 @@ def goal_bound(problem: Problem) -> float | None:
     return float(problem.lower_bounds(listed).min()) if listed else None
 
 
-def packed(trajectory: Trajectory | None) -> tuple[str | None, bytes | None]:
+def hash_and_pack(trajectory: Trajectory | None) -> tuple[str | None, bytes | None]:
     """SHA-256, in hex, of a trajectory's JSON, and that JSON compressed: equal if and only if the motion is."""
     if trajectory is None:
         return None, None

@@ -11,7 +11,7 @@ from optiplan.bench.execution.pool import Workforce
 from optiplan.bench.results.database import FILE, Store
 from optiplan.bench.results.growth import grown, grown_code
 from optiplan.bench.results.records import Outcome
-from optiplan.bench.suite.suite import Suite, code_differences, differences, hash_of_parts
+from optiplan.bench.suite.suite import Suite, code_differences, hash_of_parts, suite_differences
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.runs.run import versions
 
@@ -68,7 +68,7 @@ def open_results(suite: Suite, folder: Path, add: bool = False) -> Store:
 
 def _check(store: Store, suite: Suite) -> None:
     """Refuse results of another suite or of other code."""
-    words = differences(store.meta("parts"), suite.parts)
+    words = suite_differences(store.meta("parts"), suite.parts)
     issues = [f"results of another suite: {text}" for text in words]
     others = [f"results of other code: {text}" for text in code_differences(store.code, suite.code)]
     expected = "the same suite and code (or choose another folder with --out)"

@@ -79,7 +79,7 @@ class WorkerSlot:
             if death is not None:
                 self.close()
                 columns = empty_row(task) | failure(death.kind, f"{death.detail} (phase: {phase})", how=death.how)
-                columns |= {"wall_time": time.perf_counter() - began, "memory": peak, "load": machine.load()}
+                columns |= {"wall_time": time.perf_counter() - began, "memory": peak, "load": machine.load_average()}
                 return Outcome(Row(**columns, output=worker.output(), started_at=started)), death
 
     def _death(self, worker: WorkerProcess, task: BenchTask, deadline: float, peak: float) -> Death | None:

@@ -1,10 +1,8 @@
 """The figures of a report: drawn once by matplotlib, for the page (in its colours, light or dark) and as files.
 
-Colours are those of Okabe and Ito without black and yellow, told apart also by the colour-blind; with more than seven
-planners the line's style tells on: solid, dashed, dotted, dash-dotted.
+Planners beyond the seventh are told apart by the line's style: solid, dashed, dotted, dash-dotted.
 """
 
-import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,13 +17,7 @@ from optiplan.bench.report.analysis import Analysis
 from optiplan.bench.results.arrays import Runs
 from optiplan.bench.results.measures import RunMeasure
 from optiplan.bench.statistics.intervals_and_tests import share_within
-
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#868686")
-DASHES = ("", "5 2", "1.2 1.6", "6 2 1.2 2")
-"""Lengths of dashes and gaps, in widths of the line."""
-
-INK, LINE = "#1d2429", "#d5dade"
-"""Text and grid; the page's own colours take their place there."""
+from optiplan.figure_style import COLOURS, INK, LINE, element_of, line_of, line_style, sheet, styled, undated
 
 FARTHEST = 100.0
 """End of a performance profile at most."""
@@ -38,29 +30,6 @@ _DECIMALS = re.compile(r"(\.\d)\d+")
 
 _EDGE = 4.0
 """Left free around a figure, px of 1/100 inch."""
-
-_STYLE: dict[str, Any] = {
-    "text.parse_math": False,
-    "font.family": "sans-serif",
-    "font.size": 9,
-    "svg.fonttype": "none",
-    "text.color": INK,
-    "axes.edgecolor": LINE,
-    "axes.labelcolor": INK,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": LINE,
-    "grid.linewidth": 0.6,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "legend.frameon": False,
-}
-
-
-DATES: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-"""Left out of files, so that the same runs give the same."""
 
 
 class Figure(NamedTuple):
@@ -93,18 +62,10 @@ def measure_figures(analysis: Analysis) -> list[Figure]:
     return [Figure(f"measure-{one.name}", one.label, _BOX, partial(_measure, one)) for one in others]
 
 
-def line_of(k: int) -> tuple[str, str]:
-    """Colour and dashes of the k-th planner; they come again after the 28th."""
-    return COLOURS[k % len(COLOURS)], DASHES[k // len(COLOURS) % len(DASHES)]
-
-
 def inline_svg(figure: Figure, analysis: Analysis, prefix: str = "") -> str:
     """The figure as an SVG element for the page: transparent, in the page's colours, ids that begin with a prefix."""
-    buffer = io.StringIO()
-    with _drawn(figure, analysis) as canvas:
-        canvas.figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
+    with _drawn(figure, analysis) as drawn:
+        text = element_of(drawn, transparent=True)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     text = re.sub(r' d="[^"]*"', lambda path: _DECIMALS.sub(r"\1", path[0]).replace("\n", ""), text)
     text = text.replace(INK, "currentColor").replace(LINE, "var(--line)")
@@ -120,30 +81,22 @@ def write_figures(analysis: Analysis, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for figure in [*figures(analysis), *measure_figures(analysis)]:
-        with _drawn(figure, analysis) as canvas:
+        with _drawn(figure, analysis) as drawn:
             for kind in ("png", "svg", "pdf"):
                 path = folder / f"{figure.name}.{kind}"
-                dated = DATES.get(kind, {})
-                canvas.figure.savefig(path, dpi=200, facecolor="white", metadata=dated)
+                drawn.savefig(path, dpi=200, facecolor="white", metadata=undated(kind))
                 written.append(path)
     return written
 
 
 @contextmanager
 def _drawn(figure: Figure, analysis: Analysis) -> Iterator[Any]:
-    import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure as Sheet
-
-    rows = len(analysis.planners)
-    style: Any = {**_STYLE, "svg.hashsalt": figure.name}
-    with matplotlib.rc_context(style):
-        sheet = Sheet(figsize=(7.2, max(3.3, 0.225 * rows + 1.0)))
-        canvas = FigureCanvasSVG(sheet)
-        ax = sheet.add_subplot()
+    with styled(font__size=9, svg__hashsalt=figure.name):
+        drawn = sheet(max(3.3, 0.225 * len(analysis.planners) + 1.0), layout=None)
+        ax = drawn.add_subplot()
         figure.draw(analysis, ax)
-        _fill(sheet, ax)
-        yield canvas
+        _fill(drawn, ax)
+        yield drawn
 
 
 def _fill(sheet: Any, ax: Any) -> None:
@@ -214,12 +167,9 @@ def _quality(analysis: Analysis, ax: Any) -> None:
         if not known.any():
             continue
         x, y = np.append(times[known], max(ends)), np.append(ratio[known], ratio[known][-1])
-        colour, dashes = line_of(k)
-        style = (0, tuple(map(float, dashes.split()))) if dashes else "-"
-        label = analysis.planners[k].label
-        (line,) = ax.step(x, y, where="post", label=label, color=colour, linestyle=style, lw=1.7)
+        (line,) = ax.step(x, y, where="post", label=analysis.planners[k].label, lw=1.7, **line_style(k))
         line.set_gid(f"planner{k}")
-        (dot,) = ax.plot(x[:1], y[:1], "o", color=colour, ms=3.5)
+        (dot,) = ax.plot(x[:1], y[:1], "o", color=line_of(k)[0], ms=3.5)
         dot.set_gid(f"first-planner{k}")
     _plain_log(ax)
     ax.axhline(1.0, color=INK, lw=0.8)
@@ -272,9 +222,7 @@ def _step(ax: Any, k: int, label: str, curve: tuple[Array, Array], end: float) -
     if len(x):
         x = np.concatenate([x[:1], x, [max(end, x[-1])]])
         share = np.concatenate([[0.0], share, share[-1:]])
-    colour, dashes = line_of(k)
-    style = (0, tuple(map(float, dashes.split()))) if dashes else "-"
-    (line,) = ax.step(x, 100.0 * share, where="post", label=label, color=colour, linestyle=style, lw=1.7)
+    (line,) = ax.step(x, 100.0 * share, where="post", label=label, lw=1.7, **line_style(k))
     line.set_gid(f"planner{k}")
 
 

@@ -113,7 +113,7 @@ def framed(table: ReportTable) -> str:
     return f"{table.html()}<p class=files>{html.escape(table.caption)}: {links}</p>"
 
 
-def packed(text: str) -> str:
+def hidden_html(text: str) -> str:
     """HTML that is not seen at first, as an attribute that the page's script unpacks when it is asked for.
 
     Deflate and base64 make a tenth of it, and a browser has no elements to lay out that nobody looks at.
@@ -136,7 +136,7 @@ def _views(store: Store, analysis: Analysis) -> str:
     results = load_results(store)
     for k, name in enumerate(names):
         inside = _view(analyse_results(results.of_set(name), compared=False), name, f"set{k}-")
-        text += f'<div class=view data-view="{html.escape(name)}" hidden {packed(inside)}></div>'
+        text += f'<div class=view data-view="{html.escape(name)}" hidden {hidden_html(inside)}></div>'
     return text
 
 
@@ -221,7 +221,7 @@ def _problems(analysis: Analysis, names: Sequence[str]) -> str:
         number = runs.problems.index(name)
         table = framed(problem_table(analysis, number))
         of_set = html.escape(runs.sets[number])
-        text += f'<details data-set="{of_set}" {packed(table)}><summary>{html.escape(name)}</summary></details>'
+        text += f'<details data-set="{of_set}" {hidden_html(table)}><summary>{html.escape(name)}</summary></details>'
     return text
 
 
@@ -231,7 +231,7 @@ def _pairs(analysis: Analysis) -> str:
     text = ""
     for field, what in (("duration", "Duration of the motion"), ("plan_time", "Planning time")):
         text += f"<h3>{what}: median ratio, row / column</h3>{framed(ratio_table(analysis, field))}"
-    every = packed(framed(pair_table(analysis)))
+    every = hidden_html(framed(pair_table(analysis)))
     return f"{text}<details {every}><summary>Every pair with its counts and tests</summary></details>"
 
 

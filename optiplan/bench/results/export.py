@@ -27,7 +27,7 @@ RATED = {"problem_bound": "REAL", "ratio": "REAL"}
 ORDER = {"runs": "problem, planner, seed, repetition", "sessions": "session"}
 
 
-def export(store: Store, folder: Path, kind: str) -> list[Path]:
+def export_results(store: Store, folder: Path, kind: str) -> list[Path]:
     """Write each table of `TABLES` as `<table>.<kind>`; files appear whole or not at all.
 
     Args:

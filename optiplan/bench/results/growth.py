@@ -56,7 +56,7 @@ def grown_code(old: Parts | None, new: Parts | None) -> tuple[dict[str, Any], li
     return {**old, "planners": {**old["planners"], **new["planners"]}}, conflicts
 
 
-def merge(folders: Sequence[Path], into: Path) -> Store:
+def merge_results(folders: Sequence[Path], into: Path) -> Store:
     """Copy the results of several folders into one that holds none yet, and return it, open.
 
     A run that two folders share, because one is a copy of the other, comes once.

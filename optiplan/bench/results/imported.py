@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from optiplan.bench.execution.robot_cache import RobotCache
-from optiplan.bench.execution.run_task import packed, result_columns
+from optiplan.bench.execution.run_task import hash_and_pack, result_columns
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import BenchPlanner, BenchTask, Outcome, Row, empty_row, failure
 from optiplan.errors import InputError, Issue, OptiPlanError
@@ -166,7 +166,7 @@ def _judged(row: Row, problem: Problem, samples: Samples) -> Outcome:
         stages={},
         info=info,
     )
-    digest, blob = packed(motion)
+    digest, blob = hash_and_pack(motion)
     columns = result_columns(run, None) | {"plan_time": row.plan_time, "trajectory": digest}
     told = {"failure_kind": None, "failure_detail": None, "witness": None}
     return Outcome(replace(row, **told | columns), blob)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from optiplan.bench.suite.schema import SourceSpec, expand
+from optiplan.bench.suite.schema import SourceSpec, expand_environment
 from optiplan.config.document import Document
 from optiplan.errors import InputError, Issue
 
@@ -89,7 +89,7 @@ class Place:
         """
         text = str(getattr(self.spec, key))
         try:
-            return expand(text)
+            return expand_environment(text)
         except KeyError as error:
             expected = f"the environment variable {error.args[0]} to be set"
             raise self.refuse(key, f"'{text}'", expected) from None

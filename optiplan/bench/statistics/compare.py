@@ -28,7 +28,7 @@ from optiplan.bench.results.database import Store
 from optiplan.bench.results.imported import CLAIMED
 from optiplan.bench.results.records import Key
 from optiplan.bench.statistics.intervals_and_tests import Interval, holm, sign_test
-from optiplan.bench.suite.suite import code_differences, differences
+from optiplan.bench.suite.suite import code_differences, suite_differences
 
 ALPHA = 0.05
 THRESHOLDS = {"success": 1.0, "planning time": 1.20, "duration": 1.02}
@@ -79,7 +79,7 @@ class Comparison(NamedTuple):
         return [change for change in self.changes if change.verdict == verdict]
 
 
-def compare(old: Store, new: Store, seed: int = 0) -> Comparison:
+def compare_results(old: Store, new: Store, seed: int = 0) -> Comparison:
     """Compare what two folders of results have in common; `seed` is that of the bootstrap."""
     a, b = load_runs(old), load_runs(new)
     changed = _changed_problems(old, new)
@@ -170,7 +170,7 @@ def _notes(old: Store, a: Runs, new: Store, b: Runs, changed: set[str], common: 
     """Return what the two sets do not share, and what makes times incomparable."""
     if old.meta("suite_hash") != new.meta("suite_hash"):
         yield f"the suites differ ('{old.meta('name')}' and '{new.meta('name')}'): only what is common is compared"
-        words = differences(old.meta("parts"), new.meta("parts"))
+        words = suite_differences(old.meta("parts"), new.meta("parts"))
         yield from (text for text in words if not text.startswith("problems:"))  # these are counted below
     if changed:
         yield f"{len(changed)} problems have another content and are left out: {_some(sorted(changed))}"

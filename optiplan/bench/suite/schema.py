@@ -164,7 +164,7 @@ def read_suite(path: Path | str) -> tuple[SuiteSpec, Document]:
     return validate(SuiteSpec, document), document
 
 
-def expand(text: str) -> str:
+def expand_environment(text: str) -> str:
     """The text with `${NAME}` and `${NAME:-default}` replaced from the environment.
 
     Raises:

@@ -121,7 +121,7 @@ def load_suite(path: Path | str, scratch: Path, progress: Progress = lambda stag
     return Suite(spec, document.path.read_text(encoding="utf-8"), problems, planners)
 
 
-def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+def suite_differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     """Return the differences between the `parts` of two suites, one sentence each."""
     words = []
     for part in new:

@@ -6,8 +6,6 @@ import typer
 
 from optiplan.cli.completion import problem_names
 from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
-from optiplan.errors import InputError, Issue
-from optiplan.problem.examples import find_problem
 
 
 def check(
@@ -28,8 +26,10 @@ def check(
 
     Exit code: 0 all can be planned · 2 something is wrong.
     """
+    from optiplan.api.checking import check as issues_of
+
     with stdout_is_ours():
-        found = {file: _issues(file) for file in files}
+        found = {file: issues_of(file) for file in files}
     bad = any(found.values())
     if as_json:
         rows = [{"file": file, "issues": [vars(issue) for issue in issues]} for file, issues in found.items()]
@@ -41,18 +41,3 @@ def check(
         for issue in issues:
             print_error(str(issue))
     return Exit.BAD_INPUT if bad else 0
-
-
-def _issues(file: str) -> list[Issue]:
-    from optiplan.cli.planner_choice import fitting_issues, planner_issues
-    from optiplan.problem.load import check_file
-
-    try:
-        path = find_problem(file)
-    except InputError as error:
-        return list(error.issues)
-    found = check_file(path)
-    told = {issue.path for issue in found}
-    found += [issue for issue in planner_issues(path) if issue.path not in told]
-    found = found or fitting_issues(path)
-    return sorted(found, key=lambda issue: issue.line or 0)

@@ -97,7 +97,7 @@ def _run(path: Path, problem: Any, planner: str | None, more: dict[str, int], se
 
     `more` are options beside those of the file.
     """
-    from optiplan.cli.planner_choice import choose, placed
+    from optiplan.api.checking import choose, placed
     from optiplan.planners.base import Budget
     from optiplan.runs import pipeline
 

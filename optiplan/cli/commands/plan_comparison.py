@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from optiplan.api.checking import choose, placed
 from optiplan.cli.output import Exit, interrupts_held, messages, print_error, print_json, results, stdout_is_ours
-from optiplan.cli.planner_choice import choose, placed
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError, Issue
 from optiplan.planners.base import Budget, Failure
@@ -20,7 +20,7 @@ from optiplan.problem.problem import Problem
 from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
 from optiplan.runs.common_bound import Bound, common_bound
-from optiplan.runs.pipeline import attempt
+from optiplan.runs.pipeline import plan_and_verify_once
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import save_run
 from optiplan.verify.report import jsonable
@@ -76,7 +76,9 @@ def run_all(
 
 def _one(problem: Problem, name: str, options: Mapping[str, Any], seconds: float) -> Run:
     with stdout_is_ours(), ProgressLine() as line:
-        return attempt(problem, name, options, Budget(seconds), lambda stage, done: line(f"{name}: {stage}", done))
+        return plan_and_verify_once(
+            problem, name, options, Budget(seconds), lambda stage, done: line(f"{name}: {stage}", done)
+        )
 
 
 def _place(path: Path, run: Run) -> Run:

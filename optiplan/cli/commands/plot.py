@@ -40,14 +40,14 @@ def plot(
     Exit code: 0 done · 2 bad input.
     """
     from optiplan.cli.viewing import plotted_runs
-    from optiplan.viewer.plots.figures import FORMATS, PlotOptions, kind_of, write, write_all
+    from optiplan.viewer.plots.figures import FORMATS, PlotOptions, figure_format, save_figures, write_all
     from optiplan.viewer.plots.runs import comparable
 
     asked = None if kinds is None else _chosen("format", kinds, FORMATS)
     to_folder = out.suffix == "" or out.is_dir()
-    single = not to_folder and kind_of(out) in ("png", "svg")
+    single = not to_folder and figure_format(out) in ("png", "svg")
     names = _figures(figure, single)
-    if not to_folder and asked not in (None, [kind_of(out)]):
+    if not to_folder and asked not in (None, [figure_format(out)]):
         raise typer.BadParameter(f"--format {kinds}: --out {out} says another; expected a folder for several")
     with stdout_is_ours():
         found, left_out = plotted_runs(runs)
@@ -58,7 +58,7 @@ def plot(
         if to_folder:
             written = write_all(names, asked or ["png"], drawn, options, out)
         else:
-            write(names, drawn, options, out)
+            save_figures(names, drawn, options, out)
             written = [out]
     if as_json:
         print_json({"written": [str(path) for path in written], "exit_code": 0})

@@ -81,20 +81,31 @@ def workspace(
 
     Exit code: 0 done · 2 bad input.
     """
+    from optiplan.api.workspaces import workspace as study
     from optiplan.runs.run_folder import check_folder
-    from optiplan.workspace.accuracy import DEFAULT_RESOLUTION, joint_resolution
-    from optiplan.workspace.sampling import WorkspaceOptions, robot_with_meshes, study_workspace
+    from optiplan.workspace.accuracy import DEFAULT_RESOLUTION
 
     if out is not None:
         check_folder(out)
     wanted = (resolution or DEFAULT_RESOLUTION) if accuracy else None
     rows, found = [], []
     with stdout_is_ours(), ProgressLine() as progress:
-        for robot in [_with_tool(robot_with_meshes(name, group), frame) for name in names]:
-            steps = None if wanted is None else joint_resolution(robot, wanted)
-            options = WorkspaceOptions(samples, grid, collision, floor, steps, voxels, seed)
+        for name in names:
             began = time.perf_counter()
-            found.append(study_workspace(robot, options, partial(progress, f"workspace of {robot.name}")))
+            one = study(
+                name,
+                samples=samples,
+                grid=grid,
+                group=group,
+                frame=frame,
+                collision=collision,
+                floor=floor,
+                resolution=wanted,
+                voxels=voxels,
+                seed=seed,
+                progress=partial(progress, f"workspace of {name}"),
+            )
+            found.append(one)
             rows.append(_row(found[-1], time.perf_counter() - began))
         files = [] if out is None else _save(found, out)
     if as_json:
@@ -104,10 +115,6 @@ def workspace(
     for path in files:
         results().print(f"written: {path}", markup=False, soft_wrap=True)
     return 0
-
-
-def _with_tool(robot: Any, frame: str | None) -> Any:
-    return robot if frame is None else robot.with_tool(frame)
 
 
 def _save(found: list[Any], out: Path) -> list[Path]:

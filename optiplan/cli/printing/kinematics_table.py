@@ -11,11 +11,12 @@ from rich.table import Table
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_to_data
-from optiplan.kinematics.jacobians import analytic_jacobian, frame_pose, geometric_jacobian
-from optiplan.kinematics.manipulability import ROWS, JacobianRows, ellipsoids, measures
+from optiplan.kinematics.jacobians import analytic_jacobian
+from optiplan.kinematics.manipulability import ROWS, JacobianRows, ellipsoids, manipulability_measures
 from optiplan.kinematics.mecanum import WHEELS, wheel_matrix
 from optiplan.kinematics.singularities import NAMES, singularity_model
 from optiplan.kinematics.symbolic.text import LEGEND, symbolic_text
+from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import Robot
 from optiplan.verify.report import jsonable
 
@@ -94,7 +95,7 @@ def _analytic(robot: Robot, q: Array) -> tuple[Array | None, str | None]:
 
 def _measures(J: Array) -> dict[str, float | None]:
     """Return the measures of the rows J (m, n); the condition number is None where the rank is lost."""
-    found = measures(J[None])
+    found = manipulability_measures(J[None])
     asada, smallest = float(found.asada[0]), float(found.smallest[0])
     return {
         "yoshikawa": float(found.yoshikawa[0]),

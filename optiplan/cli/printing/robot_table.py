@@ -9,12 +9,9 @@ from rich.console import Console
 from rich.table import Table
 
 from optiplan.robot.robot import Robot
+from optiplan.robot.self_collision.often_touching import OFTEN, touching_pairs
 from optiplan.robot.self_collision.pairs import count_reasons, reasons_in_words
-from optiplan.robot.urdf.srdf import LinkPair
 from optiplan.verify.report import jsonable
-
-OFTEN = 0.2
-"""Share of configurations in which links touch that are built so, more likely than not: the robot can hardly move."""
 
 FEW = {"joints": 12, "groups": 4, "configurations": 4, "pairs": 12, "notes": 8}
 """What is printed of each where not all is asked for."""
@@ -59,12 +56,6 @@ def describe(robot: Robot) -> dict[str, Any]:
     }
     ready: dict[str, Any] = jsonable(data)
     return ready
-
-
-def touching_pairs(robot: Robot) -> list[LinkPair]:
-    """Return the checked pairs of links that touch in more than `OFTEN` of the configurations, the most often first."""
-    rates = {pair: rate for pair, rate in robot.survey.rates.items() if rate > OFTEN and pair not in robot.allowed}
-    return sorted(rates, key=lambda pair: (-rates[pair], pair))
 
 
 def show_robot(console: Console, data: Mapping[str, Any], full: bool = True) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from optiplan.arrays import Array, Index, is_finite
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.stop_limits import StopLimit
-from optiplan.control.tasks.base import checked_number, checked_vector, frame_of
+from optiplan.control.tasks.base import checked_number, checked_vector, frame_index
 from optiplan.errors import described, wrong_argument
 from optiplan.robot.robot import Robot
 
@@ -46,7 +46,7 @@ class HalfSpaceLimit(StopLimit):
     def bind(self, robot: Robot) -> None:
         """Find the frame, and how far the joints move the point at most."""
         super().bind(robot)
-        self._frame = frame_of(self, "frame", robot, self.frame)
+        self._frame = frame_index(self, "frame", robot, self.frame)
         placed = robot.model.frames[self._frame]
         limits = robot.limits
         stroke = np.maximum(np.abs(limits.lower), np.abs(limits.upper))

@@ -9,7 +9,7 @@ from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.base import positive_vector
 from optiplan.control.limits.row_limit import LimitRows, RowLimit
-from optiplan.control.tasks.base import frame_of
+from optiplan.control.tasks.base import frame_index
 from optiplan.errors import wrong_argument
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State
@@ -53,7 +53,7 @@ class ToolSpeedLimit(RowLimit):
     def bind(self, robot: Robot) -> None:
         """Find the frame."""
         name = robot.tool_frame if self.frame is None else self.frame
-        self._frame = frame_of(self, "frame", robot, name)
+        self._frame = frame_index(self, "frame", robot, name)
         self._labels = tuple(f"{kind} speed of {name}" for kind in self._kinds)
 
     def rows(self, c: Configuration, state: State, dt: float) -> LimitRows:

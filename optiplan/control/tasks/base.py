@@ -138,7 +138,7 @@ def checked_vector(owner: object, argument: str, value: object, size: int, least
     return vector
 
 
-def frame_of(owner: object, argument: str, robot: Robot, name: str) -> int:
+def frame_index(owner: object, argument: str, robot: Robot, name: str) -> int:
     """Index of a frame of the robot.
 
     Raises:

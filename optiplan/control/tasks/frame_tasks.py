@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
-from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector, frame_of
+from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector, frame_index
 from optiplan.control.tasks.targets import Target, as_pose, as_position, as_rotation
 from optiplan.control.tasks.tool_abilities import default_gain, tool_abilities
 from optiplan.robot.robot import Robot
@@ -35,7 +35,7 @@ class FrameTask(ControlTask):
 
     def bind(self, robot: Robot) -> None:
         """Find F, and how quickly the robot moves it."""
-        self._frame = frame_of(self, "frame", robot, self.frame)
+        self._frame = frame_index(self, "frame", robot, self.frame)
         if not self._has_gain:
             self.gain = default_gain(robot)
             self.speed, self.brake_rates = tool_abilities(robot, self.frame)
@@ -170,7 +170,24 @@ class PoseTask(FrameTask):
         return f"{type(self).__name__}(frame={self.frame}, cost={np.unique(self.cost).tolist()})"
 
 
-class PositionTask(FrameTask):
+class _HalfOfPose(FrameTask):
+    """The position or the orientation of a frame, as `_part` 0 or 1 of the pairs of speeds that the joints give."""
+
+    _part: ClassVar[int]
+
+    def __init__(
+        self, frame: str, target: object = None, cost: Weight = 1.0, gain: float | None = None, priority: int = 0
+    ) -> None:
+        super().__init__(frame, 3, cost, gain, priority)
+        if target is not None:
+            self.set_target(target)
+
+    def wanted_rate(self, e: Array) -> Array:
+        """Within what the robot's joints give."""
+        return capped(e, self.gain, self.speed[self._part], self.brake_rates[self._part])
+
+
+class PositionTask(_HalfOfPose):
     """The origin of a frame F at a point: e = p_WF - p_WT, metres along the axes of the world; J = J_v.
 
     Args:
@@ -183,13 +200,7 @@ class PositionTask(FrameTask):
     """
 
     name: ClassVar[str] = "position"
-
-    def __init__(
-        self, frame: str, target: object = None, cost: Weight = 1.0, gain: float | None = None, priority: int = 0
-    ) -> None:
-        super().__init__(frame, 3, cost, gain, priority)
-        if target is not None:
-            self.set_target(target)
+    _part = 0
 
     def _read(self, pose: Target) -> pin.SE3:
         return as_position(self, pose)
@@ -215,12 +226,8 @@ class PositionTask(FrameTask):
         """J̇ v."""
         return np.asarray(c.jacobian_rate(self._frame)[:3] @ c.v)
 
-    def wanted_rate(self, e: Array) -> Array:
-        """Within what the robot's joints give."""
-        return capped(e, self.gain, self.speed[0], self.brake_rates[0])
 
-
-class OrientationTask(FrameTask):
+class OrientationTask(_HalfOfPose):
     """The axes of a frame F along those of a target T: e = log(R_TF), radians about the axes of F.
 
     J = Jlog(R_TF) R_FW J_w.
@@ -235,13 +242,7 @@ class OrientationTask(FrameTask):
     """
 
     name: ClassVar[str] = "orientation"
-
-    def __init__(
-        self, frame: str, target: object = None, cost: Weight = 1.0, gain: float | None = None, priority: int = 0
-    ) -> None:
-        super().__init__(frame, 3, cost, gain, priority)
-        if target is not None:
-            self.set_target(target)
+    _part = 1
 
     def _read(self, pose: Target) -> pin.SE3:
         return as_rotation(self, pose)
@@ -270,7 +271,3 @@ class OrientationTask(FrameTask):
     def drift(self, c: Configuration) -> Array:
         """J̇ v; to first order in the angle between F and T."""
         return np.asarray(self._turning(c) @ (c.jacobian_rate(self._frame)[3:] @ c.v))
-
-    def wanted_rate(self, e: Array) -> Array:
-        """Within what the robot's joints give."""
-        return capped(e, self.gain, self.speed[1], self.brake_rates[1])

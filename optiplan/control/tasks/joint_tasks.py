@@ -10,6 +10,7 @@ from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
 from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector
 from optiplan.errors import described, wrong_argument
+from optiplan.robot.given_configurations import configuration, is_by_name
 from optiplan.robot.robot import Robot
 
 POSTURE_COST = 1e-2
@@ -20,8 +21,8 @@ class PostureTask(ControlTask):
     """Joints at a configuration: e = q - target; J the identity.
 
     Args:
-        target: (n,), rad or m, or the name of a configuration of the robot; None: as the robot stands in the first
-            step.
+        target: (n,) or `{joint: value}`, rad or m, or the name of a configuration; None: as the robot stands
+            in the first step.
         cost: per rad or m, one or (n,).
         gain: 1/s.
         priority: see `ControlTask`.
@@ -46,11 +47,9 @@ class PostureTask(ControlTask):
         self.cost = self._given_cost
         self._eye = np.eye(robot.n)
         self._speed, self._brake = robot.limits.velocity, 0.5 * robot.limits.acceleration
-        if isinstance(self._given, str):
-            if self._given not in robot.configurations:
-                expected = f"one of: {', '.join(robot.configurations)}" if robot.configurations else "values"
-                raise wrong_argument("PostureTask", "target", f"'{self._given}'", expected)
-            self._given = robot.configurations[self._given]
+        if isinstance(self._given, str) or is_by_name(self._given):
+            names = robot.joint_names, robot.configurations
+            self._given = configuration(*names, self._given, "PostureTask", "target")
         if self._given is not None:
             self.target = self._given
 

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
-from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector, frame_of
+from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector, frame_index
 from optiplan.control.tasks.targets import Target, as_pose
 from optiplan.control.tasks.tool_abilities import default_gain, tool_abilities
 from optiplan.errors import wrong_argument
@@ -53,8 +53,8 @@ class RelativePoseTask(ControlTask):
 
     def bind(self, robot: Robot) -> None:
         """Find F and R."""
-        self._frame = frame_of(self, "frame", robot, self.frame)
-        self._root = frame_of(self, "root", robot, self.root)
+        self._frame = frame_index(self, "frame", robot, self.frame)
+        self._root = frame_index(self, "root", robot, self.root)
         if not self._has_gain:
             self.gain, self._abilities = default_gain(robot), tool_abilities(robot, self.frame)
 
@@ -148,7 +148,7 @@ class LookAtTask(ControlTask):
 
     def bind(self, robot: Robot) -> None:
         """Find F."""
-        self._frame = frame_of(self, "frame", robot, self.frame)
+        self._frame = frame_index(self, "frame", robot, self.frame)
         if not self._has_gain:
             self.gain, self._abilities = default_gain(robot), tool_abilities(robot, self.frame)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, described, wrong_argument
+from optiplan.geometry.pose import Pose
 from optiplan.geometry.poses import check_angles, pose_from_data, pose_from_matrix
-from optiplan.problem.statement import Pose
 
 Target = Any
 """`pinocchio.SE3`, `op.Pose`, a homogeneous matrix (4, 4); of positions a point (3,), of orientations (3, 3) or rpy."""

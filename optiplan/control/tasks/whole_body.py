@@ -6,9 +6,16 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
-from optiplan.control.tasks.base import ControlTask, Weight, checked_number, checked_vector, frame_of
+from optiplan.control.tasks.base import ControlTask, Weight, checked_number, checked_vector, frame_index
 from optiplan.errors import wrong_argument
-from optiplan.kinematics.manipulability import ROWS, JacobianRows, ToolKinematics, measure_gradients, measures, scaled
+from optiplan.kinematics.manipulability import (
+    ROWS,
+    JacobianRows,
+    ToolKinematics,
+    manipulability_measures,
+    measure_gradients,
+    scaled,
+)
 from optiplan.robot.robot import Robot
 
 
@@ -93,18 +100,18 @@ class ManipulabilityTask(ControlTask):
     def bind(self, robot: Robot) -> None:
         """Find the frame."""
         name = robot.tool_frame if self.frame is None else self.frame
-        frame_of(self, "frame", robot, name)
+        frame_index(self, "frame", robot, name)
         self._kinematics = ToolKinematics(robot, name)
 
     def error(self, c: Configuration) -> Array:
         """(1,)."""
         J = scaled(self._kinematics.evaluate(c.q[None])[1], self.part)
-        return np.minimum(measures(J).yoshikawa - self.at_least, 0.0)
+        return np.minimum(manipulability_measures(J).yoshikawa - self.at_least, 0.0)
 
     def jacobian(self, c: Configuration) -> Array:
         """(1, n)."""
         Q = c.q[None]
         J = scaled(self._kinematics.evaluate(Q)[1], self.part)
-        if measures(J).yoshikawa[0] >= self.at_least:
+        if manipulability_measures(J).yoshikawa[0] >= self.at_least:
             return np.zeros((1, len(c.q)))
         return measure_gradients(J, self._kinematics.hessians(Q)[:, ROWS[self.part]]).yoshikawa

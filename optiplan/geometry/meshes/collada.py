@@ -7,7 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, strip
-from optiplan.geometry.meshes.triangles import MeshError, Soup, Triangles, floats, triangulate, whole
+from optiplan.geometry.meshes.triangles import MeshError, Soup, Triangles, floats, triangulate, whole_numbers
 
 
 def read_dae(content: bytes) -> Soup:
@@ -107,7 +107,7 @@ class _Collada:
         if accessor is None:
             raise MeshError("a <source> without an <accessor>")
         values = floats((self.target(accessor, "float_array").text or "").split())
-        count, stride, offset = whole(accessor.get(key, default) for key, default in _ACCESSOR).tolist()
+        count, stride, offset = whole_numbers(accessor.get(key, default) for key, default in _ACCESSOR).tolist()
         if stride < 3 or min(count, offset) < 0 or offset + count * stride > len(values):
             raise MeshError(f"{count} points of {stride} values each from {len(values)} values")
         return values[offset : offset + count * stride].reshape(count, stride)[:, :3]
@@ -153,7 +153,7 @@ def _indices(group: ET.Element, item: ET.Element | None) -> Triangles:
     """Vertex indices of a <p>, the other inputs of its corners left out."""
     offsets = {entry.get("semantic"): int(entry.get("offset", "0")) for entry in group.findall("input")}
     step, mine = max(offsets.values(), default=0) + 1, offsets.get("VERTEX", 0)
-    values = whole(((item.text if item is not None else "") or "").split())
+    values = whole_numbers(((item.text if item is not None else "") or "").split())
     if step < 1 or step > 64 or not 0 <= mine < step or len(values) % step:
         raise MeshError(f"<{group.tag}> of {len(values)} indices in steps of {step}")
     return values.reshape(-1, step)[:, mine]
@@ -168,7 +168,7 @@ def _triangles(group: ET.Element) -> list[list[int]]:
 
 def _polylist(group: ET.Element) -> list[list[int]]:
     indices = _indices(group, group.find("p"))
-    counts = whole((group.findtext("vcount") or "").split()).tolist()
+    counts = whole_numbers((group.findtext("vcount") or "").split()).tolist()
     if sum(counts) != len(indices) or min(counts, default=0) < 0 or len(counts) != int(group.get("count", "-1")):
         raise MeshError(f"a <polylist> of {len(counts)} polygons with {len(indices)} corners")
     return [list(map(int, corners)) for corners in np.split(indices, np.cumsum(counts)[:-1])]

@@ -12,7 +12,7 @@ from optiplan.geometry.meshes.triangles import (
     MeshError,
     Soup,
     check_numbers,
-    plain,
+    soup_in_metres,
     triangulate,
 )
 
@@ -55,7 +55,7 @@ def read_ply(content: bytes) -> Soup:
     corners = face.get("vertex_indices", face.get("vertex_index"))
     if corners is None or "tristrips" in tables:
         raise MeshError("a PLY file whose faces have no vertex_indices")
-    return plain(vertices, triangulate(vertices, [[int(index) for index in polygon] for polygon in corners]))
+    return soup_in_metres(vertices, triangulate(vertices, [[int(index) for index in polygon] for polygon in corners]))
 
 
 def ply_tables(content: bytes) -> "dict[str, Table]":

@@ -17,7 +17,7 @@ from typing import Literal
 
 import optiplan
 from optiplan import cache, files
-from optiplan.geometry.meshes.triangles import MeshError, Soup, pack, unpack
+from optiplan.geometry.meshes.triangles import MeshError, Soup, pack_soup, unpack_soup
 
 FORMATS = "STL, OBJ, DAE, PLY or GLB"
 POINT_FORMATS = "PLY, PCD or NPZ"
@@ -86,7 +86,7 @@ def read_mesh(file: MeshFile) -> Soup:
     Raises:
         MeshError: names the file and what is wrong with it.
     """
-    prepare([file])
+    read_together([file])
     with _lock:
         found = _kept[file.key]
     if isinstance(found, str):
@@ -99,7 +99,7 @@ def known(key: str) -> Soup | None:
     with _lock:
         found = _kept.get(key)
         if found is None and (stored := cache.load(_name(key))) is not None:
-            found = _keep(key, unpack(stored))
+            found = _keep(key, unpack_soup(stored))
     return found if isinstance(found, Soup) else None
 
 
@@ -108,7 +108,7 @@ _kept: "OrderedDict[str, Soup | str]" = OrderedDict()
 """Meshes by key, or why there is none; what was used longest ago goes first."""
 
 
-def prepare(meshes: Iterable[MeshFile]) -> None:
+def read_together(meshes: Iterable[MeshFile]) -> None:
     """Read several mesh files at once, so that those unknown share one process."""
     wanted = {mesh.key: mesh for mesh in meshes}
     with _lock:
@@ -118,11 +118,11 @@ def prepare(meshes: Iterable[MeshFile]) -> None:
         for mesh in unknown:
             stored = cache.load(_name(mesh.key))
             if stored is not None:
-                _keep(mesh.key, unpack(stored))
+                _keep(mesh.key, unpack_soup(stored))
         unknown = [mesh for mesh in unknown if mesh.key not in _kept]
         for mesh, found in zip(unknown, _read_apart(unknown), strict=True):
             if isinstance(found, Soup):
-                cache.store(_name(mesh.key), pack(found))
+                cache.store(_name(mesh.key), pack_soup(found))
             _keep(mesh.key, found)
 
 
@@ -194,4 +194,4 @@ def _answers(output: bytes) -> Iterator[Soup | str]:
         if place > len(output):
             return
         answer = output[end + 1 : place]
-        yield unpack(answer) if kind == b"mesh" else answer.decode()
+        yield unpack_soup(answer) if kind == b"mesh" else answer.decode()

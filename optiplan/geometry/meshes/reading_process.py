@@ -20,7 +20,7 @@ from optiplan.geometry.meshes.octomap import read_bt, read_ot
 from optiplan.geometry.meshes.ply import read_ply
 from optiplan.geometry.meshes.point_clouds import read_pcd, read_points_npz, read_points_ply
 from optiplan.geometry.meshes.stl_obj import read_obj, read_stl
-from optiplan.geometry.meshes.triangles import MeshError, Soup, pack
+from optiplan.geometry.meshes.triangles import MeshError, Soup, pack_soup
 
 
 def _reader(form: str, read: Callable[[bytes], Soup]) -> Callable[[bytes], Soup]:
@@ -85,7 +85,7 @@ def _answer(suffix: str, content: bytes) -> tuple[str, bytes]:
         return "error", b"an empty file"
     try:
         soup = READERS[suffix](content)
-        return "mesh", pack(soup if suffix.startswith("points") else _settled(soup))
+        return "mesh", pack_soup(soup if suffix.startswith("points") else _settled(soup))
     except MeshError as error:
         return "error", str(error).encode()
     except MemoryError:

@@ -35,7 +35,7 @@ class Soup:
     turn: Array
 
 
-def plain(vertices: Array, triangles: Triangles) -> Soup:
+def soup_in_metres(vertices: Array, triangles: Triangles) -> Soup:
     """Triangles of a file that names neither unit nor axes: m, and z is up."""
     return Soup(vertices, triangles, np.eye(3))
 
@@ -69,7 +69,7 @@ def floats(words: Iterable[bytes] | Iterable[str]) -> Array:
     return values
 
 
-def whole(words: Iterable[bytes] | Iterable[str]) -> Triangles:
+def whole_numbers(words: Iterable[bytes] | Iterable[str]) -> Triangles:
     """Whole numbers below 2^31.
 
     Raises:
@@ -134,15 +134,15 @@ def _turn(a: Array, b: Array, c: Array) -> float:
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
-def pack(soup: Soup) -> bytes:
+def pack_soup(soup: Soup) -> bytes:
     """A soup as bytes: its sizes, then its numbers."""
     sizes = np.array([len(soup.vertices), len(soup.triangles)], "<i8")
     arrays = (sizes, soup.turn.astype("<f8"), soup.vertices.astype("<f8"), soup.triangles.astype("<i4"))
     return b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
 
 
-def unpack(data: bytes) -> Soup:
-    """Unpack the arrays of `pack`; they are read-only."""
+def unpack_soup(data: bytes) -> Soup:
+    """Unpack the arrays of `pack_soup`; they are read-only."""
     k, m = (int(size) for size in np.frombuffer(data, "<i8", 2))
     turn: Array = np.frombuffer(data, "<f8", 9, 16).reshape(3, 3)
     vertices: Array = np.frombuffer(data, "<f8", 3 * k, 88).reshape(k, 3)

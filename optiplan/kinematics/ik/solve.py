@@ -76,13 +76,13 @@ def inverse_kinematics(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[
     return solve_ik(robot, frame, X_WG, chain(inside, starts, [first], rest), options)
 
 
-def answer(robot: Robot, frame: str, X_WG: pin.SE3, near: Array) -> Answer:
+def answer(robot: Robot, frame: str, X_WG: pin.SE3, near: Array, options: IkOptions | None = None) -> Answer:
     """Every branch of the closed form, or what many starts find; and the nearest miss when nothing is within limits."""
     closed = closed_form(robot, frame)
     seeds = [near, *robot.configurations.values()]
     seeds += random_seeds(robot, near, np.random.default_rng(0), _STARTS)
     if closed is None:
-        numeric = solve_ik(robot, frame, X_WG, seeds, IkOptions())
+        numeric = solve_ik(robot, frame, X_WG, seeds, options or IkOptions())
         found = [_solution(robot, q, near, _NUMERIC, _error(robot, frame, X_WG, q)) for q in numeric.solutions]
     else:
         found = _branches(robot, near, closed.solve(X_WG.homogeneous[None]))

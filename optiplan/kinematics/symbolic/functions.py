@@ -180,18 +180,18 @@ class SymbolicRobot:
     def torque_expression(self, q: Any, v: Any, a: Any, gravity: Array) -> Any:
         """Return A^T tau(A q + b, A v, A a) of all joints: the generalised forces of the planned ones."""
         if not self._follows:
-            return expressions.inverse_dynamics(self._tree, q, v, a, gravity)
+            return expressions.symbolic_inverse_dynamics(self._tree, q, v, a, gravity)
         A, b = self._plain.A, self._plain.b
-        return A.T @ expressions.inverse_dynamics(self._tree, A @ q + b, A @ v, A @ a, gravity)
+        return A.T @ expressions.symbolic_inverse_dynamics(self._tree, A @ q + b, A @ v, A @ a, gravity)
 
     def frame_expression(self, q: Any, frame: str) -> tuple[Any, Any]:
         """Return R_WF (3, 3) and p_WF (3,), m, at a symbolic configuration."""
-        return expressions.frame_pose(self._poses(q), self._find(frame))
+        return expressions.symbolic_frame_pose(self._poses(q), self._find(frame))
 
     def jacobian_expression(self, q: Any, frame: str, local: bool = False) -> Any:
         """Return J (6, nv), linear rows first, in the world's axes or the frame's own."""
         poses = self._poses(q)
-        R, p = expressions.frame_pose(poses, self._find(frame))
+        R, p = expressions.symbolic_frame_pose(poses, self._find(frame))
         J = expressions.frame_jacobian(self._tree, poses, int(self._find(frame).parentJoint), p)
         if self._follows:
             J = J @ self._plain.A

@@ -10,7 +10,7 @@ import numpy as np
 
 from optiplan.errors import OptiPlanError
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
-from optiplan.kinematics.symbolic.trig_polynomial import Polynomial, Powers, expand
+from optiplan.kinematics.symbolic.trig_polynomial import Polynomial, Powers, trig_polynomial
 from optiplan.robot.robot import Robot
 
 MOST_JOINTS = 6
@@ -56,7 +56,10 @@ def symbolic_text(robot: Robot, frame: str) -> SymbolicText:
     def rows(matrix: Any) -> list[list[str]]:
         """Text of a CasADi matrix."""
         known: dict[int, Polynomial] = {}  # of this matrix only: nodes have no identity beyond their lives
-        cells = [[expand(matrix[i, j], names, known) for j in range(matrix.shape[1])] for i in range(matrix.shape[0])]
+        cells = [
+            [trig_polynomial(matrix[i, j], names, known) for j in range(matrix.shape[1])]
+            for i in range(matrix.shape[0])
+        ]
         return [[as_text(cell, blocks) for cell in row] for row in cells]
 
     return SymbolicText(rows(twin.pose(frame)(q)), rows(twin.jacobian(frame)(q)))

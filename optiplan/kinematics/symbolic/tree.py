@@ -101,7 +101,7 @@ def world_poses(tree: tuple[Joint, ...], q: Expression) -> list[Placement]:
     return poses
 
 
-def frame_pose(poses: list[Placement], frame: pin.Frame) -> Placement:
+def symbolic_frame_pose(poses: list[Placement], frame: pin.Frame) -> Placement:
     """X_WF of a frame fixed to a joint, as (R, p)."""
     R, p = poses[frame.parentJoint]
     return R @ _clean(frame.placement.rotation), p + R @ _clean(frame.placement.translation)
@@ -130,7 +130,7 @@ def centre_of_mass(tree: tuple[Joint, ...], poses: list[Placement]) -> Expressio
     return moment / sum(joint.mass for joint in tree)
 
 
-def inverse_dynamics(
+def symbolic_inverse_dynamics(
     tree: tuple[Joint, ...], q: Expression, v: Expression, a: Expression, gravity: Array
 ) -> Expression:
     """Joint torques and forces tau (nv,) = M(q) a + C(q, v) v + g(q), by the recursive Newton–Euler algorithm.

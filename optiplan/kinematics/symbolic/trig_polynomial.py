@@ -8,7 +8,7 @@ Polynomial = dict[Powers, float]
 """Coefficient of each product of powers; sin² is written as 1 - cos², so equal functions have equal polynomials."""
 
 
-def expand(expression: Any, names: tuple[str, ...], known: dict[int, Polynomial]) -> Polynomial:
+def trig_polynomial(expression: Any, names: tuple[str, ...], known: dict[int, Polynomial]) -> Polynomial:
     """A scalar CasADi SX of sums, products, and sines and cosines of symbols, multiplied out.
 
     Args:
@@ -37,7 +37,7 @@ def _expand(expression: Any, names: tuple[str, ...], known: dict[int, Polynomial
     operation = expression.op()
     if operation in (casadi.OP_COS, casadi.OP_SIN) and expression.dep(0).is_symbolic():
         return _power(none, 3 * names.index(expression.dep(0).name()) + (operation == casadi.OP_SIN))
-    parts = [expand(expression.dep(k), names, known) for k in range(expression.n_dep())]
+    parts = [trig_polynomial(expression.dep(k), names, known) for k in range(expression.n_dep())]
     if operation in (casadi.OP_ADD, casadi.OP_SUB):
         return _sum(parts[0], parts[1], 1.0 if operation == casadi.OP_ADD else -1.0)
     if operation in (casadi.OP_NEG, casadi.OP_TWICE):

@@ -10,7 +10,6 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.cartesian.branch_change import Branch, other_branches
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker, gone_together
@@ -21,8 +20,9 @@ from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.region_poses import single_ends, with_poses
 from optiplan.planners.option_schema import PlannerOptions, option
-from optiplan.problem.constraints import statements
+from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.timing.time_path import Method, TimingOptions, ToolLimits, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -190,7 +190,7 @@ class ToolMotion(Planner[Options]):
         given = {"linear": o.speed, "angular": o.angular_speed, "linear_acceleration": o.acceleration}
         limits = {name: value for name, value in given.items() if value is not None}
         for one in work.problem.path_constraints:
-            if isinstance(one, statements.ToolSpeed) and one.frame == frame:
+            if isinstance(one, ToolSpeed) and one.frame == frame:
                 wanted = {"linear": one.linear, "angular": one.angular}
                 limits |= {name: min(value, limits.get(name, np.inf)) for name, value in wanted.items()}
         tool = ToolLimits(frame, **limits) if limits else None

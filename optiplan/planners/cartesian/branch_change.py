@@ -1,20 +1,20 @@
 """Another branch of the inverse kinematics to run a tool path on, and the motion that leads to it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.common.goal_ranking import ranked_goals
-from optiplan.planners.common.via_legs import joined
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.sampling.rrtconnect import RrtConnect
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, derived
+from optiplan.robot.frames import frame_pose
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.trajectory import Trajectory
 
 _OTHER = 1e-3  # rad or m: configurations that differ by less are one
@@ -31,12 +31,12 @@ class Branch:
         """The motion, after that from the problem's start to q, with rest in between; or why there is no way to q."""
         if not self.changed:
             return motion
-        there = replace(problem, goal=(JointGoal(self.q, 1e-9),), vias=())
+        there = derived(problem, goal=(JointGoal(self.q, 1e-9),), vias=())
         reasons = []
         for planner in (Quintic(), RrtConnect()):
             result = planner.plan(there, budget.share(0.5), lambda stage, fraction: None)
             if result.trajectory is not None:
-                return joined([result.trajectory, motion])
+                return join_trajectories([result.trajectory, motion])
             reasons.append(result.failure)
         return reasons[-1] or Failure("no-path", "no way to another branch")
 
@@ -51,7 +51,7 @@ def other_branches(
     X = frame_pose(problem.robot, problem.start, frame)
     near = problem.start if end is None else end
     goals = ranked_goals(
-        replace(problem, start=near, goal=(PoseGoal(frame, X),), vias=()), model, budget, count + 1, nearer=False
+        derived(problem, start=near, goal=(PoseGoal(frame, X),), vias=()), model, budget, count + 1, nearer=False
     )
     here = Tracker(problem.robot, frame, line(X, X), Aim())
     exact = [here.correct(0.0, q) for q in ([] if isinstance(goals, Failure) else goals)]

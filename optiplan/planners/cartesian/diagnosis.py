@@ -11,7 +11,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.geometry.poses import pose_to_data
 from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.kinematics.ik.numeric import IkOptions, random_seeds, solve_ik
-from optiplan.kinematics.manipulability import measures
+from optiplan.kinematics.manipulability import manipulability_measures
 from optiplan.kinematics.singularities import singularity_model
 from optiplan.planners.base import Budget, Failure, FailureKind
 from optiplan.planners.cartesian.differential_ik import Tracker
@@ -127,7 +127,7 @@ def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:
     """Singular, out of reach, or a path that this arm lacks the joints for."""
     J = tracker.jacobian(q) / tracker.scale
     twist = tracker.twist(s)
-    smallest = float(measures(J[None]).smallest[0])
+    smallest = float(manipulability_measures(J[None]).smallest[0])
     missing = twist - J @ (np.linalg.pinv(J, rcond=_NEAR) @ twist)
     more: dict[str, Any] = {"measure": smallest}
     branch = _other_branch(tracker, q)

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.planners.cartesian.tool_path import FollowedPath
-from optiplan.problem.constraints.statements import RelativePose
+from optiplan.problem.constraints.poses import RelativePose
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 

@@ -17,6 +17,7 @@ from optiplan.planners.cartesian.diagnosis import first_ending, stuck
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import FollowedPath
 from optiplan.planners.common.failures import out_of_time
+from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -77,7 +78,7 @@ def follow(
     if ending is not None:
         return out_of_time(budget, _DOING) if budget.over else ending
     still = max(np.abs(bound - start).max() for bound in followed.extrema(0)) < _NO_MOTION
-    return Trajectory(followed.joint_names, np.array([0.0, 1.0]), start[None, None]) if still else followed
+    return standstill(followed.joint_names, start, 1.0) if still else followed
 
 
 def _march(tracker: Tracker, q: Array, budget: Budget) -> _Knots:

@@ -21,7 +21,6 @@ from optiplan.control.tasks.base import ControlTask
 from optiplan.control.tasks.frame_tasks import PoseTask
 from optiplan.control.tasks.joint_tasks import PostureTask
 from optiplan.control.tasks.tool_abilities import default_gain
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.context import Work
 from optiplan.planners.common.continuous_collision import first_contact
@@ -34,6 +33,7 @@ from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.planners.sampling.sample_path import SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.shrunk_obstacles import thinned
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.robot.frames import frame_pose
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.from_samples import from_samples
 from optiplan.trajectory.state import State

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from optiplan.planners.common.via_legs import joined
 from optiplan.robot.limits import Limits
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -35,4 +35,4 @@ def refused_path(sections: Sequence[Trajectory], section: int, s: float, limits:
         return {}
     motions = [path.scaled(length) for path, length in zip(sections, lengths, strict=True)]
     t = sum(lengths[:section]) + s * ratios[section]
-    return {"motion": joined(motions).to_dict(), "t": float(t), "untimed": True}
+    return {"motion": join_trajectories(motions).to_dict(), "t": float(t), "untimed": True}

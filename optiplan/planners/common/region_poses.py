@@ -1,15 +1,13 @@
 """Poses of a goal region, for planners whose motion leads to one pose."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.kinematics.ik.numeric import random_seeds
-from optiplan.kinematics.jacobians import frame_pose
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem, RegionGoal
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, RegionGoal, derived
 from optiplan.problem.regions.sampling import RegionSampler
+from optiplan.robot.frames import frame_pose
 
 _TRIED, _KEPT = 24, 4
 """Configurations looked at, and poses of free ones kept."""
@@ -24,7 +22,7 @@ def with_poses(problem: Problem) -> Problem:
     All are poses of free configurations within the limits, where any was found.
     """
     regions = any(isinstance(goal, RegionGoal) for goal in problem.goal)
-    return replace(problem, goal=tuple(single_ends(problem))) if regions else problem
+    return derived(problem, goal=tuple(single_ends(problem))) if regions else problem
 
 
 def single_ends(problem: Problem) -> list[JointGoal | PoseGoal]:

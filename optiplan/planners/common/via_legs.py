@@ -1,16 +1,14 @@
 """Plan through vias with any point-to-point planner: leg by leg, at rest at each via."""
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from optiplan.errors import Issue, PlannerAnswerError, described
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.planners.common.moving_scene import among_moving
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.planners.common.dynamic_obstacles import wait_for_obstacles
+from optiplan.problem.problem import JointGoal, Problem, derived
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -21,7 +19,7 @@ def plan_through(
 
     A planner that `passes_vias` plans the whole problem; for any other, see `leg_by_leg`. Path constraints are
     `unsupported` by planners that do not say `holds_constraints`, motion at the ends by those that do not say
-    have too few `end_derivatives`. Where obstacles move, see `moving_scene`, unless the planner `times_obstacles`.
+    have too few `end_derivatives`. Where obstacles move, see `dynamic_obstacles`, unless the planner `times_obstacles`.
 
     Raises:
         PlannerAnswerError: a planner from outside returns what is no answer.
@@ -30,10 +28,10 @@ def plan_through(
         kinds = ", ".join(dict.fromkeys(one.KEY for one in problem.path_constraints))
         detail = f"this planner does not hold path constraints ({kinds})"
         return PlanResult(None, Failure("unsupported", detail))
-    if problem.moving and (refused := _too_lively(planner, problem)):
+    if problem.nonzero_ends and (refused := _too_lively(planner, problem)):
         return PlanResult(None, refused)
-    if problem.scene.moving and not planner.times_obstacles:
-        return among_moving(planner, problem, budget, progress)
+    if problem.scene.dynamic_obstacles and not planner.times_obstacles:
+        return wait_for_obstacles(planner, problem, budget, progress)
     if not problem.vias or planner.passes_vias:
         return _answer(planner, problem, budget, progress, earlier)
     return leg_by_leg(planner, problem, budget, progress)
@@ -67,7 +65,7 @@ def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress
     infos: list[dict[str, Any]] = []
     seconds: Counter[str] = Counter()
     for k, goal in enumerate(ends):
-        leg = replace(problem, goal=goal, vias=())
+        leg = derived(problem, goal=goal, vias=())
         leg = leg.with_start(legs[-1].end) if legs else leg
         share = budget.share(1.0 / (len(ends) - k))
         result = _answer(planner, leg, share, _part_of(progress, k, len(ends)))
@@ -77,7 +75,7 @@ def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress
         legs.append(result.trajectory)
         infos.append(dict(result.info))
     cut_short = any(info.get("cut_short", False) for info in infos)
-    return PlanResult(joined(legs), None, seconds, {"legs": infos, "cut_short": cut_short})
+    return PlanResult(join_trajectories(legs), None, seconds, {"legs": infos, "cut_short": cut_short})
 
 
 def _answer(
@@ -98,15 +96,6 @@ def _answer(
     name = f"the planner {type(planner).__name__}"
     expected = "a PlanResult with a Trajectory, or with a Failure that says why there is none"
     raise PlannerAnswerError([Issue(name, None, "plan", f"returned {found}", expected)])
-
-
-def joined(legs: Sequence[Trajectory]) -> Trajectory:
-    """Concatenate motions; each begins where the one before ends."""
-    size = max(leg.coefficients.shape[1] for leg in legs)
-    padded = [np.pad(leg.coefficients, ((0, 0), (0, size - leg.coefficients.shape[1]), (0, 0))) for leg in legs]
-    begins = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])
-    breakpoints = [leg.breakpoints[1:] + begin for leg, begin in zip(legs, begins, strict=False)]
-    return Trajectory(legs[0].joint_names, np.concatenate([[0.0], *breakpoints]), np.concatenate(padded))
 
 
 def _part_of(progress: Progress, k: int, count: int) -> Progress:

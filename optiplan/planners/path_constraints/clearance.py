@@ -6,7 +6,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
-from optiplan.problem.constraints.statements import PairClearance
+from optiplan.problem.constraints.motions import PairClearance
 from optiplan.problem.problem import Problem
 
 _FAR = 0.01

@@ -10,9 +10,11 @@ from optiplan.planners.base import Failure
 from optiplan.planners.path_constraints.clearance import PairsApart
 from optiplan.planners.path_constraints.inequalities import inequalities
 from optiplan.planners.path_constraints.inequality import CompiledInequality
+from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.measures import ROUNDING, FramePoses, Measure, measures
-from optiplan.problem.constraints.statements import WHOLE, PairClearance, PathConstraint
+from optiplan.problem.constraints.motions import PairClearance
+from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -9,7 +9,7 @@ from optiplan.kinematics.mecanum import Mecanum
 from optiplan.kinematics.symbolic.state import SymbolicState
 from optiplan.planners.path_constraints.inequality import Inequality
 from optiplan.planners.path_constraints.parts import ANGLE, held_to, stacked
-from optiplan.problem.constraints.statements import (
+from optiplan.problem.constraints.motions import (
     JointCoupling,
     ManipulabilityAbove,
     ToolAcceleration,

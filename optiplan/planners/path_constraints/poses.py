@@ -19,18 +19,8 @@ from optiplan.planners.path_constraints.parts import (
     within_box,
 )
 from optiplan.problem.constraints.base import circle_of
-from optiplan.problem.constraints.statements import (
-    FixedOrientation,
-    LookAt,
-    OnArc,
-    OnCircle,
-    OnLine,
-    OnPlane,
-    OnScrew,
-    OrientationCone,
-    PositionBox,
-    RelativePose,
-)
+from optiplan.problem.constraints.points import OnArc, OnCircle, OnLine, OnPlane, PositionBox
+from optiplan.problem.constraints.poses import FixedOrientation, LookAt, OnScrew, OrientationCone, RelativePose
 
 _ACROSS, _BEYOND = 0.8, 0.6
 """Shares of a tolerance that a point may be off a segment to the side, and beyond its ends: 0.8² + 0.6² = 1."""

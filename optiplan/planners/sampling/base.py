@@ -46,7 +46,7 @@ class PlanTask:
 
 
 @dataclass(frozen=True)
-class How:
+class SearchSetup:
     """The search algorithm; see `SamplingOptions`, and `constrained` for problems with path constraints."""
 
     searcher: Searcher = rrt_connect
@@ -55,7 +55,7 @@ class How:
     constrained: ConstrainedSearch = field(default_factory=ConstrainedSearch)
 
 
-def plan_sampled(task: PlanTask, options: SampledOptions, how: How) -> PlanResult:
+def plan_sampled(task: PlanTask, options: SampledOptions, setup: SearchSetup) -> PlanResult:
     """Search between the start and all goal configurations; shorten, smooth and time the path."""
     problem, budget, watch = task.problem, task.budget, Stopwatch()
     with watch.stage("set-up"):
@@ -66,7 +66,7 @@ def plan_sampled(task: PlanTask, options: SampledOptions, how: How) -> PlanResul
     if isinstance(sampler, Failure):
         return PlanResult(None, sampler, watch.seconds)
     if problem.path_constraints:
-        search = replace(how.constrained, attempts=options.attempts)
+        search = replace(setup.constrained, attempts=options.attempts)
         with watch.stage("sampling"):
             found = plan_constrained(problem, model, sampler, search, options.goals, budget, task.progress)
         return replace(found, timings=watch.seconds)
@@ -76,10 +76,10 @@ def plan_sampled(task: PlanTask, options: SampledOptions, how: How) -> PlanResul
         budget,
         seed=problem.seed,
         attempts=options.attempts,
-        searcher=how.searcher,
+        searcher=setup.searcher,
         alternate=None,
-        detour=how.detour,
-        improve=how.improve,
+        detour=setup.detour,
+        improve=setup.improve,
         more_goals=sampler.more,
     )
     with watch.stage("sampling"):

@@ -5,7 +5,7 @@ from functools import partial
 
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.option_schema import option
-from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
+from optiplan.planners.sampling.base import PlanTask, SampledOptions, SearchSetup, plan_sampled
 from optiplan.planners.sampling.ompl_search import search
 from optiplan.planners.sampling.search import SearchOptions
 from optiplan.problem.problem import Problem
@@ -26,4 +26,4 @@ class Kpiece(Planner[KpieceOptions]):
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         searcher = partial(search, options=SearchOptions("kpiece", self.options.reach))
-        return plan_sampled(PlanTask(problem, budget, progress), self.options, How(searcher))
+        return plan_sampled(PlanTask(problem, budget, progress), self.options, SearchSetup(searcher))

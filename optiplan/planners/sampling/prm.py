@@ -7,7 +7,7 @@ from math import inf
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.option_schema import option
-from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
+from optiplan.planners.sampling.base import PlanTask, SampledOptions, SearchSetup, plan_sampled
 from optiplan.planners.sampling.constrained.planner import ConstrainedSearch
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends, search_bounds
@@ -51,8 +51,8 @@ class Prm(Planner[PrmOptions]):
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         constrained = ConstrainedSearch(roadmap=True, vertices=max(1, self.options.vertices // 4))
-        how = How(self.search, detour=inf, constrained=constrained)
-        return plan_sampled(PlanTask(problem, budget, progress), self.options, how)
+        setup = SearchSetup(self.search, detour=inf, constrained=constrained)
+        return plan_sampled(PlanTask(problem, budget, progress), self.options, setup)
 
     def search(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
         """Query the roadmap of this scene and grow it until it connects the ends; a `search.Searcher`.

@@ -5,7 +5,7 @@ from functools import partial
 
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.option_schema import option
-from optiplan.planners.sampling.base import How, PlanTask, SampledOptions, plan_sampled
+from optiplan.planners.sampling.base import PlanTask, SampledOptions, SearchSetup, plan_sampled
 from optiplan.planners.sampling.constrained.planner import ConstrainedSearch
 from optiplan.planners.sampling.ompl_search import search
 from optiplan.planners.sampling.search import Kind, SearchOptions
@@ -38,8 +38,8 @@ class RrtStar(Planner[RrtStarOptions]):
         """Plan within the budget; see `planners.base.Planner`."""
         options = SearchOptions(self.kind, self.options.reach, self.options.iterations)
         constrained = ConstrainedSearch(iterations=self.options.iterations, informed=self.kind == "informed_rrtstar")
-        how = How(improve=partial(search, options=options), constrained=constrained)
-        return plan_sampled(PlanTask(problem, budget, progress), self.options, how)
+        setup = SearchSetup(improve=partial(search, options=options), constrained=constrained)
+        return plan_sampled(PlanTask(problem, budget, progress), self.options, setup)
 
 
 class InformedRrtStar(RrtStar):

@@ -11,7 +11,6 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.ik.numeric import pose_error
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.differential_ik import Aim, gone_together
 from optiplan.planners.cartesian.path_following import follow
@@ -20,10 +19,11 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import end_collides, line_too_heavy
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.task.blends import BlendedLine, Corner, StraightWay
-from optiplan.planners.task.stages import Situation, Stage, Stages
+from optiplan.planners.task.stages import Stage, Stages, WorldState
 from optiplan.problem.problem import JointGoal
 from optiplan.problem.task.scene_change import scene_after
 from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep
+from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
@@ -41,7 +41,7 @@ _ROUNDED = (1.0, 0.4, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Done:
+class PlannedStep:
     """A step that can be done.
 
     Attributes:
@@ -54,8 +54,8 @@ class Done:
     """
 
     step: TaskStep
-    before: Situation
-    after: Situation
+    before: WorldState
+    after: WorldState
     stage: Stage | None = None
     curve: Trajectory | None = None
     corner: Corner | None = None
@@ -70,7 +70,7 @@ class Done:
 class Chain:
     """Steps done one after another, and why the next cannot be, if it cannot."""
 
-    done: tuple[Done, ...]
+    done: tuple[PlannedStep, ...]
     failure: Failure | None = None
 
     def far(self) -> tuple[int, float]:
@@ -84,7 +84,7 @@ def is_chained(step: TaskStep) -> bool:
     return not isinstance(step.action, Move) or step.kind == "gripper"
 
 
-def do_chain(stages: Stages, state: Situation, steps: Sequence[TaskStep], budget: Budget) -> Chain:
+def do_chain(stages: Stages, state: WorldState, steps: Sequence[TaskStep], budget: Budget) -> Chain:
     """Do steps without choice from a state, as far as they can be done.
 
     Corners are rounded off as far as the steps say, less where that cannot be done, or not at all.
@@ -97,9 +97,9 @@ def do_chain(stages: Stages, state: Situation, steps: Sequence[TaskStep], budget
     return chain
 
 
-def _do_all(stages: Stages, state: Situation, steps: Sequence[TaskStep], budget: Budget, rounded: float) -> Chain:
+def _do_all(stages: Stages, state: WorldState, steps: Sequence[TaskStep], budget: Budget, rounded: float) -> Chain:
     """Do them with corners rounded off by a share of what steps allow."""
-    done: list[Done] = []
+    done: list[PlannedStep] = []
     corner: Corner | None = None
     for step, after in zip_longest(steps, steps[1:]):
         found = _do(stages, state, step, budget, _LineEnds(corner, None if after is None else after.action, rounded))
@@ -131,12 +131,12 @@ class _LineEnds:
         return (line(start, end) if way is None else BlendedLine(way, self.begins, corner)), corner
 
 
-def of_step(failure: Failure, step: TaskStep, state: Situation, robot: Robot, stage: Stage | None = None) -> Failure:
+def of_step(failure: Failure, step: TaskStep, state: WorldState, robot: Robot, stage: Stage | None = None) -> Failure:
     """Return a failure that names its step, with the configuration of the whole robot as its witness."""
     witness: dict[str, Any] = {**failure.witness, "step": step.number, "step_name": step.name}
     q = witness.get("q")
     if q is not None and stage is not None and len(q) == len(stage.columns):
-        witness["q"] = stage.whole(np.asarray(q, float), state).tolist()
+        witness["q"] = stage.all_joints(np.asarray(q, float), state).tolist()
     if "motion" in witness and stage is not None and len(stage.columns) < len(state.q):
         del witness["motion"]
     return replace(
@@ -144,7 +144,7 @@ def of_step(failure: Failure, step: TaskStep, state: Situation, robot: Robot, st
     )
 
 
-def _remedy(failure: Failure, step: TaskStep, state: Situation, robot: Robot) -> str:
+def _remedy(failure: Failure, step: TaskStep, state: WorldState, robot: Robot) -> str:
     """Return what to write where an object touches what it is lifted from; empty for any other failure."""
     pair = list(failure.witness.get("pair", ()))
     taken = [step.action.body] if isinstance(step.action, Attach) else [one.name for one in state.scene.attached]
@@ -166,12 +166,12 @@ def _remedy(failure: Failure, step: TaskStep, state: Situation, robot: Robot) ->
     return f"; '{body}' stands on '{other}': write {allowed}, or place '{body}' {higher:.3g} mm away from it"
 
 
-def _do(stages: Stages, state: Situation, step: TaskStep, budget: Budget, ends: _LineEnds) -> Done | Failure:
+def _do(stages: Stages, state: WorldState, step: TaskStep, budget: Budget, ends: _LineEnds) -> PlannedStep | Failure:
     action = step.action
     if isinstance(action, Attach | Detach):
         return _event(stages, state, step, action)
     if isinstance(action, Dwell):
-        return Done(step, state, state)
+        return PlannedStep(step, state, state)
     stage = stages.at(state, step, action.joints)
     corner: Corner | None = None
     if isinstance(action, Move):
@@ -182,21 +182,21 @@ def _do(stages: Stages, state: Situation, step: TaskStep, budget: Budget, ends: 
     if isinstance(curve, Failure):
         q = curve.witness.get("q")
         if q is not None and len(q) == len(stage.columns):
-            whole = stage.whole(np.asarray(q, float), state).tolist()
-            return replace(curve, witness={**curve.witness, "q": whole})
+            q_all = stage.all_joints(np.asarray(q, float), state).tolist()
+            return replace(curve, witness={**curve.witness, "q": q_all})
         return curve
-    return Done(step, state, Situation(stage.whole(curve.end, state), state.scene), stage, curve, corner)
+    return PlannedStep(step, state, WorldState(stage.all_joints(curve.end, state), state.scene), stage, curve, corner)
 
 
-def _event(stages: Stages, state: Situation, step: TaskStep, action: Attach | Detach) -> Done | Failure:
+def _event(stages: Stages, state: WorldState, step: TaskStep, action: Attach | Detach) -> PlannedStep | Failure:
     scene = scene_after(state.scene, action, stages.problem.robot, state.q)
-    after = Situation(state.q, scene)
+    after = WorldState(state.q, scene)
     stage = stages.at(after, step, stages.problem.robot.joint_names)
     if stage.model.collides(state.q):
         failure = end_collides(stage.model, state.q, "goal")
         words = failure.detail.removeprefix("goal configuration: ")
         return replace(failure, detail=f"as soon as '{action.body}' is {_PAST[type(action)]}, {words}")
-    return Done(step, state, after)
+    return PlannedStep(step, state, after)
 
 
 _PAST = {Attach: "held", Detach: "released"}

@@ -3,15 +3,15 @@
 import numpy as np
 
 from optiplan.planners.base import Budget
-from optiplan.planners.task.chains import Done
+from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.stages import Stage
-from optiplan.problem.constraints.statements import ToolSpeed
+from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.task.steps import StraightLine
 from optiplan.trajectory.timing.time_path import TimingOptions, ToolLimits, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
 
-def line_limits(done: Done) -> ToolLimits | None:
+def line_limits(done: PlannedStep) -> ToolLimits | None:
     """Return what limits the tool along a line: its own speed, and constraints of speed of the same frame."""
     action = done.step.action
     assert isinstance(action, StraightLine)

@@ -10,31 +10,30 @@ from optiplan.arrays import Array
 from optiplan.libraries import clock
 from optiplan.planners.base import (
     Budget,
-    Candidate,
     Failure,
     Planner,
     PlanResult,
     Progress,
-    announce,
     stages_of,
 )
+from optiplan.planners.common.dynamic_obstacles import without_dynamic_obstacles
 from optiplan.planners.common.failures import too_heavy
-from optiplan.planners.common.moving_scene import without_moving
+from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.common.stopwatch import Stopwatch
-from optiplan.planners.common.via_legs import joined as in_turn
-from optiplan.planners.task.chains import Done, of_step
-from optiplan.planners.task.flow import flowing
+from optiplan.planners.task.chains import PlannedStep, of_step
+from optiplan.planners.task.join_steps import join_steps
 from optiplan.planners.task.line_timing import line_limits, timed_line
 from optiplan.planners.task.optimisation.stretch_optimiser import optimised
 from optiplan.planners.task.search import TaskSearch
 from optiplan.planners.task.stops import stops_of
 from optiplan.planners.task.stretches import Stretch
 from optiplan.planners.task.via_moves import ViaMoves, unsupported
-from optiplan.planners.task.waiting import standstill, waiting
+from optiplan.planners.task.waiting import waiting
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import Attach, Detach, Dwell
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -58,36 +57,33 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     if refused is not None:
         return PlanResult(None, refused)
     began, watch, moves = clock(), Stopwatch(), ViaMoves.of(problem, planner)
-    search = TaskSearch(without_moving(moves.problem), planner, budget, stages_of(progress))
+    search = TaskSearch(without_dynamic_obstacles(moves.problem), planner, budget, stages_of(progress))
     stretches = _stopping(search, budget, watch)
     if isinstance(stretches, Failure):
         return PlanResult(None, moves.failure(stretches), watch.seconds)
-    if problem.scene.moving:
+    if problem.scene.dynamic_obstacles:
         with watch.stage("waiting"):
-            found = _among_moving(moves, planner, stretches, budget, progress)
+            found = _wait_for_obstacles(moves, planner, stretches, budget, progress)
         return replace(found, timings=watch.seconds, info={"moves": search.infos, **found.info})
-    candidates: list[Candidate] = []
+    incumbent = Incumbent(problem, progress, watch, began)
 
     def offer(way: Sequence[Stretch]) -> float:
-        """Keep a way to do the steps if it is the best so far; return its duration, s."""
-        motion = moves.motion(joined(moves.problem, way))
-        if not candidates or problem.cost(motion) < problem.cost(candidates[-1].trajectory):
-            candidates.append(Candidate(motion, clock() - began))
-            announce(progress, motion)
+        """Offer a way to do the steps; return its duration, s."""
+        motion = moves.motion(joined_stretches(moves.problem, way))
+        incumbent.offer(motion)
         return motion.duration
 
     info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
     info["duration_with_stops"] = offer(stretches)
     with watch.stage("flow"):
-        groups = flowing(stretches, budget.share(_JOINING), progress, thorough=not _timed_only(problem))
+        groups = join_steps(stretches, budget.share(_JOINING), progress, thorough=not _timed_only(problem))
     info["duration_joined"] = offer([one for group in groups for one in group])
     with watch.stage("optimisation"):
         for whole in _optimised(problem, planner, groups, budget, progress):
             offer(whole)
     info |= {"cut_short": search.cut_short or budget.over, "stops": stops_of(whole)}
     info["stops_left_out"] = len(stretches) - len(whole)
-    *earlier, last = candidates
-    return PlanResult(last.trajectory, None, watch.seconds, info, tuple(earlier), last.seconds)
+    return incumbent.result(info)
 
 
 def _stopping(search: TaskSearch, budget: Budget, watch: Stopwatch) -> list[Stretch] | Failure:
@@ -146,25 +142,25 @@ def _timed_only(problem: Problem) -> bool:
     return problem.objective.weights.keys() == {"time"}
 
 
-def _among_moving(
+def _wait_for_obstacles(
     moves: ViaMoves, planner: Planner[Any], stretches: list[Stretch], budget: Budget, progress: Progress
 ) -> PlanResult:
     """Let what moves pass: of the steps as one where that is quicker, or else of them one by one."""
     problem = moves.problem
-    groups = flowing(stretches, budget, progress, thorough=not _timed_only(problem))
+    groups = join_steps(stretches, budget, progress, thorough=not _timed_only(problem))
     failure: Failure | None = None
     *_, together = _optimised(problem, planner, groups, budget, progress)
     for way in (together, stretches):
         passed = waiting(problem, way, budget)
         if not isinstance(passed, Failure):
             waited = sum(b.ends[-1] - a.ends[-1] for a, b in zip(way, passed, strict=True))
-            motion = moves.motion(joined(problem, passed))
+            motion = moves.motion(joined_stretches(problem, passed))
             return PlanResult(motion, None, {}, {"waited": waited, "stops": stops_of(passed)})
         failure = passed
     return PlanResult(None, moves.failure(failure))
 
 
-def _timed(done: Done, budget: Budget) -> "Trajectory | float | Failure":
+def _timed(done: PlannedStep, budget: Budget) -> "Trajectory | float | Failure":
     """Return the motion of a step, of its joints; or how long it stands still, s."""
     if isinstance(done.step.action, Dwell):
         return done.step.action.seconds
@@ -180,7 +176,7 @@ def _timed(done: Done, budget: Budget) -> "Trajectory | float | Failure":
     return motion
 
 
-def joined(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
+def joined_stretches(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
     """Join stretches, each at rest at both ends, to one motion of all joints, with its segments."""
     parts: list[Trajectory] = []
     segments: list[Segment] = []
@@ -189,19 +185,22 @@ def joined(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
         first, motion = stretch.done[0], stretch.motion
         if isinstance(motion, Trajectory):
             assert first.stage is not None
-            parts.append(whole(problem.robot, first.stage.columns, motion, first.before.q))
+            parts.append(motion_of_all_joints(problem.robot, first.stage.columns, motion, first.before.q))
         elif motion > 0.0:
-            parts.append(standstill(problem.robot, first.before.q, motion))
+            parts.append(standstill(problem.robot.joint_names, first.before.q, motion))
         since = begin
         for one, end in zip(stretch.done, stretch.ends, strict=True):
             step = one.step
             segments.append(Segment(step.number, step.kind, step.name, since, begin + end, *_object_and_link(one)))
             since = begin + end
         begin = since
-    return replace(in_turn(parts or [standstill(problem.robot, problem.start, 1e-3)]), segments=tuple(segments))
+    return replace(
+        join_trajectories(parts or [standstill(problem.robot.joint_names, problem.start, 1e-3)]),
+        segments=tuple(segments),
+    )
 
 
-def _object_and_link(done: Done) -> tuple[str, str]:
+def _object_and_link(done: PlannedStep) -> tuple[str, str]:
     """Return what is taken or released, and the link that does it; empty of other steps."""
     action = done.step.action
     if isinstance(action, Attach):
@@ -211,7 +210,7 @@ def _object_and_link(done: Done) -> tuple[str, str]:
     return "", ""
 
 
-def whole(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) -> Trajectory:
+def motion_of_all_joints(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) -> Trajectory:
     """Return the motion of all joints in which some move and the others stand where they stand in q (n,)."""
     coefficients = np.zeros((*motion.coefficients.shape[:2], robot.n))
     coefficients[:, 0] = q

@@ -18,8 +18,8 @@ from optiplan.planners.base import Budget, Failure, Planner, Progress
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import goal_sampler
 from optiplan.planners.common.via_legs import plan_through
-from optiplan.planners.task.chains import Chain, Done, do_chain, is_chained, of_step
-from optiplan.planners.task.stages import Situation, Stages
+from optiplan.planners.task.chains import Chain, PlannedStep, do_chain, is_chained, of_step
+from optiplan.planners.task.stages import Stages, WorldState
 from optiplan.planners.task.stops import ends_in_motion
 from optiplan.problem.problem import Goal, JointGoal, Problem
 from optiplan.problem.task.steps import Move, TaskStep
@@ -72,21 +72,21 @@ class _Node:
     """
 
     q: Array
-    after: Situation
+    after: WorldState
     seconds: float
     edges: list[float] = field(default_factory=list)
     cost: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class _Planned:
+class _PlannedLeg:
     """A leg done exactly: the move and the chain."""
 
-    done: tuple[Done, ...]
+    done: tuple[PlannedStep, ...]
     info: dict[str, Any]
 
     @property
-    def after(self) -> Situation:
+    def after(self) -> WorldState:
         return self.done[-1].after
 
 
@@ -110,7 +110,7 @@ class TaskSearch:
         self.attempts = 0
         self._paced, self.cut_short = True, False
 
-    def run(self) -> list[Done] | Failure:
+    def run(self) -> list[PlannedStep] | Failure:
         """Search within the budget; where the candidates found in time lead nowhere, once more among all."""
         found = self._search()
         if isinstance(found, Failure) and self.cut_short and not self.budget.over:
@@ -118,8 +118,8 @@ class TaskSearch:
             found = self._search()
         return found
 
-    def _search(self) -> list[Done] | Failure:
-        start = Situation(self.problem.start, self.problem.scene)
+    def _search(self) -> list[PlannedStep] | Failure:
+        start = WorldState(self.problem.start, self.problem.scene)
         first = do_chain(self.stages, start, self.legs[0].chain, self.budget)
         if first.failure is not None:
             return self._late(first.failure)
@@ -179,7 +179,7 @@ class TaskSearch:
         return sorted(nodes, key=lambda node: node.cost)[:_KEPT]
 
     def _candidates(
-        self, leg: Leg, state: Situation, failures: list[tuple[tuple[int, float], Failure]], pace: Budget
+        self, leg: Leg, state: WorldState, failures: list[tuple[tuple[int, float], Failure]], pace: Budget
     ) -> list[_Node]:
         """Return the configurations from which what follows a move can be done; see `_layer`."""
         assert leg.move is not None
@@ -197,7 +197,7 @@ class TaskSearch:
         while configurations and not self.budget.over:
             for q in configurations:
                 tried += 1
-                arrived = Situation(stage.whole(q, state), state.scene)
+                arrived = WorldState(stage.all_joints(q, state), state.scene)
                 chain = do_chain(self.stages, arrived, leg.chain, self.budget)
                 if chain.failure is None:
                     after = chain.done[-1].after if chain.done else arrived
@@ -213,7 +213,7 @@ class TaskSearch:
             configurations = sampler.more(_CANDIDATES, lambda: self.budget.over)
         return good
 
-    def _alike(self, a: Situation, b: Situation, move: Move) -> bool:
+    def _alike(self, a: WorldState, b: WorldState, move: Move) -> bool:
         """Whether what stands still in a step, what is held and what is not are in about the same place."""
         others = [k for k, name in enumerate(self.problem.robot.joint_names) if name not in move.joints]
         if np.abs(a.q[others] - b.q[others]).max(initial=0.0) > _SAME:
@@ -232,9 +232,9 @@ class TaskSearch:
     def _bound(self, q: Array, other: Array) -> float:
         return float(lower_bounds(q, other[None], self.problem.limits)[0])
 
-    def _plan(self, layers: list[list[_Node]], start: Situation) -> list[Done] | Failure:
+    def _plan(self, layers: list[list[_Node]], start: WorldState) -> list[PlannedStep] | Failure:
         """Plan the cheapest path through the layers, edge by edge, until one holds."""
-        known: dict[tuple[int, ...], _Planned] = {}
+        known: dict[tuple[int, ...], _PlannedLeg] = {}
         failure: Failure | None = None
         while not self.budget.over:
             path = _cheapest(layers)
@@ -250,10 +250,14 @@ class TaskSearch:
         return failure or out_of_time(self.budget, "planning the task")
 
     def _along(
-        self, layers: list[list[_Node]], path: tuple[int, ...], start: Situation, known: dict[tuple[int, ...], _Planned]
-    ) -> list[_Planned] | Failure:
+        self,
+        layers: list[list[_Node]],
+        path: tuple[int, ...],
+        start: WorldState,
+        known: dict[tuple[int, ...], _PlannedLeg],
+    ) -> list[_PlannedLeg] | Failure:
         """Plan the moves of one path; the first that cannot be planned is barred."""
-        found: list[_Planned] = []
+        found: list[_PlannedLeg] = []
         state = start
         for k in range(1, len(path)):
             prefix = path[: k + 1]
@@ -269,7 +273,7 @@ class TaskSearch:
             state = known[prefix].after
         return found
 
-    def _planned(self, k: int, state: Situation, node: _Node) -> _Planned | Failure:
+    def _planned(self, k: int, state: WorldState, node: _Node) -> _PlannedLeg | Failure:
         """Plan the move of a leg exactly, then do what follows it."""
         leg = self.legs[k]
         assert leg.move is not None
@@ -296,12 +300,12 @@ class TaskSearch:
             self.cut_short |= share.over
             failure = result.failure or Failure("no-path", "no motion was found")
             return of_step(failure, leg.move, state, self.stages.problem.robot, stage)
-        arrived = Situation(stage.whole(result.trajectory.end, state), state.scene)
+        arrived = WorldState(stage.all_joints(result.trajectory.end, state), state.scene)
         chain = do_chain(self.stages, arrived, leg.chain, self.budget)
         if chain.failure is not None:
             return chain.failure
-        move = Done(leg.move, state, arrived, stage, result.trajectory)
-        return _Planned((move, *chain.done), dict(result.info))
+        move = PlannedStep(leg.move, state, arrived, stage, result.trajectory)
+        return _PlannedLeg((move, *chain.done), dict(result.info))
 
 
 def _cheapest(layers: list[list[_Node]]) -> tuple[int, ...] | None:

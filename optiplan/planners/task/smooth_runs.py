@@ -7,8 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.planners.task.chains import Done
+from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.line_timing import line_limits
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import ToolLimits
 from optiplan.trajectory.trajectory import Trajectory
@@ -27,7 +28,7 @@ class SmoothRun:
         edges: (N steps + 1,) where each step begins and ends, as shares of the curve's parameter, from 0 to 1.
     """
 
-    done: tuple[Done, ...]
+    done: tuple[PlannedStep, ...]
     curve: Trajectory
     edges: tuple[float, ...] = (0.0, 1.0)
 
@@ -44,7 +45,7 @@ class SmoothRun:
                 yield begin, end, limits
 
 
-def smooth_runs(done: Sequence[Done]) -> list[SmoothRun]:
+def smooth_runs(done: Sequence[PlannedStep]) -> list[SmoothRun]:
     """Return moves and lines as smooth curves; lines that meet in a corner that is rounded off are one."""
     found: list[SmoothRun] = []
     for one in done:
@@ -56,7 +57,7 @@ def smooth_runs(done: Sequence[Done]) -> list[SmoothRun]:
     return found
 
 
-def is_rounded(before: Done, after: Done) -> bool:
+def is_rounded(before: PlannedStep, after: PlannedStep) -> bool:
     """Whether two lines meet in a corner that is rounded off, with the same slope and curvature."""
     if before.corner is None or before.curve is None or after.curve is None:
         return False
@@ -66,7 +67,7 @@ def is_rounded(before: Done, after: Done) -> bool:
     return bool((np.abs(a - b).max(axis=1) <= _SMOOTH * scale).all())
 
 
-def _longer(run: SmoothRun, after: Done) -> SmoothRun:
+def _longer(run: SmoothRun, after: PlannedStep) -> SmoothRun:
     """Return a run with one line more, over the length of its lines, m."""
     corners = [done.corner for done in run.done]
     assert after.curve is not None
@@ -75,7 +76,7 @@ def _longer(run: SmoothRun, after: Done) -> SmoothRun:
     second = _beginning(after.curve.scaled(corners[-1].after.length), _state(first, first.duration))
     length = first.duration + second.duration
     edges = tuple(edge * first.duration / length for edge in run.edges)
-    return SmoothRun((*run.done, after), _one_path(first, second), (*edges, 1.0))
+    return SmoothRun((*run.done, after), join_trajectories([first, second]), (*edges, 1.0))
 
 
 def _state(path: Trajectory, at: float) -> Array:
@@ -91,10 +92,3 @@ def _beginning(path: Trajectory, state: Array) -> Trajectory:
     coefficients[0] = 0.0
     coefficients[0, :6] = piece
     return Trajectory(path.joint_names, path.breakpoints, coefficients)
-
-
-def _one_path(first: Trajectory, second: Trajectory) -> Trajectory:
-    size = max(first.coefficients.shape[1], second.coefficients.shape[1])
-    parts = [np.pad(c, ((0, 0), (0, size - c.shape[1]), (0, 0))) for c in (first.coefficients, second.coefficients)]
-    breakpoints = np.concatenate([first.breakpoints, second.breakpoints[1:] + first.duration])
-    return Trajectory(first.joint_names, breakpoints, np.concatenate(parts))

@@ -8,7 +8,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Scene
-from optiplan.problem.problem import Goal, Problem, Via
+from optiplan.problem.problem import Goal, Problem, Via, derived
 from optiplan.problem.task.scene_change import carrying, columns, scene_during, standing
 from optiplan.problem.task.steps import TaskStep
 
@@ -17,7 +17,7 @@ _SAME = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Situation:
+class WorldState:
     """Where all joints stand, q (n,), and what the scene is then."""
 
     q: Array
@@ -38,7 +38,7 @@ class Stage:
     model: CollisionModel
     columns: list[int]
 
-    def whole(self, q: Array, state: Situation) -> Array:
+    def all_joints(self, q: Array, state: WorldState) -> Array:
         """Return a configuration of the whole robot (n,) with the joints of this stage at q (k,)."""
         found = np.array(state.q)
         found[self.columns] = q
@@ -46,7 +46,7 @@ class Stage:
 
     def to(self, goal: Goal, vias: tuple[Via, ...] = ()) -> Problem:
         """Return the problem of going somewhere."""
-        return replace(self.problem, goal=goal, vias=vias)
+        return derived(self.problem, goal=goal, vias=vias)
 
 
 class Stages:
@@ -59,19 +59,19 @@ class Stages:
     def moving(self, stage: Stage) -> Stage:
         """Return the stage of the first step, in which the robot moves at the start as the task's problem says."""
         v, a = self.problem.start_velocity[stage.columns], self.problem.start_acceleration[stage.columns]
-        return replace(stage, problem=replace(stage.problem, start_velocity=v, start_acceleration=a))
+        return replace(stage, problem=derived(stage.problem, start_velocity=v, start_acceleration=a))
 
-    def at(self, state: Situation, step: TaskStep, joints: tuple[str, ...]) -> Stage:
+    def at(self, state: WorldState, step: TaskStep, joints: tuple[str, ...]) -> Stage:
         """Return the stage of a step from a state."""
         own = columns(self.problem.robot, joints)
         others = np.delete(state.q, own)
         key = joints, step.allowed, step.constraints
         for known, standing_at, scene, stage in self._known:
             if known == key and scene is state.scene and np.abs(standing_at - others).max(initial=0.0) <= _SAME:
-                return replace(stage, problem=replace(stage.problem, start=state.q[own]))
+                return replace(stage, problem=derived(stage.problem, start=state.q[own]))
         scene = scene_during(state.scene, step)
         robot = carrying(standing(self.problem.robot, joints, state.q), scene)
-        problem = replace(
+        problem = derived(
             self.problem,
             robot=robot,
             scene=scene,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.planners.task.chains import Done
+from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.smooth_runs import is_rounded
 from optiplan.planners.task.stretches import Stretch
 from optiplan.problem.problem import JointGoal
@@ -22,7 +22,7 @@ _BACK = -0.99
 """Cosine of the angle between two lines, in the joints' space, below which the second one leads back."""
 
 
-def why_stop(before: Done, after: Done) -> str | None:
+def why_stop(before: PlannedStep, after: PlannedStep) -> str | None:
     """Return why the arm must rest between two steps; None where it need not."""
     for one in (before, after):
         own = _why_rest(one)
@@ -42,7 +42,7 @@ def why_stop(before: Done, after: Done) -> str | None:
     return NO_WAY if isinstance(action, StraightLine) and action.blend else CORNER
 
 
-def _why_rest(done: Done) -> str | None:
+def _why_rest(done: PlannedStep) -> str | None:
     """Return why the arm rests before and after a step, whatever the others are."""
     action = done.step.action
     if isinstance(action, Attach | Detach | Dwell) or done.step.kind == "gripper":
@@ -64,7 +64,7 @@ def ends_in_motion(action: Action) -> bool:
     return isinstance(action, Move) and any(isinstance(end, JointGoal) and end.moving for end in action.goal)
 
 
-def _leads_back(before: Done, after: Done) -> bool:
+def _leads_back(before: PlannedStep, after: PlannedStep) -> bool:
     """Whether a line goes back to where the one before came from, as far as the joints can tell."""
     assert before.stage is not None
     assert before.curve is not None

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from optiplan.planners.task.chains import Done
+from optiplan.planners.task.chains import PlannedStep
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -16,11 +16,11 @@ class Stretch:
         ends: when each of the steps ends, s from the beginning.
     """
 
-    done: tuple[Done, ...]
+    done: tuple[PlannedStep, ...]
     motion: Trajectory | float
     ends: tuple[float, ...]
 
     @classmethod
-    def of(cls, done: Done, motion: Trajectory | float) -> "Stretch":
+    def of(cls, done: PlannedStep, motion: Trajectory | float) -> "Stretch":
         """Return a step alone."""
         return cls((done,), motion, (motion.duration if isinstance(motion, Trajectory) else motion,))

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from optiplan.planners.base import Failure, Planner
-from optiplan.problem.constraints.statements import WHOLE
-from optiplan.problem.problem import Problem
+from optiplan.problem.constraints.base import WHOLE
+from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
@@ -56,10 +56,10 @@ class ViaMoves:
                 )
                 for k, end in enumerate(ends, 1)
             ]
-            return cls(replace(problem, vias=(), task=tuple(legs)), ())
+            return cls(derived(problem, vias=(), task=tuple(legs)), ())
         parts = [_moves(step) if planner.joins_legs else [step] for step in problem.task]
         task = tuple(one for part in parts for one in part)
-        return cls(replace(problem, task=task), tuple(len(part) for part in parts))
+        return cls(derived(problem, task=task), tuple(len(part) for part in parts))
 
     def motion(self, motion: Trajectory) -> Trajectory:
         """Return a motion with the segments of the task as it was, or without any."""

@@ -2,17 +2,15 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.common.moving_scene import delayed
+from optiplan.planners.common.dynamic_obstacles import delayed
 from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.stretches import Stretch
-from optiplan.problem.problem import Problem
-from optiplan.robot.robot import Robot
+from optiplan.problem.problem import Problem, derived
+from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -24,7 +22,7 @@ def waiting(problem: Problem, stretches: list[Stretch], budget: Budget) -> list[
     found: list[Stretch] = []
     begin = 0.0
     for stretch in stretches:
-        timed = _passing(replace(problem, scene=problem.scene.later(begin)), stretch, budget)
+        timed = _passing(derived(problem, scene=problem.scene.later(begin)), stretch, budget)
         if isinstance(timed, Failure):
             first = stretch.done[0]
             return of_step(timed, first.step, first.before, problem.robot, first.stage)
@@ -36,27 +34,22 @@ def waiting(problem: Problem, stretches: list[Stretch], budget: Budget) -> list[
 def _passing(problem: Problem, stretch: Stretch, budget: Budget) -> Stretch | Failure:
     """Return a stretch that begins now in the motion of the obstacles, delayed."""
     first, motion = stretch.done[0], stretch.motion
-    moving = problem.scene.moving
+    moving = problem.scene.dynamic_obstacles
     if not moving or motion == 0.0:
         return stretch
     allowed = frozenset().union(*(done.step.allowed for done in stretch.done), problem.scene.allowed)
     scene = Scene(moving, first.before.scene.attached, allowed)
     if isinstance(motion, Trajectory):
         assert first.stage is not None
-        own = replace(first.stage.problem, scene=scene, goal=())
+        own = derived(first.stage.problem, scene=scene, goal=())
         passing = delayed(own, [motion], planning_model(own.robot, scene), budget)
         if isinstance(passing, Failure):
             return passing
         slower = (passing.motion.duration - passing.wait) / motion.duration
         return replace(stretch, motion=passing.motion, ends=tuple(passing.wait + slower * end for end in stretch.ends))
-    still = standstill(problem.robot, first.before.q, motion)
+    still = standstill(problem.robot.joint_names, first.before.q, motion)
     met = first_contact(planning_model(problem.robot, scene), still, lambda: budget.over)
     if met is None:
         return stretch
     pair = met.contact.pair
     return Failure("collision", f"'{pair.name_a}' meets '{pair.name_b}', which moves", met.witness(still))
-
-
-def standstill(robot: Robot, q: np.ndarray, seconds: float) -> Trajectory:
-    """Return the motion of a robot that stands at q (n,)."""
-    return Trajectory(robot.joint_names, np.array([0.0, seconds]), q[None, None])

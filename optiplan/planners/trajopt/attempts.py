@@ -11,7 +11,7 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.continuous_collision import Touch
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.path_constraints.motion_check import Broken, broken_constraint
-from optiplan.planners.trajopt.incumbent import Incumbent
+from optiplan.planners.trajopt.incumbent import CurveIncumbent
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.program.iteration_log import IterationLog
 from optiplan.planners.trajopt.speculative_attempts import AttemptOutcome, SpeculativeAttempts
@@ -60,7 +60,7 @@ class Attempts:
 
     optimiser: Optimiser
     budget: Budget
-    incumbent: Incumbent
+    incumbent: CurveIncumbent
     patience: Patience
     watch: Stopwatch
     patient: bool = False

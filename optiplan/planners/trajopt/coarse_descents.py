@@ -31,7 +31,7 @@ _FITTED = 200
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class GuessPath:
     """A sampled path, and what a coarse curve along it became.
 
     Attributes:
@@ -65,7 +65,7 @@ class CoarseDescents:
     watch: Stopwatch
     _coarse: dict[CollisionModel, Optimiser] = field(default_factory=dict)
 
-    def descend(self, model: CollisionModel, path: SampledPath, best: float) -> Way | None:
+    def descend(self, model: CollisionModel, path: SampledPath, best: float) -> GuessPath | None:
         """Return the way of a path among the obstacles of a model; None where its curve stays in them.
 
         Args:
@@ -75,7 +75,7 @@ class CoarseDescents:
         """
         velocity = self.optimiser.problem.limits.velocity
         found = self._descended(model, along_path(self._among(model).basis, path.waypoints, velocity), best)
-        return None if found is None else Way(path, *found)
+        return None if found is None else GuessPath(path, *found)
 
     def from_curve(self, control: Array, best: float) -> tuple[Array, float] | None:
         """Return the control points (K, n) and the duration, s, of the coarse curve from one with all spans (K, n)."""

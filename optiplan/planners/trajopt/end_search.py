@@ -10,7 +10,7 @@ from optiplan.arrays import Array
 from optiplan.planners.common.goal_ranking import GoalSampler, apart
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents
-from optiplan.planners.trajopt.incumbent import Incumbent
+from optiplan.planners.trajopt.incumbent import CurveIncumbent
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
@@ -69,7 +69,7 @@ class EndSearch:
             self._record.record(self._patience.seconds - began, SAME * self._incumbent.cost < before)
 
     @property
-    def _incumbent(self) -> Incumbent:
+    def _incumbent(self) -> CurveIncumbent:
         return self.attempts.incumbent
 
     @property

@@ -1,58 +1,31 @@
-"""The incumbent of a search: the best motion found so far, and those that were the best before it."""
+"""The incumbent of the optimiser: the best motion, and the curve that refining and bumps begin with."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from optiplan.libraries import clock
-from optiplan.planners.base import Candidate, Progress, announce
-from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.trajopt.optimizer import Attempt
-from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
-_NO_GAIN = 1e-6
-"""Share of the cost below which a motion counts as no better."""
 
-
-@dataclass(eq=False)
-class Incumbent:
-    """The best motion found so far; every free motion is offered to it.
+@dataclass(eq=False, kw_only=True)
+class CurveIncumbent(Incumbent):
+    """The best motion of a search that optimises curves.
 
     Attributes:
-        problem: that is planned.
         constraints: on its path.
-        progress: is told of each better motion.
         info: record of the run; says in `fallback` that the best motion was not optimised.
-        began: of the run, by `libraries.clock`, s.
-        watch: of its stages; being told of a motion is part of none.
-        candidates: the best motion and those before it, the best last.
-        cost: of the best one; infinite where there is none.
         curve: the best optimised one, as it was before it was refined; None where there is none.
         bound: on the cost of all motions, once the goals are known.
-        soonest: bound on their durations, s.
     """
 
-    problem: Problem
     constraints: PathConstraints
-    progress: Progress
     info: dict[str, Any]
-    began: float
-    watch: Stopwatch
-    candidates: list[Candidate] = field(default_factory=list)
-    cost: float = np.inf
     curve: Attempt | None = None
     bound: float = 0.0
-    soonest: float = 0.0
-
-    def __post_init__(self) -> None:
-        self._objective = self.problem.objective_parts()
-
-    def cost_of(self, trajectory: Trajectory) -> float:
-        """Return the cost of a motion."""
-        return self._objective.cost(trajectory)
 
     def cost_bound(self, duration: float) -> float:
         """Return a lower bound on the cost of motions of at least this duration, s."""
@@ -82,16 +55,11 @@ class Incumbent:
         """
         if not holds:
             trajectory = self.constraints.slowed(trajectory)
-        cost = self.cost_of(trajectory)
-        if cost >= self.cost * (1.0 - _NO_GAIN):
+            if not self.improves(trajectory) or self.constraints.broken(trajectory):
+                return False
+        if not super().offer(trajectory):
             return False
-        if not holds and self.constraints.broken(trajectory):
-            return False
-        self.cost = cost
         self.info.pop("fallback", None)
-        self.candidates.append(Candidate(trajectory, clock() - self.began))
-        with self.watch.aside():
-            announce(self.progress, trajectory, self.soonest)
         return True
 
     def offer_curve(self, attempt: Attempt) -> bool:
@@ -108,7 +76,7 @@ class Incumbent:
 
     def is_best(self, attempt: Attempt) -> bool:
         """Return whether the best motion is that of this attempt."""
-        return bool(self.candidates) and attempt.trajectory is self.candidates[-1].trajectory
+        return attempt.trajectory is self.best
 
     def within(self, factor: float) -> bool:
         """Return whether the best motion costs at most this factor of the bound."""

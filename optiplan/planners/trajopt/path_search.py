@@ -18,8 +18,8 @@ from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
-from optiplan.planners.trajopt.coarse_descents import CoarseDescents, Way
-from optiplan.planners.trajopt.incumbent import Incumbent
+from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
+from optiplan.planners.trajopt.incumbent import CurveIncumbent
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
@@ -77,7 +77,7 @@ class PathSearch:
     model: CollisionModel
     budget: Budget
     patience: Patience
-    incumbent: Incumbent
+    incumbent: CurveIncumbent
     watch: Stopwatch
     coarse: CoarseDescents
     searches: int = 0
@@ -85,7 +85,7 @@ class PathSearch:
     begun: int = 0
     depth: int = 0
     in_vain: int = 0
-    _ways: list[Way] = field(default_factory=list)
+    _ways: list[GuessPath] = field(default_factory=list)
     _checks: dict[float, MotionCheck] = field(default_factory=dict)
     _on_constraints: ConstrainedSeeds = field(init=False)
 
@@ -110,7 +110,7 @@ class PathSearch:
         else:
             self.begun = _ROUNDS
 
-    def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> Way | Failure:
+    def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> GuessPath | Failure:
         """Return the next way to optimise; `repair` as in `through_thinner`.
 
         Once there is a motion, several paths are sampled between thinner obstacles, where there are more ways and
@@ -123,7 +123,7 @@ class PathSearch:
         constrained, none = self._on_constraints.apply, not self.incumbent.candidates
         if found is None and none and not constrained and self.searches and self.depth < _HARD:
             way = self._compared(sampler, None, _TRIED, enough=1)
-            if isinstance(way, Way):
+            if isinstance(way, GuessPath):
                 return way
             self.depth = _HARD
         if found is None and (constrained or none):
@@ -131,7 +131,7 @@ class PathSearch:
             if isinstance(path, Failure):
                 return path
             if constrained or self.incumbent.curve is not None or not self.incumbent.candidates:
-                return Way(path)
+                return GuessPath(path)
             found = path
         return self._compared(sampler, found, _COMPARED)
 
@@ -143,7 +143,7 @@ class PathSearch:
 
     def _compared(
         self, sampler: GoalSampler, found: SampledPath | None, count: int, enough: float = np.inf
-    ) -> Way | Failure:
+    ) -> GuessPath | Failure:
         """Compare `found` and paths sampled anew by coarse descents; return the best way not optimised yet.
 
         At most `count` paths, none after `enough` ways, and none after one that promises a far shorter motion than the
@@ -167,13 +167,15 @@ class PathSearch:
         self._ways.sort(key=lambda way: way.duration)
         return self._ways.pop(0) if self._ways else failure
 
-    def anew(self, problem: Problem, patience: Patience, incumbent: Incumbent, coarse: CoarseDescents) -> "PathSearch":
+    def anew(
+        self, problem: Problem, patience: Patience, incumbent: CurveIncumbent, coarse: CoarseDescents
+    ) -> "PathSearch":
         """Return searches that begin at the first seed again and share the models of thinner obstacles alone."""
         fresh = PathSearch(problem, self.model, self.budget, patience, incumbent, self.watch, coarse)
         fresh._checks = self._checks
         return fresh
 
-    def toward(self, sampler: GoalSampler, goals: list[Array], most: float) -> Way | None:
+    def toward(self, sampler: GoalSampler, goals: list[Array], most: float) -> GuessPath | None:
         """Return the way along a path to one of some goals (n,), found within `most` of work, s; None without one.
 
         The path is sampled between thinner obstacles, and between the real ones where the line to it is free there.

@@ -19,13 +19,13 @@ from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.path_constraints.goal_projection import hold_goals
 from optiplan.planners.sampling.shortcutting import path_time
-from optiplan.planners.trajopt.among_moving import plan_among_moving
 from optiplan.planners.trajopt.attempts import Attempts
-from optiplan.planners.trajopt.coarse_descents import CoarseDescents, Way
+from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
 from optiplan.planners.trajopt.end_search import EndSearch
-from optiplan.planners.trajopt.incumbent import Incumbent
+from optiplan.planners.trajopt.incumbent import CurveIncumbent
 from optiplan.planners.trajopt.initial_guess import along_path, with_bump
-from optiplan.planners.trajopt.moving import plan_moving
+from optiplan.planners.trajopt.nonzero_ends import plan_nonzero_ends
+from optiplan.planners.trajopt.optimise_in_time import optimise_in_time
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.path_search import PathSearch
@@ -72,15 +72,15 @@ class TrajOpt(Planner[TrajOptOptions]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        if problem.scene.moving:
-            return plan_among_moving(self, problem, budget, progress)
-        if problem.moving:
-            return plan_moving(self, problem, budget, progress)
+        if problem.scene.dynamic_obstacles:
+            return optimise_in_time(self, problem, budget, progress)
+        if problem.nonzero_ends:
+            return plan_nonzero_ends(self, problem, budget, progress)
         return _Run(problem, budget, progress, self.options).result()
 
     def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
         """Plan from an earlier motion; look for another way where that leads to nothing as good. See `warm`."""
-        if problem.scene.moving:
+        if problem.scene.dynamic_obstacles:
             return self.plan(problem, budget, progress)
         warm = WarmStart(problem, earlier, self.options, budget, progress)
         if warm.good or (warm.best is not None and budget.over):
@@ -102,7 +102,9 @@ class _Run:
             self.model = kept_planning_model(problem.robot, problem.scene)
             self.info.update(not_in_core(self.model))
             self.optimiser = Optimiser(problem, self.model, options)
-        self.incumbent = Incumbent(problem, self.optimiser.constraints, progress, self.info, began, self.watch)
+        self.incumbent = CurveIncumbent(
+            problem, progress, self.watch, began, constraints=self.optimiser.constraints, info=self.info
+        )
         self.coarse = CoarseDescents(self.optimiser, budget, self.patience, self.watch)
         self.paths = PathSearch(problem, self.model, budget, self.patience, self.incumbent, self.watch, self.coarse)
         self.attempts = Attempts(self.optimiser, budget, self.incumbent, self.patience, self.watch)
@@ -119,12 +121,9 @@ class _Run:
         self.attempts.refine()
         self.attempts.finest()
         self.info["cut_short"] |= self.budget.over
-        if self.incumbent.candidates:
-            *earlier, last = self.incumbent.candidates
-            return PlanResult(last.trajectory, None, self.watch.seconds, self.info, tuple(earlier), last.seconds)
         if self.budget.cancelled:
             failure = out_of_time(self.budget, "looking for a trajectory")
-        return PlanResult(None, failure, self.watch.seconds, self.info)
+        return self.incumbent.result(self.info, failure)
 
     def _search(self) -> Failure | None:
         problem, start = self.problem, self.problem.start
@@ -144,12 +143,16 @@ class _Run:
         early = self.budget.share(_EARLY)
         tried = goals[: self.options.straight_goals]
         for k, (goal, bound) in enumerate(zip(tried, bounds, strict=False)):
-            if early.over or self.incumbent.cost_bound(float(bound)) >= self.incumbent.cost or not self._worth():
+            if (
+                early.over
+                or self.incumbent.cost_bound(float(bound)) >= self.incumbent.cost
+                or not self._should_continue()
+            ):
                 break
             if len(tried) > 1:
-                self._expect(self._along(np.array([start, other])) for other in tried[k:])
+                self._precompute(self._along(np.array([start, other])) for other in tried[k:])
             self._straight(np.array([start, goal]))
-            if self._worth():
+            if self._should_continue():
                 within = self.budget if self.incumbent.candidates else early
                 control = self._along(np.array([start, goal]))
                 straight = self.attempts.attempt("straight", control, within, lambda: self.paths.at_once(sampler))
@@ -168,9 +171,9 @@ class _Run:
         ends = EndSearch(self.problem, sampler, self.attempts, self.paths, self.coarse)
         seedless = SeedlessSearch(self.problem, self.attempts, self.paths, self.coarse)
         for number in range(self.options.seeds):
-            if not self._worth():
+            if not self._should_continue():
                 break
-            self._expect(self._coming(sampler, number, rng))
+            self._precompute(self._coming(sampler, number, rng))
             self.repaired = None
             way = self.paths.next(sampler, self._repaired)
             if isinstance(way, Failure):
@@ -179,12 +182,12 @@ class _Run:
                 self.attempts.keep(None)
             elif len(way.path.waypoints) > 2 or self.incumbent.curve is None:
                 failure = self._sampled(way) or failure
-            if self.direct and self._worth():
-                self._expect(self._coming(sampler, number, rng))
+            if self.direct and self._should_continue():
+                self._precompute(self._coming(sampler, number, rng))
                 control = self._with_bump(self._line(sampler, number), rng)
                 self.direct = self.attempts.attempt("line", control, self.attempts.before_refining) is not None
-            if number % _BUMPS == _BUMPS - 1 and self.incumbent.curve is not None and self._worth():
-                self._expect(self._coming(sampler, number, rng, line=False))
+            if number % _BUMPS == _BUMPS - 1 and self.incumbent.curve is not None and self._should_continue():
+                self._precompute(self._coming(sampler, number, rng, line=False))
                 control = self._with_bump(self.incumbent.curve.control, rng)
                 self.attempts.attempt("bump", control, self.attempts.before_refining)
             ends.run()
@@ -217,7 +220,7 @@ class _Run:
         duration = self.optimiser.basis.shortest_duration(control, limits.rates)
         return with_bump(self.optimiser.basis, control, duration, limits, rng)
 
-    def _sampled(self, way: Way) -> Failure | None:
+    def _sampled(self, way: GuessPath) -> Failure | None:
         """Optimise from a sampled path, and time the path itself where several attempts have led to nothing.
 
         A path that lies on an optimised curve already, and that no shortcut has made shorter, is not optimised again;
@@ -241,7 +244,7 @@ class _Run:
             self.paths.offer_timed(path)
         return failure
 
-    def _hopeless(self, way: Way) -> bool:
+    def _hopeless(self, way: GuessPath) -> bool:
         """Return whether a way promises nothing better than the best curve."""
         incumbent = self.incumbent
         if way.control is None or incumbent.curve is None:
@@ -272,11 +275,11 @@ class _Run:
     def _along(self, waypoints: Array) -> Array:
         return along_path(self.optimiser.basis, waypoints, self.problem.limits.velocity)
 
-    def _expect(self, curves: Iterable[Array]) -> None:
+    def _precompute(self, curves: Iterable[Array]) -> None:
         """Have other threads begin with curves that attempts are likely to begin with."""
-        self.attempts.ahead.expect(curves, self.incumbent.cost, self.attempts.patient)
+        self.attempts.ahead.precompute(curves, self.incumbent.cost, self.attempts.patient)
 
-    def _worth(self) -> bool:
+    def _should_continue(self) -> bool:
         """Return whether the budget and `Patience` allow another attempt."""
         if self.attempts.before_refining.over:
             self.info["cut_short"] = True

@@ -9,12 +9,12 @@ from optiplan.planners.base import Failure
 from optiplan.planners.common.goal_ranking import GoalSampler, apart, goal_sampler
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents
-from optiplan.planners.trajopt.incumbent import Incumbent
+from optiplan.planners.trajopt.incumbent import CurveIncumbent
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.optimizer import Attempt
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
 
 _STREAM = 0
 """Seed of all its random numbers."""
@@ -91,12 +91,11 @@ class SeedlessSearch:
 
         Return whether an end was found.
         """
-        run, problem = self.attempts, replace(self.problem, seed=_STREAM)
+        run, problem = self.attempts, derived(self.problem, seed=_STREAM)
         patience = Patience(run.budget, run.patience.good_enough)
-        record = {"attempts": run.incumbent.info["attempts"], "cut_short": False}
-        incumbent = Incumbent(
-            problem, run.incumbent.constraints, lambda stage, share: None, record, run.incumbent.began, run.watch
-        )
+        info = {"attempts": run.incumbent.info["attempts"], "cut_short": False}
+        kept, silent = run.incumbent, lambda stage, share: None
+        incumbent = CurveIncumbent(problem, silent, run.watch, kept.began, constraints=kept.constraints, info=info)
         self._own = Attempts(run.optimiser, run.budget, incumbent, patience, run.watch)
         self._descents = replace(self.coarse, patience=patience)
         self._searches = self.paths.anew(problem, patience, incumbent, self._descents)

@@ -83,7 +83,7 @@ class SpeculativeAttempts:
         self._tasks: dict[bytes, _Begun] = {}
         self.used = 0
 
-    def expect(self, curves: Iterable[Array], best: float, patient: bool) -> None:
+    def precompute(self, curves: Iterable[Array], best: float, patient: bool) -> None:
         """Begin with the first of these curves (K, n) that attempts are likely to begin with; end all others."""
         if self._threads is None:
             return

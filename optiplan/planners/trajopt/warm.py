@@ -14,12 +14,12 @@ from optiplan.planners.base import Budget, Candidate, PlanResult, Progress, anno
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.limit_violations import excess
-from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, torque_ratio, with_reserve
+from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
-from optiplan.trajectory.cut import cut
+from optiplan.trajectory.cut import cut_trajectory
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
@@ -66,7 +66,7 @@ class WarmStart:
         began = clock()
         self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
         self.model = kept_planning_model(problem.robot, problem.scene)
-        stated = with_reserve(problem) if problem.moving else problem
+        stated = with_reserve(problem) if problem.nonzero_ends else problem
         few = replace(options, iterations=min(MOST_STEPS, options.iterations))
         self.optimiser = Optimiser(stated, self.model, few)
         self.attempt: Attempt | None = None
@@ -122,7 +122,7 @@ class WarmStart:
         """Optimise the earlier motion, moved by what its start and, more and more, by what its end has moved by."""
         start, earlier, basis = self.problem.start_state, self.earlier, self.optimiser.basis
         u = np.linspace(0.0, 1.0, _SAMPLES)
-        curves = MovingOptimiser(self.problem, self.optimiser, EndStates(start, end))
+        curves = NonzeroEndOptimiser(self.problem, self.optimiser, EndStates(start, end))
         points, done = earlier(u * earlier.duration), _progress(earlier, u, self.problem.limits.velocity)[:, None]
         points = points + (1.0 - done) * (start.q - earlier.start) + done * (end.q - earlier.end)
         ends = EndStates(replace(earlier.state(0.0), q=start.q), replace(earlier.state(earlier.duration), q=end.q))
@@ -149,7 +149,7 @@ class WarmStart:
     def _at_bound(self, end: State) -> bool:
         """Whether hardly any motion to this end can be shorter than what is left of the earlier one."""
         problem = self.problem
-        if problem.moving or not problem.objective.plain:
+        if problem.nonzero_ends or not problem.objective.plain:
             return False
         return self.earlier.duration <= AT_BOUND * lower_bound(problem.start, end.q, problem.limits)
 
@@ -194,4 +194,4 @@ def _ahead(problem: Problem, earlier: Trajectory) -> Trajectory:
         v = earlier(here, 1)
         here += float((problem.start - earlier(here)) @ v) / max(float(v @ v), 1e-12)
         here = float(np.clip(here, 0.0, t[-1]))
-    return cut(earlier, here, earlier.duration)
+    return cut_trajectory(earlier, here, earlier.duration)

@@ -12,10 +12,10 @@ from optiplan.planners.common.context import Work
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness, out_of_time, too_heavy
 from optiplan.planners.common.refused_path import refused_path
-from optiplan.planners.common.via_legs import joined
 from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.planners.vias.via_chains import distinct, ranked_chains
 from optiplan.problem.problem import JointGoal, Problem
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.paths.corners import bezier_corners, bspline_corners, reversals, through_corners
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
@@ -72,7 +72,9 @@ class Rounded(Planner[RoundedOptions]):
                 timed = [time_path(path, problem.robot, problem.limits, timing) for path in sections]
             motions = [motion for motion in timed if motion is not None]
             if len(motions) == len(sections):
-                return PlanResult(joined(motions), None, watch.seconds, {"goal": k, "cut_short": budget.over})
+                return PlanResult(
+                    join_trajectories(motions), None, watch.seconds, {"goal": k, "cut_short": budget.over}
+                )
             refused.append(too_heavy(problem.robot, problem.limits, chain))
         return PlanResult(None, out_of_time(budget, _DOING) if budget.over else refused[0], watch.seconds)
 

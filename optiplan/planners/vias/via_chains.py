@@ -1,7 +1,5 @@
 """Configurations from the start through all vias to a goal, as planners that pass vias by themselves want them."""
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
@@ -14,7 +12,7 @@ from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.point_to_point.base import Options, PointToPoint
 from optiplan.problem.goals import GoalOptions, goal_configurations
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 
 _POINT_TOLERANCE = 1e-9  # rad or m: points nearer than that are one
@@ -79,7 +77,7 @@ def _extended(problem: Problem, chains: list[Array], costs: Array, ends: list[Ar
 
 def _choices(problem: Problem, model: CollisionModel, budget: Budget, k: int) -> list[Array] | Failure:
     options = GoalOptions(count=_CHOICES, stop=lambda: budget.over)
-    there = replace(problem, goal=(problem.vias[k].at,), vias=())
+    there = derived(problem, goal=(problem.vias[k].at,), vias=())
     found = goal_configurations(there, model, np.random.default_rng(problem.seed), options)
     if found.kind is not None:
         if budget.over:

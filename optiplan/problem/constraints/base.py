@@ -2,16 +2,46 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar, Self, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
+from pydantic import AfterValidator
 
 from optiplan.arrays import Array
+from optiplan.config.document import Number, Strict
+from optiplan.config.simple_yaml import Place
+from optiplan.config.values import Name
 
 During: TypeAlias = tuple[float, float]
 """Part of the motion, as fractions of its duration."""
 
 WHOLE: During = (0.0, 1.0)
+
+
+class Mention(NamedTuple):
+    """A name in a constraint: where it stands under the constraint's key, and of what kind it is."""
+
+    place: Place
+    kind: Literal["frame", "body", "joint"]
+    name: str
+
+
+def _ordered(values: tuple[float, ...]) -> tuple[float, ...]:
+    if len(values) != 2 or not 0.0 <= values[0] < values[1] <= 1.0:
+        expected = "two fractions of the duration, [from, to] with 0 <= from < to <= 1"
+        raise ValueError(f"found {list(values)}; expected {expected}")
+    return values
+
+
+Part = Annotated[tuple[Number, ...], AfterValidator(_ordered)]
+"""Part of the motion, as a file states it."""
+
+
+class ConstraintSpec(Strict):
+    """What all path constraints have; `frame` is the robot's tool frame without one."""
+
+    frame: Name | None = None
+    during: Part | None = None
 
 
 class Statement(ABC):
@@ -31,9 +61,14 @@ class Statement(ABC):
     def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
         """Return the constraint of a validated entry of a file, all values there; `frame` is the one it is about."""
 
-    @abstractmethod
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them, `frame` and `during` aside."""
+    def to_data(self) -> dict[str, Any]:
+        """Return its values as a problem file says them, `frame` and `during` aside: by the names of its attributes."""
+        return {name: value for name, value in vars(self).items() if name not in ("frame", "during")}
+
+    def mentioned(self) -> list[Mention]:
+        """Return the names of what the robot or the scene must have."""
+        frame = getattr(self, "frame", None)
+        return [] if frame is None else [Mention(("frame",), "frame", frame)]
 
 
 def unit(values: Any) -> Array:

@@ -69,7 +69,7 @@ class Expression(Statement):
         """Raise: files hold no functions."""
         raise NotImplementedError("an expression is a function, which no file holds")
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return what can be said of it."""
         return {"name": self.name, "lower": self.lower, "upper": self.upper}
 

@@ -9,20 +9,9 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.problem.constraints.base import circle_of
-from optiplan.problem.constraints.statements import (
-    FixedOrientation,
-    LookAt,
-    OnArc,
-    OnCircle,
-    OnLine,
-    OnPlane,
-    OnScrew,
-    OrientationCone,
-    PathConstraint,
-    PositionBox,
-    RelativePose,
-    frame_of,
-)
+from optiplan.problem.constraints.points import OnArc, OnCircle, OnLine, OnPlane, PositionBox
+from optiplan.problem.constraints.poses import FixedOrientation, LookAt, OnScrew, OrientationCone, RelativePose
+from optiplan.problem.constraints.statements import PathConstraint, frame_of
 from optiplan.robot.robot import Robot
 
 ROUNDING = 1e-9

@@ -1,12 +1,15 @@
-"""Path constraints on speeds, joints and distances."""
+"""Path constraints on speeds, joints and distances: what stands under each key, and what it states."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
+from pydantic import Field, model_validator
 
-from optiplan.problem.constraints.base import WHOLE, During, Statement
+from optiplan.config.document import Number, Strict
+from optiplan.config.values import Length, Name, NamePair
+from optiplan.problem.constraints.base import WHOLE, ConstraintSpec, During, Mention, Part, Statement
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +26,22 @@ class _ToolRate:
         """Return the constraint of a validated entry of a file."""
         return cls(frame, *_rates(data), during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {name: getattr(self, name) for name in ("linear", "angular") if np.isfinite(getattr(self, name))}
+
+
+class ToolSpeedSpec(ConstraintSpec):
+    """The frame moves no faster than `linear`, m/s, and turns no faster than `angular`, rad/s."""
+
+    linear: Length | None = None
+    angular: Length | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if self.linear is None and self.angular is None:
+            raise ValueError("found neither; expected linear, angular, or both")
+        return self
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +58,10 @@ class ToolSpeed(_ToolRate, Statement):
     KEY: ClassVar[str] = "tool_speed"
 
 
+class ToolAccelerationSpec(ToolSpeedSpec):
+    """The frame's acceleration is at most `linear`, m/s², its angular acceleration at most `angular`, rad/s²."""
+
+
 @dataclass(frozen=True, eq=False)
 class ToolAcceleration(_ToolRate, Statement):
     """A frame is accelerated no more than this.
@@ -54,6 +74,14 @@ class ToolAcceleration(_ToolRate, Statement):
     """
 
     KEY: ClassVar[str] = "tool_acceleration"
+
+
+class PairClearanceSpec(Strict):
+    """Pairs of bodies stay farther apart than `at_least`, m."""
+
+    pairs: Annotated[tuple[NamePair, ...], Field(min_length=1)]
+    at_least: Length
+    during: Part | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +105,15 @@ class PairClearance(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(tuple((a, b) for a, b in data["pairs"]), data["at_least"], during)
 
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"pairs": [list(pair) for pair in self.pairs], "at_least": self.at_least}
+    def mentioned(self) -> list[Mention]:
+        """Return the bodies."""
+        return [Mention(("pairs", i), "body", name) for i, pair in enumerate(self.pairs) for name in pair]
+
+
+class ManipulabilitySpec(ConstraintSpec):
+    """Yoshikawa's measure of the frame's Jacobian is at least this."""
+
+    at_least: Length
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +137,14 @@ class ManipulabilityAbove(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, data["at_least"], during)
 
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"at_least": self.at_least}
+
+class JointCouplingSpec(Strict):
+    """A sum of joint positions: |sum of coefficient · q - equals| <= within."""
+
+    joints: Annotated[dict[Name, Number], Field(min_length=1)]
+    equals: Number = 0.0
+    within: Length
+    during: Part | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,9 +170,16 @@ class JointCoupling(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(dict(data["joints"]), data["equals"], data["within"], during)
 
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"joints": dict(self.joints), "equals": self.equals, "within": self.within}
+    def mentioned(self) -> list[Mention]:
+        """Return the joints."""
+        return [Mention(("joints", name), "joint", name) for name in self.joints]
+
+
+class WheelSpeedSpec(Strict):
+    """No mecanum wheel of the robot turns faster than `at_most`, rad/s."""
+
+    at_most: Length
+    during: Part | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,10 +200,6 @@ class WheelSpeed(Statement):
     def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
         """Return the constraint of a validated entry of a file."""
         return cls(data["at_most"], during)
-
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"at_most": self.at_most}
 
 
 def _rates(data: Mapping[str, Any]) -> tuple[float, float]:

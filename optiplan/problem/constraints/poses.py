@@ -1,15 +1,27 @@
-"""Path constraints on the pose of a frame."""
+"""Path constraints on the pose of a frame: what stands under each key of a problem file, and what it states."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field, model_validator
 
 from optiplan.arrays import Array
-from optiplan.geometry.poses import pose_from_data, pose_to_data
-from optiplan.problem.constraints.base import WHOLE, During, Statement, unit
+from optiplan.config.values import Coordinate, Direction, Length, Name, Quaternion, Vector
+from optiplan.geometry.pose import Angles, PoseSpec, ToleranceSpec
+from optiplan.geometry.poses import in_radians, pose_from_data, pose_to_data
+from optiplan.problem.constraints.base import WHOLE, ConstraintSpec, During, Mention, Statement, unit
+
+
+class OrientationConeSpec(ConstraintSpec):
+    """`axis` of the frame stays within an angle, rad, of the direction `toward` of the world."""
+
+    axis: Direction
+    toward: Direction
+    within: Annotated[Length, Field(le=math.pi)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +49,26 @@ class OrientationCone(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, unit(data["axis"]), unit(data["toward"]), data["within"], during)
 
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"axis": self.axis, "toward": self.toward, "within": self.within}
+
+class FixedOrientationSpec(ConstraintSpec):
+    """The frame keeps its orientation in the world, `rpy`, `rpy_deg` or `quaternion`, within an angle, rad."""
+
+    rpy: Angles | None = None
+    rpy_deg: Vector | None = None
+    quaternion: Quaternion | None = None
+    within: Annotated[Length, Field(le=math.pi)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _radians(cls, data: Any) -> Any:
+        return in_radians(data)
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.rpy is None) == (self.quaternion is None):
+            found = "neither" if self.rpy is None else "both"
+            raise ValueError(f"found {found}; expected rpy, rpy_deg or quaternion")
+        return self
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,158 +96,53 @@ class FixedOrientation(Statement):
             frame, pose_from_data({"position": [0.0, 0.0, 0.0], **_rotation(data)}).rotation, data["within"], during
         )
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {"quaternion": pin.Quaternion(np.asarray(self.R_WF)).coeffs().tolist(), "within": self.within}
 
 
-@dataclass(frozen=True, eq=False)
-class PositionBox(Statement):
-    """The origin of a frame stays in a box.
+class LookAtSpec(ConstraintSpec):
+    """`axis` of the frame points at `target`, m, within an angle, rad."""
 
-    Attributes:
-        frame: a link or fixed frame of the robot.
-        size: (3,) edge lengths, m.
-        X_WC: pose of the box in the world.
-        during: part of the motion.
-    """
-
-    KEY: ClassVar[str] = "position"
-
-    frame: str
-    size: Array
-    X_WC: pin.SE3
-    during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(frame, np.array(data["box"]["size"]), pose_from_data(data["box"]["pose"]), during)
-
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"box": {"size": np.asarray(self.size).tolist(), "pose": pose_to_data(self.X_WC)}}
+    axis: Direction
+    target: Vector
+    within: Annotated[Length, Field(lt=math.pi / 2)]
 
 
 @dataclass(frozen=True, eq=False)
-class OnPlane(Statement):
-    """The origin p of a frame stays near a plane: |normal · p - offset| <= within.
+class LookAt(Statement):
+    """An axis of a frame points at a point of the world, within an angle: a camera.
 
     Attributes:
         frame: a link or fixed frame of the robot.
-        normal: (3,) unit vector in the world.
-        offset: m.
-        within: m.
+        axis: (3,) unit vector in the frame.
+        target: (3,) in the world, m.
+        within: rad.
         during: part of the motion.
     """
 
-    KEY: ClassVar[str] = "plane"
+    KEY: ClassVar[str] = "look_at"
 
     frame: str
-    normal: Array
-    offset: float
+    axis: Array
+    target: Array
     within: float
     during: During = WHOLE
 
     @classmethod
     def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
         """Return the constraint of a validated entry of a file."""
-        return cls(frame, unit(data["normal"]), data["offset"], data["within"], during)
-
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"normal": self.normal, "offset": self.offset, "within": self.within}
+        return cls(frame, unit(data["axis"]), np.array(data["target"], float), data["within"], during)
 
 
-@dataclass(frozen=True, eq=False)
-class OnLine(Statement):
-    """The origin of a frame stays near the segment between two points.
+class OnScrewSpec(ConstraintSpec):
+    """The frame turns about an axis through `point`, sliding by `pitch`, m/rad; `pose` is one of its poses."""
 
-    Attributes:
-        frame: a link or fixed frame of the robot.
-        start, end: (3,) in the world, m.
-        within: m.
-        during: part of the motion.
-    """
-
-    KEY: ClassVar[str] = "line"
-
-    frame: str
-    start: Array
-    end: Array
-    within: float
-    during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(frame, np.array(data["from"], float), np.array(data["to"], float), data["within"], during)
-
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"from": self.start, "to": self.end, "within": self.within}
-
-
-@dataclass(frozen=True, eq=False)
-class OnCircle(Statement):
-    """The origin of a frame stays near a circle.
-
-    Attributes:
-        frame: a link or fixed frame of the robot.
-        centre: (3,) m.
-        normal: (3,) unit vector along its axis.
-        radius: m.
-        within: m.
-        during: part of the motion.
-    """
-
-    KEY: ClassVar[str] = "circle"
-
-    frame: str
-    centre: Array
-    normal: Array
-    radius: float
-    within: float
-    during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(frame, np.array(data["centre"], float), unit(data["normal"]), data["radius"], data["within"], during)
-
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"centre": self.centre, "normal": self.normal, "radius": self.radius, "within": self.within}
-
-
-@dataclass(frozen=True, eq=False)
-class OnArc(Statement):
-    """The origin of a frame stays near the circular arc between two points, through a third.
-
-    Attributes:
-        frame: a link or fixed frame of the robot.
-        start, through, end: (3,) in the world, m; not in line.
-        within: m.
-        during: part of the motion.
-    """
-
-    KEY: ClassVar[str] = "arc"
-
-    frame: str
-    start: Array
-    through: Array
-    end: Array
-    within: float
-    during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(frame, *_points(data), data["within"], during)
-
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"from": self.start, "through": self.through, "to": self.end, "within": self.within}
+    axis: Direction
+    point: Vector
+    pitch: Coordinate = 0.0
+    pose: PoseSpec
+    tolerance: ToleranceSpec = ToleranceSpec()
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,7 +184,7 @@ class OnScrew(Statement):
             during,
         )
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {
             "axis": self.axis,
@@ -271,34 +195,11 @@ class OnScrew(Statement):
         }
 
 
-@dataclass(frozen=True, eq=False)
-class LookAt(Statement):
-    """An axis of a frame points at a point of the world, within an angle: a camera.
+class RelativePoseSpec(ConstraintSpec, PoseSpec):
+    """The frame keeps its pose in the frame `to`, within `tolerance`."""
 
-    Attributes:
-        frame: a link or fixed frame of the robot.
-        axis: (3,) unit vector in the frame.
-        target: (3,) in the world, m.
-        within: rad.
-        during: part of the motion.
-    """
-
-    KEY: ClassVar[str] = "look_at"
-
-    frame: str
-    axis: Array
-    target: Array
-    within: float
-    during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(frame, unit(data["axis"]), np.array(data["target"], float), data["within"], during)
-
-    def said(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"axis": self.axis, "target": self.target, "within": self.within}
+    to: Name
+    tolerance: ToleranceSpec = ToleranceSpec()
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,7 +229,7 @@ class RelativePose(Statement):
         """Return the constraint of a validated entry of a file."""
         return cls(frame, data["to"], pose_from_data(data), *_tolerance(data), during)
 
-    def said(self) -> dict[str, Any]:
+    def to_data(self) -> dict[str, Any]:
         """Return its values as a problem file says them."""
         return {
             "to": self.to,
@@ -336,14 +237,13 @@ class RelativePose(Statement):
             "tolerance": {"position": self.position, "orientation": self.orientation},
         }
 
+    def mentioned(self) -> list[Mention]:
+        """Return both frames."""
+        return [*super().mentioned(), Mention(("to",), "frame", self.to)]
+
 
 def _tolerance(data: Mapping[str, Any]) -> tuple[float, float]:
     return data["tolerance"]["position"], data["tolerance"]["orientation"]
-
-
-def _points(data: Mapping[str, Any]) -> tuple[Array, Array, Array]:
-    start, through, end = (np.array(data[key], float) for key in ("from", "through", "to"))
-    return start, through, end
 
 
 def _rotation(data: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,35 +5,15 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from optiplan.problem.constraints import motions, poses
+from optiplan.problem.constraints import motions, points, poses
 from optiplan.problem.constraints.base import WHOLE, During, Statement
-from optiplan.problem.constraints.motions import (
-    JointCoupling,
-    ManipulabilityAbove,
-    PairClearance,
-    ToolAcceleration,
-    ToolSpeed,
-    WheelSpeed,
-)
-from optiplan.problem.constraints.poses import (
-    FixedOrientation,
-    LookAt,
-    OnArc,
-    OnCircle,
-    OnLine,
-    OnPlane,
-    OnScrew,
-    OrientationCone,
-    PositionBox,
-    RelativePose,
-)
 
 PathConstraint: TypeAlias = Statement
 """Any statement of `KINDS`."""
 
 KINDS: dict[str, type[Statement]] = {
     kind.KEY: kind
-    for room in (poses, motions)
+    for room in (poses, points, motions)
     for kind in vars(room).values()
     if isinstance(kind, type) and issubclass(kind, Statement) and kind is not Statement
 }
@@ -54,43 +34,16 @@ def constraint_of(key: str, data: Mapping[str, Any], frame: str) -> PathConstrai
 
 def constraint_data(one: PathConstraint) -> dict[str, Any]:
     """Return a constraint as a problem file says it: its key, and under that its values."""
-    said = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in one.said().items()}
+    data = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in one.to_data().items()}
     frame = frame_of(one)
     if frame is not None:
-        said["frame"] = frame
+        data["frame"] = frame
     if tuple(one.during) != WHOLE:
-        said["during"] = list(one.during)
-    return {one.KEY: said}
+        data["during"] = list(one.during)
+    return {one.KEY: data}
 
 
 def frame_of(one: PathConstraint) -> str | None:
     """Return the frame that a constraint is about, if it is about one."""
     frame: str | None = getattr(one, "frame", None)
     return frame
-
-
-__all__ = [
-    "KINDS",
-    "WHOLE",
-    "During",
-    "FixedOrientation",
-    "JointCoupling",
-    "LookAt",
-    "ManipulabilityAbove",
-    "OnArc",
-    "OnCircle",
-    "OnLine",
-    "OnPlane",
-    "OnScrew",
-    "OrientationCone",
-    "PairClearance",
-    "PathConstraint",
-    "PositionBox",
-    "RelativePose",
-    "ToolAcceleration",
-    "ToolSpeed",
-    "WheelSpeed",
-    "constraint_data",
-    "constraint_of",
-    "frame_of",
-]

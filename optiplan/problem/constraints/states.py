@@ -10,15 +10,15 @@ from optiplan.geometry.scene import Scene
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.kinematics.mecanum import wheel_matrix
 from optiplan.problem.constraints.measures import ROUNDING, FramePoses, measures
-from optiplan.problem.constraints.statements import (
+from optiplan.problem.constraints.motions import (
     JointCoupling,
     ManipulabilityAbove,
     PairClearance,
-    PathConstraint,
     ToolAcceleration,
     ToolSpeed,
     WheelSpeed,
 )
+from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import WORDS
 from optiplan.trajectory.state import State

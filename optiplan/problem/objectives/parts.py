@@ -12,7 +12,8 @@ from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.objectives.objective import PLAIN, Objective
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.trajectory.quadrature import gauss_points
+from optiplan.trajectory.trajectory import States, Trajectory
 
 CLEAR = 0.1
 """m: two bodies that are farther apart cost nothing."""
@@ -20,18 +21,11 @@ CLEAR = 0.1
 SINGULAR = 1e-3
 """Added to the manipulability, so that a singular configuration has a finite cost."""
 
-_NODES, _WEIGHTS = (0.5 * (x + 1.0) if k == 0 else 0.5 * x for k, x in enumerate(np.polynomial.legendre.leggauss(5)))
-_PANELS = 64  # least number per motion
-
-States = tuple[Array, Array, Array]
-"""Position, velocity and acceleration (N, n) each."""
-
 
 class ObjectiveParts:
     """Parts of the objective of one problem; data that depend only on the problem are built once.
 
-    Integrals are by Gauss-Legendre quadrature with five points in each of at least 64 panels, which end at breakpoints;
-    the duration and squared jerk are exact.
+    Integrals are sums over `gauss_points`; the duration and squared jerk are exact.
     """
 
     def __init__(self, robot: Robot, scene: Scene, objective: Objective) -> None:
@@ -44,7 +38,7 @@ class ObjectiveParts:
         self._model = CollisionModel(robot, scene) if "clearance" in wanted else None
         rates: dict[str, Callable[[States], Array]] = {
             "energy": self._energy,
-            "joint_path": lambda states: np.linalg.norm(states[1], axis=1),
+            "joint_path": lambda states: np.linalg.norm(states.v, axis=1),
             "tool_path": self._tool_speed,
             "tool_smoothness": self._tool_acceleration,
             "clearance": self._nearness,
@@ -61,11 +55,8 @@ class ObjectiveParts:
         if self.objective.jerk:
             found["jerk"] = trajectory.squared_jerk()
         if self._rates:
-            edges = np.union1d(trajectory.breakpoints, np.linspace(0.0, trajectory.duration, _PANELS + 1))
-            width = np.diff(edges)
-            t = (edges[:-1, None] + width[:, None] * _NODES).ravel()
-            weights = (width[:, None] * _WEIGHTS).ravel()
-            states = trajectory(t), trajectory(t, 1), trajectory(t, 2)
+            t, weights = gauss_points(trajectory)
+            states = States(trajectory(t), trajectory(t, 1), trajectory(t, 2))
             found |= {name: float(weights @ rate(states)) for name, rate in self._rates.items()}
         return found
 
@@ -80,12 +71,12 @@ class ObjectiveParts:
         return np.asarray((inverse_dynamics(self._robot, *states) ** 2).sum(axis=1))
 
     def _tool_speed(self, states: States) -> Array:
-        J = self._tool.evaluate(states[0])[1]
-        return np.asarray(np.linalg.norm(np.einsum("kij,kj->ki", J[:, :3], states[1]), axis=1))
+        J = self._tool.evaluate(states.q)[1]
+        return np.asarray(np.linalg.norm(np.einsum("kij,kj->ki", J[:, :3], states.v), axis=1))
 
     def _tool_acceleration(self, states: States) -> Array:
         model, data = self._robot.model, self._data
-        frame, found = self._robot.frame_id(self._robot.tool_frame), np.empty(len(states[0]))
+        frame, found = self._robot.frame_id(self._robot.tool_frame), np.empty(len(states.q))
         for k, state in enumerate(zip(*states, strict=True)):
             pin.forwardKinematics(model, data, *state)
             pin.updateFramePlacement(model, data, frame)
@@ -94,22 +85,22 @@ class ObjectiveParts:
         return found
 
     def _nearness(self, states: States) -> Array:
-        found = np.full(len(states[0]), CLEAR)
+        found = np.full(len(states.q), CLEAR)
         if self._model is not None:
-            near = self._model.near(states[0], CLEAR)
+            near = self._model.near(states.q, CLEAR)
             outside = of_obstacles(self._model)[near.pairs]
             np.minimum.at(found, near.rows[outside], near.distance[outside])
         return CLEAR - found
 
     def _singularity(self, states: States) -> Array:
-        J = self._tool.evaluate(states[0])[1]
+        J = self._tool.evaluate(states.q)[1]
         return np.asarray(1.0 / (SINGULAR + np.prod(np.linalg.svd(J, compute_uv=False), axis=1)))
 
     def _off_centre(self, states: States) -> Array:
         limits = self._robot.limits
         limited = np.isfinite(limits.lower) & np.isfinite(limits.upper)
         low, high = limits.lower[limited], limits.upper[limited]
-        share = (states[0][:, limited] - 0.5 * (low + high)) / (0.5 * (high - low))
+        share = (states.q[:, limited] - 0.5 * (low + high)) / (0.5 * (high - low))
         return np.asarray((share**2).sum(axis=1))
 
 

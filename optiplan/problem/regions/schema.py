@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from optiplan.arrays import Array
 from optiplan.config.document import Strict
 from optiplan.config.values import Coordinate, Length, Name
-from optiplan.geometry.pose_schema import PoseSpec, ToleranceSpec
+from optiplan.geometry.pose import PoseSpec, ToleranceSpec
 from optiplan.geometry.poses import pose_from_data
 
 FREE: Literal["free"] = "free"

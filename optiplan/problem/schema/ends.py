@@ -12,21 +12,13 @@ from optiplan.config.values import (
     Name,
     Vector,
 )
-from optiplan.geometry.pose_schema import PoseSpec, ToleranceSpec
+from optiplan.geometry.pose import PoseGoalSpec, PoseSpec, ToleranceSpec
 from optiplan.problem.regions.schema import RegionSpec
 
 CONFIGURATIONS = ("joints", "joints_deg", "configuration")
 """How a configuration can be said."""
 
 _NAMED = f"{', '.join(CONFIGURATIONS[:-1])} or {CONFIGURATIONS[-1]}"
-
-
-class PoseGoalSpec(PoseSpec):
-    """The pose of `frame` (default: the robot's tool frame) in the world."""
-
-    frame: Name | None = None
-    position: Vector
-    tolerance: ToleranceSpec = ToleranceSpec()
 
 
 Rates = Annotated[tuple[Number, ...] | None, AfterValidator(lambda rates: rates if rates and any(rates) else None)]

@@ -18,7 +18,7 @@ from optiplan.config.values import (
     NotNegative,
     Vector,
 )
-from optiplan.geometry.pose_schema import PoseSpec
+from optiplan.geometry.pose import PoseSpec
 from optiplan.problem.constraints.schema import PathConstraintSpec
 from optiplan.problem.schema.ends import GoalSpec, StartSpec, ViaSpec, timed
 from optiplan.problem.schema.scene import SceneSpec

@@ -14,7 +14,7 @@ from optiplan.config.values import (
     NotNegative,
     Vector,
 )
-from optiplan.geometry.pose_schema import PoseSpec
+from optiplan.geometry.pose import PoseSpec
 from optiplan.geometry.shapes import SHAPES, ShapeSpec
 
 LARGEST_MASS = 1e6

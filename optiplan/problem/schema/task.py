@@ -14,9 +14,10 @@ from optiplan.config.values import (
     NotNegative,
     Vector,
 )
+from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.problem.constraints.schema import PathConstraintSpec
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import CONFIGURATIONS, ENDS, AlternativeSpec, PoseGoalSpec, ViaSpec, timed
+from optiplan.problem.schema.ends import CONFIGURATIONS, ENDS, AlternativeSpec, ViaSpec, timed
 from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
 
 

@@ -9,11 +9,12 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
+from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.problem.builder import Compiler, frame_names, link_names, stated_configuration
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import LocatedValue
-from optiplan.problem.schema.ends import ENDS, AlternativeSpec, PoseGoalSpec, ViaSpec
+from optiplan.problem.schema.ends import ENDS, AlternativeSpec, ViaSpec
 from optiplan.problem.schema.task import (
     ApproachSpec,
     AttachSpec,

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 from optiplan.geometry.scene import Scene
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.scene_change import carrying, scene_after, scene_during
 from optiplan.problem.task.steps import Attach, Detach, TaskStep
-from optiplan.trajectory.cut import cut
+from optiplan.trajectory.cut import cut_trajectory
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -36,7 +36,7 @@ class ScenePart:
     def motion(self, trajectory: Trajectory) -> Trajectory:
         """Return this part of the motion."""
         whole = self.begin == 0.0 and self.end == trajectory.duration
-        return trajectory if whole else cut(trajectory, self.begin, self.end)
+        return trajectory if whole else cut_trajectory(trajectory, self.begin, self.end)
 
 
 def mismatch(problem: Problem, trajectory: Trajectory) -> str:
@@ -149,7 +149,7 @@ def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[Ta
 def part_problem(problem: Problem, scene: Scene) -> Problem:
     """Return the problem of a part of a task, with the masses of what is held."""
     robot = carrying(problem.robot, scene)
-    return replace(problem, robot=robot, scene=scene, task=(), path_constraints=())
+    return derived(problem, robot=robot, scene=scene, task=(), path_constraints=())
 
 
 def _words(steps: list[TaskStep]) -> str:

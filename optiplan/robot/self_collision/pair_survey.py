@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from optiplan import cache
 from optiplan.arrays import Array, Flags, Index
-from optiplan.geometry.convex import triangles_of, vertices_of
+from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.robot.self_collision.pair_proof import GAP, PairProof
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
 
@@ -171,7 +171,7 @@ def content_digest(model: pin.Model, geometry: pin.GeometryModel, limits: tuple[
 def _numbers(shape: coal.CollisionGeometry) -> Sequence[npt.NDArray[Any]]:
     """Return the numbers that identify a shape of its kind: vertices and triangles, or its bounding box."""
     if isinstance(shape, coal.BVHModelBase):
-        return [vertices_of(shape), triangles_of(shape)]
+        return [mesh_vertices(shape), mesh_triangles(shape)]
     if isinstance(shape, coal.ConvexBase):
         return [np.array([shape.point(k) for k in range(shape.num_points)])]
     shape.computeLocalAABB()

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.geometry.file_shapes import triangle_mesh
-from optiplan.geometry.meshes.reading import MeshFile, open_mesh, prepare, read_mesh
+from optiplan.geometry.meshes.reading import MeshFile, open_mesh, read_mesh, read_together
 
 Place = tuple[str, int]
 """Name of a link and which of its collisions (or visuals)."""
@@ -34,7 +34,7 @@ def build_geometry_of(model: pin.Model, xml: str, kind: pin.GeometryType) -> pin
         name = mesh.get("filename", "")
         if name not in files:
             files[name] = open_mesh(Path(name))
-    prepare(files.values())
+    read_together(files.values())
     geometry = pin.buildGeomFromUrdfString(model, ET.tostring(root, encoding="unicode"), kind)
     names = {f"{link}_{index}": mesh for (link, index), mesh in meshes.items()}
     for item in geometry.geometryObjects:

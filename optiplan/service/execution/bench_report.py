@@ -9,7 +9,7 @@ from urllib.parse import urlencode
 
 from optiplan.bench.execution.code_version import own_code, own_digest, planner_code
 from optiplan.bench.execution.machine import machine
-from optiplan.bench.execution.run_task import packed
+from optiplan.bench.execution.run_task import hash_and_pack
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.failures import reasons
 from optiplan.bench.report.matrix import matrix_rows
@@ -85,7 +85,7 @@ def _outcome(one: Mapping[str, Any], record: Mapping[str, Any]) -> Outcome:
     """The row of a run, of its record."""
     problem, label, seed = one["key"]
     motion = Trajectory.from_dict(json.loads(one["trajectory"])) if one["trajectory"] else None
-    digest, blob = packed(motion)
+    digest, blob = hash_and_pack(motion)
     timings, failed = record["timings"], record["failure"]
     row = {
         "planned": motion is not None or bool(record["info"].get("path_found")),

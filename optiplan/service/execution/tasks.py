@@ -15,7 +15,7 @@ from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
 from optiplan.resources import problems_dir
 from optiplan.runs import pipeline
-from optiplan.runs.export import FORMATS, export
+from optiplan.runs.export import FORMATS, export_trajectory
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RATE, motion_file, run_files
 from optiplan.service.execution.problem_reader import PlannerChoice, ProblemReader
@@ -65,7 +65,7 @@ class Tasks:
         budget, given = Budget(request["budget"]), problem.with_seed(choice.seed)
         told = stages_of(progress) if request.get("early") else progress
         earlier = Trajectory.from_dict(request["earlier"]) if request.get("earlier") else None
-        run = pipeline.attempt(given, choice.planner, choice.options, budget, told, earlier)
+        run = pipeline.plan_and_verify_once(given, choice.planner, choice.options, budget, told, earlier)
         about, rate = _about(run) | _identity(problem, choice), request.get("rate")
         if request.get("early"):
             progress.answered(about, motion_file(run, RATE if rate is None else rate or None))
@@ -98,7 +98,7 @@ class Tasks:
         motion = Trajectory.from_dict(json.loads(request["motion"]))
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"motion{FORMATS[format].suffixes[0]}"
-            export(motion, path, format, request["rate"], proof=lambda slower: verify(problem, slower))
+            export_trajectory(motion, path, format, request["rate"], proof=lambda slower: verify(problem, slower))
             return {}, {format: path.read_bytes()}
 
     def live(self, request: Mapping[str, Any], progress: Any) -> Answer:

@@ -12,7 +12,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 from starlette.background import BackgroundTask
 
-from optiplan.runs.export import FORMATS, export
+from optiplan.runs.export import FORMATS, export_trajectory
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.models import PlanAnswer, PlanRequest, QueuedSubmission, RunAnswer, RunId, RunList, SubmittedRun
 from optiplan.service.refusals import Refusal, not_found
@@ -126,7 +126,7 @@ async def exported(
     def made() -> bytes:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / f"motion{FORMATS[format].suffixes[0]}"
-            export(Trajectory.from_dict(json.loads(content)), path, format, rate)
+            export_trajectory(Trajectory.from_dict(json.loads(content)), path, format, rate)
             return path.read_bytes()
 
     return Response(await service.read(made), media_type=MEDIA.get(format, BYTES))

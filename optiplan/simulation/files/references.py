@@ -11,7 +11,6 @@ from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.files import read_bytes
 from optiplan.geometry.poses import pose_from_data
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.tool_path import (
     ToolPath,
@@ -22,6 +21,7 @@ from optiplan.planners.cartesian.tool_path import (
     screw,
     screw_about,
 )
+from optiplan.robot.frames import frame_pose
 from optiplan.runs import pipeline
 from optiplan.runs.run_folder import load_run
 from optiplan.simulation.files.read import ControlFile

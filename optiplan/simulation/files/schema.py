@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from optiplan.config.document import Number, Strict, Whole
 from optiplan.config.values import ExactlyOne, FileName, FileVersion, Name, NotNegative, Vector
-from optiplan.geometry.pose_schema import PoseSpec
+from optiplan.geometry.pose import PoseSpec
 
 Seconds = Annotated[float, Field(strict=True, gt=0.0, le=86_400.0, allow_inf_nan=False)]
 Hertz = Annotated[float, Field(strict=True, gt=0.0, le=1e5, allow_inf_nan=False)]

@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.convex import pieces_of, triangles_of, vertices_of
+from optiplan.geometry.convex import mesh_triangles, mesh_vertices, pieces_of
 from optiplan.geometry.scene import Scene
 from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.robot.robot import Robot
@@ -52,7 +52,7 @@ def mjcf(robot: Robot, scene: Scene, step: float, options: PlantOptions = NOMINA
     assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
     collision = CollisionModel(robot, scene)
     nodes = _joints(robot, world, options)
-    for body in scene.moving:  # the collision model has three joints for each, the last of which carries it
+    for body in scene.dynamic_obstacles:  # the collision model has three joints for each, the last of which carries it
         carrier = ET.SubElement(world, "body", name=f"moving {body.name}", mocap="true")
         nodes += [carrier] * 3
     parts = _geoms(collision, nodes, assets)
@@ -155,7 +155,7 @@ def _shapes(shape: coal.CollisionGeometry) -> Iterator[tuple[str, dict[str, str]
             up = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), shape.n).matrix(), shape.d * shape.n)
             yield "plane", {"size": _text([_REACH, _REACH, 1.0])}, up
         case coal.BVHModelBase():
-            identity = vertices_of(shape).tobytes() + np.asarray(triangles_of(shape)).tobytes()
+            identity = mesh_vertices(shape).tobytes() + np.asarray(mesh_triangles(shape)).tobytes()
             for vertices in pieces_of(shape, identity).vertices:
                 yield "mesh", {"vertex": _text(vertices.ravel())}, here
         case coal.ConvexBase():

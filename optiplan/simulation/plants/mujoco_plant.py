@@ -53,7 +53,7 @@ class MujocoPlant:
             self.data.qpos[follower.qposadr[0]] = mimic.multiplier * float(np.asarray(q)[source]) + mimic.offset
             self.data.qvel[follower.dofadr[0]] = mimic.multiplier * float(velocity[source])
         self.data.qpos[self._at], self.data.qvel[self._dof] = q, velocity
-        self._motions = [body.motion for body in scene.moving if body.motion is not None]
+        self._motions = [body.motion for body in scene.dynamic_obstacles if body.motion is not None]
         self._move_obstacles()
         self._touched: set[tuple[str, str]] = set()
         self._mujoco.mj_forward(self.model, self.data)

@@ -68,8 +68,8 @@ class PolynomialLaw:
         found, p = [], np.array([self.shape])
         for _ in range(3):
             p = polynomial.derivative(p)
-            low, high, _, _ = polynomial.unit_extrema(p)
-            found.append(float(max(-low[0], high[0])))
+            ends = polynomial.unit_extrema(p)
+            found.append(float(max(-ends.low[0], ends.high[0])))
         return found[0], found[1], found[2]
 
     def shortest(self, bounds: Bounds) -> float:

@@ -39,7 +39,7 @@ class BodyShape:
     @classmethod
     def of(cls, shape: coal.CollisionGeometry) -> "BodyShape":
         """Look at a body of coal."""
-        vertices = vertices_of(shape)
+        vertices = support_vertices(shape)
         return cls(shape, shape_of_body(shape), vertices, *_ball(shape, vertices))
 
     @cached_property
@@ -233,7 +233,7 @@ def _round(solid: Shape | None) -> tuple[float, ...]:
     return 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-def vertices_of(shape: coal.CollisionGeometry) -> Array:
+def support_vertices(shape: coal.CollisionGeometry) -> Array:
     """Vertices (k, 3), m, of polyhedra and of the hulls of meshes; none for other shapes."""
     if isinstance(shape, coal.ConvexBase):
         return np.array(shape.points())

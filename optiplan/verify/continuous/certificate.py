@@ -8,22 +8,23 @@ from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
-from optiplan.verify.continuous.interval_queries import ROUNDING, Asked, Middles, Nearness
+from optiplan.verify.continuous.interval_queries import DistanceQuery, Middles, Nearness
 from optiplan.verify.continuous.intervals import Intervals, blocks, boxes, middles, spans, step_sizes
 from optiplan.verify.continuous.motion_bounds import Boxes
 from optiplan.verify.continuous.motion_tools import tools_of
 from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof, least_of_kinds
 from optiplan.verify.report import VerifyPolicy
+from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair at first
 _TOLD = 0.8  # share of the smallest distance measured that is proved as clearance
 _FAR = 0.1  # m: a larger clearance is not refined
 _HULLS = 5e-3  # m: where hulls are proved farther apart, meshes are not queried
 _ROOM = 1.25  # factor on the clearance to prove, below which meshes are queried instead of hulls
-_MOST_OF_HULLS = 2  # halvings of an interval for hulls of clusters; else the bodies in them are asked
+_MOST_OF_HULLS = 2  # halvings of an interval for hulls of clusters; else the bodies in them are queried
 _MOST_AGAIN = 4_000  # items examined to refine the clearance after the proof
 _FIRST_TRAVEL = 0.2  # rad or m, summed over joints: travel within the first intervals
-_LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up ROUNDING
+_LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up CLEARANCE_ROUNDING
 _MOST_HALVINGS = 12  # of a piece before the first query
 _MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _NONE = np.empty(0, dtype=np.intp)
@@ -48,22 +49,22 @@ def certify(
     Holds at: all times of the closed interval [0, duration].
     """
     search = _Search(model, trajectory, policy, record)
-    search.look_first()
+    search.refuse_at_once()
     if search.proof.reason:
         return search.proof
-    search.work_off(search.begin())
+    search.work_off(search.first_intervals())
     if search.proof.reason:
         return search.proof
-    search.measure_kept()
+    search.measure_tightest()
     rough = np.minimum(search.proof.least, search.coarse.least(search.kinds))
     proved = replace(search.proof, proved=True, least=rough)
     known = None if record is None else len(record)
-    search.work_off(search.again())
+    search.work_off(search.intervals_to_refine())
     if not search.proof.reason:
         return replace(search.proof, proved=True)
     if record is not None:
         record.cut(known)
-        search.tell(search.coarse.near)
+        search.record_blocks(search.coarse.near)
     return proved
 
 
@@ -127,11 +128,11 @@ class _Search:
         poses, times = kinematics.poses(b.q), middles(self.trajectory, intervals)
         return Middles(times, b.q, b.reach, poses, *kinematics.axes(poses), self.motion.of_all_joints(b))
 
-    def look_first(self) -> None:
+    def refuse_at_once(self) -> None:
         """Refuse at once what cannot be proved: huge numbers, bodies without bounds, bodies inside a mesh."""
-        absurd = self.absurd()
-        if absurd:
-            self.proof.reason = f"{absurd} beyond {_LARGEST:g} leaves no digits for a proof"
+        large = self.too_large()
+        if large:
+            self.proof.reason = f"{large} beyond {_LARGEST:g} leaves no digits for a proof"
             return
         if self.bodies.unsupported is not None:
             name = self.model.names[self.bodies.unsupported]
@@ -146,7 +147,7 @@ class _Search:
             self.proof = Proof(False, "one body lies inside the other", contact=True)
             self.proof.meet(self.kinds[found.pair], where)
 
-    def absurd(self) -> str:
+    def too_large(self) -> str:
         """Return what is too large for a proof in floating point, or nothing: terms |c_k| h^k of positions, bodies."""
         c = self.trajectory.coefficients
         powers = self.trajectory.widths[:, None, None] ** np.arange(c.shape[1])[:, None]
@@ -155,7 +156,7 @@ class _Search:
         far = np.flatnonzero(~(self.bodies.extent <= _LARGEST))
         return f"'{self.model.names[far[0]]}', a body" if len(far) else ""
 
-    def begin(self) -> Intervals:
+    def first_intervals(self) -> Intervals:
         """Intervals on which joints move little, with the pairs that bounding volumes leave open there.
 
         Neighbouring intervals are looked at together where they are shorter than that.
@@ -175,15 +176,17 @@ class _Search:
         tree, margins = self.bodies.tree, []
         for k in range(0, len(first), _CHUNK):
             Q, D = 0.5 * (low + high)[k : k + _CHUNK], 0.5 * (high - low)[k : k + _CHUNK] + 1e-15
-            margins.append(tree.bounds.apart(Q, D, self.policy.clearance + _FAR + ROUNDING) - ROUNDING)
+            margins.append(
+                tree.bounds.apart(Q, D, self.policy.clearance + _FAR + CLEARANCE_ROUNDING) - CLEARANCE_ROUNDING
+            )
         margin = np.concatenate(margins)
         clear, far = margin > self.policy.clearance + _EASY, margin > self.policy.clearance + _FAR
-        self.keep(margin[far], tree.tops[np.nonzero(far)[1]])
+        self.lower_clearance(margin[far], tree.tops[np.nonzero(far)[1]])
         self.coarse = _Coarse(tree.tops, intervals, first, last, clear & ~far, margin)
-        self.tell(far)
+        self.record_blocks(far)
         return self.coarse.members(~clear)
 
-    def again(self) -> Intervals:
+    def intervals_to_refine(self) -> Intervals:
         """Intervals on which bounding volumes prove less than is worth telling, unless they are too many."""
         coarse, nothing = self.coarse, np.zeros_like(self.coarse.near)
         targets = self.target(coarse.pairs)
@@ -193,8 +196,8 @@ class _Search:
         if len(items.pair) > _MOST_AGAIN:
             chosen, items = nothing, coarse.members(nothing)
         left = coarse.near & ~chosen
-        self.keep(coarse.margin[left], coarse.pairs[np.nonzero(left)[1]])
-        self.tell(coarse.near & ~chosen)
+        self.lower_clearance(coarse.margin[left], coarse.pairs[np.nonzero(left)[1]])
+        self.record_blocks(coarse.near & ~chosen)
         return items
 
     def work_off(self, items: Intervals) -> None:
@@ -214,10 +217,10 @@ class _Search:
         items, rows = self.without_kept(items, rows, at)
         if not len(rows):
             return items
-        asked = self.ask(items, rows, at)
-        if self.proof.reason or not len(asked.rows):
+        query = self.query(items, rows, at)
+        if self.proof.reason or not len(query.rows):
             return items.take(_NONE)
-        items, near = asked.items, self.bounded(asked, at)
+        items, near = query.items, self.bounded(query, at)
         target = self.target(items.pair)
         clear = near.margin > target
         self.prove(items, clear, near.margin)
@@ -228,74 +231,76 @@ class _Search:
         opened = (items.pair[still] >= self.bodies.tree.count) & (halvings > _MOST_OF_HULLS)
         left = items.take(still[~opened]).split(halvings[~opened])
         if opened.any():
-            parts, _ = self.open(asked.take(still[opened]), at)
+            parts, _ = self.expand_hulls(query.take(still[opened]), at)
             left = Intervals.join([left, parts])
         return self.limit(left)
 
-    def ask(self, items: Intervals, rows: Index, at: Middles) -> Asked:
+    def query(self, items: Intervals, rows: Index, at: Middles) -> DistanceQuery:
         """Query distances in the middles of intervals; nothing of use is returned where bodies touch.
 
-        Pairs of hulls that are too near to tell are opened, and what they stand for is asked.
+        Pairs of hulls that are too near to decide are expanded into the pairs of bodies that they hold.
         """
-        answers: list[Asked] = []
+        answers: list[DistanceQuery] = []
         while True:
             placed = self.bodies.place(at.poses, rows, items.pair)
             enough = np.maximum(_HULLS, _ROOM * self.target(items.pair))
-            asked = Asked(items, rows, placed, self.distances.query(items.pair, placed, enough))
-            found, several = asked.found, items.pair >= self.bodies.tree.count
+            query = DistanceQuery(items, rows, placed, self.distances.query(items.pair, placed, enough))
+            found, several = query.found, items.pair >= self.bodies.tree.count
             unsure = several & (found.bound <= enough)
-            self.see(asked, at, np.flatnonzero(~found.hulls))
+            self.update_nearest(query, at, np.flatnonzero(~found.hulls))
             if found.hulls.any():  # what hulls answered is not measured
-                self.see(asked, at, np.flatnonzero(found.parts), measure=True)
-                self.see(asked, at, np.flatnonzero(found.hulls & ~found.parts & ~unsure), measure=True)
+                self.update_nearest(query, at, np.flatnonzero(found.parts), measure=True)
+                self.update_nearest(query, at, np.flatnonzero(found.hulls & ~found.parts & ~unsure), measure=True)
             self.proof.queries += len(found.bound)
             self.proof.gjk_only += int(found.gjk_only.sum())
-            if (found.best[~several] <= self.policy.clearance + ROUNDING).any():
+            if (found.best[~several] <= self.policy.clearance + CLEARANCE_ROUNDING).any():
                 self.stop(items, "bodies touch" if self.policy.clearance <= 0 else "bodies come too near", contact=True)
-                return asked
+                return query
             if not unsure.any():
-                return Asked.join([*answers, asked])
-            answers.append(asked.take(np.flatnonzero(~unsure)))
-            items, rows = self.without_kept(*self.open(asked.take(np.flatnonzero(unsure)), at), at)
+                return DistanceQuery.join([*answers, query])
+            answers.append(query.take(np.flatnonzero(~unsure)))
+            items, rows = self.without_kept(*self.expand_hulls(query.take(np.flatnonzero(unsure)), at), at)
             if not len(rows):
-                return Asked.join(answers)
+                return DistanceQuery.join(answers)
 
-    def bounded(self, asked: Asked, at: Middles) -> Nearness:
+    def bounded(self, query: DistanceQuery, at: Middles) -> Nearness:
         """Lower bounds of the distances over the intervals.
 
         Along normals only of those that travel could bring nearer than the nearest pair measured: no more is proved of
         all pairs anyway. A record has them of all.
         """
-        query, found = asked.query(at), asked.found
-        travel = self.motion.travel(at.joints, query)
+        moving, found = query.motion_query(at), query.found
+        travel = self.motion.travel(at.joints, moving)
         flat = found.bound - travel.total
-        nearest = self.known(asked.items.pair) if self.record is None else np.full(len(flat), np.inf)
-        close = np.flatnonzero(~(flat - ROUNDING > nearest))
-        along = self.motion.along_normals(at.joints, query, travel, found.normals, close)
+        nearest = self.nearest_measured(query.items.pair) if self.record is None else np.full(len(flat), np.inf)
+        close = np.flatnonzero(~(flat - CLEARANCE_ROUNDING > nearest))
+        along = self.motion.along_normals(at.joints, moving, travel, found.normals, close)
         linear, loss = np.full(len(flat), -np.inf), np.zeros(len(flat))
         linear[close], loss[close] = along.linear, along.curvature_loss
         return Nearness(found.bound, travel.total, linear, loss)
 
-    def open(self, asked: Asked, at: Middles) -> tuple[Intervals, Index]:
+    def expand_hulls(self, query: DistanceQuery, at: Middles) -> tuple[Intervals, Index]:
         """The pairs that pairs of hulls stand for, but those that bounding volumes prove clear, and their intervals."""
-        travel = self.motion.travel(at.joints, asked.query(at)).total
-        parts = [self.bodies.tree.parts[pair] for pair in asked.items.pair.tolist()]
+        travel = self.motion.travel(at.joints, query.motion_query(at)).total
+        parts = [self.bodies.tree.parts[pair] for pair in query.items.pair.tolist()]
         parent = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-        inner, rows = replace(asked.items.take(parent), pair=np.concatenate(parts)), asked.rows[parent]
-        margin = self.bodies.lower_bound(self.bodies.place(at.poses, rows, inner.pair)) - travel[parent] - ROUNDING
+        inner, rows = replace(query.items.take(parent), pair=np.concatenate(parts)), query.rows[parent]
+        margin = (
+            self.bodies.lower_bound(self.bodies.place(at.poses, rows, inner.pair)) - travel[parent] - CLEARANCE_ROUNDING
+        )
         clear = margin > np.maximum(self.target(inner.pair), self.policy.clearance + _EASY)
         self.prove(inner, clear, margin)
         return inner.take(np.flatnonzero(~clear)), rows[~clear]
 
     def prove(self, items: Intervals, clear: Flags, margin: Array) -> None:
         """Remember the clearance `margin` (K,), m, proved of the items that are clear."""
-        self.keep(margin[clear], items.pair[clear])
+        self.lower_clearance(margin[clear], items.pair[clear])
         if self.record is not None:
             proved = items.take(np.flatnonzero(clear))
             begin, end = spans(self.trajectory, proved)
-            self.note(begin, end, proved.pair, margin[clear])
+            self.record_pairs(begin, end, proved.pair, margin[clear])
 
-    def note(self, begin: Array, end: Array, pairs: Index, clearance: Array) -> None:
+    def record_pairs(self, begin: Array, end: Array, pairs: Index, clearance: Array) -> None:
         """Record what was proved from `begin` to `end` (K,), s, of the pairs that these (K,) stand for."""
         if self.record is None or not len(pairs):
             return
@@ -310,7 +315,7 @@ class _Search:
         for pair in np.unique(items.pair[found]).tolist():
             own = np.flatnonzero(items.pair == pair)
             least = self.kept[pair].least(at.q[rows[own]], at.reach[rows[own]])
-            proved = least > self.policy.clearance + ROUNDING
+            proved = least > self.policy.clearance + CLEARANCE_ROUNDING
             clear[own[proved]] = True
             if not proved.any():
                 continue
@@ -323,7 +328,7 @@ class _Search:
         left = np.flatnonzero(~clear)
         return items.take(left), rows[left]
 
-    def measure_kept(self) -> None:
+    def measure_tightest(self) -> None:
         """Measure the pair with the least of the kept clearances, where it has it."""
         if self.tightest is None:
             return
@@ -333,7 +338,7 @@ class _Search:
         names = self.model.pairs[pair].name_a, self.model.pairs[pair].name_b
         self.proof.meet(self.kinds[pair], Moment(found.distance, time, names, found.points, q))
 
-    def known(self, pairs: Index) -> Array:
+    def nearest_measured(self, pairs: Index) -> Array:
         """Return the smallest distance measured of the kind of each pair, (K,) m; inf where none is."""
         return np.asarray(self.proof.measured(np.inf)[self.kinds[pairs]])
 
@@ -362,12 +367,12 @@ class _Search:
         self.proof.reason, self.proof.contact = reason, contact
         return items.take(_NONE)
 
-    def keep(self, margins: Array, pairs: Index) -> None:
+    def lower_clearance(self, margins: Array, pairs: Index) -> None:
         """Remember the smallest clearance proved of each kind, of these pairs."""
         if len(margins):
             self.proof.least = np.minimum(self.proof.least, least_of_kinds(margins, self.kinds[pairs]))
 
-    def tell(self, chosen: Flags) -> None:
+    def record_blocks(self, chosen: Flags) -> None:
         """Record what bounding volumes proved of these pairs of the blocks, (B, T)."""
         if self.record is None:
             return
@@ -375,22 +380,22 @@ class _Search:
         rows, pairs = np.nonzero(chosen)
         begin = spans(self.trajectory, coarse.intervals.take(coarse.first[rows]))[0]
         end = spans(self.trajectory, coarse.intervals.take(coarse.last[rows] - 1))[1]
-        self.note(begin, end, coarse.pairs[pairs], coarse.margin[rows, pairs])
+        self.record_pairs(begin, end, coarse.pairs[pairs], coarse.margin[rows, pairs])
 
-    def see(self, asked: Asked, at: Middles, among: Index, measure: bool = False) -> None:
+    def update_nearest(self, query: DistanceQuery, at: Middles, among: Index, measure: bool = False) -> None:
         """Remember the smallest distances of these, with witnesses; with `measure` those given are lower bounds."""
         for kind in (SELF, SCENE):
-            self.see_kind(asked, at, among[self.kinds[asked.items.pair[among]] == kind], measure)
+            self.update_nearest_of_kind(query, at, among[self.kinds[query.items.pair[among]] == kind], measure)
 
-    def see_kind(self, asked: Asked, at: Middles, among: Index, measure: bool) -> None:
+    def update_nearest_of_kind(self, query: DistanceQuery, at: Middles, among: Index, measure: bool) -> None:
         """Remember the smallest distance of these, which are of one kind."""
-        distance = asked.found.best[among]
-        if not len(among) or distance.min() >= self.known(asked.items.pair[among[:1]])[0]:
+        distance = query.found.best[among]
+        if not len(among) or distance.min() >= self.nearest_measured(query.items.pair[among[:1]])[0]:
             return
         k = int(among[np.argmin(distance)])
-        row = asked.rows[k]
-        found = self.distances.witness(at.poses[row], int(asked.items.pair[k]))
-        least = found.distance if measure else float(asked.found.best[k])
+        row = query.rows[k]
+        found = self.distances.witness(at.poses[row], int(query.items.pair[k]))
+        least = found.distance if measure else float(query.found.best[k])
         pair = self.model.pairs[found.pair]
         names = pair.name_a, pair.name_b
         met = Moment(least, float(at.times[row]), names, found.points, at.q[row].copy())

@@ -9,10 +9,9 @@ import numpy as np
 from optiplan.arrays import Array, Flags, Index
 from optiplan.verify.continuous.bodies import PlacedBody
 from optiplan.verify.continuous.intervals import Intervals
-from optiplan.verify.continuous.motion_bounds import Boxes, DistanceQuery
+from optiplan.verify.continuous.motion_bounds import Boxes, MotionQuery
 from optiplan.verify.continuous.separating_planes import Distances
-
-ROUNDING = 1e-9  # m, subtracted from every proved clearance
+from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +32,7 @@ class Middles:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class DistanceQuery:
     """K items, on which of N intervals each is (K,), where its bodies are in the middle, and their distance there."""
 
     items: Intervals
@@ -42,7 +41,7 @@ class Asked:
     found: Distances
 
     @classmethod
-    def join(cls, parts: "Sequence[Asked]") -> "Asked":
+    def join(cls, parts: "Sequence[DistanceQuery]") -> "DistanceQuery":
         """Concatenate."""
         if len(parts) == 1:
             return parts[0]
@@ -53,13 +52,15 @@ class Asked:
             Distances.join([part.found for part in parts]),
         )
 
-    def take(self, chosen: Index) -> "Asked":
+    def take(self, chosen: Index) -> "DistanceQuery":
         """Those at these positions."""
-        return Asked(self.items.take(chosen), self.rows[chosen], self.placed.take(chosen), self.found.take(chosen))
+        return DistanceQuery(
+            self.items.take(chosen), self.rows[chosen], self.placed.take(chosen), self.found.take(chosen)
+        )
 
-    def query(self, at: Middles) -> DistanceQuery:
+    def motion_query(self, at: Middles) -> MotionQuery:
         """What bounds of motion are asked of."""
-        return DistanceQuery(self.rows, self.items.pair, self.placed, at.direction, at.point)
+        return MotionQuery(self.rows, self.items.pair, self.placed, at.direction, at.point)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +78,12 @@ class Nearness:
     @cached_property
     def margin(self) -> Array:
         """The clearance proved on the intervals, m."""
-        return np.asarray(np.maximum(self.bound - self.travel, self.linear - self.loss) - ROUNDING)
+        return np.asarray(np.maximum(self.bound - self.travel, self.linear - self.loss) - CLEARANCE_ROUNDING)
 
     def halvings(self, still: Index, target: Array) -> Index:
         """How often to halve `still` (K,): the least of 1 to 4 times after which scaled bounds reach `target`."""
         parts = 2.0 ** np.arange(1, 4)[:, None]
         bound, linear = self.bound[still], np.maximum(self.linear[still], -1e9)
         plane = bound + (linear - bound) / parts - self.loss[still] / parts**2
-        enough: Flags = np.maximum(bound - self.travel[still] / parts, plane) > 1.1 * target + ROUNDING
+        enough: Flags = np.maximum(bound - self.travel[still] / parts, plane) > 1.1 * target + CLEARANCE_ROUNDING
         return np.asarray(4 - enough.sum(axis=0), dtype=np.intp)

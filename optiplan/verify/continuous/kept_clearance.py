@@ -17,17 +17,17 @@ import numpy as np
 from optiplan import cache
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.convex import triangles_of, vertices_of
+from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Scene
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import joint_box
 from optiplan.robot.self_collision.pair_survey import content_digest
 from optiplan.verify.continuous.bodies import Bodies
-from optiplan.verify.continuous.interval_queries import ROUNDING
-from optiplan.verify.continuous.motion_bounds import Boxes, DistanceQuery, Motion
+from optiplan.verify.continuous.motion_bounds import Boxes, Motion, MotionQuery
 from optiplan.verify.continuous.rings import near_rings
 from optiplan.verify.continuous.separating_planes import PairDistances, unconfirmed
+from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 VERSION = 2
 """Counted up when clearances are proved in another way, so that what is kept is made again."""
@@ -109,7 +109,7 @@ class KeptClearance:
 Pair = tuple[int, int]
 
 
-def prepare(robot: Robot, progress: Progress | None = None) -> Mapping[Pair, KeptClearance]:
+def prove_kept_clearances(robot: Robot, progress: Progress | None = None) -> Mapping[Pair, KeptClearance]:
     """Return what is kept of the pairs of a robot's bodies; it is proved now where it is not in the cache.
 
     Args:
@@ -129,7 +129,7 @@ def prepare(robot: Robot, progress: Progress | None = None) -> Mapping[Pair, Kep
     return made
 
 
-kept_clearances = once_for_each_robot(prepare)
+kept_clearances = once_for_each_robot(prove_kept_clearances)
 """The same, made once in a process for each robot."""
 
 
@@ -178,7 +178,7 @@ class _Maker:
             return self._divided(pair, joints)
         places = np.linspace(-1.0, 1.0, _ANGLES)[:, None]
         measured = self._measured(pair, joints, whole[0] + places * whole[1])
-        apart = measured[measured > 10.0 * ROUNDING]
+        apart = measured[measured > 10.0 * CLEARANCE_ROUNDING]
         if not len(apart):
             return self._table(joints, *whole, np.array([-np.inf]))
         gap = _RINGS * float(np.quantile(apart, 0.25))
@@ -188,7 +188,7 @@ class _Maker:
         left = [triangles[flags] for triangles, flags in zip(surfaces, near, strict=True)]
         if not all(map(len, left)):
             # Surfaces that meet at no angle are inside each other at all angles or at none.
-            clearance = gap - ROUNDING if (measured > 0.0).all() else -np.inf
+            clearance = gap - CLEARANCE_ROUNDING if (measured > 0.0).all() else -np.inf
             return self._table(joints, *whole, np.array([clearance]))
         return self._outside(pair, self._divided(pair, joints, _Residue(left, gap)))
 
@@ -204,12 +204,14 @@ class _Maker:
                 bound, travel = self._bounds(pair, joints, middle, half)
             else:
                 bound, travel = residue.bounds(middle[:, 0] - self._middle[joints[0]], half[:, 0])
-            clearance = bound - travel - ROUNDING
+            clearance = bound - travel - CLEARANCE_ROUNDING
             enough = clearance >= np.minimum(_SHARE[count] * bound, _FINE)
-            proved = (clearance > ROUNDING) & enough
+            proved = (clearance > CLEARANCE_ROUNDING) & enough
             short = (half <= self._half[joints] * 0.5 ** _HALVINGS[count]).all(axis=1)
             ended = proved | short
-            done.append((middle[ended], half[ended], np.where(clearance > ROUNDING, clearance, -np.inf)[ended]))
+            done.append(
+                (middle[ended], half[ended], np.where(clearance > CLEARANCE_ROUNDING, clearance, -np.inf)[ended])
+            )
             middle, half = _halved(middle[~ended], half[~ended], self._half[joints])
         done.append((middle, half, np.full(len(middle), -np.inf)))
         return self._table(joints, *(np.concatenate(column) for column in zip(*done, strict=True)))
@@ -257,10 +259,10 @@ class _Maker:
         pairs = np.full(len(Q), pair)
         placed = self._bodies.place(poses, rows, pairs)
         boxes = self._motion.of_all_joints(Boxes(still[:, 0], Q, still, D, still, still, still))
-        travel = self._motion.travel(boxes, DistanceQuery(rows, pairs, placed, *kinematics.axes(poses))).total
+        travel = self._motion.travel(boxes, MotionQuery(rows, pairs, placed, *kinematics.axes(poses))).total
         bound = self._bodies.lower_bound(placed)
-        near = np.flatnonzero(bound - travel - ROUNDING < _FINE)
-        enough = travel[near] + _FINE + ROUNDING
+        near = np.flatnonzero(bound - travel - CLEARANCE_ROUNDING < _FINE)
+        enough = travel[near] + _FINE + CLEARANCE_ROUNDING
         bound[near] = np.maximum(bound[near], self._distances.query(pairs[near], placed.take(near), enough).bound)
         return bound, travel
 
@@ -319,7 +321,7 @@ def _halved(middle: Array, half: Array, whole: Array) -> tuple[Array, Array]:
 def _triangles(shape: coal.CollisionGeometry) -> Array | None:
     """Triangles (k, 3, 3), m, of the surface of a mesh or polyhedron; None of other shapes."""
     if isinstance(shape, coal.BVHModelBase):
-        return np.asarray(vertices_of(shape)[triangles_of(shape)])
+        return np.asarray(mesh_vertices(shape)[mesh_triangles(shape)])
     if isinstance(shape, coal.ConvexBase):
         from scipy.spatial import ConvexHull, QhullError
 

@@ -7,7 +7,7 @@ import coal
 import numpy as np
 
 from optiplan.arrays import Array, Index
-from optiplan.geometry.convex import triangles_of, vertices_of
+from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.convex_hulls import kept_hull, thickened_hull
 from optiplan.robot.robot import Robot
 from optiplan.verify.continuous.bodies import BodyShape
@@ -23,7 +23,7 @@ def parts_of_link(robot: Robot, body: int) -> tuple[BodyShape, ...]:
     known = _kept.setdefault(robot.unmounted, {})
     if body not in known:
         mesh = robot.geometry.geometryObjects[body].geometry
-        known[body] = tuple(BodyShape.of(_hull(points)) for points in _cut(vertices_of(mesh), triangles_of(mesh)))
+        known[body] = tuple(BodyShape.of(_hull(points)) for points in _cut(mesh_vertices(mesh), mesh_triangles(mesh)))
     return known[body]
 
 

@@ -29,7 +29,7 @@ class Boxes:
 
 
 @dataclass(frozen=True, eq=False)
-class DistanceQuery:
+class MotionQuery:
     """K queries: pair pairs[k] on interval rows[k], where `placed` has its bodies.
 
     `direction` and `point`, both (N, J, 3), are all joints' axes in the world at the middles of all N intervals.
@@ -104,7 +104,7 @@ class Motion:
         reach, speed, acceleration, jump = map(kinematics.joint_reach, bounds)
         return Boxes(boxes.half, boxes.q, kinematics.joint_rates(boxes.v), reach, speed, acceleration, jump)
 
-    def travel(self, boxes: Boxes, query: DistanceQuery) -> Travel:
+    def travel(self, boxes: Boxes, query: MotionQuery) -> Travel:
         """Bound how far the bodies of K pairs can move against each other; `boxes` are those of all joints.
 
         Joints are moved one after another, from the tip to the base. When joint j turns, about its axis at the middle,
@@ -127,7 +127,7 @@ class Motion:
         return Travel(_sums(item, travelled, len(query.pairs)), item, side, lever)
 
     def along_normals(
-        self, boxes: Boxes, query: DistanceQuery, travel: Travel, normals: Array, chosen: Index
+        self, boxes: Boxes, query: MotionQuery, travel: Travel, normals: Array, chosen: Index
     ) -> GapMotion:
         """Bounds for C of the K pairs, at the positions `chosen`, with unit normals w (K, 3) from a to b at the middle.
 
@@ -165,7 +165,7 @@ class Motion:
         linear[np.isnan(linear)] = -np.inf
         return GapMotion(linear, _sums(at, loss, len(chosen)))
 
-    def _moving(self, query: DistanceQuery, item: Index, side: Index) -> Array:
+    def _moving(self, query: MotionQuery, item: Index, side: Index) -> Array:
         """Which joints move sides of pairs: (J, M), 1 or 0."""
         return np.asarray(self._moves.take(side * self._moved.shape[1] + query.pairs[item], axis=1))
 

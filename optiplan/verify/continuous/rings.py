@@ -3,6 +3,7 @@
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 _MOST_PAIRS = 1_000_000
 """Pairs of triangles looked at in one round; where there are more, those left open count as near."""
@@ -12,9 +13,6 @@ _ROUNDS = 24
 
 _BLOCK = 2_000_000
 """Pairs of boxes compared at a time, to bound memory."""
-
-_ROUNDING = 1e-9
-"""m, by which boxes are larger than what they hold."""
 
 
 def near_rings(one: Array, other: Array, gap: float) -> tuple[Flags, Flags]:
@@ -111,8 +109,8 @@ def _boxes(triangles: Array) -> Array:
     least = np.linalg.norm(nearest, axis=2).min(axis=1)
     side = edge[..., 1] * flat[..., 0] - edge[..., 0] * flat[..., 1]
     least[(side > 0.0).all(axis=1) | (side < 0.0).all(axis=1)] = 0.0  # the axis goes through it
-    low = np.column_stack([least, height.min(axis=1)]) - _ROUNDING
-    high = np.column_stack([np.linalg.norm(flat, axis=2).max(axis=1), height.max(axis=1)]) + _ROUNDING
+    low = np.column_stack([least, height.min(axis=1)]) - CLEARANCE_ROUNDING
+    high = np.column_stack([np.linalg.norm(flat, axis=2).max(axis=1), height.max(axis=1)]) + CLEARANCE_ROUNDING
     return np.stack([low, high])
 
 

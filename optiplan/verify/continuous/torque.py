@@ -14,9 +14,8 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.intervals import derivative_bounds
 from optiplan.verify.continuous.torque_bounds import TorqueBounds
 from optiplan.verify.report import Check, VerifyPolicy
+from optiplan.verify.tolerances import TORQUE_ROUNDING
 
-ROUNDING = 1e-12
-"""Of inverse dynamics: a share of the sum of the sizes of all moments that add up to a torque."""
 _MOST_FIRST = 20_000  # intervals of a long motion to begin with, beside one a piece
 _CHUNK = 20_000  # intervals bounded at once, to limit memory
 _TOGETHER = 8  # neighbouring intervals bounded as one at first, which costs an eighth and leaves few more open
@@ -62,7 +61,7 @@ class _Spans:
 
     def room(self, allowed: Array) -> Array:
         """What `sagitta` may be, (K, n): the limits (n,) less |tau| at both ends and rounding."""
-        return np.asarray(allowed - np.abs(self.torque).max(axis=0) - ROUNDING * self.size)
+        return np.asarray(allowed - np.abs(self.torque).max(axis=0) - TORQUE_ROUNDING * self.size)
 
 
 class _Proof:

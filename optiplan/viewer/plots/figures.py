@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.figure_style import styled, undated
 from optiplan.files import replacing
 from optiplan.viewer.plots.curves_csv import write_curves, write_limits
 from optiplan.viewer.plots.joint_figure import draw_joints
 from optiplan.viewer.plots.path_figure import draw_path
 from optiplan.viewer.plots.runs import PlottedRun
-from optiplan.viewer.plots.style import styled
 from optiplan.viewer.plots.tool_figure import draw_tool
 
 PICTURES = ("png", "svg", "pdf")
@@ -56,7 +56,7 @@ def draw(name: str, runs: Sequence[PlottedRun], options: PlotOptions) -> Any:
         return FIGURES[name](runs, options)
 
 
-def write(names: Sequence[str], runs: Sequence[PlottedRun], options: PlotOptions, path: Path) -> None:
+def save_figures(names: Sequence[str], runs: Sequence[PlottedRun], options: PlotOptions, path: Path) -> None:
     """Write figures into one file of the kind that its suffix names; it appears whole or not at all.
 
     A PDF has a page for each, CSV is the same whatever the figure; the others hold one.
@@ -65,7 +65,7 @@ def write(names: Sequence[str], runs: Sequence[PlottedRun], options: PlotOptions
         InputError: another suffix, or several figures in a file that holds one.
         UnknownChoiceError: as `draw`.
     """
-    kind = kind_of(path)
+    kind = figure_format(path)
     if kind not in ("pdf", "csv") and len(names) != 1:
         found = f"{len(names)} figures: {', '.join(names)}"
         raise InputError([Issue(str(path), None, "figure", found, f"one of them for a {kind}, a .pdf or a folder")])
@@ -92,17 +92,17 @@ def write_all(
     for kind in kinds:
         if kind == "csv":
             written += [folder / "curves.csv", folder / "limits.csv"]
-            write(names, runs, options, written[-2])
+            save_figures(names, runs, options, written[-2])
             with replacing(written[-1]) as temporary:
                 write_limits(runs, temporary)
             continue
         for name in names:
             written.append(folder / f"{name}.{kind}")
-            write([name], runs, options, written[-1])
+            save_figures([name], runs, options, written[-1])
     return written
 
 
-def kind_of(path: Path) -> str:
+def figure_format(path: Path) -> str:
     """The format that a file's suffix names.
 
     Raises:
@@ -116,7 +116,7 @@ def kind_of(path: Path) -> str:
 
 
 def _save(figures: Sequence[Any], path: Path, kind: str) -> None:
-    dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})  # the same runs, the same files
+    dated = undated(kind)
     with styled():
         if kind == "pdf":
             from matplotlib.backends.backend_pdf import PdfPages

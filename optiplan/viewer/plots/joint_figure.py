@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.figure_style import LIMIT, line_style, sheet
 from optiplan.robot.limits import joint_units
 from optiplan.viewer.plots.curves import ORDERS
 from optiplan.viewer.plots.runs import PlottedRun
-from optiplan.viewer.plots.style import LIMIT, line_style, sheet
 
 QUANTITIES = (*ORDERS, "torque")
 ROW, COLUMNS = 1.55, 7

@@ -1,15 +1,18 @@
 """The path of the tool in space and seen along the axes, with tool frames along it and outlines of the obstacles."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from optiplan.arrays import Array
+from optiplan.figure_style import AXES, line_style, sheet
+from optiplan.geometry.scene import Scene
+from optiplan.geometry.shapes import build_geometry
 from optiplan.kinematics.manipulability import ToolKinematics
-from optiplan.viewer.plots.outlines import outlines
+from optiplan.viewer.body_triangles import body_triangles
 from optiplan.viewer.plots.runs import PlottedRun
-from optiplan.viewer.plots.style import AXES, line_style, sheet
 
 PLANES = ((0, 1), (0, 2), (1, 2))
 NAMES = "xyz"
@@ -17,6 +20,8 @@ FRAME = 0.07
 """Length of a frame's axes, in shares of what is shown."""
 ROOM = 0.12
 """Free room on either side of the paths, in shares of their largest extent."""
+FLAT = 1e-9
+"""m: thinner outlines are lines, which have no area to fill."""
 
 
 def draw_path(runs: Sequence[PlottedRun], frames: int) -> Any:
@@ -81,3 +86,15 @@ def _box(points: Array) -> Array:
     low, high = points.min(axis=0), points.max(axis=0)
     half = (0.5 + ROOM) * max(float((high - low).max()), 1e-3)
     return np.stack([0.5 * (low + high) - half, 0.5 * (low + high) + half])
+
+
+def outlines(scene: Scene, plane: tuple[int, int]) -> Iterator[Array]:
+    """Convex outlines (k, 2), m, of the obstacles in two coordinates of the world; half-spaces have none."""
+    for obstacle in scene.obstacles:
+        if obstacle.shape.endless:
+            continue
+        vertices = body_triangles(build_geometry(obstacle.shape)).vertices
+        X_WO = obstacle.X_WO
+        points = (vertices @ X_WO.rotation.T + X_WO.translation)[:, plane]
+        if np.ptp(points, axis=0).min() > FLAT:
+            yield points[ConvexHull(points).vertices]

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
+from optiplan.figure_style import line_style, sheet
 from optiplan.viewer.plots.runs import PlottedRun
-from optiplan.viewer.plots.style import line_style, sheet
 
 ROWS = ("x, m", "y, m", "z, m", "speed, m/s", "turning, rad/s")
 

@@ -17,7 +17,7 @@ from optiplan.verify.collision_check import checked_robot
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.clearance_record import ClearanceBound, ClearanceRecord
 from optiplan.verify.report import VerifyPolicy
-from optiplan.viewer.surfaces import packed
+from optiplan.viewer.surfaces import base64_of
 
 _EVEN = 160  # samples of the distance, evenly spread
 _NEAR = 0.75  # times as many at the most, where the certificate looked closely
@@ -70,9 +70,9 @@ def clearance_of(problem: Problem, trajectory: Trajectory, even: int = _EVEN) ->
     index = {names: i for i, names in enumerate(sorted({*at, *proved_at}))}
     shown: dict[str, Any] = {
         "pairs": [list(names) for names in index],
-        "t": packed(t),
-        "distance": packed(distance),
-        "points": packed(points),
+        "t": base64_of(t),
+        "distance": base64_of(distance),
+        "points": base64_of(points),
         "pair": [index[names] for names in at],
         "least": _moment(float(t[k]), near[k]),
         "contacts": [contact for part in parts for contact in part.contacts],
@@ -81,8 +81,8 @@ def clearance_of(problem: Problem, trajectory: Trajectory, even: int = _EVEN) ->
         return shown
     edges = np.concatenate([bounds[0][1].edges[:1], *(bound.edges[1:] for _, bound in bounds)])
     return shown | {
-        "edges": packed(edges, "<f8"),
-        "proved": packed(np.concatenate([bound.clearance for _, bound in bounds]), "<f8"),
+        "edges": base64_of(edges, "<f8"),
+        "proved": base64_of(np.concatenate([bound.clearance for _, bound in bounds]), "<f8"),
         "proved_pair": [index[names] for names in proved_at],
         "proved_least": min(part.proved for part in parts if part.proved is not None),
     }

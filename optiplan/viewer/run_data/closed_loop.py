@@ -12,7 +12,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import joint_units, thousandths
 from optiplan.viewer.run_data.curves import short_names
-from optiplan.viewer.surfaces import packed
+from optiplan.viewer.surfaces import base64_of
 
 LOG = "log.npz"
 NEEDED = ("t", "q", "wanted", "applied", "tool_error")
@@ -65,7 +65,7 @@ def log_quantities(problem: Problem, log: Arrays, most: int) -> list[dict[str, A
         y = one["y"]
         peaks = [int(np.argmax(np.abs(column))) for column in y.T]
         one["extrema"] = [[[float(times[k]), float(y[k, j])]] for j, k in enumerate(peaks)]
-        one["y"], one["t"] = packed(y[rows]), packed(times[rows])
+        one["y"], one["t"] = base64_of(y[rows]), base64_of(times[rows])
     return found
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, measures, scaled
+from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, manipulability_measures, scaled
 from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import ORDERS, Limits, joint_units
@@ -15,7 +15,7 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Extrema, Trajectory
 from optiplan.viewer.plots.curves import MotionCurves, motion_curves
 from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
-from optiplan.viewer.surfaces import packed
+from optiplan.viewer.surfaces import base64_of
 
 _MORE = 2  # times the samples asked for are kept at the most, where pieces are many
 _APART = 1e-6  # share of the duration by which the two samples at a breakpoint are told apart
@@ -36,8 +36,8 @@ def curves_of(problem: Problem, trajectory: Trajectory, least: int) -> dict[str,
     quantities = [*_derivatives(problem, found), _torque(problem, found), *_tools(problem, samples)]
     quantities += _wheels(problem, samples)
     for quantity in quantities:
-        quantity["y"] = packed(quantity["y"][kept])
-    return {"t": packed(t), "quantities": quantities}
+        quantity["y"] = base64_of(quantity["y"][kept])
+    return {"t": base64_of(t), "quantities": quantities}
 
 
 def _derivatives(problem: Problem, found: MotionCurves) -> list[dict[str, Any]]:
@@ -70,7 +70,7 @@ def _tools(problem: Problem, samples: PieceSamples) -> list[dict[str, Any]]:
         found = [one.evaluate(states[0])[1] for one in kinematics]
         twists = [np.einsum("kij,kj->ki", J, states[1]) for J in found]
         speeds = [np.linalg.norm(twist[:, part], axis=1) for part in (slice(3), slice(3, 6)) for twist in twists]
-        return np.column_stack([*speeds, *(measures(scaled(J, rows)).yoshikawa for J in found)])
+        return np.column_stack([*speeds, *(manipulability_measures(scaled(J, rows)).yoshikawa for J in found)])
 
     values = at(samples)
     extrema = _extrema(refined_extrema(samples, values, at))

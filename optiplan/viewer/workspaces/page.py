@@ -16,7 +16,7 @@ from optiplan.robot.robot import Robot
 from optiplan.viewer.assets import asset, scripts, styles
 from optiplan.viewer.page import meshcat_licences, meshcat_script
 from optiplan.viewer.scene import robot_parts
-from optiplan.viewer.surfaces import packed
+from optiplan.viewer.surfaces import base64_of
 from optiplan.viewer.workspaces.values import LABELS, caption, mapped_values
 from optiplan.workspace.reach import sampling_range
 from optiplan.workspace.sampling import Workspace
@@ -86,16 +86,16 @@ def _robot(one: Workspace, offset: float) -> dict[str, Any]:
         "shoulder": one.reach.shoulder.tolist(),
         "radius": one.reach.largest,
         "edge": voxels.edge,
-        "points": packed(voxels.centres),
-        "counts": packed(voxels.counts),
-        "values": {name: packed(value) for name, value in mapped_values(one).items()},
+        "points": base64_of(voxels.centres),
+        "counts": base64_of(voxels.counts),
+        "values": {name: base64_of(value) for name, value in mapped_values(one).items()},
         "geometries": geometries,
         "parts": parts,
         "tree": _tree(robot),
         "joints": list(robot.joint_names),
         "usual": _usual(robot).tolist(),
-        "rows": packed(np.where(known, np.cumsum(known) - 1, -1)),
-        "q": packed(Q[known]),
+        "rows": base64_of(np.where(known, np.cumsum(known) - 1, -1)),
+        "q": base64_of(Q[known]),
     }
 
 

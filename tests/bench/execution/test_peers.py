@@ -1,7 +1,6 @@
 import json
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from optiplan.errors import InputError
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
 from optiplan.problem.load import problem_from_dict
+from optiplan.problem.problem import derived
 from optiplan.runs.pipeline import run
 
 PROBLEM = {
@@ -116,7 +116,7 @@ def test_what_peers_are_not_told_of(tmp_path):
     adapter.write_text("")
     problem = problem_from_dict(PROBLEM)
     held = op.Sphere("ball", radius=0.01).attached_to(problem.robot.tool_frame)
-    there = replace(problem, scene=problem.scene.with_attached(held))
+    there = derived(problem, scene=problem.scene.with_attached(held))
     done = Peer(PeerOptions(str(adapter))).plan(there, Budget(1.0), lambda stage, part: None)
     assert done.failure.kind == "unsupported"
 

@@ -2,7 +2,7 @@ import shutil
 
 import pytest
 
-from optiplan.bench.dask.file_transfer import Packer, TravelError, keep, lacking, unpack
+from optiplan.bench.dask.file_transfer import Packer, TravelError, keep, lacking, unpack_files
 from optiplan.bench.suite.suite import load_suite
 from optiplan.problem.load import problem_from_dict
 
@@ -27,7 +27,7 @@ def test_what_arrives_is_whole_without_its_home(problems, robot_of_ours, tmp_pat
         keep(digest, content)
         keep(digest, content)
     assert lacking(packed[0]) == set()
-    there = problem_from_dict(unpack(packed[0]).data)
+    there = problem_from_dict(unpack_files(packed[0]).data)
     assert there.robot.joint_names == here.robot.joint_names
     assert there.robot.source.is_relative_to(tmp_path / "elsewhere")
     assert len(there.robot.geometry.geometryObjects) == len(here.robot.geometry.geometryObjects) == 1
@@ -39,7 +39,7 @@ def test_shipped_robots_stay_names(write_suite, tmp_path):
     packed = Packer().pack(problem)
     assert packed == problem
     assert lacking(packed) == set()
-    assert unpack(packed) == problem
+    assert unpack_files(packed) == problem
 
 
 def test_a_robot_that_is_not_whole_without_its_surroundings_is_refused(problems, monkeypatch):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optiplan.bench.results.database import Store
-from optiplan.bench.statistics.compare import ALPHA, compare
+from optiplan.bench.statistics.compare import ALPHA, compare_results
 from optiplan.cli.main import run
 
 FAILED = ("budget", "no path")
@@ -33,7 +33,7 @@ def made(planners=("one", "two"), problems=20, seeds=1, longer=1.0, slower=1.0, 
 def compared(results):
     def run(old, new, **given):
         with Store(results(old, "old")) as before, Store(results(new, "new", **given)) as after:
-            return compare(before, after)
+            return compare_results(before, after)
 
     return run
 
@@ -75,7 +75,7 @@ def test_a_busy_machine_is_no_regression(results, work, regressions):
         with sqlite3.connect(folder / "results.sqlite") as db:
             db.execute("UPDATE runs SET plan_cpu = ?", (3.0 * factor,))
     with Store(folders[0]) as before, Store(folders[1]) as after:
-        found = compare(before, after)
+        found = compare_results(before, after)
     assert len(found.of("regression")) == regressions
     told = [note for note in found.notes if "processor time 1.10 times: the machine was busier" in note]
     assert len(told) == 1 - regressions

@@ -10,12 +10,13 @@ import pytest
 
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.failures import EXAMPLES, alike, reasons
-from optiplan.bench.report.figures import COLOURS, figures, inline_svg, line_of, measure_figures, write_figures
+from optiplan.bench.report.figures import figures, inline_svg, measure_figures, write_figures
 from optiplan.bench.report.headline import cards, facts, warnings
 from optiplan.bench.report.markdown import markdown
 from optiplan.bench.report.page import write_page
 from optiplan.bench.report.tables.cells import number, percent
 from optiplan.bench.results.database import Store
+from optiplan.figure_style import COLOURS, line_of
 
 TIGHT = ("budget", "no path within 5.0 s, 'arm' stuck", {"q": [0.1, 0.2], "points": [[0.1, 0.2, 0.3]]})
 RUNS = {

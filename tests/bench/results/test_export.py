@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from optiplan.bench.results.database import Store
-from optiplan.bench.results.export import TABLES, export, write_problems
+from optiplan.bench.results.export import TABLES, export_results, write_problems
 from optiplan.bench.results.records import COLUMNS
 from optiplan.bench.sources.generate import GENERATORS
 from optiplan.bench.suite.schema import KINDS
@@ -25,7 +25,7 @@ def results(write_suite, run, tmp_path):
 
 
 def test_csv(results, tmp_path):
-    written = export(results, tmp_path / "tables", "csv")
+    written = export_results(results, tmp_path / "tables", "csv")
     assert [path.name for path in written] == [f"{table}.csv" for table in TABLES]
     with written[0].open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -43,7 +43,7 @@ def test_csv(results, tmp_path):
 def test_parquet_is_what_the_database_holds_and_duckdb_reads_it(results, tmp_path):
     duckdb = pytest.importorskip("duckdb")
     pytest.importorskip("pyarrow")
-    files = {path.stem: path for path in export(results, tmp_path / "tables", "parquet")}
+    files = {path.stem: path for path in export_results(results, tmp_path / "tables", "parquet")}
     ask = duckdb.connect().execute
     sql = (
         f"SELECT planner, avg(verified::INT), count(*) FILTER (WHERE verified) FROM '{files['runs']}' GROUP BY planner"
@@ -59,7 +59,7 @@ def test_parquet_is_what_the_database_holds_and_duckdb_reads_it(results, tmp_pat
 def test_the_query_of_the_documentation_runs(results, tmp_path):
     duckdb = pytest.importorskip("duckdb")
     pytest.importorskip("pyarrow")
-    export(results, tmp_path / "tables", "parquet")
+    export_results(results, tmp_path / "tables", "parquet")
     (query,) = re.findall(r"```sql\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
     assert "'results/quick/runs.parquet'" in query
     found = duckdb.connect().execute(query.replace("results/quick", str(tmp_path / "tables"))).fetchall()
@@ -87,5 +87,5 @@ def test_problems_can_be_planned_again(results, tmp_path):
 def test_without_pyarrow_parquet_says_what_is_missing(results, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     with pytest.raises(OptiPlanError, match=r"pip install 'optiplan\[results\]'"):
-        export(results, tmp_path / "tables", "parquet")
+        export_results(results, tmp_path / "tables", "parquet")
     assert list((tmp_path / "tables").iterdir()) == []

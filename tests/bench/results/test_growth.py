@@ -10,7 +10,7 @@ from optiplan.bench.execution.runner import found_runs, open_results, run_suite
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.headline import facts, warnings
 from optiplan.bench.results.database import Store
-from optiplan.bench.results.growth import merge, place_of, together
+from optiplan.bench.results.growth import merge_results, place_of, together
 from optiplan.bench.suite.suite import load_suite
 from optiplan.errors import InputError
 
@@ -67,7 +67,7 @@ def test_merged_folders_are_one(results, tmp_path):
     """Runs, problems and planners of both; a folder that is a copy in parts counts once."""
     a = results({("s/a", "one", 0): (1.0, 2.0), ("s/b", "one", 0): (1.5, 2.5)}, "a")
     b = results({("s/a", "two", 0): (3.0, 1.0), ("s/a", "one", 0): (1.0, 2.0), ("t/c", "two", 1): (1.0, 4.0)}, "b")
-    with merge([a, b], tmp_path / "both") as store:
+    with merge_results([a, b], tmp_path / "both") as store:
         assert store.done() == {
             *(("s/a", "one", 0, 0), ("s/b", "one", 0, 0), ("s/a", "two", 0, 0), ("t/c", "two", 1, 0)),
         }
@@ -95,7 +95,7 @@ def test_folders_that_do_not_agree_are_not_merged(results, tmp_path, runs, chang
     with Store(b, write=True) as store:
         store.set_meta("parts", store.meta("parts") | changes)
     with pytest.raises(InputError, match=words):
-        merge([a, b], tmp_path / "both")
+        merge_results([a, b], tmp_path / "both")
     assert not (tmp_path / "both").exists()
 
 

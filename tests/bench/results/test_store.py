@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from optiplan.bench.execution.run_task import packed
+from optiplan.bench.execution.run_task import hash_and_pack
 from optiplan.bench.results.database import SCHEMA_VERSION, Store, StoreError
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row
 from optiplan.errors import InputError, UnknownChoiceError
@@ -26,7 +26,7 @@ def store(tmp_path):
 
 
 def outcome(seed=0, motion=MOTION):
-    digest, blob = packed(motion)
+    digest, blob = hash_and_pack(motion)
     return Outcome(Row("s/a", "p", seed, 0, "s", None, witness={"q": [1.0]}, trajectory=digest), blob)
 
 
@@ -65,10 +65,10 @@ def test_a_run_is_stored_once_and_a_motion_once(store):
 
 
 def test_the_hash_is_of_the_content(store):
-    digest, blob = packed(MOTION)
+    digest, blob = hash_and_pack(MOTION)
     assert json.loads(zlib.decompress(blob)) == json.loads(json.dumps(MOTION.to_dict()))
-    assert packed(Trajectory(MOTION.joint_names, MOTION.breakpoints, MOTION.coefficients))[0] == digest
-    assert packed(None) == (None, None)
+    assert hash_and_pack(Trajectory(MOTION.joint_names, MOTION.breakpoints, MOTION.coefficients))[0] == digest
+    assert hash_and_pack(None) == (None, None)
 
 
 def test_reading_while_somebody_writes(store):

@@ -1,6 +1,6 @@
 import pytest
 
-from optiplan.bench.suite.schema import expand, read_suite
+from optiplan.bench.suite.schema import expand_environment, read_suite
 from optiplan.errors import InputError
 
 HEAD = "version: 1\nname: mine\n"
@@ -84,7 +84,7 @@ def test_a_name_is_one_that_a_folder_can_have(issues):
 def test_variables(monkeypatch):
     monkeypatch.setenv("HERE", "/somewhere")
     monkeypatch.delenv("THERE", raising=False)
-    assert expand("${HERE}/a") == "/somewhere/a"
-    assert expand("${THERE:-../b}/${HERE:-c}") == "../b//somewhere"
+    assert expand_environment("${HERE}/a") == "/somewhere/a"
+    assert expand_environment("${THERE:-../b}/${HERE:-c}") == "../b//somewhere"
     with pytest.raises(KeyError, match="THERE"):
-        expand("${THERE}/a")
+        expand_environment("${THERE}/a")

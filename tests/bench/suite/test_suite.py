@@ -8,7 +8,7 @@ from optiplan.bench.results.records import BenchTask
 from optiplan.bench.sources.base import Found
 from optiplan.bench.sources.readers import READERS
 from optiplan.bench.suite.schema import read_suite
-from optiplan.bench.suite.suite import differences, load_suite
+from optiplan.bench.suite.suite import load_suite, suite_differences
 from optiplan.errors import InputError
 from optiplan.problem.load import load_problem, problem_from_dict
 
@@ -91,11 +91,11 @@ def test_the_hash_is_of_contents_not_of_places(load, problems, tmp_path):
     suite = load(text.format(problems))
     shutil.copytree(problems, tmp_path / "copy")
     moved = load(text.format("copy"))
-    assert (moved.hash, differences(suite.parts, moved.parts)) == (suite.hash, [])
+    assert (moved.hash, suite_differences(suite.parts, moved.parts)) == (suite.hash, [])
     mesh = next((tmp_path / "copy" / "meshes").iterdir())
     mesh.write_bytes(mesh.read_bytes() + b"\n")
     assert load(text.format("copy")).hash != suite.hash
-    assert differences(suite.parts, load(text.format("copy")).parts) == ["problems: changed: ex/13_mesh"]
+    assert suite_differences(suite.parts, load(text.format("copy")).parts) == ["problems: changed: ex/13_mesh"]
     assert load(text.format(problems) + "seeds: [0, 1]\n").hash != suite.hash
 
 

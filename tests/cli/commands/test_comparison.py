@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +16,7 @@ from optiplan.cli.commands.plan_comparison import bound_of
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import load_problem
-from optiplan.problem.problem import JointGoal, PoseGoal
+from optiplan.problem.problem import JointGoal, PoseGoal, derived
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from tests.waiting import PATIENCE, processor_seconds, wait_until
 
@@ -76,7 +75,7 @@ def made(problem, end, duration, verified=True):
 
 def test_runs_that_end_elsewhere_are_held_against_one_bound(free):
     problem = load_problem(free)
-    pose = replace(problem, goal=(PoseGoal("tip", pin.SE3.Identity()),))
+    pose = derived(problem, goal=(PoseGoal("tip", pin.SE3.Identity()),))
     near, far = problem.start + np.array([[0.1, 0.0], [1.0, 0.0]])
     bounds = lower_bounds(problem.start, np.array([near, far]), problem.limits)
     runs = [made(pose, far, 1.01 * bounds[1]), made(pose, near, 1.4 * bounds[0]), made(pose, problem.start, 1.0, False)]
@@ -86,7 +85,7 @@ def test_runs_that_end_elsewhere_are_held_against_one_bound(free):
     assert bound.ratio(runs[1].duration) == pytest.approx(1.4)
     assert bound.ratio(runs[0].duration) == pytest.approx(1.01 * bounds[1] / bounds[0])
     assert bound.ratio(runs[1].duration) < bound.ratio(runs[0].duration)
-    listed = replace(problem, goal=(JointGoal(far), JointGoal(near)))
+    listed = derived(problem, goal=(JointGoal(far), JointGoal(near)))
     assert bound_of([made(listed, far, 2.0)]) == (bounds[0], "the least over the 2 goals of the problem")
     assert bound_of([made(pose, far, 2.0, False)]).seconds is None
     assert bound_of([made(pose, problem.start, 2.0)]) == (None, "none: the robot need not move")

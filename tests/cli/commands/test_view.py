@@ -66,7 +66,7 @@ def test_serving_prints_the_address(optiplan, run, free, monkeypatch, command):
         assert [one.label for one in runs] == ["quintic"]
         on_ready(f"http://127.0.0.1:{port}/")
 
-    monkeypatch.setattr(viewing, "serve", serve)
+    monkeypatch.setattr(viewing, "serve_runs", serve)
     monkeypatch.setattr(viewing.signal, "signal", lambda *_: None)
     code, out, _ = optiplan("plan", free, "--view") if command == "plan" else optiplan("view", run)
     assert code == 0

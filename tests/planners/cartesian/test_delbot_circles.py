@@ -1,6 +1,5 @@
 """The two circles that the Delbot draws, with its arm and with platform and arm together: problems 27 and 28."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +8,12 @@ import pytest
 
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import circle
 from optiplan.problem.load import load_problem
+from optiplan.problem.problem import derived
+from optiplan.robot.frames import frame_pose
 from optiplan.runs.pipeline import run
 from tests.reference.entries import entry
 
@@ -92,6 +92,6 @@ def test_the_fingers_dip_into_the_carrier():
     problem = load_problem(PROBLEMS / "27_circle.yaml")
     inside = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.125]))
     filling = Obstacle("filling", Box((0.28, 0.48, 0.14)), frame_pose(problem.robot, problem.start, "carrier") * inside)
-    failure = followed(replace(problem, scene=Scene((filling,))))
+    failure = followed(derived(problem, scene=Scene((filling,))))
     assert failure.kind == "collision"
     assert "filling" in failure.witness["pair"]

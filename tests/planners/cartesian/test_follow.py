@@ -10,12 +10,12 @@ import pytest
 
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
-from optiplan.kinematics.jacobians import frame_pose, geometric_jacobian
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.diagnosis import limit_crossing
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import ToolPath, circle, line, screw
+from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import load_robot
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from optiplan.kinematics.ik.closed_form import closed_form
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
+from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 

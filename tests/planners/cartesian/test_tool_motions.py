@@ -11,14 +11,15 @@ from optiplan.errors import InputError
 from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Box, Obstacle, Scene
 from optiplan.kinematics.ik.closed_form import closed_form
-from optiplan.kinematics.jacobians import frame_pose, geometric_jacobian
 from optiplan.planners.base import Budget
 from optiplan.planners.cartesian.tool_path import circle_through
 from optiplan.planners.registry import make_planner
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import JointGoal, PoseGoal, derived
+from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import load_robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
+from tests.unchecked_problem import unchecked_problem
 
 UR5 = np.array([-0.02, -1.359, 1.644, -0.284, 1.551, 0.0])
 
@@ -35,7 +36,7 @@ def pose(q):
 def problem(goal, start=UR5, obstacles=()):
     robot = ur5()
     goal = PoseGoal("tool0", goal) if isinstance(goal, pin.SE3) else JointGoal(np.asarray(goal, dtype=float))
-    return Problem(
+    return unchecked_problem(
         name="case",
         robot=robot,
         scene=Scene(tuple(obstacles)),
@@ -97,7 +98,7 @@ def test_line_to_a_configuration_ends_in_it_or_says_which_one_it_would_end_in():
 def test_tool_keeps_its_speed_and_acceleration_limits(profile):
     what = problem(shifted((-0.1, 0.4, 0.1)))
     if profile == "trapezoid":
-        what = replace(what, limits=replace(what.limits, jerk=np.full(6, np.inf)))
+        what = derived(what, limits=replace(what.limits, jerk=np.full(6, np.inf)))
     trajectory = plan("line", what, profile=profile, speed=0.2, acceleration=0.8).trajectory
     assert verify(what, trajectory).verified
     t = np.linspace(0.0, trajectory.duration, 2001)
@@ -370,7 +371,7 @@ def test_options_that_make_no_sense_are_refused(name, options):
 
 def test_a_goal_without_orientation_leaves_it_free_on_the_way():
     what = problem(shifted((0.0, 0.2, 0.0), (3.0, 0.0, 0.0)))
-    free = replace(what, goal=(replace(what.goal[0], orientation=np.pi),))
+    free = derived(what, goal=(replace(what.goal[0], orientation=np.pi),))
     trajectory = plan("line", free).trajectory
     assert verify(free, trajectory).verified
     assert off_line(tool_points(trajectory)) <= 1e-6
@@ -384,7 +385,9 @@ def test_a_redundant_arm_aims_at_other_ends_when_its_elbow_is_in_the_way():
     X = frame_pose(robot, ready, robot.tool_frame)
     cube = Obstacle("cube", Box((0.08, 0.08, 0.08)), pin.SE3(np.eye(3), np.array([-0.12, 0.17, 0.68])))
     goal = PoseGoal(robot.tool_frame, pin.SE3(X.rotation, X.translation + np.array([-0.11, 0.38, 0.06])))
-    what = Problem(name="case", robot=robot, scene=Scene((cube,)), start=ready, goal=(goal,), limits=robot.limits)
+    what = unchecked_problem(
+        name="case", robot=robot, scene=Scene((cube,)), start=ready, goal=(goal,), limits=robot.limits
+    )
     result = plan("line", what, profile="uniform")
     assert result.info["attempts"] > 2  # the first two go where limits are far
     assert verify(what, result.trajectory).verified

@@ -1,7 +1,5 @@
 """`sclerp` as a planner: screws followed and verified, endings named, options. The report's runs: tests/reference."""
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -14,11 +12,12 @@ from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import iterate_scheme
 from optiplan.planners.sclerp.screw_kinematics import Tool
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import JointGoal, PoseGoal, derived
 from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 from tests.planners import cases
 from tests.reference.entries import entry
+from tests.unchecked_problem import unchecked_problem
 
 
 def silent(stage, fraction):
@@ -35,7 +34,9 @@ def stuck():
     arm = load_robot("baxter_report")
     X_WG = next(np.array(item["goal"]) for item in entry("sclerp.runs").value if item["id"] == "b_z+45_503050")
     goal = PoseGoal(arm.tool_frame, pin.SE3(X_WG), 1e-6, 1e-6)
-    return Problem(name="b_z+45", robot=arm, scene=Scene(()), start=np.zeros(7), goal=(goal,), limits=arm.limits)
+    return unchecked_problem(
+        name="b_z+45", robot=arm, scene=Scene(()), start=np.zeros(7), goal=(goal,), limits=arm.limits
+    )
 
 
 def test_the_screw_that_ends_at_a_limit_says_at_which_joint_where_and_how_far(stuck):
@@ -93,7 +94,7 @@ def test_a_goal_without_orientation_is_reached_with_some():
     problem = cases.pose()
     goal = problem.goal[0]
     X_WG = pin.SE3(np.eye(3), goal.X_WG.translation)  # an orientation that the hand cannot have there
-    free = replace(problem, goal=(PoseGoal(goal.frame, X_WG, 1e-4, 4.0),))
+    free = derived(problem, goal=(PoseGoal(goal.frame, X_WG, 1e-4, 4.0),))
     assert run(free, "sclerp", {}, Budget(30.0), silent).verified
 
 

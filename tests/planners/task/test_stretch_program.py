@@ -15,6 +15,7 @@ from optiplan.planners.task.optimisation.transcription import StretchTranscripti
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, moving_breakpoints
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.problem.problem import derived
 from optiplan.trajectory.trajectory import Trajectory
 
 START = np.array([0.3, -0.6, 0.2, -2.0, 0.1, 1.6, 0.4])
@@ -31,7 +32,7 @@ def made():
     scene = op.Scene([op.Box("box", size=(0.2, 0.2, 0.2), position=(0.5, 0.1, 0.35))])
     problem = op.Problem("panda", start=START, goal=START + 0.3, scene=scene)
     tight = replace(problem.limits, torque=0.4 * problem.limits.torque)
-    problem = replace(problem, limits=tight)
+    problem = derived(problem, limits=tight)
     rng = np.random.default_rng(2)
     names = problem.robot.joint_names
     first = bent(names, START, 0.1 * rng.standard_normal(7), 0.03 * rng.standard_normal(7))

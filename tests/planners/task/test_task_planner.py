@@ -14,8 +14,9 @@ from optiplan.planners.base import Budget
 from optiplan.planners.task import search
 from optiplan.planners.task.chains import do_chain
 from optiplan.planners.task.line_timing import timed_line
-from optiplan.planners.task.stages import Situation, Stages
+from optiplan.planners.task.stages import Stages, WorldState
 from optiplan.problem.load import load_problem, problem_from_dict
+from optiplan.problem.problem import derived
 from optiplan.problem.task.timeline import scene_parts
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
@@ -173,11 +174,11 @@ def test_looking_ahead_leaves_out_lines_that_are_too_heavy():
     task = [{"move": {"any_of": [{"joints": near}, {"joints": far}]}}, line]
     problem = op.Problem("panda", "ready", task=task)
     torque = np.array([87.0, 15.0, 87.0, 87.0, 12.0, 12.0, 12.0])
-    weak = replace(problem, limits=replace(problem.limits, torque=torque))
+    weak = derived(problem, limits=replace(problem.limits, torque=torque))
     run = op.plan(weak, budget=60.0)
     assert run.verified
     assert run.trajectory(run.trajectory.segments[0].end)[0] == pytest.approx(2.6, abs=1e-5)
-    stretched = replace(weak, task=op.Problem("panda", "ready", task=[line]).task)
+    stretched = derived(weak, task=op.Problem("panda", "ready", task=[line]).task)
     failed = op.plan(stretched, budget=60.0)
     assert failed.failure.kind == "limits"
     assert failed.failure.detail.startswith("step 1 (line): gravity alone exceeds the torque limits along the line")
@@ -186,7 +187,7 @@ def test_looking_ahead_leaves_out_lines_that_are_too_heavy():
 def test_a_line_is_timed_within_the_budget():
     """When time is over, the law is a plain one, not none."""
     problem = op.Problem("panda", "ready", task=[{"line": {"by": [0.2, 0.2, 0.0]}}])
-    steps = do_chain(Stages(problem), Situation(problem.start, problem.scene), problem.task, Budget(60.0))
+    steps = do_chain(Stages(problem), WorldState(problem.start, problem.scene), problem.task, Budget(60.0))
     line = steps.done[0]
     slow, quick = (timed_line(line.stage, line.curve, None, Budget(seconds)) for seconds in (0.0, 60.0))
     assert 1.02 * quick.duration < slow.duration < 3.0 * quick.duration

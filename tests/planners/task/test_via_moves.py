@@ -1,7 +1,5 @@
 """Vias through the machinery of tasks: as quick as the same points as moves, and nothing of the task is left to see."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,8 +7,8 @@ import optiplan as op
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult
 from optiplan.planners.task.planner import plan_task
-from optiplan.problem.constraints.statements import ToolSpeed
-from optiplan.problem.problem import JointGoal, Via
+from optiplan.problem.constraints.motions import ToolSpeed
+from optiplan.problem.problem import JointGoal, Via, derived
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.trajectory import Trajectory
 from tests.planners import cases
@@ -89,7 +87,7 @@ def test_a_leg_that_needs_more_than_its_part_of_the_time_gets_it():
             return PlanResult(Trajectory(problem.robot.joint_names, np.array([0.0, 1.0]), c))
 
     ends = [cases.READY + 0.1, MIDDLE, cases.READY + 0.05, cases.READY - 0.1]
-    problem = replace(cases.free(), vias=tuple(Via(JointGoal(q)) for q in ends))
+    problem = derived(cases.free(), vias=tuple(Via(JointGoal(q)) for q in ends))
     planner = Slow()
     found = plan_task(planner, problem, Budget(10.0), quiet)
     assert found.trajectory is not None, found.failure
@@ -98,8 +96,8 @@ def test_a_leg_that_needs_more_than_its_part_of_the_time_gets_it():
 
 def test_motion_at_the_ends_is_kept():
     v = np.array([0.3, 0.1, 0.0, 0.0, 0.2, 0.0, 0.0])
-    problem = replace(cases.free(), goal=(JointGoal(cases.LEFT, velocity=v),), start_velocity=0.5 * v)
-    found = run(replace(problem, vias=(Via(JointGoal(MIDDLE)),)), "trajopt", {}, Budget(BUDGET), quiet)
+    problem = derived(cases.free(), goal=(JointGoal(cases.LEFT, velocity=v),), start_velocity=0.5 * v)
+    found = run(derived(problem, vias=(Via(JointGoal(MIDDLE)),)), "trajopt", {}, Budget(BUDGET), quiet)
     assert found.verified, found.failure or found.report.failures
     assert found.trajectory(0.0, 1) == pytest.approx(0.5 * v, abs=1e-6)
     assert found.trajectory(found.duration, 1) == pytest.approx(v, abs=1e-6)
@@ -107,7 +105,7 @@ def test_motion_at_the_ends_is_kept():
 
 def test_a_failure_names_its_leg_and_no_step():
     vias = Via(JointGoal(MIDDLE)), Via(cases.too_far().goal[0])
-    failure = run(replace(cases.free(), vias=vias), "trajopt", {}, Budget(BUDGET), quiet).failure
+    failure = run(derived(cases.free(), vias=vias), "trajopt", {}, Budget(BUDGET), quiet).failure
     assert failure.kind == "goal-unreachable"
     assert failure.detail.startswith("leg 2 of 3, from via 1 to via 2: no configuration")
     assert failure.witness["leg"] == 2
@@ -128,12 +126,12 @@ def test_a_move_of_a_task_does_not_stop_at_its_vias():
 @pytest.mark.parametrize("as_task", [False, True])
 def test_constraints_on_a_part_of_the_motion_need_another_planner(as_task):
     slow = ToolSpeed("panda_hand_tcp", linear=0.5, during=(0.2, 0.4))
-    problem = replace(cases.free(), path_constraints=(slow,))
+    problem = derived(cases.free(), path_constraints=(slow,))
     if as_task:
         move = op.Task().move(cases.LEFT, vias=[op.ViaPoint(MIDDLE)])
-        problem = replace(op.Problem("panda", "ready", task=move), path_constraints=(slow,))
+        problem = derived(op.Problem("panda", "ready", task=move), path_constraints=(slow,))
     else:
-        problem = replace(problem, vias=(Via(JointGoal(MIDDLE)),))
+        problem = derived(problem, vias=(Via(JointGoal(MIDDLE)),))
     failure = run(problem, "trajopt", {}, Budget(BUDGET), quiet).failure
     assert failure.kind == "unsupported"
     assert "where there are no vias" in failure.detail

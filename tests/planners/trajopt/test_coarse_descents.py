@@ -13,7 +13,7 @@ from optiplan.planners.sampling.local_searches import box_of_paths
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.search import Search
 from optiplan.planners.trajopt import planner
-from optiplan.planners.trajopt.coarse_descents import CoarseDescents, Way
+from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import STEP
@@ -75,9 +75,11 @@ def test_the_most_promising_way_comes_first_and_the_others_wait(monkeypatch: pyt
     sampler = goal_sampler(problem, run.model, run.budget)
     assert isinstance(sampler, GoalSampler)
     run.paths.offer_first(_path(run))
-    monkeypatch.setattr(CoarseDescents, "descend", lambda self, model, path, best: Way(path, None, next(promised)))
+    monkeypatch.setattr(
+        CoarseDescents, "descend", lambda self, model, path, best: GuessPath(path, None, next(promised))
+    )
     seen = [run.paths.next(sampler, lambda waypoints: None) for _ in range(2)]
-    assert [way.duration for way in seen if isinstance(way, Way)] == [1.0, 0.5]
+    assert [way.duration for way in seen if isinstance(way, GuessPath)] == [1.0, 0.5]
 
 
 def test_a_way_that_promises_far_less_than_the_best_curve_is_optimised_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,14 +90,14 @@ def test_a_way_that_promises_far_less_than_the_best_curve_is_optimised_at_once(m
     assert isinstance(sampler, GoalSampler)
     rough, told = run.incumbent.rough, []
 
-    def descend(self: CoarseDescents, model: CollisionModel, path: SampledPath, best: float) -> Way:
+    def descend(self: CoarseDescents, model: CollisionModel, path: SampledPath, best: float) -> GuessPath:
         told.append(rough * (0.95, 0.85, 0.5)[len(told)])
-        return Way(path, None, told[-1])
+        return GuessPath(path, None, told[-1])
 
     monkeypatch.setattr(PathSearch, "_sample", lambda self, *given: path)
     monkeypatch.setattr(CoarseDescents, "descend", descend)
     way = run.paths.next(sampler, lambda waypoints: None)
-    assert isinstance(way, Way)
+    assert isinstance(way, GuessPath)
     assert way.duration == 0.85 * rough
     assert len(told) == 2
 
@@ -112,15 +114,15 @@ def test_a_first_motion_is_looked_for_along_further_paths_where_a_coarse_curve_s
         depths.append(check is not self._check())
         return path
 
-    def descend(self: CoarseDescents, model: CollisionModel, path: SampledPath, best: float) -> Way | None:
+    def descend(self: CoarseDescents, model: CollisionModel, path: SampledPath, best: float) -> GuessPath | None:
         duration = next(promised)
-        return None if duration is None else Way(path, None, duration)
+        return None if duration is None else GuessPath(path, None, duration)
 
     monkeypatch.setattr(PathSearch, "_sample", sampled)
     monkeypatch.setattr(CoarseDescents, "descend", descend)
     run.paths.searches = 1  # the short one, in vain
     way = run.paths.next(sampler, lambda waypoints: None)
-    assert isinstance(way, Way)
+    assert isinstance(way, GuessPath)
     assert way.duration == 2.0
     assert depths == [True] * 3
 
@@ -133,8 +135,8 @@ def test_ways_are_compared_with_the_best_curve_as_it_was_before_it_was_refined()
     assert attempt is not None
     rough = attempt.trajectory.duration
     assert run.incumbent.cost < 0.999 * rough
-    assert run._hopeless(Way(path, attempt.control, 1.001 * rough))
-    assert not run._hopeless(Way(path, attempt.control, 0.9999 * rough))
+    assert run._hopeless(GuessPath(path, attempt.control, 1.001 * rough))
+    assert not run._hopeless(GuessPath(path, attempt.control, 0.9999 * rough))
 
 
 def test_searches_stay_where_motions_that_are_short_enough_pass() -> None:

@@ -25,6 +25,7 @@ from optiplan.problem.problem import JointGoal, Objective, Problem
 from optiplan.robot.robot import Robot, load_robot
 from tests.planners import cases
 from tests.robot.test_mimic import PARTS, write_robot
+from tests.unchecked_problem import unchecked_problem
 
 pytestmark = pytest.mark.skipif(core is None, reason="the native core is not built")
 
@@ -49,7 +50,7 @@ def past_a_ball(robot: Robot) -> tuple[Problem, np.ndarray]:
     )
     ball = Obstacle("ball", Sphere(0.1), pin.SE3(np.eye(3), np.array([0.45, 0.25, 0.62])))
     board = Obstacle("board", Box((0.6, 0.6, 0.02)), pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.1])))
-    problem = Problem(
+    problem = unchecked_problem(
         name="past a ball",
         robot=robot,
         scene=Scene((ball, board)),

@@ -19,8 +19,9 @@ from optiplan.planners.trajopt.program.qp import Penalty, Step, Subproblem
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.term import SoftRows
-from optiplan.problem.problem import JointGoal, Objective, Problem
+from optiplan.problem.problem import JointGoal, Objective
 from optiplan.robot.robot import load_robot
+from tests.unchecked_problem import unchecked_problem
 
 pytestmark = pytest.mark.skipif(core is None, reason="the native core is not built")
 
@@ -34,7 +35,7 @@ def transcription(jerk: float, spans: int) -> tuple[Transcription, np.ndarray]:
     ball = Obstacle("ball", Sphere(0.08), pin.SE3(np.eye(3), np.array([0.45, 0.25, 0.62])))
     board = Obstacle("board", Box((0.6, 0.6, 0.02)), pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.1])))
     limits = replace(robot.limits, torque=0.4 * robot.limits.torque, upper=np.maximum(start, GOAL) + 0.05)
-    problem = Problem(
+    problem = unchecked_problem(
         name="t",
         robot=robot,
         scene=Scene((ball, board)),

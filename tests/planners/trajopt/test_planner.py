@@ -13,10 +13,11 @@ from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
+from tests.unchecked_problem import unchecked_problem
 
 pytestmark = pytest.mark.usefixtures("processor_clock")
 
@@ -34,7 +35,7 @@ def box(name: str, size: tuple[float, float, float], *position: float) -> Obstac
 
 def make(robot: Robot, *obstacles: Obstacle, goal: np.ndarray = GOAL) -> Problem:
     start = robot.configurations["ready"]
-    return Problem(
+    return unchecked_problem(
         name="t", robot=robot, scene=Scene(obstacles), start=start, goal=(JointGoal(goal),), limits=robot.limits
     )
 
@@ -46,7 +47,7 @@ def plan(problem: Problem, budget: float = 20.0, **options: float) -> PlanResult
 
 def test_free_space_is_within_two_percent_of_the_physical_limit(robot: Robot) -> None:
     problem = make(robot)
-    problem = replace(problem, limits=replace(problem.limits, torque=np.full(7, np.inf)))
+    problem = derived(problem, limits=replace(problem.limits, torque=np.full(7, np.inf)))
     result = plan(problem)
     assert result.trajectory is not None
     assert verify(problem, result.trajectory).verified
@@ -60,7 +61,7 @@ def test_torque_limits_bind_and_hold(robot: Robot) -> None:
     peak = next(check for check in verify(problem, free).checks if check.name == "torque").worst
     assert peak is not None
     limits = replace(problem.limits, torque=np.where(problem.limits.torque > 20, 0.8 * peak, problem.limits.torque))
-    weak = replace(problem, limits=limits)
+    weak = derived(problem, limits=limits)
     bound = plan(weak).trajectory
     assert bound is not None
     assert verify(weak, bound).verified
@@ -80,7 +81,7 @@ def test_goes_around_a_wall(robot: Robot) -> None:
 
 def test_jerk_weight_makes_the_motion_gentler(robot: Robot) -> None:
     problem = make(robot)
-    gentle = replace(problem, objective=replace(problem.objective, jerk=1e-6))
+    gentle = derived(problem, objective=replace(problem.objective, jerk=1e-6))
     fast, smooth = plan(problem).trajectory, plan(gentle).trajectory
     assert fast is not None
     assert smooth is not None
@@ -118,7 +119,7 @@ def test_no_way_through_fails_within_the_budget_and_says_where() -> None:
     posts = (box("over", (0.05, 1.0, 0.05), 0.0, 0.0, 0.3), box("under", (0.05, 1.0, 0.05), 0.0, 0.0, -0.3))
     goal = JointGoal(np.array([2.9, 0.0]))  # the first link points the other way, and cannot pass either post
     allowed = frozenset(frozenset((post.name, "base")) for post in posts)  # they stand in the base
-    problem = Problem(
+    problem = unchecked_problem(
         name="t",
         robot=planar,
         scene=Scene(posts, allowed=allowed),

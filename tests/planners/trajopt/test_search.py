@@ -13,12 +13,12 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt import attempts, optimizer, path_search, planner, stopping_rule
-from optiplan.planners.trajopt.coarse_descents import Way
+from optiplan.planners.trajopt.coarse_descents import GuessPath
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.problem.load import load_problem
-from optiplan.problem.problem import JointGoal, Objective, PoseGoal, Problem
+from optiplan.problem.problem import JointGoal, Objective, PoseGoal, Problem, derived
 from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
 from optiplan.runs.run import Run
@@ -26,6 +26,7 @@ from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.verify.verify import verify
 from tests.planners import cases
 from tests.robot.robots import BARE, LINK, joint, write_robot
+from tests.unchecked_problem import unchecked_problem
 
 pytestmark = pytest.mark.usefixtures("processor_clock")
 
@@ -64,7 +65,7 @@ def test_a_search_that_the_clock_ends_for_the_smaller_margin_says_so(
 def test_a_robot_without_torque_limits_is_planned_around_things(problems: Path, name: str) -> None:
     """Steps are refused on the way; whether they exceeded a torque was asked of what had never been computed."""
     shelf = load_problem(problems / f"{name}.yaml")
-    result = solve(replace(shelf, limits=replace(shelf.limits, torque=np.full(shelf.robot.n, np.inf))))
+    result = solve(derived(shelf, limits=replace(shelf.limits, torque=np.full(shelf.robot.n, np.inf))))
     assert result.verified
     assert result.info["attempts"]
 
@@ -126,7 +127,7 @@ def test_improvements_of_a_run_end_with_its_answer() -> None:
 
 def test_the_best_of_another_objective_is_that_of_least_cost() -> None:
     """With weight on the jerk the straight line timed exactly is the fastest of all and far from the best."""
-    problem = replace(cases.free(), objective=Objective(1.0, 1e-5))
+    problem = derived(cases.free(), objective=Objective(1.0, 1e-5))
     result = TrajOpt().plan(problem, Budget(20.0), lambda stage, fraction: None)
     assert result.trajectory is not None
     offers = [*(candidate.trajectory for candidate in result.earlier), result.trajectory]
@@ -169,7 +170,7 @@ def test_position_tolerance_of_a_pose_is_used() -> None:
     pose = cases.pose()
     goal = pose.goal[0]
     assert isinstance(goal, PoseGoal)
-    loose = replace(pose, goal=(replace(goal, position=0.2),))
+    loose = derived(pose, goal=(replace(goal, position=0.2),))
     exact, near = solve(pose), solve(loose)
     assert near.verified
     assert near.duration <= 0.95 * exact.duration
@@ -183,7 +184,7 @@ def test_many_joints_whose_straight_line_is_free_are_planned_at_once(tmp_path: P
     extra = f"group: [{', '.join(names)}]\ntool_frame: l39\n"
     robot = load_robot(str(write_robot(tmp_path, [*links, *joints], extra)))
     goal = JointGoal(np.full(40, 0.02))
-    problem = Problem(
+    problem = unchecked_problem(
         name="many", robot=robot, scene=cases.free().scene, start=np.zeros(40), goal=(goal,), limits=robot.limits
     )
     result = solve(problem, budget=5.0)
@@ -245,7 +246,7 @@ def test_a_path_on_an_optimised_curve_is_optimised_again_only_where_shortcuts_he
     attempt = run.optimiser.run(run._along(ends), Budget(5.0))
     cost = float(path_time(ends, problem.limits.velocity).sum())
     run.repaired = attempt, cost
-    run._sampled(Way(SampledPath(ends, 0, shorter * cost, {})))
+    run._sampled(GuessPath(SampledPath(ends, 0, shorter * cost, {})))
     seeds = [entry["seed"] for entry in run.info["attempts"] if entry["seed"] != "close"]
     assert seeds == kinds
     assert run.incumbent.candidates
@@ -257,7 +258,7 @@ def test_a_path_that_takes_far_longer_than_the_best_motion_is_left() -> None:
     run = planner._Run(problem, Budget(5.0), lambda stage, fraction: None, TrajOptOptions())
     ends = np.array([problem.start, problem.goal[0].q])
     run.attempts.attempt("straight", run._along(ends), run.budget)
-    run._sampled(Way(SampledPath(ends, 0, 2.0 * run.incumbent.cost, {})))
+    run._sampled(GuessPath(SampledPath(ends, 0, 2.0 * run.incumbent.cost, {})))
     assert {attempt["seed"] for attempt in run.info["attempts"]} <= {"straight", "close"}
     assert run.patience.in_vain == 1
 

@@ -62,7 +62,7 @@ def test_an_outcome_is_taken_only_where_it_is_that_of_an_attempt_begun_now(probl
     optimiser = Optimiser(problem, planning_model(problem.robot, problem.scene), run.options)
     goal = problem.start + 0.3
     control = along_path(optimiser.basis, np.array([problem.start, goal]), problem.limits.velocity)
-    ahead.expect([control], np.inf, False)
+    ahead.precompute([control], np.inf, False)
     wait_until(lambda: any(task.future.running() or task.future.done() for task in ahead._tasks.values()))
     assert ahead.take(control + 1e-9, budget, np.inf, False) is None
     outcome = ahead.take(control, budget, np.inf, False)

@@ -18,6 +18,7 @@ from optiplan.planners.trajopt.terms.contacts import CUTOFF, Margins, _pushed_on
 from optiplan.planners.trajopt.terms.term import CostModel, SoftRows
 from optiplan.problem.problem import JointGoal, Objective, Problem
 from optiplan.robot.robot import load_robot
+from tests.unchecked_problem import unchecked_problem
 
 GOAL = np.array([1.2, 0.3, 0.4, -1.6, 0.3, 1.9, -0.4])
 
@@ -30,7 +31,7 @@ def problem() -> Problem:
     board = Obstacle("board", Box((0.6, 0.6, 0.02)), pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.1])))
     # Slow joints and weak motors: the torque rows are there to be looked at.
     limits = replace(robot.limits, torque=0.4 * robot.limits.torque)
-    return Problem(
+    return unchecked_problem(
         name="t",
         robot=robot,
         scene=Scene((ball, board)),

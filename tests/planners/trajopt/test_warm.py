@@ -7,11 +7,12 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.native_model import planning_model
-from optiplan.kinematics.jacobians import frame_pose
 from optiplan.planners.base import Budget
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.planners.trajopt.warm import WarmStart
+from optiplan.problem.problem import derived
+from optiplan.robot.frames import frame_pose
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from tests.planners import cases
@@ -33,7 +34,7 @@ def first():
 
 def moved(problem, **by):
     name = problem.scene.names[0]
-    return replace(problem, scene=problem.scene.moved(name, **by))
+    return derived(problem, scene=problem.scene.moved(name, **by))
 
 
 @pytest.mark.parametrize("by", [{"z": 0.05}, {"x": -0.05}, {"y": 0.05}, {"z": -0.05}])
@@ -49,7 +50,7 @@ def test_after_a_change_of_scene(first, by):
 def test_after_a_change_of_goal_and_start(first):
     problem, earlier = first
     goal, start = problem.goal[0].q + 0.04, problem.start - 0.03
-    found = plan(replace(problem, goal=(op.JointGoal(goal),), start=start), earlier)
+    found = plan(derived(problem, goal=(op.JointGoal(goal),), start=start), earlier)
     assert found.verified
     assert [each["seed"] for each in found.info["attempts"]] == ["warm"]
     assert found.trajectory.end == pytest.approx(goal, abs=1e-6)
@@ -59,7 +60,7 @@ def test_from_a_start_that_moved_it_takes_no_longer_than_anew(first):
     """A robot at rest begins at the rest of the earlier motion, not in its midst, where it passes nearer."""
     problem, earlier = first
     further = earlier(0.1 * earlier.duration)
-    there = replace(problem, start=further + 0.01)
+    there = derived(problem, start=further + 0.01)
     warm = WarmStart(there, earlier, TrajOptOptions(), Budget(4.0), silent)
     assert warm.earlier.duration == earlier.duration
     assert warm.good
@@ -77,7 +78,7 @@ def test_a_pose_that_moved():
     earlier = plan(problem).trajectory
     there = problem.goal[0].X_WG.copy()
     there.translation = there.translation + np.array([0.03, -0.03, 0.02])
-    found = plan(replace(problem, goal=(replace(problem.goal[0], X_WG=there),)), earlier)
+    found = plan(derived(problem, goal=(replace(problem.goal[0], X_WG=there),)), earlier)
     assert found.verified
     assert [each["seed"] for each in found.info["attempts"]] == ["warm"]
     assert np.abs(found.trajectory.end - earlier.end).max() < 0.3, "the arm stays in its branch"
@@ -134,7 +135,7 @@ def test_what_is_left_of_the_motion_is_an_answer(first):
 def test_a_motion_at_its_bound_that_is_still_free_is_the_answer_as_it_stands():
     problem = op.load_problem("01_reach")
     ball = op.Sphere("ball", 0.05, position=(-0.6, 0.0, 0.4))
-    beside = replace(problem, scene=op.Scene((ball,)))
+    beside = derived(problem, scene=op.Scene((ball,)))
     earlier = plan(beside).trajectory
     assert earlier.duration < 1.01 * lower_bound(beside.start, earlier.end, beside.limits)
     found = plan(moved(beside, z=0.05), earlier)
@@ -142,7 +143,7 @@ def test_a_motion_at_its_bound_that_is_still_free_is_the_answer_as_it_stands():
     assert [(each["seed"], each["iterations"]) for each in found.info["attempts"]] == [("warm", 0)]
     assert found.duration == earlier.duration
     tool = frame_pose(beside.robot, earlier(0.5 * earlier.duration), beside.robot.tool_frame)
-    found = plan(replace(beside, scene=op.Scene((replace(ball, X_WO=tool),))), earlier)
+    found = plan(derived(beside, scene=op.Scene((replace(ball, X_WO=tool),))), earlier)
     assert found.verified
     assert found.info["attempts"][0]["iterations"] > 0
 
@@ -151,9 +152,9 @@ def test_a_search_follows_where_the_earlier_motion_leads_to_nothing(first):
     """The arm was to go left; now it goes right, and the earlier motion is of no use."""
     problem, earlier = first
     other = cases.LEFT * np.array([-1.0, 1, 1, 1, 1, 1, 1])
-    found = plan(replace(problem, goal=(op.JointGoal(other),)), earlier)
+    found = plan(derived(problem, goal=(op.JointGoal(other),)), earlier)
     assert found.verified
-    plain = plan(replace(problem, goal=(op.JointGoal(other),)))
+    plain = plan(derived(problem, goal=(op.JointGoal(other),)))
     assert found.duration < 1.05 * plain.duration
 
 
@@ -180,7 +181,7 @@ def test_replanner():
     on = replanner.plan(start=again.trajectory.state(0.2), budget=3.0)
     assert on.verified
     assert replanner.run is on
-    assert replanner.problem.moving
+    assert replanner.problem.nonzero_ends
     for wrong in ({"start": [9.0, 9.0]}, {"goal": 3}, {"scene": "peg"}, {"budget": -1.0}):
         with pytest.raises(op.InputError) as refused:
             replanner.plan(**wrong)

@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from optiplan.bench.report.figures import COLOURS, line_of
 from optiplan.bench.statistics.intervals_and_tests import Interval
+from optiplan.figure_style import COLOURS, line_of
 
 NOTHING = "–"
 BOUND = "one bound a problem: the least over the end configurations that were reached or that it lists"
@@ -102,7 +102,7 @@ def probability(p: float) -> str:
     return "&lt; 0.001" if p < 0.001 else f"{p:.2g}" if p < 0.1 else f"{p:.2f}"
 
 
-def within(value: Interval, what: str = "median") -> Cell:
+def with_interval(value: Interval, what: str = "median") -> Cell:
     """A value with its interval behind it."""
     if math.isnan(value.value):
         return Cell(NOTHING, kind="none")

@@ -4,7 +4,16 @@ import math
 
 from optiplan.bench.report.analysis import Analysis
 from optiplan.bench.report.pairs import TIE, Paired, PlannerPair
-from optiplan.bench.report.tables.cells import NOTHING, Cell, Head, ReportTable, number, planner, probability, within
+from optiplan.bench.report.tables.cells import (
+    NOTHING,
+    Cell,
+    Head,
+    ReportTable,
+    number,
+    planner,
+    probability,
+    with_interval,
+)
 from optiplan.bench.statistics.intervals_and_tests import holm
 
 
@@ -47,7 +56,7 @@ def _paired(one: Paired, corrected: tuple[float, ...]) -> list[Cell]:
         for raw, sure in zip((one.sign, one.rank), corrected, strict=True)
         for p, kind in ((raw, ""), (sure, "sure" if sure < 0.05 else ""))
     ]
-    return [within(one.ratio), score, *chances]
+    return [with_interval(one.ratio), score, *chances]
 
 
 def ratio_table(analysis: Analysis, field: str) -> ReportTable:

@@ -15,7 +15,7 @@ from optiplan.bench.report.tables.cells import (
     planner,
     share,
     success,
-    within,
+    with_interval,
 )
 from optiplan.bench.statistics.intervals_and_tests import Interval
 
@@ -41,7 +41,7 @@ def ladder(analysis: Analysis) -> ReportTable:
         stages = [share(value) for value in (one.path_found, one.has_times)]
         lost = math.nan if one.planned == 0 else 1.0 - one.verified / one.planned
         stages.append(Cell(percent(lost), lost, tip=f"{one.planned - one.verified} of {one.planned}"))
-        medians = [within(spread.median) for spread in (one.plan_time, one.plan_cpu, one.ratio)]
+        medians = [with_interval(spread.median) for spread in (one.plan_time, one.plan_cpu, one.ratio)]
         shares = [Cell(percent(value), value) for value in (one.quickest, one.shortest)]
         rows.append([planner(k, one.label), success(one.success), runs, *stages, tried, *medians, *shares])
     return ReportTable("planners", "How far runs get, and what the verified ones cost", heads, rows)
@@ -54,7 +54,7 @@ def percentiles(analysis: Analysis, field: str) -> ReportTable:
     rows = []
     for k, one in enumerate(analysis.planners):
         spread: Spread = getattr(one, field)
-        row = [planner(k, one.label), Cell(str(spread.runs), spread.runs), within(spread.median)]
+        row = [planner(k, one.label), Cell(str(spread.runs), spread.runs), with_interval(spread.median)]
         for p, value in zip(PERCENTILES, spread.percentiles, strict=True):
             few = spread.runs * (100 - p) < 100
             tip = f"of fewer than {100 // (100 - p)} runs: little more than the largest" if few and spread.runs else ""

@@ -129,7 +129,7 @@ def export(
         if kind in others:
             written = others[kind](store, to or folder)
         else:
-            written = [path for each in wanted for path in tables.export(store, to or folder, each)]
+            written = [path for each in wanted for path in tables.export_results(store, to or folder, each)]
     if as_json:
         print_json({"written": [str(path) for path in written]})
     else:
@@ -152,7 +152,7 @@ def merge(
 
       optiplan bench merge results/monday results/tuesday --out results/both
     """
-    from optiplan.bench.results.growth import merge as merged
+    from optiplan.bench.results.growth import merge_results as merged
 
     if len(folders) < 2:
         raise typer.BadParameter("one folder: expected two or more")

@@ -124,7 +124,7 @@ def compare(
     """
     from optiplan.bench.results.database import Store
     from optiplan.bench.statistics.compare import REGRESSION
-    from optiplan.bench.statistics.compare import compare as compared
+    from optiplan.bench.statistics.compare import compare_results as compared
     from optiplan.cli.printing.bench_compare import comparison_data, show_comparison
 
     with Store(before) as old, Store(after) as new:

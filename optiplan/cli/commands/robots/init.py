@@ -50,22 +50,23 @@ def init(
 
       optiplan robots init my_arm.urdf --group j1,j2,j3 --tool tool0 --lock finger=0.02 --limit acceleration=5
     """
+    from optiplan.api import init_robot as robots
     from optiplan.cli.commands.robots import wizard
     from optiplan.cli.commands.robots.mesh_covers import make_covers
     from optiplan.cli.progress import ProgressLog
 
     as_json = as_json or bool(context.obj)
     folder = urdf.parent if out is None else out
-    wizard.refuse_files(folder, force)
-    choices = wizard.read_choices(group or "", tool or "", lock or [], limit or [])
+    robots.refuse_files(folder, force)
+    choices = wizard.read_choices(group or "", tool or "", lock or [], limit or [], allow_pairs or "")
     with stdout_is_ours():
-        load = partial(wizard.load, urdf, name or wizard.title_of(urdf))
+        load = partial(robots.load_choices, urdf, name or robots.title_of(urdf))
         with ProgressLog() as progress:
             make_covers(urdf, progress)
         if sys.stdin.isatty() and not as_json if ask is None else ask:
             choices = wizard.ask(load, choices)
         with ProgressLog() as progress:
-            robot, choices = wizard.prepare(load, choices, allow_pairs or "", progress)
-    wizard.write(urdf, folder, robot, choices)
+            robot, choices = robots.prepare(load, choices, allow_pairs == robots.TOUCHING, progress)
+    robots.write_robot(urdf, folder, robot, choices)
     wizard.show(robot, folder, as_json, full)
     return 0

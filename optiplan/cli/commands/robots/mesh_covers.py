@@ -10,7 +10,7 @@ from optiplan import cache
 from optiplan.arrays import Array
 from optiplan.cores import cores
 from optiplan.errors import InputError
-from optiplan.geometry.convex import cover_name, cover_of, triangles_of, vertices_of
+from optiplan.geometry.convex import cover_name, cover_of, mesh_triangles, mesh_vertices
 from optiplan.geometry.file_shapes import triangle_mesh
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.planners.base import Progress
@@ -50,7 +50,7 @@ def _meshes_to_cut(urdf: Path) -> list[tuple[Array, Triangles]]:
     """Vertices and triangles of different meshes of which no cover is kept, the largest first."""
     source = read_urdf(urdf, urdf.parent)
     bodies = [item.geometry for item in build_collisions(source, build_model(source)).geometryObjects]
-    meshes = [(vertices_of(body), triangles_of(body)) for body in bodies if isinstance(body, coal.BVHModelBase)]
+    meshes = [(mesh_vertices(body), mesh_triangles(body)) for body in bodies if isinstance(body, coal.BVHModelBase)]
     named = {cover_name(*mesh): mesh for mesh in meshes}
     missing = [mesh for name, mesh in named.items() if cache.load(name) is None]
     return sorted(missing, key=lambda mesh: len(mesh[1]), reverse=True)

@@ -6,7 +6,8 @@ from optiplan.arrays import Array
 from optiplan.planners.path_constraints.clearance import PairsApart
 from optiplan.planners.path_constraints.inequalities import inequalities
 from optiplan.planners.path_constraints.inequality import KEPT, CompiledInequality
-from optiplan.problem.constraints.statements import WHOLE, PairClearance
+from optiplan.problem.constraints.base import WHOLE
+from optiplan.problem.constraints.motions import PairClearance
 from optiplan.problem.problem import Problem
 
 _ITERATIONS = 12

@@ -1,6 +1,6 @@
 """Paths on the constraints as initial guesses of an optimiser, and the motions along them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from optiplan.planners.sampling.constrained.manifold import in_part_only
 from optiplan.planners.sampling.constrained.planner import ConstrainedPath, ConstrainedSearch, constrained_path, timed
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.trajectory import Trajectory
 
 _SHORTCUTS = 60
@@ -34,7 +34,7 @@ class ConstrainedSeeds:
 
     def path(self, goals: list[Array], budget: Budget, number: int) -> SampledPath | Failure:
         """Return a path to one of the goals (n,), another for each number."""
-        problem = replace(self.problem, seed=self.problem.seed + 1000 * number)
+        problem = derived(self.problem, seed=self.problem.seed + 1000 * number)
         goals = goals[number % len(goals) :] + goals[: number % len(goals)]
         found = constrained_path(self.model, problem, goals, budget, ConstrainedSearch(attempts=_SHORTCUTS))
         if isinstance(found, Failure):

@@ -8,10 +8,9 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
-from optiplan.planners.common.via_legs import joined
 from optiplan.planners.path_constraints.motion_check import PathConstraints
-from optiplan.planners.task.chains import Done
-from optiplan.planners.task.flow import time_of
+from optiplan.planners.task.chains import PlannedStep
+from optiplan.planners.task.join_steps import time_of
 from optiplan.planners.task.line_timing import line_limits
 from optiplan.planners.task.optimisation.line_part import LinePart, SpeedLimit
 from optiplan.planners.task.optimisation.move_part import MovePart
@@ -20,12 +19,13 @@ from optiplan.planners.task.optimisation.transcription import Part, StretchCurve
 from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
 from optiplan.planners.task.stretches import Stretch
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, moving_breakpoints
-from optiplan.planners.trajopt.moving_ends import with_reserve
+from optiplan.planners.trajopt.nonzero_end_optimiser import with_reserve
 from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.program.sqp import DescentOptions, optimise
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.cut import cut
+from optiplan.trajectory.cut import cut_trajectory
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import tool_motion, tool_scale
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -69,9 +69,9 @@ def optimised(stretches: Sequence[Stretch], options: TrajOptOptions, budget: Bud
     steps: list[Trajectory] = []
     for stretch in stretches:
         assert isinstance(stretch.motion, Trajectory)
-        steps += [cut(stretch.motion, a, b) for a, b in pairwise((0.0, *stretch.ends))]
+        steps += [cut_trajectory(stretch.motion, a, b) for a, b in pairwise((0.0, *stretch.ends))]
     counts = np.cumsum([0, *(len(run.done) for run in runs)]).tolist()
-    curves = [joined(steps[a:b]) for a, b in pairwise(counts)]
+    curves = [join_trajectories(steps[a:b]) for a, b in pairwise(counts)]
     found = StretchOptimiser(runs, curves, options).run(budget)
     return list(stretches) if found is None else [found]
 
@@ -110,7 +110,7 @@ class StretchOptimiser:
                 break
         return None
 
-    def _move(self, done: Done, curve: Trajectory, rests: tuple[bool, bool]) -> MovePart:
+    def _move(self, done: PlannedStep, curve: Trajectory, rests: tuple[bool, bool]) -> MovePart:
         assert done.stage is not None
         basis = SplineBasis(moving_breakpoints(self.options.spans, self.options.bunching, rests))
         own = Optimiser(with_reserve(done.stage.problem), done.stage.model, self.options, basis=basis)
@@ -145,13 +145,13 @@ class StretchOptimiser:
         curve = self.made.curve(y, self.made.shortest_duration(y))
         motions = [self._motion(curve, k) for k in range(len(self.parts))]
         edges = np.concatenate([[0.0], np.cumsum([motion.duration for motion in motions])])
-        whole = joined(motions)
+        whole = join_trajectories(motions)
         ends = self._ends(curve, edges)
         done = tuple(one for run in self.runs for one in run.done)
         slower = 0.0
         for one, begin, end in zip(done, (0.0, *ends), ends, strict=False):
             if one.is_line:
-                slower = max(slower, tool_scale(robot, line_limits(one), cut(whole, begin, end)))
+                slower = max(slower, tool_scale(robot, line_limits(one), cut_trajectory(whole, begin, end)))
         low, high = whole.extrema(0)
         if (low < limits.lower - _ROUNDING).any() or (high > limits.upper + _ROUNDING).any():
             return None
@@ -204,7 +204,7 @@ class StretchOptimiser:
         for done, begin, end in zip(stretch.done, (0.0, *stretch.ends), stretch.ends, strict=False):
             assert done.stage is not None
             kept = PathConstraints(done.stage.problem)
-            if kept.all and list(kept.broken(cut(stretch.motion, begin, end))):
+            if kept.all and list(kept.broken(cut_trajectory(stretch.motion, begin, end))):
                 return True
         return False
 

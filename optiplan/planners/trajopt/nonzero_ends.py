@@ -1,4 +1,4 @@
-"""Plan from or to states of motion: curves that begin and end in them, or a stop, a way from rest to rest, a run-up."""
+"""Plan between states of motion: curves that begin and end in them, or a stop, a way from rest to rest, a run-up."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,20 +7,20 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
-from optiplan.libraries import clock
-from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce, stages_of
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import ranked_goals
+from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.common.stopwatch import Stopwatch
-from optiplan.planners.common.via_legs import joined
 from optiplan.planners.trajopt.initial_guess import with_bump
-from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser, torque_ratio, with_reserve
+from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
-from optiplan.problem.problem import GoalEnd, JointGoal, Problem
+from optiplan.problem.problem import GoalEnd, JointGoal, Problem, derived
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.profiles.state_to_state import BetweenStates, NoProfile, fastest_run_up, fastest_stop
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
@@ -28,11 +28,10 @@ from optiplan.trajectory.trajectory import Trajectory
 _DIRECT, _DETOUR = 1.0 / 3.0, 0.7
 """Share of the budget for curves from the direct profiles, and of what is left for the way from rest to rest."""
 
-_NO_GAIN = 1e-6
-"""Share of the cost below which a motion counts as no better."""
 
-
-def plan_moving(planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+def plan_nonzero_ends(
+    planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress
+) -> PlanResult:
     """Plan a problem that states motion at its start or at goals.
 
     Each joint's fastest profile between the states is the motion itself where it is free, and the first guess of a
@@ -40,20 +39,19 @@ def plan_moving(planner: Planner[TrajOptOptions], problem: Problem, budget: Budg
     begins, as `planner` finds it, and runs up; that motion is an answer, and the first guess of another curve. Then
     curves with a bump are tried while `Patience` allows.
     """
-    return _MovingRun(planner, problem, budget, progress).result()
+    return _NonzeroEndRun(planner, problem, budget, progress).result()
 
 
-class _MovingRun:
+class _NonzeroEndRun:
     """State of one call."""
 
     def __init__(self, planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress) -> None:
         self.planner, self.problem, self.budget, self.progress = planner, problem, budget, progress
         self.options, self.watch = planner.options, Stopwatch()
-        self.began = clock()
         self.info: dict[str, Any] = {"attempts": [], "cut_short": False}
-        self.candidates: list[Candidate] = []
-        self.best, self.bound = np.inf, 0.0
-        self.curve: tuple[Attempt, MovingOptimiser] | None = None
+        self.incumbent = Incumbent(problem, progress, self.watch)
+        self.bound = 0.0
+        self.curve: tuple[Attempt, NonzeroEndOptimiser] | None = None
         self.touching: tuple[Touch, Trajectory] | None = None
         self.patience = Patience(budget, self.options.good_enough)
         with self.watch.stage("set-up"):
@@ -64,12 +62,9 @@ class _MovingRun:
         """Search and return the best motion, or the failure."""
         failure = self._search()
         self.info["cut_short"] |= self.budget.over
-        if self.candidates:
-            *earlier, last = self.candidates
-            return PlanResult(last.trajectory, None, self.watch.seconds, self.info, tuple(earlier), last.seconds)
         if self.budget.cancelled or failure is None:
             failure = out_of_time(self.budget, "looking for a trajectory")
-        return PlanResult(None, failure, self.watch.seconds, self.info)
+        return self.incumbent.result(self.info, failure)
 
     def _search(self) -> Failure | None:
         with self.watch.stage("goals"):
@@ -81,13 +76,13 @@ class _MovingRun:
         early = self.budget.share(_DIRECT)
         for q in goals[: self.options.straight_goals]:
             for end in self.problem.end_states(q):
-                if not early.over and self._worth():
+                if not early.over and self._should_continue():
                     self._direct(end, early)
         failure = None
-        if not self.candidates and not self.budget.over:
+        if not self.incumbent.candidates and not self.budget.over:
             failure = self._detour()
         self._bumps()
-        return None if self.candidates else failure
+        return None if self.incumbent.candidates else failure
 
     def _direct(self, end: State, budget: Budget) -> None:
         """Try the profiles from state to state, and the curve that they lead to."""
@@ -96,7 +91,7 @@ class _MovingRun:
         profile = BetweenStates(start, end, limits, names).trajectory()
         if self._good(profile) is None:
             self._offer(profile)
-        if self._worth():
+        if self._should_continue():
             self._optimised("direct", profile, EndStates(start, end), budget)
 
     def _good(self, motion: Trajectory) -> Failure | None:
@@ -141,14 +136,14 @@ class _MovingRun:
             run_ups.append((rest, found))
         if not goals and refused is not None:
             return replace(refused, detail=f"no curve was found, and a run-up is no way in: {refused.detail}")
-        still = replace(problem, goal=tuple(goals)).with_start(problem.start if stop is None else stop.end)
+        still = derived(problem, goal=tuple(goals)).with_start(problem.start if stop is None else stop.end)
         with self.watch.stage("from rest to rest"):
             planned = self.planner.plan(still, self.budget.share(_DETOUR), stages_of(self.progress))
         if planned.trajectory is None:
             return planned.failure
         run_up = next((one for q, one in run_ups if np.abs(q - planned.trajectory.end).max() < 1e-6), None)
         parts = [part for part in (stop, planned.trajectory, run_up) if part is not None]
-        whole = joined(parts)
+        whole = join_trajectories(parts)
         self._offer(whole)
         end = whole.state(whole.duration)
         self._optimised("detour", whole, EndStates(problem.start_state, end), self.budget)
@@ -166,7 +161,7 @@ class _MovingRun:
         """Optimise from the best curve with a bump, while that can be expected to gain."""
         rng = np.random.default_rng(self.problem.seed)
         for _ in range(self.options.seeds):
-            if self.curve is None or not self._worth():
+            if self.curve is None or not self._should_continue():
                 return
             attempt, optimiser = self.curve
             T = attempt.trajectory.duration
@@ -174,10 +169,10 @@ class _MovingRun:
             self._run("bump", optimiser, control, T, self.budget)
 
     def _optimised(self, kind: str, motion: Trajectory, ends: EndStates, budget: Budget) -> None:
-        optimiser = MovingOptimiser(self.problem, self.optimiser, ends)
+        optimiser = NonzeroEndOptimiser(self.problem, self.optimiser, ends)
         self._run(kind, optimiser, optimiser.along(motion), motion.duration, budget)
 
-    def _run(self, kind: str, optimiser: MovingOptimiser, control: Array, duration: float, budget: Budget) -> None:
+    def _run(self, kind: str, optimiser: NonzeroEndOptimiser, control: Array, duration: float, budget: Budget) -> None:
         """Optimise a curve and offer it, if it is free."""
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
         before = self.optimiser.steps
@@ -197,17 +192,12 @@ class _MovingRun:
 
     def _offer(self, trajectory: Trajectory) -> bool:
         """Keep a free motion if it is better than the best; return whether it is."""
-        cost = self.problem.cost(trajectory)
-        if cost >= self.best * (1.0 - _NO_GAIN) or tuple(self.optimiser.constraints.broken(trajectory)):
+        if not self.incumbent.improves(trajectory) or tuple(self.optimiser.constraints.broken(trajectory)):
             return False
-        self.best = cost
-        self.candidates.append(Candidate(trajectory, clock() - self.began))
-        with self.watch.aside():
-            announce(self.progress, trajectory)
-        return True
+        return self.incumbent.offer(trajectory)
 
-    def _worth(self) -> bool:
+    def _should_continue(self) -> bool:
         """Return whether the budget and `Patience` allow another attempt."""
         if self.budget.over:
             return False
-        return not self.candidates or self.patience.worth_another(self.best, self.bound)
+        return not self.incumbent.candidates or self.patience.worth_another(self.incumbent.cost, self.bound)

@@ -12,7 +12,7 @@ from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis
 from optiplan.planners.trajopt.optimizer import ACTIVE, Attempt, Optimiser, around
 from optiplan.planners.trajopt.program.iteration_log import NOTHING
 from optiplan.planners.trajopt.program.sqp import MAX_VIOLATION, STUCK, Descended, Descender, DescentOptions
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.trajectory.timing.torque_scaling import RESERVE, torque_scale, torque_share
@@ -54,10 +54,10 @@ class EndStates:
 
 def with_reserve(problem: Problem) -> Problem:
     """The problem with the torque limits that curves are optimised with: slowing them down is no cure afterwards."""
-    return replace(problem, limits=replace(problem.limits, torque=(1.0 - 2.0 * RESERVE) * problem.limits.torque))
+    return derived(problem, limits=replace(problem.limits, torque=(1.0 - 2.0 * RESERVE) * problem.limits.torque))
 
 
-class MovingOptimiser:
+class NonzeroEndOptimiser:
     """Optimise curves between two states of motion, by the optimiser of curves between two configurations.
 
     With the control points at the ends as of a duration T', the least duration of the others is g(T'), an ordinary

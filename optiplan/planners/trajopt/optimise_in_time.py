@@ -1,21 +1,22 @@
 """Curves among obstacles that move: contacts at sample u are those at the time u T, which T may change."""
 
-from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.libraries import clock
-from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress, announce, stages_of
-from optiplan.planners.common.moving_scene import delayed, without_moving
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
+from optiplan.planners.common.dynamic_obstacles import delayed, without_dynamic_obstacles
+from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.trajopt.bspline_basis import DEGREE
 from optiplan.planners.trajopt.initial_guess import with_bump
-from optiplan.planners.trajopt.moving_ends import (
+from optiplan.planners.trajopt.nonzero_end_optimiser import (
     EXACT,
     STRETCHES,
     EndStates,
-    MovingOptimiser,
+    NonzeroEndOptimiser,
     torque_ratio,
     with_reserve,
 )
@@ -35,7 +36,7 @@ _CLOSE = 1.01
 """Cost to that of the motion among what stands still, up to which no further curve is tried."""
 
 
-class TimedOptimiser(MovingOptimiser):
+class TimedOptimiser(NonzeroEndOptimiser):
     """Optimise curves whose duration is part of the answer: they are not made faster afterwards."""
 
     def timed(self, control: Any, duration: float) -> Trajectory | None:
@@ -53,54 +54,41 @@ class TimedOptimiser(MovingOptimiser):
         return None
 
 
-def plan_among_moving(
+def optimise_in_time(
     planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress
 ) -> PlanResult:
     """Plan among what stands still, wait or slow down until nothing that moves is met, and optimise curves in time.
 
     The curves begin at the motion among what stands still, at the one that waits, and at the best with a bump.
     """
-    began = clock()
-    static = planner.plan(without_moving(problem), budget.share(_STATIC), stages_of(progress))
+    began, incumbent = clock(), Incumbent(problem, progress)
+    static = planner.plan(without_dynamic_obstacles(problem), budget.share(_STATIC), stages_of(progress))
     if static.trajectory is None:
         return static
     model = kept_planning_model(problem.robot, problem.scene)
     waiting = delayed(problem, [static.trajectory], model, budget.share(_DELAYS))
     info: dict[str, Any] = {"attempts": [*static.info.get("attempts", ())], "cut_short": False}
-    found: list[Candidate] = []
-    cost = problem.cost
-
-    def offer(motion: Trajectory) -> None:
-        if not found or cost(motion) < cost(found[-1].trajectory):
-            found.append(Candidate(motion, clock() - began))
-            announce(progress, motion)
-
     if not isinstance(waiting, Failure):
-        offer(waiting.motion)
+        incumbent.offer(waiting.motion)
         info |= {"waited": waiting.wait, "slower": waiting.slower}
-    least = cost(static.trajectory)
     seeds = [static.trajectory] if isinstance(waiting, Failure) else [static.trajectory, waiting.motion]
-    if not (found and cost(found[-1].trajectory) <= _CLOSE * least):
-        _curves(problem, Optimiser(with_reserve(problem), model, planner.options), seeds, (budget, offer, info))
+    if incumbent.cost > _CLOSE * problem.cost(static.trajectory):
+        optimiser = Optimiser(with_reserve(problem), model, planner.options)
+        info["attempts"] += _curves(optimiser, seeds, incumbent, budget)
     info["cut_short"] |= budget.over
     timings = {**static.timings, "in time": clock() - began - sum(static.timings.values())}
-    if found:
-        *earlier, last = found
-        return PlanResult(last.trajectory, None, timings, info, tuple(earlier), last.seconds)
-    return PlanResult(None, waiting if isinstance(waiting, Failure) else None, timings, info)
+    failure = waiting if isinstance(waiting, Failure) else None
+    return replace(incumbent.result(info, failure), timings=timings)
 
 
 def _curves(
-    problem: Problem,
-    optimiser: Optimiser,
-    seeds: list[Trajectory],
-    within: tuple[Budget, Callable[[Trajectory], None], dict[str, Any]],
-) -> None:
-    """Optimise in time from these motions, then from the best with a bump; offer what is free.
+    optimiser: Optimiser, seeds: list[Trajectory], incumbent: Incumbent, budget: Budget
+) -> list[dict[str, Any]]:
+    """Optimise in time from these motions, then from the best with a bump; offer what is free, return the attempts.
 
     It ends early with a curve that costs hardly more than the first motion.
     """
-    budget, offer, info = within
+    problem, attempts = incumbent.problem, list[dict[str, Any]]()
     enough = _CLOSE * problem.cost(seeds[0])
     end = seeds[0].state(seeds[0].duration)
     curves = TimedOptimiser(problem, optimiser, EndStates(problem.start_state, end))
@@ -109,14 +97,15 @@ def _curves(
     guesses = [(curves.along(motion), motion.duration) for motion in seeds]
     for k in range(len(seeds) + _BUMPS):
         if budget.over or (best is not None and problem.cost(best.trajectory) <= enough):
-            return
+            break
         if k >= len(seeds):
             base, T = guesses[0] if best is None else (best.control, best.trajectory.duration)
             guesses.append((with_bump(optimiser.basis, base, T, problem.limits, rng), T))
         before = optimiser.steps
         attempt = curves.run(*guesses[k], budget)
-        info["attempts"].append(attempt_record("in time", attempt, optimiser.steps - before, optimiser.log))
+        attempts.append(attempt_record("in time", attempt, optimiser.steps - before, optimiser.log))
         if attempt is not None and attempt.free:
-            offer(attempt.trajectory)
+            incumbent.offer(attempt.trajectory)
             if best is None or attempt.trajectory.duration < best.trajectory.duration:
                 best = attempt
+    return attempts

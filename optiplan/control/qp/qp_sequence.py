@@ -1,4 +1,4 @@
-"""`Answers`: solutions of a step's program that are accepted for their residuals, and the relaxation of rows."""
+"""`QpSequence`: solutions of a step's program that are accepted for their residuals, and the relaxation of rows."""
 
 import time
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ class RowGroup:
     last: int
 
 
-class Answers:
+class QpSequence:
     """Finds what a step commands.
 
     An answer is accepted if it keeps bounds and rows, and is optimal for the constraints that it touches; else, as far

@@ -44,7 +44,7 @@ def test_rest_is_said_in_one_way():
     zeros = {"joints": REACH.start.tolist(), "velocity": [0.0] * N, "acceleration": [0.0] * N}
     still = op.Problem("panda", zeros, REACH.goal[0])
     assert still.hash == op.Problem("panda", REACH.start, REACH.goal[0]).hash
-    assert not still.moving
+    assert not still.nonzero_ends
 
 
 def test_a_goal_of_several_states():
@@ -82,7 +82,7 @@ def test_a_joint_that_cannot_stop_before_its_limit(side):
     assert "panda_joint4" in words
     assert f"cannot stop before its limit {limit:.6g}" in words
     assert "no motion within its limit" in refusal(lambda: REACH.with_goal(back))
-    assert REACH.with_start(back).moving
+    assert REACH.with_start(back).nonzero_ends
     assert REACH.with_goal(into).with_start(REACH.start) is not None
 
 

@@ -1,7 +1,6 @@
 """Obstacles that move: a motion among those that stand still waits, or goes slower, until the others have passed."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -12,7 +11,8 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.path_timing import within_torque
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import Problem, derived
+from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.trajectory import Trajectory
 
 _STATIC = 0.6
@@ -34,12 +34,12 @@ class Delayed(NamedTuple):
     slower: float
 
 
-def among_moving(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
+def wait_for_obstacles(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
     """Plan among what stands still, then wait or slow down until nothing that moves is met.
 
     A robot that moves at the start cannot wait, nor one that moves at either end be slowed down.
     """
-    found = planner.plan(without_moving(problem), budget.share(_STATIC), stages_of(progress))
+    found = planner.plan(without_dynamic_obstacles(problem), budget.share(_STATIC), stages_of(progress))
     if found.trajectory is None:
         return found
     motions = [*(one.trajectory for one in reversed(found.earlier)), found.trajectory][::-1]
@@ -50,9 +50,9 @@ def among_moving(planner: Planner[Any], problem: Problem, budget: Budget, progre
     return PlanResult(with_time.motion, None, found.timings, info)
 
 
-def without_moving(problem: Problem) -> Problem:
+def without_dynamic_obstacles(problem: Problem) -> Problem:
     """The problem among what stands still."""
-    return replace(problem, scene=problem.scene.standing)
+    return derived(problem, scene=problem.scene.standing)
 
 
 def delayed(
@@ -80,7 +80,7 @@ def delayed(
 def _in_order(problem: Problem, motions: Sequence[Trajectory]) -> Iterator[Delayed]:
     """All motions with all delays that the ends allow, the one that arrives first at first."""
     waits = [0.0] if problem.moving_start else np.linspace(0.0, _horizon(problem), _WAITS).tolist()
-    slower = (1.0,) if problem.moving else _SLOWER
+    slower = (1.0,) if problem.nonzero_ends else _SLOWER
     ways = [
         (wait + factor * motion.duration, k, wait, factor)
         for (k, motion), wait, factor in product(enumerate(motions), waits, slower)
@@ -108,13 +108,11 @@ def _delay(problem: Problem, motion: Trajectory, wait: float, slower: float) -> 
     scaled = (within_torque(problem.robot, problem.limits, scaled) or scaled) if slower != 1.0 else scaled
     if wait == 0.0:
         return Delayed(scaled, wait, slower)
-    still = np.zeros((1, *scaled.coefficients.shape[1:]))
-    still[0, 0] = scaled.start
-    edges = np.concatenate([[0.0], scaled.breakpoints + wait])
-    return Delayed(Trajectory(scaled.joint_names, edges, np.concatenate([still, scaled.coefficients])), wait, slower)
+    still = standstill(scaled.joint_names, scaled.start, wait)
+    return Delayed(join_trajectories([still, scaled]), wait, slower)
 
 
 def _horizon(problem: Problem) -> float:
     """The longest wait, s: until nothing moves any more."""
-    ends = [body.motion.until for body in problem.scene.moving if body.motion is not None]
+    ends = [body.motion.until for body in problem.scene.dynamic_obstacles if body.motion is not None]
     return min(_HORIZON, max(ends))

@@ -1,4 +1,4 @@
-"""The planner named in a problem file: its checks, with lines of the file."""
+"""`check`: everything that is wrong with a problem file; the planner that it names, with lines of the file."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,14 +6,50 @@ from typing import Any
 
 from optiplan.config.document import Document, read_yaml
 from optiplan.config.messages import choices
-from optiplan.errors import InputError, Issue, UnknownChoiceError
+from optiplan.errors import InputError, Issue, UnknownChoiceError, described, wrong_argument
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
-from optiplan.problem.load import load_problem
+from optiplan.problem.examples import find_problem
+from optiplan.problem.load import check_file, load_problem
 from optiplan.problem.problem import Problem
 from optiplan.runs.pipeline import chosen
 
 _LOOK = 2.0  # s, for goal configurations
+
+
+def check(file: Path | str) -> list[Issue]:
+    """Find everything that is wrong with a problem file.
+
+    Checked are keys, units and sizes, that robots and meshes exist, limits, that the start touches nothing, and that
+    the planner's options go with start and goal. A part that is wrong hides no other.
+
+    Args:
+        file: a problem file, or the name of an example.
+
+    Returns:
+        The issues, in the order of the file, each with `file`, `line`, `field`, `found` and `expected`; its text is one
+        line. None: the problem can be planned.
+
+    Raises:
+        InputError: the argument is no path. What is wrong with the file, that it is not there included, is returned.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.check("01_reach")
+        []
+    """
+    if not isinstance(file, str | Path):
+        expected = "the path of a problem file, or the name of an example"
+        raise wrong_argument("check", "file", described(file), expected)
+    try:
+        path = find_problem(str(file))
+    except InputError as error:
+        return list(error.issues)
+    found = check_file(path)
+    told = {issue.path for issue in found}
+    found += [issue for issue in planner_issues(path) if issue.path not in told]
+    found = found or fitting_issues(path)
+    return sorted(found, key=lambda issue: issue.line or 0)
 
 
 def planner_issues(path: Path) -> list[Issue]:

@@ -10,9 +10,10 @@ from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import PLANNERS, make_planner, planner_entry
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
-from optiplan.planners.trajopt.moving_ends import EndStates, MovingOptimiser
+from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.problem.problem import derived
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.profiles.state_to_state import BetweenStates
@@ -30,7 +31,7 @@ def moving(problem, share=0.3, seed=0, acceleration=True):
     a, b = (a, b) if acceleration else (0.0 * a, 0.0 * b)
     goal = replace(problem.goal[0], velocity=w * limits.velocity, acceleration=b * limits.acceleration)
     start = {"start_velocity": v * limits.velocity, "start_acceleration": a * limits.acceleration}
-    return replace(problem, goal=(goal,), **start)
+    return derived(problem, goal=(goal,), **start)
 
 
 @pytest.mark.parametrize("name", sorted(PLANNERS))
@@ -38,7 +39,7 @@ def test_verified_or_unsupported(name):
     order = planner_entry(name).load().end_derivatives
     for accelerated in (True, False):
         problem = moving(cases.free(), acceleration=accelerated)
-        problem = replace(problem, limits=replace(problem.limits, jerk=np.full(7, np.inf))) if order == 1 else problem
+        problem = derived(problem, limits=replace(problem.limits, jerk=np.full(7, np.inf))) if order == 1 else problem
         found = plan(problem, name)
         if order == 0 or (order == 1 and accelerated):
             assert found.failure.kind == "unsupported"
@@ -68,7 +69,7 @@ def test_a_stop_a_way_and_a_run_up():
     """Straight on, the arm runs into the plate: the curve goes round, or it stops first."""
     wall = cases.wall()
     over = plan(wall, "trajopt").trajectory
-    back = replace(wall, start_velocity=-0.5 * over(0.3 * over.duration, 1))
+    back = derived(wall, start_velocity=-0.5 * over(0.3 * over.duration, 1))
     found = plan(back, "trajopt", 4.0)
     assert found.verified, found.failure
 
@@ -80,7 +81,7 @@ def test_it_fails_with_the_reason_where_it_can_only_crash():
     way = np.linspace(wall.start, wall.start + np.eye(7)[0] * 1.2, 400)
     touching = int(np.argmax([model.collides(q) for q in way]))
     near, speed = way[touching - 4], 2.1 * np.eye(7)[0]  # a centimetre before the plate
-    found = plan(replace(wall, start=near, start_velocity=speed), "trajopt", 2.0)
+    found = plan(derived(wall, start=near, start_velocity=speed), "trajopt", 2.0)
     assert found.trajectory is None
     assert found.failure.kind in ("collision", "start-in-collision")
     assert "plate" in found.failure.detail
@@ -93,7 +94,7 @@ def test_the_curve_is_near_the_fastest_whatever_the_guess(share, guess):
     start, end = problem.start_state, problem.goal[0].state
     least = BetweenStates(start, end, problem.limits, problem.robot.joint_names).trajectory()
     optimiser = Optimiser(problem, planning_model(problem.robot, problem.scene), TrajOptOptions())
-    curves = MovingOptimiser(problem, optimiser, EndStates(start, end))
+    curves = NonzeroEndOptimiser(problem, optimiser, EndStates(start, end))
     found = curves.run(curves.along(least), guess * least.duration, Budget(10.0)).trajectory
     assert 1.0 - 1e-6 <= found.duration / least.duration < 1.015
     for order, rate in enumerate((start.q, start.v, start.a)):
@@ -120,10 +121,10 @@ def test_curves_are_bent_smoothly_to_new_ends():
     assert same == pytest.approx(moved, abs=1e-9)
 
 
-def test_vias_with_moving_ends():
+def test_vias_with_nonzero_ends():
     problem = moving(cases.free(), acceleration=False)
     middle = 0.5 * (problem.start + problem.goal[0].q)
-    through = replace(problem, vias=(cases.Via(op.JointGoal(middle, 1e-3)),))
+    through = derived(problem, vias=(cases.Via(op.JointGoal(middle, 1e-3)),))
     found = plan(through, "trajopt", 4.0)
     assert found.verified, found.failure
 

@@ -20,11 +20,12 @@ from optiplan.arrays import Array
 from optiplan.libraries import loading
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.task.chains import Done
+from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
 from optiplan.planners.task.stops import why_stop
 from optiplan.planners.task.stretches import Stretch
-from optiplan.trajectory import polynomial
+from optiplan.trajectory.cut import cut_trajectory
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path_by_law
 from optiplan.trajectory.trajectory import Trajectory
@@ -56,7 +57,7 @@ _SLACK = 1e-9
 _BISECTIONS = 60
 
 
-def flowing(
+def join_steps(
     stretches: Sequence[Stretch], budget: Budget, progress: Progress, thorough: bool = True
 ) -> list[list[Stretch]]:
     """Return the stretches, those joined that are quicker so, in groups between which the arm must stop.
@@ -75,7 +76,7 @@ def flowing(
     return found
 
 
-def _groups(stretches: Sequence[Stretch], go_on: Callable[[Done, Done], bool]) -> list[list[Stretch]]:
+def _groups(stretches: Sequence[Stretch], go_on: Callable[[PlannedStep, PlannedStep], bool]) -> list[list[Stretch]]:
     """Cut stretches where one does not go on in the next."""
     groups: list[list[Stretch]] = []
     for stretch in stretches:
@@ -86,16 +87,16 @@ def _groups(stretches: Sequence[Stretch], go_on: Callable[[Done, Done], bool]) -
     return groups
 
 
-def _goes_on(before: Done, after: Done) -> bool:
+def _goes_on(before: PlannedStep, after: PlannedStep) -> bool:
     return why_stop(before, after) is None and not (_stands(before) or _stands(after))
 
 
-def _stands(done: Done) -> bool:
+def _stands(done: PlannedStep) -> bool:
     """Whether a move ends where it begins: it has no direction to leave or to arrive in."""
     return bool(np.abs(done.after.q - done.before.q).max(initial=0.0) <= _NOWHERE)
 
 
-def _can_be_joined(before: Done, after: Done) -> bool:
+def _can_be_joined(before: PlannedStep, after: PlannedStep) -> bool:
     """Whether the curves of both may change without regard to constraints: those of lines do not."""
     return all(one.is_line or (one.stage and not one.stage.problem.path_constraints) for one in (before, after))
 
@@ -146,7 +147,7 @@ class _PathElement:
     curve: Trajectory
 
     @property
-    def done(self) -> Done:
+    def done(self) -> PlannedStep:
         """Its first step."""
         return self.run.done[0]
 
@@ -225,7 +226,7 @@ class _Path:
         edges = np.concatenate([[0.0], np.cumsum([part.duration for part in self.parts])])
         first = self.elements[0].done
         assert first.stage is not None
-        path = _one_after_another(self.parts, edges)
+        path = join_trajectories(self.parts)
         shares = edges / edges[-1]
         places = list(zip(self.elements, pairwise(shares.tolist()), strict=True))
         slow = [
@@ -295,54 +296,23 @@ def _between(element: _PathElement, meets: tuple[Array | None, Array | None], cu
     """Return the curve of a move with the parts next to its junctions replaced, over a parameter from 0."""
     assert element.done.stage is not None
     speed = element.done.stage.problem.limits.velocity
+    names = element.curve.joint_names
     if meets[0] is not None and meets[1] is not None and sum(cuts) >= 1.0:
-        piece, width = _gap(meets[0], meets[1], speed)
-        return Trajectory(element.curve.joint_names, np.array([0.0, width]), piece[None])
+        return _gap(names, meets[0], meets[1], speed)
     begin, end = cuts[0] * element.length, (1.0 - cuts[1]) * element.length
-    inner = element.curve.breakpoints[(element.curve.breakpoints > begin) & (element.curve.breakpoints < end)]
-    edges = np.concatenate([[begin], inner, [end]])
-    pieces, widths = [], []
+    parts = [cut_trajectory(element.curve, begin, end)]
     if meets[0] is not None:
-        gap = _gap(meets[0], element.state(begin), speed)
-        pieces.append(gap[0])
-        widths.append(gap[1])
-    for low, high in pairwise(edges.tolist()):
-        piece = np.zeros((6, len(speed)))
-        piece[:4] = _taylor(element.curve, low, high)
-        pieces.append(piece)
-        widths.append(high - low)
+        parts.insert(0, _gap(names, meets[0], element.state(begin), speed))
     if meets[1] is not None:
-        gap = _gap(element.state(end), meets[1], speed)
-        pieces.append(gap[0])
-        widths.append(gap[1])
-    breakpoints = np.concatenate([[0.0], np.cumsum(widths)])
-    return Trajectory(element.curve.joint_names, breakpoints, np.array(pieces))
+        parts.append(_gap(names, element.state(end), meets[1], speed))
+    return join_trajectories(parts)
 
 
-def _taylor(curve: Trajectory, low: float, high: float) -> Array:
-    """Return the coefficients (4, n) of a cubic curve in powers of p - low, on the piece that goes to `high`."""
-    piece = int(np.searchsorted(curve.breakpoints[1:-1], 0.5 * (low + high), side="right"))
-    c = curve.coefficients[piece]
-    x = np.array([[low - curve.breakpoints[piece]]])
-    rows, scale = [], 1.0
-    for order in range(4):
-        rows.append(polynomial.evaluate(c.T[None], x)[0] / scale)
-        c = c[1:] * np.arange(1.0, len(c))[:, None] if len(c) > 1 else np.zeros_like(c)
-        scale *= order + 1.0
-    return np.array(rows)
-
-
-def _gap(a: Array, b: Array, speed: Array) -> tuple[Array, float]:
-    """Return the polynomial (6, n) of degree five between two states (3, n), and the width of its parameter."""
+def _gap(names: tuple[str, ...], a: Array, b: Array, speed: Array) -> Trajectory:
+    """Return the polynomial of degree five between two states (3, n)."""
     width = max(float(np.linalg.norm((b[0] - a[0]) / speed)), 1e-6)
-    return np.asarray(hermite(a, b, np.array([width]))[0] / width ** np.arange(6)[:, None]), width
-
-
-def _one_after_another(parts: Sequence[Trajectory], edges: Array) -> Trajectory:
-    size = max(part.coefficients.shape[1] for part in parts)
-    padded = [np.pad(part.coefficients, ((0, 0), (0, size - part.coefficients.shape[1]), (0, 0))) for part in parts]
-    breakpoints = [part.breakpoints[1:] + edge for part, edge in zip(parts, edges, strict=False)]
-    return Trajectory(parts[0].joint_names, np.concatenate([[0.0], *breakpoints]), np.concatenate(padded))
+    piece = hermite(a, b, np.array([width])) / width ** np.arange(6)[:, None]
+    return Trajectory(names, np.array([0.0, width]), piece)
 
 
 def time_of(law: Trajectory, share: float) -> float:

@@ -1,0 +1,178 @@
+"""`plan_many`: many problems, side by side in processes or on a Dask cluster."""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from typing import Any
+
+from optiplan.api.planning import BUDGET, checked_problem, checked_seconds
+from optiplan.cores import cores
+from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, described, wrong_argument
+from optiplan.planners.base import Budget, Progress
+from optiplan.planners.registry import make_planner
+from optiplan.problem.problem import Problem
+from optiplan.runs.pipeline import chosen, plan_and_verify_once
+from optiplan.runs.run import Run
+
+
+@dataclass(frozen=True, eq=False)
+class _Request:
+    """One problem with the planner that it is given to, and the seconds for it."""
+
+    problem: Problem
+    planner: str
+    options: Mapping[str, Any]
+    seconds: float
+
+
+def plan_many(
+    problems: Iterable[Problem],
+    planner: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    budget: float = BUDGET,
+    *,
+    workers: int | Any = None,
+    progress: Progress | None = None,
+) -> Iterator[Run]:
+    """Plan many problems at a time; the runs come in the order of the problems, each as soon as those before it have.
+
+    Args:
+        problems: of `op.Problem` or `op.load_problem`, each with a seed of its own.
+        planner: a name of `op.planners()`, or `module:Class`; None: each problem's own.
+        options: of that planner, as of `op.plan`.
+        budget: seconds of wall time for planning and proof of each.
+        workers: how many processes, each on one core; None: as many as this process may use cores. Or a Dask client
+            (`distributed.Client`), on whose workers, with the same versions and files, the problems are planned.
+        progress: called, in this thread, with the name of a problem whenever one is done, and the fraction (0 to 1) of
+            all that are done.
+
+    Returns:
+        An iterator of runs, one a problem, each as of `op.plan`. What a planner raises for one problem is the `failure`
+        of its run, of kind `input` or `bug`, and ends no other. Work begins at the call; closing the iterator ends it.
+
+    Raises:
+        InputError: at once: an argument that does not fit, no such planner.
+        OptiPlanError: on the way: a worker process died, or the cluster failed. Runs that came before are whole.
+
+    A script that calls it guards its own start with `if __name__ == "__main__":`, since the processes import it.
+
+    Example:
+        >>> import optiplan as op
+        >>> problems = [op.load_problem("12_planar", seed=seed) for seed in range(2)]
+        >>> [run.verified for run in op.plan_many(problems, workers=2)]  # doctest: +SKIP
+        [True, True]
+    """
+    if progress is not None and not callable(progress):
+        raise wrong_argument("plan_many", "progress", described(progress), "a function of a name and a fraction")
+    requests = _requests(problems, planner, options, checked_seconds("plan_many", budget))
+    if _is_dask(workers):
+        client: Any = workers
+        there = [client.submit(_planned, one, pure=False) for one in requests]
+        return _ordered(requests, [_arriving(one) for one in there], progress, lambda: client.cancel(there))
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
+        expected = "a whole number >= 1, or a Dask client (distributed.Client)"
+        raise wrong_argument("plan_many", "workers", described(workers), expected)
+    count = min(workers or cores(), max(len(requests), 1))
+    context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
+    pool = ProcessPoolExecutor(count, context, initializer=_one_thread)
+    return _ordered(requests, [pool.submit(_planned, one) for one in requests], progress, lambda: _ended(pool))
+
+
+def _requests(problems: Any, planner: str | None, options: Mapping[str, Any] | None, seconds: float) -> list[_Request]:
+    """Return what is asked for, once everything that holds for all problems is known to fit."""
+    if isinstance(problems, str | Mapping | Problem) or not isinstance(problems, Iterable):
+        raise wrong_argument("plan_many", "problems", described(problems), "a list of problems, of op.load_problem(…)")
+    if planner is not None and not isinstance(planner, str):
+        raise wrong_argument("plan_many", "planner", described(planner), "the name of a planner, or `module:Class`")
+    if options is not None and not isinstance(options, Mapping):
+        raise wrong_argument("plan_many", "options", described(options), "options by name, such as {'degree': 5}")
+    given = list(problems)
+    for k, problem in enumerate(given):
+        checked_problem(problem, "plan_many", f"problems[{k}]")
+    if planner is not None:
+        try:
+            make_planner(planner, options or {})
+        except UnknownChoiceError as error:
+            argument = "planner" if error.kind == "planner" else "options"
+            found, expected = f"'{error.found}'", f"one of: {', '.join(error.choices)}"
+            raise wrong_argument("plan_many", argument, found, expected) from None
+    return [_Request(problem, *chosen(problem, planner, options), seconds) for problem in given]
+
+
+def _planned(request: _Request) -> Run:
+    """Plan one problem, in a worker."""
+    return plan_and_verify_once(request.problem, request.planner, request.options, Budget(request.seconds), _silent)
+
+
+def _silent(stage: str, fraction: float) -> None:
+    """Progress within one problem, which stays in the worker."""
+
+
+def _one_thread() -> None:
+    os.environ["OMP_NUM_THREADS"] = "1"
+
+
+def _is_dask(workers: Any) -> bool:
+    """Return whether this is a client of Dask, without loading Dask."""
+    return type(workers).__module__.split(".")[0] == "distributed" and hasattr(workers, "submit")
+
+
+def _arriving(there: Any) -> "Future[Run]":
+    """Return a future of a Dask cluster as one of Python's own."""
+    future: Future[Run] = Future()
+
+    def arrived(one: Any) -> None:
+        try:
+            future.set_result(one.result())
+        except BaseException as error:  # whatever it is, the iterator must not wait for ever
+            future.set_exception(error)
+
+    there.add_done_callback(arrived)
+    return future
+
+
+def _ordered(
+    requests: Sequence[_Request],
+    futures: "Sequence[Future[Run]]",
+    progress: Progress | None,
+    end: Callable[[], None],
+) -> Iterator[Run]:
+    """Yield the runs in order; `end` is called in the end, whatever that is."""
+    names = {future: one.problem.name for future, one in zip(futures, requests, strict=True)}
+    pending = set(futures)
+    try:
+        for request, future in zip(requests, futures, strict=True):
+            while future in pending:
+                done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                for k, one in enumerate(done, 1):
+                    if progress is not None:
+                        progress(names[one], (len(futures) - len(pending) - len(done) + k) / len(futures))
+            yield replace(_answer(future, request), problem=request.problem)
+    finally:
+        for future in pending:
+            future.cancel()
+        end()
+
+
+def _answer(future: "Future[Run]", request: _Request) -> Run:
+    name = request.problem.name
+    try:
+        return future.result()
+    except BrokenProcessPool:
+        told = f"a worker process died before '{name}' was planned, killed or out of memory; runs before it are whole"
+        raise OptiPlanError(f"op.plan_many: {told}") from None
+    except InputError as error:  # a worker could not read the problem
+        raise OptiPlanError(f"op.plan_many: a worker cannot read '{name}': {error}") from None
+    except Exception as error:
+        raise OptiPlanError(f"op.plan_many: '{name}' was lost ({type(error).__name__}: {error})") from error
+
+
+def _ended(pool: ProcessPoolExecutor) -> None:
+    """End the processes at once, whatever they do."""
+    workers = list((pool._processes or {}).values())
+    pool.shutdown(wait=False, cancel_futures=True)
+    for worker in workers:
+        worker.terminate()

@@ -1,0 +1,91 @@
+"""`workspace`: where a robot's tool can be, how dexterous it is there, and how exact."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from optiplan.arrays import is_finite
+from optiplan.errors import described, path_argument, wrong_argument
+from optiplan.robot.robot import Robot
+from optiplan.runs.run_folder import check_folder
+from optiplan.viewer.workspaces.export import save_workspaces
+from optiplan.workspace.accuracy import joint_resolution
+from optiplan.workspace.sampling import Workspace, WorkspaceOptions, robot_with_meshes, study_workspace
+
+
+def workspace(  # noqa: PLR0913  # one keyword for each option of the command
+    robot: Robot | str | Path,
+    out: Path | str | None = None,
+    *,
+    samples: int = 200_000,
+    grid: int | None = None,
+    group: str | None = None,
+    frame: str | None = None,
+    collision: bool = True,
+    floor: float | None = None,
+    resolution: str | None = None,
+    voxels: int = 10,
+    seed: int = 0,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> Workspace:
+    """Sample where a robot's tool can be, on all cores: what `optiplan workspace ROBOT` does.
+
+    The reach sphere lies about the shoulder, where the first two axes meet; its radius is the largest reach. Covered is
+    the share of its voxels in which a sample without collision lies, a lower bound.
+
+    Args:
+        robot: a name of `op.robots()` or the path of a robot.yaml, whose links are checked as their meshes, also where
+            the file says hull; or a `Robot`, which is taken as it is.
+        out: folder for NPZ, PLY, a page and a picture; None: nothing is written.
+        samples: random configurations, uniform within the limits.
+        grid: instead, so many values per joint: grid**n configurations.
+        group: of the joints that move, of a robot that is a name or a path; None: that of its file.
+        frame: whose positions are counted; None: the tool frame.
+        collision: leave out configurations where links touch each other, or the floor.
+        floor: height of a floor, m; None: none.
+        resolution: of the joints, whose error at the tool is mapped: encoder bits per turn (`17bit`) or a step in rad
+            (`1e-4`); None: no such map.
+        voxels: in a radius of the reach.
+        seed: of the samples; the same arguments give the same numbers on any machine.
+        progress: called with the fraction done, 0 to 1.
+
+    Returns:
+        The study: `reach` (m), `voxels.coverage` and `rings` (shares), `samples` with arrays `q` (N, n), `position`
+        (N, 3), m, `free` (N,), and `values`, (N,) each: manipulability, condition, error at the tool.
+
+    Raises:
+        InputError: an argument that does not fit.
+        OptiPlanError: there is no such robot or frame, a sliding joint has no limits, or too many configurations.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.workspace("planar2r", samples=2000)
+        Workspace: planar2r, reach 1.102 m, 7.3% of the voxels covered, 100.0% free
+    """
+    folder = None if out is None else path_argument("workspace", "out", out, "the path of a folder")
+    counts = (
+        ("samples", samples, 1),
+        ("grid", 2 if grid is None else grid, 2),
+        ("voxels", voxels, 2),
+        ("seed", seed, 0),
+    )
+    for name, value, least in counts:
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            raise wrong_argument("workspace", name, described(value), f"a whole number >= {least}")
+    if floor is not None and not is_finite(floor):
+        raise wrong_argument("workspace", "floor", described(floor), "a height in m")
+    if resolution is not None and not isinstance(resolution, str):
+        raise wrong_argument("workspace", "resolution", described(resolution), "text, such as '17bit' or '1e-4'")
+    if not isinstance(robot, Robot | str | Path):
+        raise wrong_argument(
+            "workspace", "robot", described(robot), "op.load_robot(…), a name of op.robots() or a path"
+        )
+    if folder is not None:
+        check_folder(folder)
+    arm = robot if isinstance(robot, Robot) else robot_with_meshes(str(robot), group)
+    arm = arm if frame is None else arm.with_tool(frame)
+    steps = None if resolution is None else joint_resolution(arm, resolution)
+    options = WorkspaceOptions(samples, grid, collision, floor, steps, voxels, seed)
+    found = study_workspace(arm, options, progress)
+    if folder is not None:
+        save_workspaces([found], folder)
+    return found

@@ -1,0 +1,117 @@
+"""Whether configurations of a problem are free, and how far its bodies are apart."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.contacts import Contact
+from optiplan.collision.kept_models import collision_model
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.pose import Values
+from optiplan.geometry.scene import Scene
+from optiplan.problem.constraints.states import TOUCHING
+from optiplan.robot.given_configurations import configurations
+from optiplan.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class FreeCheck:
+    """Whether bodies touch at a configuration; true where none do.
+
+    Attributes:
+        pair: names of the two bodies that overlap most, or of a body and the mesh that it is inside of; None where the
+            configuration is free.
+        reason: every pair in contact, in words; empty where the configuration is free.
+    """
+
+    pair: tuple[str, str] | None = None
+    reason: str = ""
+
+    def __bool__(self) -> bool:
+        """Return whether the configuration is free."""
+        return self.pair is None
+
+    def __repr__(self) -> str:
+        """Return the verdict, and what is in contact."""
+        return "FreeCheck: free" if self else f"FreeCheck: not free: {self.reason}"
+
+
+class FreeSpace:
+    """Questions about the bodies of a problem at configurations of its robot."""
+
+    robot: Robot
+    scene: Scene
+
+    def is_free(self, q: Values | Mapping[str, float] | str) -> FreeCheck | list[FreeCheck]:
+        """Say whether the robot, with what it holds, touches neither itself nor an obstacle.
+
+        Checked are the pairs of bodies that the robot and the scene do not allow to touch; limits are not. Obstacles
+        that move are where they are at first. It holds for this configuration, not for a motion: see `op.verify`.
+
+        Args:
+            q: (n,), rad or m; values by joint, `{joint: value}`; the name of a configuration; or several, (k, n).
+
+        Returns:
+            A `FreeCheck`, which is true where q is free and else has the `pair` that meets; of several a list of k.
+
+        Raises:
+            InputError: other values than one a joint.
+
+        Example:
+            >>> import optiplan as op
+            >>> problem = op.load_problem("02_shelf")
+            >>> bool(problem.is_free(problem.start))
+            True
+        """
+        Q = configurations(self.robot.joint_names, self.robot.configurations, q, "Problem.is_free")
+        model = collision_model(self.robot, self.scene)
+        return free_check(model, Q) if Q.ndim == 1 else [free_check(model, row) for row in Q]
+
+    def clearance(self, q: Values | Mapping[str, float] | str) -> float | Array:
+        """Return the least distance of all pairs of bodies that are checked, m.
+
+        min over the pairs (A, B) of d(A, B), where d < 0 is the depth of penetration of bodies that overlap; infinite
+        where there is no pair. It is computed to 1e-6 m; obstacles that move are where they are at first.
+
+        Args:
+            q: as of `is_free`.
+
+        Returns:
+            The distance, m; of several configurations (k, n) the distances (k,).
+
+        Raises:
+            InputError: as `is_free`.
+
+        Example:
+            >>> import optiplan as op
+            >>> problem = op.load_problem("02_shelf")
+            >>> problem.clearance([problem.start, problem.start]).shape
+            (2,)
+        """
+        Q = configurations(self.robot.joint_names, self.robot.configurations, q, "Problem.clearance")
+        model = collision_model(self.robot, self.scene)
+        return _distance(model, Q) if Q.ndim == 1 else np.array([_distance(model, row) for row in Q])
+
+
+def free_check(model: CollisionModel, q: Array) -> FreeCheck:
+    """Return whether q (n,) is free, with the bodies in contact in words, the deepest first."""
+    contacts = sorted(model.touching(q, TOUCHING), key=lambda contact: contact.distance)
+    if contacts:
+        pair, rest = contacts[0].pair, len(contacts) - 3
+        words = "; ".join(_depth(contact) for contact in contacts[:3])
+        return FreeCheck((pair.name_a, pair.name_b), words + (f"; and {rest} more pairs" if rest > 0 else ""))
+    inside = model.contained(q)
+    return FreeCheck() if inside is None else FreeCheck(inside, f"'{inside[0]}' is inside '{inside[1]}'")
+
+
+def _depth(contact: Contact) -> str:
+    names = f"'{contact.pair.name_a}' and '{contact.pair.name_b}'"
+    depth = max(0.0, -contact.distance) * 1e3
+    return f"{names} overlap by {depth:.3g} mm" if depth >= 1e-3 else f"{names} touch"
+
+
+def _distance(model: CollisionModel, q: Array) -> float:
+    nearest = model.clearance(q)
+    return np.inf if nearest is None else float(nearest.distance)
