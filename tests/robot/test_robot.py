@@ -7,6 +7,8 @@ import pytest
 
 from optiplan.errors import InputError, UnknownChoiceError
 from optiplan.robot import loaded_robots
+from optiplan.robot import robot as robot_module
+from optiplan.robot.loaded_robots import LoadedRobots
 from optiplan.robot.robot import load_robot, robot_file, robot_names
 from tests.robot.robots import TWO, chain, joint, write_robot
 
@@ -83,7 +85,8 @@ def test_planar2r_reaches_where_its_drawing_says():
     assert np.allclose(tool, expected)
 
 
-def test_visuals_are_read_when_asked_for():
+def test_visuals_are_read_when_asked_for(monkeypatch):
+    monkeypatch.setattr(robot_module, "_loaded", LoadedRobots())  # another test may have asked the one of this process
     robot = load_robot("panda")
     assert "visual" not in vars(robot)
     assert robot.visual.ngeoms == 11
