@@ -66,10 +66,12 @@ sanitize: $(TEST) $(CORE) ## the native core under the sanitizers for memory and
 bench-smoke: $(RUN) $(CORE) ## how quick this machine is, as multiples of 10,000 distances of coal (a minute)
 	$(BIN)/python benchmarks/smoke.py
 
-lint: $(DEV) ## ruff and mypy --strict
+lint: $(DEV) ## ruff, mypy --strict, and the prose of pages and docstrings
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/proselint check --config docs/proselint.json README.md CONTRIBUTING.md docs benchmarks
+	$(BIN)/python docs/prose.py
 
 format: $(DEV) ## let ruff lay out the code
 	$(BIN)/ruff check --fix .
