@@ -104,7 +104,7 @@ $(CORE): $(wildcard optiplan/_core/src/*) CMakeLists.txt | $(RUN)
 	@if ! command -v $${CXX:-c++} >/dev/null; then \
 	   echo "no C++ compiler: planners run on their reference path in Python, which is slower" >&2; \
 	 else \
-	   echo "building the native core (a minute or two)"; \
+	   echo "building the native core (less than a minute)"; \
 	   $(PIP) $(BUILD_TOOLS); \
 	   export PATH="$(abspath $(BIN)):$$PATH"; \
 	   cmake -S . -B build/core -G Ninja -DOPTIPLAN_IN_PLACE=ON -DPython_EXECUTABLE="$(abspath $(BIN))/python" \
