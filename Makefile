@@ -16,8 +16,9 @@ CORE := $(VENV)/.core-stamp
 DEMO_PROBLEM ?= 02_shelf
 PORT ?= 7000
 # Without CasADi, whose libraries no sanitizer lets in, and without meshes, which a process of little memory reads.
-SANITIZED := tests/core tests/control/test_native.py $(addprefix tests/planners/,test_sweep.py test_local_searches.py \
-  test_moving_obstacles.py $(addprefix trajopt/,test_native_sqp.py test_native_step.py test_planner.py test_coarse_descents.py))
+SANITIZED := tests/core tests/control/behaviour/test_native.py $(addprefix tests/planners/,common/test_continuous_collision.py \
+  sampling/test_local_searches.py behaviour/test_moving_obstacles.py $(addprefix trajopt/,program/test_native_sqp.py \
+  program/test_native_step.py test_planner.py test_coarse_descents.py))
 BUILD_TOOLS := 'cmake>=3.18,<5' 'ninja>=1.11,<2' 'nanobind>=2.4,<4'
 export OMP_NUM_THREADS ?= 1
 

@@ -13,22 +13,22 @@ from optiplan import libraries
 from tests.viewer.browsing import browser  # noqa: F401  # one for all: a process runs playwright's loop once
 
 LONGEST = (
-    "service/test_outages.py",
+    "service/behaviour/test_outages.py",
     "test_examples.py",
-    "service/test_faults.py",
+    "service/behaviour/test_faults.py",
     "service/test_pages.py",
-    "robot/test_pair_proof.py",
+    "robot/self_collision/test_pair_proof.py",
     "bench/execution/test_runner.py",
-    "bench/execution/test_faults.py",
-    "cli/test_process.py",
-    "bench/report/test_report_browser.py",
-    "bench/results/test_interchange.py",
-    "bench/execution/test_cluster.py",
-    "planners/test_contract.py",
-    "cli/commands/test_bench_report.py",
-    "service/test_deploy.py",
-    "planners/trajopt/terms/test_objectives.py",
-    "service/test_runs.py",
+    "bench/execution/behaviour/test_faults.py",
+    "cli/behaviour/test_process.py",
+    "bench/report/behaviour/test_report_browser.py",
+    "bench/results/behaviour/test_interchange.py",
+    "bench/dask/test_cluster.py",
+    "planners/behaviour/test_contract.py",
+    "cli/commands/bench/test_report.py",
+    "service/behaviour/test_deploy.py",
+    "planners/trajopt/terms/behaviour/test_objectives.py",
+    "service/routes/test_runs.py",
 )
 """Files that take longest, longest first: begun first, none of them is left for one worker alone at the end."""
 

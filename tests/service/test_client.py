@@ -12,7 +12,7 @@ from optiplan.cli.main import run as command
 from optiplan.service.cell import CellPlanner
 from optiplan.service.client import ServerError
 from tests.service.conftest import NO_WAY, QUICK
-from tests.service.test_problems import MESH, TETRAHEDRON
+from tests.service.routes.test_problems import MESH, TETRAHEDRON
 
 
 @pytest.fixture

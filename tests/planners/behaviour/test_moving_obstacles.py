@@ -1,0 +1,101 @@
+"""Planning among obstacles that move: any planner waits or goes slower, `trajopt` goes round in time."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.collision.native_model import planning_model
+from optiplan.planners.base import Budget
+from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
+from optiplan.planners.trajopt.initial_guess import along_path
+from optiplan.planners.trajopt.program.transcription import Transcription
+from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.problem.problem import derived
+from optiplan.robot.frames import frame_pose
+from optiplan.runs.pipeline import run
+from tests.planners import cases
+from tests.verify.behaviour.test_moving_obstacles import MIDDLE, MOTION, REACH, T, ball, through
+
+HIT = REACH.with_scene([ball([0, 0, 0.5], through(0.5), until=3.0)])
+
+
+def plan(problem, name, budget=6.0):
+    return run(problem, name, cases.OPTIONS.get(name, {}), Budget(budget), lambda stage, fraction: None)
+
+
+@pytest.mark.parametrize("name", ["scurve", "quintic", "rrtconnect", "prm"])
+def test_any_planner_waits_or_goes_slower(name):
+    found = plan(HIT, name)
+    assert found.verified, found.failure
+    assert {"waited", "slower"} <= found.info.keys()
+    assert found.duration < T + 1.0
+
+
+def test_trajopt_goes_round_in_time():
+    found = plan(HIT, "trajopt")
+    assert found.verified
+    assert found.duration < 1.1 * T
+    assert any(attempt["seed"] == "in time" for attempt in found.info["attempts"])
+
+
+def test_a_robot_that_moves_cannot_wait():
+    problem = HIT.with_start(MOTION.state(0.2 * T)).with_scene(HIT.scene.later(0.2 * T))
+    found = plan(problem, "trajopt")
+    assert found.verified, found.failure
+    refused = plan(problem, "scurve")
+    assert refused.verified or refused.failure.kind == "collision"
+
+
+def test_what_never_leaves_is_said_to_be_in_the_way():
+    """It comes to stand on the goal."""
+    goal = frame_pose(REACH.robot, MOTION.end, REACH.robot.tool_frame).translation
+    falls = op.Sphere("ball", 0.05, position=tuple(goal + np.array([0.0, 0.0, 0.5]))).moving(
+        [[0], [0], [0, -2.0]], until=0.25
+    )
+    found = plan(REACH.with_scene([falls]), "scurve")
+    assert found.failure.kind == "collision"
+    assert "waiting" in found.failure.detail
+
+
+@pytest.mark.parametrize("with_vias", [False, True])
+def test_through_vias(with_vias):
+    middle = 0.5 * (REACH.start + REACH.goal[0].q)
+    problem = HIT.with_vias(op.ViaPoint(middle, tolerance=0.01)) if with_vias else HIT
+    assert plan(problem, "trajopt").verified
+
+
+def test_rows_in_time_against_differences():
+    """Values of the rows by the duration and by the control points."""
+    problem = derived(REACH, scene=op.Scene([ball([0.0, 0.03, 0.5], [[0], [0, 0.1], [0, -1.0, -0.3]])]))
+    model = planning_model(problem.robot, problem.scene)
+    basis = SplineBasis(bunched_breakpoints(22, 0.6))
+    control = along_path(basis, np.array([MOTION.start, MOTION.end]), problem.limits.velocity)
+    margins = Margins.between(model, control[[0, -1]], 0.005)
+    made = Transcription(problem, model, basis, margins)
+    assert not made.plain
+    made.set_samples(np.linspace(0.05, 0.95, 60))
+
+    def rows(control, duration):
+        return made.contacts.rows(made.curve(control, duration))
+
+    now = rows(control, T)
+    apart = now.value > 0.0  # of bodies that overlap the normals are averages over samples
+    timed = apart & (np.abs(now.by_duration) > 1e-3)
+    assert timed.sum() > 3, "the ball is near somewhere"
+    step = 1e-6
+    later, sooner = rows(control, T + step), rows(control, T - step)
+    assert len(later.value) == len(now.value) == len(sooner.value)
+    assert (later.value - sooner.value)[timed] / (2 * step) == pytest.approx(now.by_duration[timed], rel=1e-3, abs=1e-4)
+    rng = np.random.default_rng(0)
+    by = np.zeros_like(control)
+    by[basis.free] = rng.normal(size=by[basis.free].shape)
+    after, before = rows(control + step * by, T), rows(control - step * by, T)
+    wanted = now.by_control @ by[basis.free].ravel()
+    assert ((after.value - before.value) / (2 * step))[apart] == pytest.approx(wanted[apart], rel=1e-3, abs=1e-3)
+
+
+def test_obstacles_that_stand_change_nothing():
+    """A scene whose obstacles do not move is planned as before, in the native core."""
+    model = planning_model(REACH.robot, op.Scene([op.Sphere("ball", 0.05, position=tuple(MIDDLE))]))
+    assert model.motions == ()
+    assert model.model is REACH.robot.model
