@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.geometry.meshes.box_surfaces import BOX_CORNERS
 from optiplan.robot.batched.kinematics import BatchKinematics
 
 LocalBox = tuple[Array, Array, float]
@@ -44,10 +45,9 @@ class PairBounds:
         self.centre = np.array([box[0] for box in boxes]).reshape(-1, 3)
         self.half = np.array([box[1] for box in boxes]).reshape(-1, 3)
         self.radius = np.array([box[2] for box in boxes])
-        signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
         edges = np.where(np.isfinite(self.half), self.half, 0.0)
         self._corners = np.ones((len(bodies), 4, 8))
-        self._corners[:, :3] = (self.centre[:, None] + edges[:, None] * signs).swapaxes(1, 2)
+        self._corners[:, :3] = (self.centre[:, None] + edges[:, None] * (2.0 * BOX_CORNERS - 1.0)).swapaxes(1, 2)
         self.pairs: Index = np.array(pairs, dtype=np.intp).reshape(-1, 2)
         moves = kinematics.carries[self.joint[self.pairs]]  # (P, 2, J)
         # A joint that carries both bodies of a pair does not change their distance.

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
-from optiplan.geometry.mesh_hulls import exact_requests, hull_of_mesh
+from optiplan.geometry.coal_queries import exact_collision_request, exact_distance_request
+from optiplan.geometry.convex import hull_of_mesh
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.self_collision.pair_bounds import PairBounds
 
@@ -120,9 +120,7 @@ class PairProof:
         self._hulls = [hull_of_mesh(s) if mesh else s for s, mesh in zip(self._shapes, surface, strict=True)]
         self._surface: Flags = np.asarray(surface[self.bounds.pairs].any(axis=1))
         self._most = WORK / max(len(self.middle), 1)
-        self._request = coal.DistanceRequest()
-        self._request.gjk_tolerance, self._request.gjk_max_iterations = 1e-9, 500
-        self._near = exact_requests()[1]
+        self._request, self._near = exact_distance_request(), exact_collision_request()
         self._near.security_margin = GAP
 
     def prove(self, groups: Sequence[Index]) -> list[bool]:
