@@ -33,6 +33,10 @@ class MostRecent(Generic[Made]):
         self._most, self._made = most, OrderedDict[str, Made]()
         self._lock = threading.Lock()
 
+    def __len__(self) -> int:
+        """Return the number of results kept."""
+        return len(self._made)
+
     def get(self, key: str, make: Callable[[], Made]) -> Made:
         """Return the result of `key`; make it where there is none."""
         with self._lock:

@@ -115,7 +115,7 @@ def overlapping(geometry: pin.GeometryModel, pairs: Index, boxes: Sequence[Local
 
 def _world_boxes(bodies: Sequence[pin.GeometryObject], boxes: Sequence[LocalBox]) -> tuple[Array, Array]:
     """Corners, (G, 3) each, of boxes along the world's axes that hold bodies which stand still; inf for half-spaces."""
-    centre, half = (np.array([box[k] for box in boxes]) for k in (0, 1))
+    centre, half = np.array([box.centre for box in boxes]), np.array([box.half for box in boxes])
     X = np.array([body.placement.homogeneous for body in bodies])
     endless = np.isinf(half).any(axis=1)
     middle = (X[:, :3, :3] @ centre[:, :, None])[..., 0] + X[:, :3, 3]

@@ -21,10 +21,9 @@ from optiplan.geometry.pose import Pose, Values
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.given_configurations import configuration
-from optiplan.robot.held_joints import held_model
 from optiplan.robot.limits import Limits, joint_unit
 from optiplan.robot.loaded_robots import LoadedRobots
-from optiplan.robot.mimic_joints import turning
+from optiplan.robot.mimic_joints import held_model, turning
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.read_robot import RobotParts, read_robot
 from optiplan.robot.reference import DESCRIPTION, Reference, robot_file, robot_names
