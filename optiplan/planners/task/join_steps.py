@@ -23,9 +23,8 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.task.planned_steps import Group, Part, Pause, PlannedMotion, Stretch
 from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
 from optiplan.planners.task.stops import why_stop
-from optiplan.trajectory.cut import cut_trajectory
-from optiplan.trajectory.joining import join_trajectories
-from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.joining import cut_trajectory, join_trajectories
+from optiplan.trajectory.paths.hermite import hermite_trajectory
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path_by_law
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -318,8 +317,7 @@ def _between(element: _PathElement, meets: tuple[Array | None, Array | None], cu
 def _gap(names: tuple[str, ...], a: Array, b: Array, speed: Array) -> Trajectory:
     """Return the polynomial of degree five between two states (3, n)."""
     width = max(float(np.linalg.norm((b[0] - a[0]) / speed)), 1e-6)
-    piece = hermite(a, b, np.array([width])) / width ** np.arange(6)[:, None]
-    return Trajectory(names, np.array([0.0, width]), piece)
+    return hermite_trajectory(names, np.array([0.0, width]), np.array([a, b]))
 
 
 def time_of(law: Trajectory, share: float) -> float:

@@ -9,10 +9,10 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.dynamic_obstacles import without_dynamic_obstacles
 from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.incumbent import Incumbent
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.join_steps import join_steps
 from optiplan.planners.task.optimisation.stretch_optimiser import optimised

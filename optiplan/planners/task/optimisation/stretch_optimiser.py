@@ -22,8 +22,7 @@ from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.program.sqp import DescentOptions, optimise
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.cut import cut_trajectory
-from optiplan.trajectory.joining import join_trajectories
+from optiplan.trajectory.joining import cut_trajectory, join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import tool_motion, tool_scale
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
