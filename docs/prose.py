@@ -46,6 +46,7 @@ _AVOIDED = re.compile(rf"\b({'|'.join(AVOIDED)})\b", re.IGNORECASE)
 _FENCED = re.compile(r"```.*?```", re.DOTALL)
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _DOCTEST = re.compile(r"^\s*(?:>>>|\.\.\.).*$", re.MULTILINE)
+_INDENTED = re.compile(r"\n\n(?: {4}.*\n)+")  # a formula or a command
 _COMMAND = re.compile(r"^ {4,}(?:python|optiplan) .*$", re.MULTILINE)
 _FIELD = r"[ ]*[\w*]+(?: \([^)\n]*\))?: "  # `name: ` or `name (type): ` of a Google docstring
 _BLOCKS = re.compile(rf"\n\s*\n|\n(?=\s*(?:[-*+]|\d+\.)\s)|\n(?={_FIELD})|\n(?=\s*\|)")
@@ -113,7 +114,7 @@ def prose(path: Path) -> Iterator[Prose]:
     """The text of a Markdown page, or every docstring of a Python file."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".md":
-        yield Prose(1, text)
+        yield Prose(1, _INDENTED.sub(lambda match: "\n" * match.group().count("\n"), text))
         return
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
