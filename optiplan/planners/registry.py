@@ -19,30 +19,30 @@ _BUNDLED = {
     },
     "sampling": {
         "bitstar": (
-            "sampling.bitstar:BitStar",
+            "sampling.tree_planners:BitStar",
             "sampled path that shortens batch by batch (OMPL's BIT*; it does not bind AIT*)",
         ),
         "informed_rrtstar": (
-            "sampling.rrtstar:InformedRrtStar",
+            "sampling.tree_planners:InformedRrtStar",
             "RRT* that samples only where a shorter path can pass (OMPL's Informed RRT*)",
         ),
         "kpiece": (
-            "sampling.kpiece:Kpiece",
+            "sampling.tree_planners:Kpiece",
             "two trees guided by how well they cover the work space (OMPL's LBKPIECE1)",
         ),
         "prm": ("sampling.prm:Prm", "lazy roadmap of the scene; from Python, one object reuses it for later queries"),
         "rrtconnect": (
-            "sampling.rrtconnect:RrtConnect",
+            "sampling.tree_planners:RrtConnect",
             "sampled path (RRT-Connect of the native core, else OMPL's), shortened, with rounded corners, then timed",
         ),
-        "rrtstar": ("sampling.rrtstar:RrtStar", "sampled path that shortens as its tree grows (OMPL's RRT*)"),
+        "rrtstar": ("sampling.tree_planners:RrtStar", "sampled path that shortens as its tree grows (OMPL's RRT*)"),
     },
     "polynomial": {
         "bangbang": (
             "point_to_point.bangbang:BangBangPlanner",
             "least time under acceleration and velocity bounds: full acceleration, then full deceleration",
         ),
-        "cubic": ("point_to_point.cubic:Cubic", "one polynomial of degree three a joint"),
+        "cubic": ("point_to_point.polynomials:Cubic", "one polynomial of degree three a joint"),
         "lspb": (
             "point_to_point.lspb:Lspb",
             "trapezoid in velocity, by velocity, blend time or acceleration, or the fastest",
@@ -55,7 +55,10 @@ _BUNDLED = {
             "point_to_point.scurve:SCurvePlanner",
             "fastest straight line in joint space with limited jerk (Ruckig)",
         ),
-        "septic": ("point_to_point.septic:Septic", "one polynomial of degree seven a joint, with any jerk at the ends"),
+        "septic": (
+            "point_to_point.polynomials:Septic",
+            "one polynomial of degree seven a joint, with any jerk at the ends",
+        ),
     },
     "via points": {
         "parabolic": (

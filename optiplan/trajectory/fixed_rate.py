@@ -6,7 +6,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.trajectory.from_samples import from_samples
-from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.paths.hermite import hermite_trajectory
 from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
 
 
@@ -36,12 +36,10 @@ def interpolation_errors(trajectory: Trajectory, t: Array) -> dict[str, Array]:
     q, v, a = (trajectory(t, order) for order in range(3))
     h = np.diff(t)
     lines = np.stack([q[:-1], np.diff(q, axis=0) / h[:, None]], axis=1)
-    states = np.stack([q, v], axis=1)
-    cubics = hermite(states[:-1], states[1:], h)
     names = trajectory.joint_names
     played = {
         "linear": Trajectory(names, t, lines),
-        "cubic": Trajectory(names, t, cubics / h[:, None, None] ** np.arange(4)[:, None]),
+        "cubic": hermite_trajectory(names, t, np.stack([q, v], axis=1)),
         "quintic": from_samples(names, t, q, v, a),
     }
     return {key: np.abs(difference(motion, trajectory).extrema(0)).max(axis=0) for key, motion in played.items()}

@@ -7,7 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import described
-from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.paths.hermite import hermite_trajectory
 from optiplan.trajectory.paths.via_splines import smooth_spline, spline_of_velocities
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -84,10 +84,7 @@ def _through(names: tuple[str, ...], t: Array, q: Array, v: Array | None = None,
         return smooth_spline(q, t, 3, names)
     if a is None:
         return spline_of_velocities(q, t, v, 5, names)
-    h = np.diff(t)
-    states = np.stack([q, v, a], axis=1)  # (k, 3, n)
-    unit = hermite(states[:-1], states[1:], h)
-    return Trajectory(names, t, unit / h[:, None, None] ** np.arange(6)[:, None])
+    return hermite_trajectory(names, t, np.stack([q, v, a], axis=1))
 
 
 def _numbers(key: str, values: Any) -> Array:

@@ -37,6 +37,17 @@ def derivative(coefficients: Array) -> Array:
     return coefficients[..., 1:] * np.arange(1.0, degree + 1.0)
 
 
+def shifted(coefficients: Array, x: Array) -> Array:
+    """Return the coefficients (m, d + 1, n) of p(x + tau) in powers of tau, from those of p; x (m,)."""
+    size = coefficients.shape[1]
+    powers = x[:, None] ** np.arange(size)
+    result = np.zeros_like(coefficients)
+    for k in range(size):
+        for j in range(k, size):
+            result[:, k] += comb(j, k) * powers[:, j - k, None] * coefficients[:, j]
+    return result
+
+
 def unit_roots(coefficients: Array) -> Array:
     """Points of [0, 1] among which are all real roots there of N polynomials.
 

@@ -15,7 +15,7 @@ from optiplan.planners.cartesian.branch_change import Branch, other_branches
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker, gone_together
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import ToolPath
-from optiplan.planners.common.context import Work
+from optiplan.planners.common.context import PlanContext
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.region_poses import single_ends, with_poses
@@ -104,7 +104,7 @@ class ToolMotion(Planner[Options]):
             InputError: the options do not go with the start and any of the goals.
         """
         problem = with_poses(problem)
-        work = Work.on(problem, budget)
+        work = PlanContext.of(problem, budget)
         seconds = work.watch.seconds
         with work.watch.stage("goals"):
             goals = ranked_goals(problem, work.model, budget, self.options.goals, nearer=False)
@@ -125,7 +125,7 @@ class ToolMotion(Planner[Options]):
             return PlanResult(None, out_of_time(budget, "following tool paths"), seconds)
         return PlanResult(None, _reason(goals, failures), seconds)
 
-    def _attempt(self, work: Work, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:
+    def _attempt(self, work: PlanContext, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:
         """The motion on one branch, or why there is none."""
         with work.watch.stage("following"):
             followed = follow(work.model, task.path, task.frame, branch.q, work.budget, aim)
@@ -158,7 +158,7 @@ class ToolMotion(Planner[Options]):
         return tasks
 
     def _attempts(
-        self, work: Work, tasks: list[_Task], goals: list[Array] | Failure
+        self, work: PlanContext, tasks: list[_Task], goals: list[Array] | Failure
     ) -> Iterator[tuple[Branch, _Task, Aim]]:
         """The start's own branch for every task, then, if asked, the others."""
         ends = [] if isinstance(goals, Failure) else goals
@@ -185,7 +185,7 @@ class ToolMotion(Planner[Options]):
             exact = [] if task.goal is not None else [tracker.correct(1.0, q) for q in ends]
             yield from (replace(plain, goal=q) for q in exact if q is not None)
 
-    def _timed(self, work: Work, followed: Trajectory, frame: str) -> Trajectory | Failure:
+    def _timed(self, work: PlanContext, followed: Trajectory, frame: str) -> Trajectory | Failure:
         o = self.options
         given = {"linear": o.speed, "angular": o.angular_speed, "linear_acceleration": o.acceleration}
         limits = {name: value for name, value in given.items() if value is not None}

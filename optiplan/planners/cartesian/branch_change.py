@@ -11,7 +11,7 @@ from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.point_to_point.quintic import Quintic
-from optiplan.planners.sampling.rrtconnect import RrtConnect
+from optiplan.planners.sampling.tree_planners import RrtConnect
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem, derived
 from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.joining import join_trajectories

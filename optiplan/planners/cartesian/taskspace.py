@@ -22,7 +22,7 @@ from optiplan.control.tasks.frame_tasks import PoseTask
 from optiplan.control.tasks.joint_tasks import PostureTask
 from optiplan.control.tasks.tool_abilities import default_gain
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.planners.common.context import Work
+from optiplan.planners.common.context import PlanContext
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import end_collides, out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
@@ -81,7 +81,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        work = Work.on(with_poses(problem), budget)
+        work = PlanContext.of(with_poses(problem), budget)
         problem, watch = work.problem, work.watch
         with watch.stage("goals"):
             if work.model.collides(problem.start):
@@ -97,7 +97,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
             return PlanResult(None, found, watch.seconds)
         return PlanResult(found, None, watch.seconds, info)
 
-    def _alone(self, work: Work, progress: Progress) -> tuple[Trajectory | Failure, dict[str, int]]:
+    def _alone(self, work: PlanContext, progress: Progress) -> tuple[Trajectory | Failure, dict[str, int]]:
         """The controller's own motion to one of the goals, or why there is none to the first."""
         first: Failure | None = None
         ends = single_ends(work.problem)
@@ -114,7 +114,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         return first, {}
 
     def _led(
-        self, work: Work, goals: list[Array], progress: Progress
+        self, work: PlanContext, goals: list[Array], progress: Progress
     ) -> tuple[Trajectory | Failure | None, dict[str, int]]:
         """The motion along a path to one of the goals, or why it ends before; None without a path."""
         failure: Failure | None = None
@@ -133,7 +133,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
             failure = replace(found, detail=f"led along a path of {len(path)} points: {found.detail}")
         return failure, {}
 
-    def _along(self, work: Work, path: Array) -> Trajectory | Failure:
+    def _along(self, work: PlanContext, path: Array) -> Trajectory | Failure:
         """The motion along a path: far behind what leads it, for speed; where that cuts a corner too much, close."""
         found: Trajectory | Failure = Failure("no-path", "it was not tried", {})
         goal, velocity = JointGoal(path[-1]), work.problem.limits.velocity
@@ -144,7 +144,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
                 break
         return found
 
-    def _path(self, work: Work, goals: list[Array], room: float, seed: int) -> Array | Failure:
+    def _path(self, work: PlanContext, goals: list[Array], room: float, seed: int) -> Array | Failure:
         """Waypoints (k, n) to one of the goals, among obstacles thicker by `room`, m."""
         problem = work.problem
         model = planning_model(problem.robot, thinned(problem.scene, -room)) if room > 0.0 else work.model
@@ -152,7 +152,9 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         found = sample_path(path_check(model, problem.limits), problem.start, goals, options)
         return found if isinstance(found, Failure) else found.waypoints
 
-    def _attempt(self, work: Work, goal: JointGoal | PoseGoal, lead: "_Lead | None" = None) -> Trajectory | Failure:
+    def _attempt(
+        self, work: PlanContext, goal: JointGoal | PoseGoal, lead: "_Lead | None" = None
+    ) -> Trajectory | Failure:
         """The motion to one goal, within limits and free, or why there is none."""
         problem, limits, model = work.problem, work.problem.limits, work.model
         states = [State(problem.start)]

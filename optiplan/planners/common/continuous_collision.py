@@ -17,7 +17,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.planners.common.failures import contact_witness
-from optiplan.trajectory.obstacle_columns import with_obstacles
+from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:

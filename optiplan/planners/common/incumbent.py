@@ -8,7 +8,7 @@ import numpy as np
 
 from optiplan.libraries import clock
 from optiplan.planners.base import Candidate, Failure, PlanResult, Progress, announce
-from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.common.context import Stopwatch
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 

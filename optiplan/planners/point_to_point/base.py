@@ -11,7 +11,7 @@ from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.planners.common.context import Work
+from optiplan.planners.common.context import PlanContext
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
@@ -110,7 +110,7 @@ class PointToPoint(Planner[Options]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        work = Work.on(problem, budget)
+        work = PlanContext.of(problem, budget)
         watch = work.watch
         with watch.stage("goals"):
             goals = self.targets(problem, work.model, budget)
@@ -136,7 +136,7 @@ class PointToPoint(Planner[Options]):
             raise refused[0]
         return PlanResult(None, refused[0], watch.seconds)
 
-    def _attempt(self, work: Work, profile: Profile) -> Trajectory | Failure:
+    def _attempt(self, work: PlanContext, profile: Profile) -> Trajectory | Failure:
         """The motion to one goal, proved free and within limits, or why it is not."""
         model, limits, watch = work.model, work.problem.limits, work.watch
         with watch.stage("motion"):

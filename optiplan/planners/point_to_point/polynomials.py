@@ -1,4 +1,13 @@
-"""From the options of `cubic`, `quintic` and `septic` to a profile: one law from rest to rest, or two states joined."""
+"""`cubic` and `septic`, and what they share with `quintic`: one polynomial a joint, between two states.
+
+From rest to rest, with s = t / T and D = q_goal - q_start:
+
+    cubic   q(t) = q_start + D (3 s^2 - 2 s^3): peaks 1.5 |D| / T in velocity and 6 |D| / T^2 in acceleration,
+    septic  q(t) = q_start + D (35 s^4 - 84 s^5 + 70 s^6 - 20 s^7): peak 2.1875 |D| / T in velocity.
+
+The cubic's acceleration jumps at both ends: only a problem with `limits: {jerk: none}` can have it verified. The
+septic's jerk starts and ends at 0 as well, at the price of higher peaks.
+"""
 
 from dataclasses import dataclass
 
@@ -7,10 +16,10 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.planners.option_schema import option
-from optiplan.planners.point_to_point.base import Profile, ProfileOptions
+from optiplan.planners.point_to_point.base import PointToPoint, Profile, ProfileOptions
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.paths.hermite import Hermite
-from optiplan.trajectory.profiles.laws import PolynomialLaw
+from optiplan.trajectory.profiles.laws import CUBIC, SEPTIC, PolynomialLaw
 from optiplan.trajectory.profiles.synchronisation import RestToRest
 from optiplan.trajectory.state import State
 
@@ -25,6 +34,22 @@ class EndOptions(ProfileOptions):
         None, "rad/s or m/s, one a joint; None is what the problem states, and only that can be verified."
     )
     end_velocity: tuple[float, ...] | None = option(None, "the same at the goal.")
+
+
+@dataclass(frozen=True)
+class AccelerationOptions(EndOptions):
+    """Also accelerations at the ends."""
+
+    start_acceleration: tuple[float, ...] | None = option(None, "rad/s² or m/s², one a joint; None is none.")
+    end_acceleration: tuple[float, ...] | None = option(None, "the same at the goal.")
+
+
+@dataclass(frozen=True)
+class JerkOptions(AccelerationOptions):
+    """Also jerks at the ends."""
+
+    start_jerk: tuple[float, ...] | None = option(None, "rad/s³ or m/s³, one a joint; None is none.")
+    end_jerk: tuple[float, ...] | None = option(None, "the same at the goal.")
 
 
 @dataclass(frozen=True)
@@ -89,3 +114,28 @@ def _rate(family: Family, options: ProfileOptions, problem: Problem, name: str) 
 
 def _issue(family: Family, field: str, found: str, expected: str) -> InputError:
     return InputError([Issue.of_option(family.name, field, found, expected)])
+
+
+class Cubic(PointToPoint[EndOptions]):
+    """Planner of polynomials of degree three, with any velocities at the ends."""
+
+    Options = EndOptions
+
+    end_derivatives = 1
+
+    def profile(self, problem: Problem, goal: Array) -> Profile:
+        """The cubic from the start to a goal (n,)."""
+        return polynomial_profile(Family("cubic", CUBIC, ("velocity",)), self.options, problem, goal)
+
+
+class Septic(PointToPoint[JerkOptions]):
+    """Planner of polynomials of degree seven, with any velocities, accelerations and jerks at the ends."""
+
+    Options = JerkOptions
+
+    end_derivatives = 2
+
+    def profile(self, problem: Problem, goal: Array) -> Profile:
+        """The polynomial of degree seven from the start to a goal (n,)."""
+        family = Family("septic", SEPTIC, ("velocity", "acceleration", "jerk"))
+        return polynomial_profile(family, self.options, problem, goal)

@@ -19,6 +19,7 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import end_collides, line_too_heavy
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.task.blends import BlendedLine, Corner, StraightWay
+from optiplan.planners.task.planned_steps import PlannedMotion, PlannedStep
 from optiplan.planners.task.stages import Stage, Stages, WorldState
 from optiplan.problem.problem import JointGoal
 from optiplan.problem.task.scene_change import scene_after
@@ -41,42 +42,20 @@ _ROUNDED = (1.0, 0.4, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class PlannedStep:
-    """A step that can be done.
-
-    Attributes:
-        step: the step.
-        before: state in which it begins.
-        after: state in which it ends.
-        stage: of the joints that move; None where none does.
-        curve: their motion: timed, or of a line its path over s from 0 to 1; None where none moves.
-        corner: at the end of a line, rounded off: it ends, and the next one begins, in its middle.
-    """
-
-    step: TaskStep
-    before: WorldState
-    after: WorldState
-    stage: Stage | None = None
-    curve: Trajectory | None = None
-    corner: Corner | None = None
-
-    @property
-    def is_line(self) -> bool:
-        """Whether `curve` is the path of a line."""
-        return isinstance(self.step.action, StraightLine)
-
-
-@dataclass(frozen=True, eq=False)
 class Chain:
     """Steps done one after another, and why the next cannot be, if it cannot."""
 
-    done: tuple[PlannedStep, ...]
+    steps: tuple[PlannedStep, ...]
     failure: Failure | None = None
 
+    def after(self, before: WorldState) -> WorldState:
+        """Return the state after the steps, from the state before them."""
+        return self.steps[-1].after if self.steps else before
+
     def far(self) -> tuple[int, float]:
-        """How far it came: steps, and the share of the one that failed."""
+        """Return how far it came: steps, and the share of the one that failed."""
         share = 1.0 if self.failure is None else float(self.failure.witness.get("fraction", 0.0))
-        return len(self.done), share
+        return len(self.steps), share
 
 
 def is_chained(step: TaskStep) -> bool:
@@ -106,7 +85,7 @@ def _do_all(stages: Stages, state: WorldState, steps: Sequence[TaskStep], budget
         if isinstance(found, Failure):
             return Chain(tuple(done), of_step(found, step, state, stages.problem.robot))
         done.append(found)
-        state, corner = found.after, found.corner
+        state, corner = found.after, found.corner if isinstance(found, PlannedMotion) else None
     return Chain(tuple(done))
 
 
@@ -185,7 +164,8 @@ def _do(stages: Stages, state: WorldState, step: TaskStep, budget: Budget, ends:
             q_all = stage.all_joints(np.asarray(q, float), state).tolist()
             return replace(curve, witness={**curve.witness, "q": q_all})
         return curve
-    return PlannedStep(step, state, WorldState(stage.all_joints(curve.end, state), state.scene), stage, curve, corner)
+    after = WorldState(stage.all_joints(curve.end, state), state.scene)
+    return PlannedMotion(step, state, after, stage, curve, corner)
 
 
 def _event(stages: Stages, state: WorldState, step: TaskStep, action: Attach | Detach) -> PlannedStep | Failure:
@@ -219,7 +199,7 @@ def _line(stage: Stage, frame: str, path: FollowedPath, budget: Budget) -> Traje
     """Follow the line where the arm can hold its load; a redundant arm tries several ways to use its freedom."""
     problem = stage.problem
     gravity = Gravity(problem.robot, problem.limits.torque)
-    first: Failure | None = None
+    failures: list[Failure] = []
     for avoidance in _AVOIDANCES[: 2 if problem.robot.n > 6 else 1]:
         aim = Aim(None, avoidance, together=gone_together(problem, frame))
         found = follow(stage.model, path, frame, problem.start, budget, aim)
@@ -228,9 +208,8 @@ def _line(stage: Stage, frame: str, path: FollowedPath, budget: Budget) -> Traje
             if heavy is None:
                 return found
             found = heavy
-        first = first or found
-    assert first is not None
-    return first
+        failures.append(found)
+    return failures[0]
 
 
 def line_end(action: StraightLine, start: pin.SE3) -> pin.SE3:

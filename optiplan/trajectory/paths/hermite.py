@@ -43,6 +43,13 @@ def hermite(start: Array, end: Array, T: Array) -> Array:
     return np.concatenate([low, np.einsum("ij,Njn->Nin", inverse, rest)], axis=1)
 
 
+def hermite_trajectory(joint_names: tuple[str, ...], t: Array, states: Array) -> Trajectory:
+    """Return the motion through states (m + 1, k, n) at times t (m + 1,), s: polynomials of degree 2k - 1."""
+    h = np.diff(t)
+    pieces = hermite(states[:-1], states[1:], h)
+    return Trajectory(joint_names, t, pieces / h[:, None, None] ** np.arange(pieces.shape[1])[:, None])
+
+
 @dataclass(frozen=True, eq=False)
 class Hermite:
     """Motion between two states, (k, n) each: position, velocity, … in rad or m and s; all joints take one duration."""
@@ -82,8 +89,7 @@ class Hermite:
     def trajectory(self, duration: float | None = None) -> Trajectory:
         """The motion, in that duration (s) or as fast as can be."""
         T = self.shortest if duration is None else duration
-        c = hermite(self.start, self.end, np.array([T]))
-        return Trajectory(self.joint_names, np.array([0.0, T]), c / T ** np.arange(c.shape[1])[:, None])
+        return hermite_trajectory(self.joint_names, np.array([0.0, T]), np.array([self.start, self.end]))
 
     def _ratio(self, T: Array) -> Array:
         """Largest share of any limit that the motion takes in the durations T (N,): (N,), good to about 1e-8."""

@@ -11,7 +11,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.libraries import loading
 from optiplan.robot.robot import Limits
-from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.paths.hermite import hermite_trajectory
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -62,9 +62,7 @@ def spline_of_velocities(
     state = np.stack([points, velocities], axis=1)  # (k, 2, n)
     if degree == 5:
         state = np.concatenate([state, continuous_jerk(points, times, velocities)[:, None]], axis=1)
-    h = np.diff(times)
-    unit = hermite(state[:-1], state[1:], h)
-    return Trajectory(joint_names, times, unit / h[:, None, None] ** np.arange(degree + 1)[:, None])
+    return hermite_trajectory(joint_names, times, state)
 
 
 def continuous_jerk(points: Array, times: Array, velocities: Array) -> Array:

@@ -9,8 +9,8 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.robot.robot import Limits
+from optiplan.trajectory import polynomial
 from optiplan.trajectory.profiles.laws import Bounds, Law, LawPieces
-from optiplan.trajectory.timing.compose import shifted
 from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
 
 How = Literal["synchronised", "independent", "sequential"]
@@ -155,5 +155,5 @@ def _within(curve: LawPieces, begin: float, T: float) -> LawPieces:
 def _on(edges: Array, curve: LawPieces) -> Array:
     """Coefficients (m, degree + 1) of the curve on the m pieces between `edges`, none of which it bends within."""
     piece = np.searchsorted(curve.breakpoints[1:-1], 0.5 * (edges[1:] + edges[:-1]), side="right")
-    moved: Array = shifted(curve.coefficients[piece][:, :, None], edges[:-1] - curve.breakpoints[piece])
+    moved: Array = polynomial.shifted(curve.coefficients[piece][:, :, None], edges[:-1] - curve.breakpoints[piece])
     return moved[:, :, 0]

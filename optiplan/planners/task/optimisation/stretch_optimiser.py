@@ -9,23 +9,20 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.path_constraints.motion_check import PathConstraints
-from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.join_steps import time_of
-from optiplan.planners.task.line_timing import line_limits
 from optiplan.planners.task.optimisation.line_part import LinePart, SpeedLimit
 from optiplan.planners.task.optimisation.move_part import MovePart
 from optiplan.planners.task.optimisation.program import StretchProgram
 from optiplan.planners.task.optimisation.transcription import Part, StretchCurve, StretchTranscription
+from optiplan.planners.task.planned_steps import PlannedMotion, Stretch
 from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
-from optiplan.planners.task.stretches import Stretch
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, moving_breakpoints
 from optiplan.planners.trajopt.nonzero_end_optimiser import with_reserve
 from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.program.sqp import DescentOptions, optimise
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.cut import cut_trajectory
-from optiplan.trajectory.joining import join_trajectories
+from optiplan.trajectory.joining import cut_trajectory, join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import tool_motion, tool_scale
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -62,15 +59,13 @@ _KNOTS = 9
 
 def optimised(stretches: Sequence[Stretch], options: TrajOptOptions, budget: Budget) -> list[Stretch]:
     """Return stretches that may be one as one, where that is quicker; else as they are."""
-    done = [one for stretch in stretches for one in stretch.done]
-    runs = smooth_runs(done)
+    runs = smooth_runs([one for stretch in stretches for one in stretch.steps])
     if len(runs) == 1:
         return list(stretches)
     steps: list[Trajectory] = []
     for stretch in stretches:
-        assert isinstance(stretch.motion, Trajectory)
         steps += [cut_trajectory(stretch.motion, a, b) for a, b in pairwise((0.0, *stretch.ends))]
-    counts = np.cumsum([0, *(len(run.done) for run in runs)]).tolist()
+    counts = np.cumsum([0, *(len(run.steps) for run in runs)]).tolist()
     curves = [join_trajectories(steps[a:b]) for a, b in pairwise(counts)]
     found = StretchOptimiser(runs, curves, options).run(budget)
     return list(stretches) if found is None else [found]
@@ -92,7 +87,7 @@ class StretchOptimiser:
         last = len(curves) - 1
         for k, (run, curve) in enumerate(zip(runs, curves, strict=True)):
             rests = k == 0, k == last
-            self.parts.append(_line(run, rests) if run.is_line else self._move(run.done[0], curve, rests))
+            self.parts.append(_line(run, rests) if run.is_line else self._move(run.steps[0], curve, rests))
         self.made = StretchTranscription(self.parts)
 
     def run(self, budget: Budget) -> Stretch | None:
@@ -102,7 +97,7 @@ class StretchOptimiser:
         for _ in range(_ROUNDS):
             y = optimise(program, y, DescentOptions(_STEPS, lambda: budget.over))[0].control
             found = self._timed(y)
-            if found is None or found.ends[-1] > (1.0 - _GAIN) * self.duration:
+            if found is None or found.duration > (1.0 - _GAIN) * self.duration:
                 return None
             if not self._touches(y, budget):
                 return None if self._broken(found) else found
@@ -110,10 +105,9 @@ class StretchOptimiser:
                 break
         return None
 
-    def _move(self, done: PlannedStep, curve: Trajectory, rests: tuple[bool, bool]) -> MovePart:
-        assert done.stage is not None
+    def _move(self, move: PlannedMotion, curve: Trajectory, rests: tuple[bool, bool]) -> MovePart:
         basis = SplineBasis(moving_breakpoints(self.options.spans, self.options.bunching, rests))
-        own = Optimiser(with_reserve(done.stage.problem), done.stage.model, self.options, basis=basis)
+        own = Optimiser(with_reserve(move.stage.problem), move.stage.model, self.options, basis=basis)
         u = np.linspace(0.0, 1.0, _SAMPLES)
         control = own.basis.fit(u, curve(u * curve.duration))
         return MovePart(own, np.array([curve.start, curve.end]), own.instants(control))
@@ -139,19 +133,18 @@ class StretchOptimiser:
 
     def _timed(self, y: Array) -> Stretch | None:
         """Return the stretch at the least duration within all limits, exactly; None where gravity is too much."""
-        first = self.runs[0].done[0].stage
-        assert first is not None
-        robot, limits = first.problem.robot, first.problem.limits
+        first = self.runs[0].steps[0].stage.problem
+        robot, limits = first.robot, first.limits
         curve = self.made.curve(y, self.made.shortest_duration(y))
         motions = [self._motion(curve, k) for k in range(len(self.parts))]
         edges = np.concatenate([[0.0], np.cumsum([motion.duration for motion in motions])])
         whole = join_trajectories(motions)
         ends = self._ends(curve, edges)
-        done = tuple(one for run in self.runs for one in run.done)
+        steps = tuple(one for run in self.runs for one in run.steps)
         slower = 0.0
-        for one, begin, end in zip(done, (0.0, *ends), ends, strict=False):
+        for one, begin, end in zip(steps, (0.0, *ends), ends, strict=False):
             if one.is_line:
-                slower = max(slower, tool_scale(robot, line_limits(one), cut_trajectory(whole, begin, end)))
+                slower = max(slower, tool_scale(robot, one.tool_limits, cut_trajectory(whole, begin, end)))
         low, high = whole.extrema(0)
         if (low < limits.lower - _ROUNDING).any() or (high > limits.upper + _ROUNDING).any():
             return None
@@ -160,7 +153,7 @@ class StretchOptimiser:
         if not np.isfinite(scale):
             return None
         fitted = fitted.scaled(fitted.duration * scale)
-        return Stretch(done, fitted, tuple(fitted.duration / whole.duration * end for end in ends))
+        return Stretch(steps, fitted, tuple(fitted.duration / whole.duration * end for end in ends))
 
     def _ends(self, curve: StretchCurve, edges: Array) -> list[float]:
         """Return when each step ends, s: inside of a run where its law passes the edge."""
@@ -200,10 +193,8 @@ class StretchOptimiser:
 
     def _broken(self, stretch: Stretch) -> bool:
         """Whether a step violates one of its path constraints."""
-        assert isinstance(stretch.motion, Trajectory)
-        for done, begin, end in zip(stretch.done, (0.0, *stretch.ends), stretch.ends, strict=False):
-            assert done.stage is not None
-            kept = PathConstraints(done.stage.problem)
+        for step, begin, end in zip(stretch.steps, (0.0, *stretch.ends), stretch.ends, strict=False):
+            kept = PathConstraints(step.stage.problem)
             if kept.all and list(kept.broken(cut_trajectory(stretch.motion, begin, end))):
                 return True
         return False
@@ -211,10 +202,9 @@ class StretchOptimiser:
 
 def _line(run: SmoothRun, rests: tuple[bool, bool]) -> LinePart:
     """Return the part of a line."""
-    stage = run.done[0].stage
-    assert stage is not None
-    robot, path = stage.problem.robot, run.curve.scaled(1.0)
-    return LinePart(path, robot, with_reserve(stage.problem).limits, rests, _slow(robot, path, run), len(run.done))
+    problem, path = run.steps[0].stage.problem, run.curve.scaled(1.0)
+    slow = _slow(problem.robot, path, run)
+    return LinePart(path, problem.robot, with_reserve(problem).limits, rests, slow, len(run.steps))
 
 
 def _slow(robot: Robot, path: Trajectory, run: SmoothRun) -> SpeedLimit | None:
@@ -222,7 +212,7 @@ def _slow(robot: Robot, path: Trajectory, run: SmoothRun) -> SpeedLimit | None:
 
     Beyond a part that is limited its limit rises linearly, so that the program knows what comes.
     """
-    s = np.unique(np.concatenate([np.linspace(0.0, 1.0, _ALONG * len(run.done)), run.edges]))
+    s = np.unique(np.concatenate([np.linspace(0.0, 1.0, _ALONG * len(run.steps)), run.edges]))
     rate = np.full(len(s), np.inf)
     for begin, end, limits in run.slow_parts():
         inside = np.clip(s, begin, end)
