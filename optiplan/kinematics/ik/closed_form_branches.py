@@ -45,7 +45,7 @@ def branch_names(geometry: ArmGeometry) -> tuple[str, ...]:
 
     The view is from axis 1 towards the wrist point. Left and right: the side of axis 1 on which the arm's plane lies.
     Front and back: the direction of the arm if that plane contains axis 1. Up: the elbow is above the line from axis 2
-    to the wrist point. With three parallel axes that line ends at axis 4, if axis 4 is on the same side of axis 2 as the
+    to the wrist point. With three parallel axes that line ends at axis 4, if that is on the same side of axis 2 as the
     wrist point. No flip: sin(q5 + zero) < 0, as for a PUMA.
     """
     sides = ("front", "back")

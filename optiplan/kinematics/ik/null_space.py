@@ -68,7 +68,7 @@ def improve(descent: Descent, limits: Limits, q: Array, preference: Preference) 
     """Return a configuration (n,) with the pose of q (n,), within the limits, at a local minimum of the cost.
 
     Steps lie in the null space of the frame's Jacobian, along the projected negative gradient. After each, a few steps
-    of `descent` restore the pose. A step that does not lower the cost is undone. A robot without a null space stays at q.
+    of `descent` restore the pose. A step that does not lower the cost is undone. Without a null space q is returned.
     """
     length = _FIRST_STEP
     J = descent.jacobian(q)

@@ -61,8 +61,8 @@ class Answer:
 def inverse_kinematics(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[Array], options: IkOptions) -> IkResult:
     """Return `solve_ik` from the branches of the closed form, and then from the seeds.
 
-    The seeds are not used if a branch is within the limits and none is singular. The first seed (n,) chooses among whole
-    turns.
+    The seeds are not used if a branch is within the limits and none is singular. The first seed (n,) chooses among
+    whole turns.
 
     Raises:
         ValueError: there is no seed.
