@@ -29,7 +29,7 @@ def lower_bounds(start: Array, goals: Array, limits: Limits) -> Array:
 
 
 def moving_bounds(start: State, ends: Sequence[State], limits: Limits) -> Array:
-    """Return a lower bound (k,), s, of the duration from a state to each of others, without obstacles and position limits.
+    """Return lower bounds (k,), s, of durations from a state to others, without obstacles and position limits.
 
     The slowest joint's own minimum time: the S-curve of a joint at rest at both ends, Ruckig's profile of any other. A
     joint for which Ruckig finds none is ignored.
