@@ -15,8 +15,8 @@ _MOST = 20_000  # samples in all, but for the least: a long motion is slow, so w
 def sample_times(trajectory: Trajectory) -> Array:
     """Return times (k,), s, at most 1 ms apart (in motions of up to 20 s), at least 256 in all.
 
-    Every polynomial piece has both of its ends, and at least three within. The end of a piece is just before it, because
-    there the acceleration may jump.
+    Every polynomial piece has both of its ends, and at least three within. The end of a piece is just before it,
+    because there the acceleration may jump.
     """
     step = max(_STEP, trajectory.duration / _MOST)
     least = max(_LEAST, _LEAST_IN_ALL // len(trajectory.coefficients))

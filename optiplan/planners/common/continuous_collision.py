@@ -71,12 +71,11 @@ def _contacts(model: CollisionModel, trajectory: Trajectory, stop: Callable[[], 
         yield from _natively(model, model.world, trajectory, stop)
         return
     edges = trajectory.breakpoints
-    _, D = _about(trajectory, 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
+    _, D = motion_about(trajectory, 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
     middle, half = _subdivide(edges, np.ceil(2.0 * D.sum(axis=1) / _FIRST_STEP))
     seen = before = False
-    for t, q in zip(
-        middle, _about(trajectory, middle, half)[0], strict=True
-    ):  # ten times cheaper than a proof: refuse early
+    Q, _ = motion_about(trajectory, middle, half)
+    for t, q in zip(middle, Q, strict=True):  # ten times cheaper than a proof: refuse early
         stopped = stop()
         touching = stopped or model.collides(q)
         contact = model.clearance(q) if touching and not before else None
@@ -121,13 +120,13 @@ def _touches(
     model: CollisionModel, trajectory: Trajectory, t: float, pair: int | None, stopped: bool = False
 ) -> Iterator[Touch]:
     """Yield the contact of a pair at t, or of the nearest one if it touches or the work was `stopped`."""
-    q = _about(trajectory, np.array([t]), np.zeros(1))[0][0]
+    q = motion_about(trajectory, np.array([t]), np.zeros(1))[0][0]
     contact = model.clearance(q) if pair is None else model.distance(q, pair)
     if contact is not None and (stopped or pair is not None or contact.distance <= 0.0):
         yield Touch(t, q, contact)
 
 
-def _about(trajectory: Trajectory, middle: Array, half: Array) -> tuple[Array, Array]:
+def motion_about(trajectory: Trajectory, middle: Array, half: Array) -> tuple[Array, Array]:
     """Return configurations Q (N, n) at times `middle` (N,), and bounds D (N, n) on motion away from them.
 
     The intervals, of half widths `half` (N,), are each within one piece: D = sum_k |c_k| h^k about the middle.
@@ -148,7 +147,7 @@ def _prove(
 ) -> Touch | None:
     """Subdivide intervals (middles (N,), half widths (N,)) until each is proved free, one touches or is too small."""
     middle, half = intervals
-    Q, D = _about(trajectory, middle, half)
+    Q, D = motion_about(trajectory, middle, half)
     bounds, travel = model.lower_bounds(Q), model.travel(Q, D)
     rows, pairs = np.nonzero(bounds <= travel)
     travel = travel[rows, pairs]
@@ -165,7 +164,7 @@ def _prove(
             row, pair = int(rows[too_small][0]), int(pairs[too_small][0])
             return Touch(float(middle[row]), Q[row], model.distance(Q[row], pair))
         middle, half, rows, pairs = _cut(middle, half, rows, pairs, ratio)
-        Q, D = _about(trajectory, middle, half)
+        Q, D = motion_about(trajectory, middle, half)
         travel = model.bounds.travel_of(Q, D, rows, pairs)
     return None
 
