@@ -15,7 +15,7 @@ from optiplan.arrays import Array, Index
 from optiplan.collision.contacts import Contact
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel
-from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
+from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.planners.common.failures import contact_witness
 from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory

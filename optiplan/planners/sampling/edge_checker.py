@@ -14,7 +14,7 @@ from optiplan.arrays import Array, Flags
 from optiplan.collision.clearance_test import PairMargins
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel
-from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
+from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.planners.common.gravity import Gravity
 from optiplan.robot.robot import Limits
 
