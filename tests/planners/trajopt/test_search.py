@@ -204,7 +204,7 @@ def test_a_straight_line_that_leads_to_nothing_is_given_up_and_says_what_it_took
 def test_lines_wait_for_a_search_that_fails_once_one_has_led_to_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing comes of any curve: with a path there is no second line; without one there is, with all its time."""
     seen: list[bool] = []
-    monkeypatch.setattr(Optimiser, "run", lambda self, *given, patient, first, late: seen.append(patient))
+    monkeypatch.setattr(Optimiser, "run", lambda self, control, budget, options: seen.append(options.patient))
     problem, quiet = cases.wall(), lambda stage, fraction: None
     seeds = [
         entry["seed"] for entry in TrajOpt(TrajOptOptions(seeds=2)).plan(problem, Budget(5.0), quiet).info["attempts"]
