@@ -9,10 +9,10 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.region_poses import single_ends, with_poses
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.planners.sclerp.screw_motion import ScrewTask, attempt

@@ -8,8 +8,8 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Failure
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.continuous_collision import Touch
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.path_constraints.motion_check import Broken, broken_constraint
 from optiplan.planners.trajopt.incumbent import CurveIncumbent
 from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser, attempt_record

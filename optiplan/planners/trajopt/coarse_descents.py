@@ -7,7 +7,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
-from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.program.sqp import STUCK, WORSE, DescentOptions

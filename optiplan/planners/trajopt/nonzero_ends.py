@@ -8,12 +8,12 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.common.limit_violations import excess
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record

@@ -9,10 +9,10 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, Failure
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.common.path_timing import stopping, timed_path
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect

@@ -12,11 +12,11 @@ from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.native_model import not_in_core
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.path_timing import within_torque
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.path_constraints.goal_projection import hold_goals
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.attempts import Attempts

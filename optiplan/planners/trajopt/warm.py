@@ -19,7 +19,7 @@ from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimis
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
-from optiplan.trajectory.cut import cut_trajectory
+from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory

@@ -8,7 +8,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.planners.common.context import Work
+from optiplan.planners.common.context import PlanContext
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness, out_of_time, too_heavy
 from optiplan.planners.common.refused_path import refused_path
@@ -51,7 +51,7 @@ class Rounded(Planner[RoundedOptions]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        work = Work.on(problem, budget)
+        work = PlanContext.of(problem, budget)
         watch = work.watch
         with watch.stage("goals"):
             chains = ranked_chains(problem, work.model, budget, self.options.goals)
@@ -78,7 +78,7 @@ class Rounded(Planner[RoundedOptions]):
             refused.append(too_heavy(problem.robot, problem.limits, chain))
         return PlanResult(None, out_of_time(budget, _DOING) if budget.over else refused[0], watch.seconds)
 
-    def _free_sections(self, work: Work, chain: Array) -> list[Trajectory] | Failure:
+    def _free_sections(self, work: PlanContext, chain: Array) -> list[Trajectory] | Failure:
         """Return the free path in sections from stop to stop, or the failure."""
         deviation, refused = self.options.deviation, None
         for _ in range(_HALVINGS + 1):
@@ -105,7 +105,7 @@ class Rounded(Planner[RoundedOptions]):
         return sections
 
 
-def _refused(work: Work, sections: list[Trajectory]) -> Failure | None:
+def _refused(work: PlanContext, sections: list[Trajectory]) -> Failure | None:
     """Report the first colliding pair of a path in sections; the path parameter is internal and omitted."""
     for k, section in enumerate(sections):
         touch = first_contact(work.model, section, lambda: work.budget.over)
