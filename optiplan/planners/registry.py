@@ -92,17 +92,17 @@ _BUNDLED = {
         ),
     },
 }
-"""By family and name: where the class is, below `optiplan.planners`, and what the planner does."""
+"""By family and name: module and class below `optiplan.planners`, and a summary of the planner."""
 
 FAMILIES = tuple(_BUNDLED)
-"""What planners are listed under: how they find their motion."""
+"""Families of planners: how they find their motion."""
 
 LIBRARIES = {
     "optimisation": ("ompl.geometric", "toppra.algorithm"),
     "sampling": ("ompl.geometric", "toppra.algorithm"),
     "Cartesian": ("toppra.algorithm",),
 }
-"""Slow to import, by family, and not always needed."""
+"""Libraries by family that are slow to import and not always needed."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class PlannerEntry:
 PLANNERS = {
     name: PlannerEntry(name, family, summary, f"optiplan.planners.{where}")
     for name, family, where, summary in sorted(
-        (name, family, *told) for family, planners in _BUNDLED.items() for name, told in planners.items()
+        (name, family, *entry) for family, planners in _BUNDLED.items() for name, entry in planners.items()
     )
 }
 """The bundled planners by name, in alphabetical order."""
@@ -142,8 +142,8 @@ PLANNERS = {
 def planner_entry(name: str) -> PlannerEntry:
     """Return the entry of that name; `package.module:Class` names a third-party planner, which need not be listed.
 
-    Such a class has the interface of `Planner`, preferably by deriving from it: it is constructed from its options, a
-    frozen dataclass that it has as the attribute `Options`.
+    Such a class has the interface of `Planner`, preferably by deriving from it. Its attribute `Options` is a frozen
+    dataclass; it is constructed from an instance of that.
 
     Raises:
         UnknownChoiceError: no such planner.
@@ -168,6 +168,6 @@ def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner
 
 
 def load_libraries(name: str) -> None:
-    """Import what the planner of that name may need, so that no caller of a process that stays waits for it."""
+    """Import the libraries that a planner may need, so that no later call waits for them."""
     for module in LIBRARIES.get(PLANNERS[name].family, ()) if name in PLANNERS else ():
         import_module(module)

@@ -1,4 +1,4 @@
-"""Samples for controllers with a fixed cycle, and how far what is played from them is from the motion."""
+"""Samples for controllers with a fixed cycle, and the error of interpolating between them."""
 
 from math import ceil, factorial
 
@@ -7,21 +7,22 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.trajectory.from_samples import from_samples
 from optiplan.trajectory.paths.hermite import hermite_trajectory
-from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
+from optiplan.trajectory.tolerances import SAME_TIME
+from optiplan.trajectory.trajectory import Trajectory
 
 
 def on_cycle(trajectory: Trajectory, rate: float) -> Trajectory:
     """Return the motion slowed down by less than one cycle, so that it ends on a multiple of 1 / `rate`, Hz.
 
     The path stays the same and every derivative becomes smaller; torque lies between that of the motion and that of
-    gravity alone, which may be more. What was proved of the motion is to be proved again.
+    gravity alone, which may be more. The result needs a proof of its own.
     """
     cycles = max(1, ceil(trajectory.duration * rate * (1.0 - SAME_TIME)))
     return trajectory.scaled(cycles / rate)
 
 
 def interpolation_errors(trajectory: Trajectory, t: Array) -> dict[str, Array]:
-    """Largest deviation of each joint, over all time, of what controllers put between samples from the motion.
+    """Return the largest deviation of each joint, over all time, of a controller's interpolation from the motion.
 
     Exact: the extrema of the difference of two piecewise polynomials.
 

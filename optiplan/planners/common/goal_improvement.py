@@ -15,10 +15,11 @@ from optiplan.problem.regions.sampling import RegionSampler
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.timing.lower_bound import joint_times, lower_bound
 
-_STEPS, _LEAST_GAIN = 25, 1e-3
-_FIRST, _SHORTEST, _LONGEST = 0.3, 0.02, 0.4
+_STEPS, _LEAST_GAIN = 25, 1e-3  # steps, at most; share of the bound: after a smaller gain the trust region shrinks
+_FIRST, _SHORTEST = 0.3, 0.02  # trust region r at first, and at last
+_LONGEST = 0.4  # rad or m: of a joint in one step
 _SMOOTH = 1e-3  # weight of the squared step beside the time, so that the minimiser is unique
-_NEAR, _APART = 0.04, 1e-3  # m: pairs of bodies nearer than that hold a step up, and keep this apart
+_NEAR, _APART = 0.04, 1e-3  # m: nearer pairs of bodies limit a step, and keep this distance
 
 _SHARE = 0.9  # share of the tolerance used; the rest is for the error of the planned end
 _FINE = 1e-3  # m and rad: smaller tolerances are met exactly, since the program's own accuracy is of that size
@@ -35,10 +36,10 @@ class NearerEnds:
 
         min_{d, tau} tau + 1/2 1e-3 |d / s|^2   s.t.  |q_j + d_j - start_j| <= tau s_j,  |d_j| <= r s_j,  limits
 
-    and the rows of the goal's set; then the configuration is brought back into it, and the step is accepted if the
-    bound has fallen. Sequential linear programming in a trust region r. Among obstacles there are rows d_k + grad d_k
-    . d >= min(d_k, 1 mm) of the clearances d_k of all near pairs as well, and a step that collides is refused: what is
-    found stays free, and slides along what is in its way.
+    and the rows of the goal's set. Then the configuration is brought back into the set, and the step is accepted if the
+    bound has fallen. Sequential linear programming in a trust region r. Among obstacles every near pair with clearance
+    d_k adds a row d_k + grad d_k . d >= min(d_k, 1 mm), and a step that collides is refused. So configurations stay
+    free, and slide along obstacles.
     """
 
     def __init__(self, problem: Problem, goal: PoseGoal | RegionGoal) -> None:
@@ -130,7 +131,7 @@ class PoseSet:
     """Configurations in a pose goal: |e_p - J_p d| <= rho_p, |e_R - J_R d| <= rho_R, the balls as polytopes.
 
     Attributes:
-        point: whether a step that stays in it has no freedom to speak of.
+        point: whether steps within it have practically no freedom.
     """
 
     def __init__(self, robot: Robot, goal: PoseGoal) -> None:
@@ -151,7 +152,7 @@ class PoseSet:
         return self._descent.settle(self._descent.inside(q), *self._radii)
 
     def rows(self, q: Array) -> StepRows:
-        """Return what keeps a step from q (n,) in the set, to first order."""
+        """Return rows that keep a step from q (n,) in the set, to first order."""
         e, J = self._descent.error(q)
         n = len(q)
         equal, value, rows, upper = [np.zeros((0, n))], [np.zeros(0)], [np.zeros((0, n))], [np.zeros(0)]
@@ -169,7 +170,7 @@ class RegionSet:
     """Configurations in a region: low <= c + A J d <= high of its coordinates c.
 
     Attributes:
-        point: whether a step that stays in it has no freedom to speak of.
+        point: whether steps within it have practically no freedom.
     """
 
     def __init__(self, robot: Robot, goal: RegionGoal) -> None:
@@ -188,7 +189,7 @@ class RegionSet:
         return found if inside else None
 
     def rows(self, q: Array) -> StepRows:
-        """Return what keeps a step from q (n,) in the set, to first order."""
+        """Return rows that keep a step from q (n,) in the set, to first order."""
         X_WF, goal = self._descent.place(q).copy(), self._goal
         c, J = goal.coordinates(X_WF), goal.rates(X_WF) @ self._descent.jacobian(q)
         middle = 0.5 * (goal.low[self._fine] + goal.high[self._fine])
@@ -199,5 +200,5 @@ class RegionSet:
 
 
 def goal_set(robot: Robot, goal: PoseGoal | RegionGoal) -> PoseSet | RegionSet:
-    """Return the set of configurations in a goal that is no configuration."""
+    """Return the set of configurations in a pose goal or region."""
     return PoseSet(robot, goal) if isinstance(goal, PoseGoal) else RegionSet(robot, goal)

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
@@ -21,8 +21,6 @@ from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
-Smoothing = Literal["corners", "bspline"]
-
 
 @dataclass(frozen=True)
 class SampledOptions(PlannerOptions):
@@ -30,7 +28,7 @@ class SampledOptions(PlannerOptions):
 
     goals: int = option(8, "goal configurations that may be reached, at most.", above=0)
     attempts: int = option(120, "random shortcuts of the path that was found.", least=0)
-    smoothing: Smoothing = option(
+    smoothing: Literal["corners", "bspline"] = option(
         "corners",
         "`corners`: straight segments with rounded corners. `bspline`: one smooth curve near the path, or rounded "
         "corners where no such curve is proved free.",
@@ -94,15 +92,12 @@ class SamplingPlanner(Planner[Options]):
             trajectory = smooth or timed_path(model, path.waypoints, problem.limits, budget)
         if trajectory is None:
             return PlanResult(None, too_heavy(problem.robot, problem.limits, path.waypoints), watch.seconds)
-        return PlanResult(trajectory, None, watch.seconds, _info(path, budget, smooth is not None))
+        info = {"goal": path.goal_index, "waypoints": len(path.waypoints), "smooth": smooth is not None}
+        info |= path.info | {"cut_short": budget.over or path.info["cut_short"]}
+        return PlanResult(trajectory, None, watch.seconds, info)
 
 
 def _smooth(model: CollisionModel, path: SampledPath, problem: Problem, budget: Budget) -> Trajectory | None:
     curve = smooth_path(model, path.waypoints, problem.limits.velocity, budget)
     timing = TimingOptions(stop=lambda: budget.over)
     return None if curve is None else time_path(curve, model.robot, problem.limits, timing)
-
-
-def _info(path: SampledPath, budget: Budget, smooth: bool) -> dict[str, Any]:
-    named = {"goal": path.goal_index, "waypoints": len(path.waypoints), "smooth": smooth}
-    return {**named, **path.info, "cut_short": budget.over or path.info["cut_short"]}

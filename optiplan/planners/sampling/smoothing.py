@@ -16,9 +16,9 @@ SPANS = (4, 8, 16, 32, 64, 128)  # few are smooth, many follow the path closely
 def smooth_path(model: CollisionModel, waypoints: Array, velocity: Array, budget: Budget) -> Trajectory | None:
     """Return the smoothest B-spline that is proved free, over a path parameter in s; None if none is.
 
-    Control point i is the path's point at the Greville abscissa (t_{i+1} + … + t_{i+d}) / d of its knots, so that
-    straight stretches are kept, and the spline cuts corners within the convex hull of d + 1 neighbouring points
-    (Schoenberg's variation-diminishing approximation; de Boor, A Practical Guide to Splines, ch. XI).
+    Control point i is the path's point at the Greville abscissa (t_{i+1} + … + t_{i+d}) / d of its knots. So straight
+    stretches are kept, and the spline cuts corners within the convex hull of d + 1 neighbouring points. This is
+    Schoenberg's variation-diminishing approximation (de Boor, A Practical Guide to Splines, ch. XI).
 
     Args:
         model: of the robot in its scene.

@@ -1,13 +1,12 @@
 """Join moves and lines so that the arm does not stop between them.
 
-A stretch of moves and lines without an event between them becomes one path: lines stay as they are, and moves leave
-them and arrive at them with the same direction and curvature. Where the path is free, it is run in one go within all
-limits; where that is quicker than stopping, it is kept.
+A stretch of moves and lines without an event between them becomes one path. Lines keep their shape. Moves leave them
+and arrive at them with the same direction and curvature. A free path is run in one go within all limits, and kept if
+that is quicker than stopping.
 
 The path is joined in a parameter p in which every joint moves at most at its speed limit for dp/dt = 1. Between a line
-and a move, a polynomial of degree five takes the place of the part of the move that is next to the line, and matches
-position and two derivatives at both of its ends; between two moves both parts are replaced, and meet where the first
-move ends.
+and a move, a polynomial of degree five replaces the part of the move next to the line. It matches position and two
+derivatives at both of its ends. Between two moves both parts are replaced, and meet at the end of the first move.
 """
 
 from collections.abc import Sequence
@@ -20,7 +19,8 @@ from optiplan.arrays import Array
 from optiplan.libraries import loading
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.task.planned_steps import Group, Part, Pause, PlannedMotion, Stretch
+from optiplan.planners.common.tolerances import LIMIT_ROUNDING, NO_MOTION
+from optiplan.planners.task.planned_steps import Group, Pause, PlannedMotion, Stretch, TaskPart
 from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
 from optiplan.planners.task.stops import why_stop
 from optiplan.trajectory.joining import cut_trajectory, join_trajectories
@@ -29,33 +29,27 @@ from optiplan.trajectory.timing.time_path import TimingOptions, time_path_by_law
 from optiplan.trajectory.trajectory import Trajectory
 
 _SHARES = (0.5, 0.25, 0.1)
-"""Of the length of a move, that are replaced at a junction; where both ends take a half, it is one polynomial."""
+"""Shares of a move's length that a junction replaces; if both ends take a half, the move is one polynomial."""
 
 _ENOUGH = 0.05
-"""Share of the time with stops that is to be gained; junctions of other sizes are tried as long as it is less."""
-
-_NOWHERE = 1e-9
-"""rad or m: a move of no joint by more than this goes nowhere."""
+"""Share of the time with stops: junctions of other sizes are tried until the gain is larger."""
 
 _HOPELESS = 0.02
-"""Share of the time with stops; a motion in one go that is slower by more is not tried with other junctions."""
+"""Share of the time with stops: a joined motion that is slower by more is not tried with other junctions."""
 
 _POINTS = 40
-"""Of the spline that stands for a move."""
+"""Points of the spline that represents a move."""
 
 _SAMPLES = 400
-"""Of a motion, from which its length is taken."""
+"""Samples of a motion, for its length."""
 
 _TURNED = 0.1
 """Length of the sum of two unit directions below which moves turn back: there the arm stops anyway."""
 
-_SLACK = 1e-9
-"""rad or m: rounding beyond the position limits."""
-
-_BISECTIONS = 60
+_BISECTIONS = 60  # of the time at which a law passes a share
 
 
-def join_steps(parts: Sequence[Part], budget: Budget, progress: Progress, thorough: bool = True) -> list[Group]:
+def join_steps(parts: Sequence[TaskPart], budget: Budget, progress: Progress, thorough: bool = True) -> list[Group]:
     """Return the parts in groups between which the arm must stop; stretches are joined where that is quicker.
 
     Args:
@@ -74,27 +68,27 @@ def join_steps(parts: Sequence[Part], budget: Budget, progress: Progress, thorou
     return found
 
 
-def _stretches_and_pauses(parts: Sequence[Part]) -> list[Group]:
+def _stretches_and_pauses(parts: Sequence[TaskPart]) -> list[Group]:
     """Return the parts in groups between which the arm must stop."""
     groups: list[Group] = []
     for part in parts:
         last = groups[-1] if groups else None
         if isinstance(part, Pause):
             groups.append(part)
-        elif isinstance(last, list) and _goes_on(last[-1].steps[-1], part.steps[0]):
+        elif isinstance(last, list) and _can_continue(last[-1].steps[-1], part.steps[0]):
             last.append(part)
         else:
             groups.append([part])
     return groups
 
 
-def _goes_on(before: PlannedMotion, after: PlannedMotion) -> bool:
-    return why_stop(before, after) is None and not (_stands(before) or _stands(after))
+def _can_continue(before: PlannedMotion, after: PlannedMotion) -> bool:
+    return why_stop(before, after) is None and not (_is_standstill(before) or _is_standstill(after))
 
 
-def _stands(motion: PlannedMotion) -> bool:
+def _is_standstill(motion: PlannedMotion) -> bool:
     """Whether a move ends where it begins: it has no direction to leave or to arrive in."""
-    return bool(np.abs(motion.after.q - motion.before.q).max(initial=0.0) <= _NOWHERE)
+    return bool(np.abs(motion.after.q - motion.before.q).max(initial=0.0) <= NO_MOTION)
 
 
 def _joinable(group: list[Stretch]) -> list[list[Stretch]]:
@@ -217,7 +211,7 @@ class _Path:
             extrema = part.extrema_at(0)
             beyond = np.concatenate([limits.lower - low, high - limits.upper])
             where: float | None = None
-            if beyond.max() > _SLACK:
+            if beyond.max() > LIMIT_ROUNDING:
                 times = np.concatenate([extrema.t_low, extrema.t_high])
                 where = float(times[int(np.argmax(beyond))])
             else:

@@ -103,7 +103,7 @@ class Stretch:
         return self.ends[-1]
 
 
-Part = Stretch | Pause
+TaskPart = Stretch | Pause
 """A part of a task's motion that begins and ends at rest."""
 
 Group = list[Stretch] | Pause

@@ -11,12 +11,12 @@ from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.dynamic_obstacles import without_dynamic_obstacles
-from optiplan.planners.common.failures import too_heavy
+from optiplan.planners.common.failures import path_too_heavy
 from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.join_steps import join_steps
 from optiplan.planners.task.optimisation.stretch_optimiser import optimised
-from optiplan.planners.task.planned_steps import Group, Part, Pause, PlannedMotion, PlannedStep, Stretch
+from optiplan.planners.task.planned_steps import Group, Pause, PlannedMotion, PlannedStep, Stretch, TaskPart
 from optiplan.planners.task.search import TaskSearch
 from optiplan.planners.task.stops import stops_of
 from optiplan.planners.task.via_moves import ViaMoves, unsupported
@@ -28,19 +28,14 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
+from optiplan.trajectory.tolerances import SHORTEST_DURATION
 from optiplan.trajectory.trajectory import Trajectory
 
 _JOINING = 0.3
-"""Share of the time that is left for joining curves as they are; the rest is for optimising them together."""
-
-_GRAVITY_SAMPLES = 200
-"""Of a line that gravity is too much for: where the failure looks for the worst."""
-
-_NO_MOTION = 1e-3
-"""s: duration of a task in which nothing moves."""
+"""Share of the remaining time for joining curves; the rest is for optimising them together."""
 
 _PIECE, _LONG = 4, 6
-"""Steps that are optimised together at first, where there are more than so many between two stops."""
+"""Steps optimised together at first, where there are more than the second number between two stops."""
 
 
 def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
@@ -66,7 +61,7 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         return replace(found, timings=watch.seconds, info={"moves": search.infos, **found.info})
     incumbent = Incumbent(problem, progress, watch, began)
 
-    def offer(way: Sequence[Part]) -> float:
+    def offer(way: Sequence[TaskPart]) -> float:
         """Offer the motion of these parts; return its duration, s."""
         motion = moves.motion(joined_parts(moves.problem, way))
         incumbent.offer(motion)
@@ -85,13 +80,13 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     return incumbent.result(info)
 
 
-def _stopping(search: TaskSearch, budget: Budget, watch: Stopwatch) -> list[Part] | Failure:
+def _stopping(search: TaskSearch, budget: Budget, watch: Stopwatch) -> list[TaskPart] | Failure:
     """Return all steps one by one, from rest to rest."""
     with watch.stage("steps"):
         steps = search.run()
     if isinstance(steps, Failure):
         return steps
-    parts: list[Part] = []
+    parts: list[TaskPart] = []
     with watch.stage("timing"):
         for step in steps:
             timed = timed_step(step, budget)
@@ -103,7 +98,7 @@ def _stopping(search: TaskSearch, budget: Budget, watch: Stopwatch) -> list[Part
 
 def _optimised(
     problem: Problem, planner: Planner[Any], groups: Sequence[Group], budget: Budget, progress: Progress
-) -> Iterator[list[Part]]:
+) -> Iterator[list[TaskPart]]:
     """Yield the parts, each group optimised as one motion where only time counts.
 
     Long groups are optimised in pieces first: a better motion is there early, and the optimisation of the group
@@ -123,7 +118,7 @@ def _optimised(
         yield _flat(found)
 
 
-def _flat(groups: Sequence[Group]) -> list[Part]:
+def _flat(groups: Sequence[Group]) -> list[TaskPart]:
     """Return the parts of all groups."""
     return [part for group in groups for part in (group if isinstance(group, list) else [group])]
 
@@ -149,7 +144,7 @@ def _timed_only(problem: Problem) -> bool:
 
 
 def _wait_for_obstacles(
-    moves: ViaMoves, planner: Planner[Any], parts: list[Part], budget: Budget, progress: Progress
+    moves: ViaMoves, planner: Planner[Any], parts: list[TaskPart], budget: Budget, progress: Progress
 ) -> PlanResult:
     """Delay the joined steps until dynamic obstacles have passed; if that fails, delay them one by one."""
     problem = moves.problem
@@ -166,7 +161,7 @@ def _wait_for_obstacles(
     return PlanResult(None, moves.failure(failure))
 
 
-def timed_step(planned: PlannedStep, budget: Budget) -> Part | Failure:
+def timed_step(planned: PlannedStep, budget: Budget) -> TaskPart | Failure:
     """Return a step from rest to rest; a line is timed within the limits of joints and tool."""
     if not isinstance(planned, PlannedMotion):
         action = planned.step.action
@@ -177,12 +172,12 @@ def timed_step(planned: PlannedStep, budget: Budget) -> Part | Failure:
     options = TimingOptions(None, planned.tool_limits, stop=lambda: budget.over)
     motion = time_path(path, problem.robot, problem.limits, options)
     if motion is None:
-        heavy = too_heavy(problem.robot, problem.limits, path(np.linspace(0.0, path.duration, _GRAVITY_SAMPLES)))
+        heavy = path_too_heavy(problem.robot, problem.limits, path)
         return of_step(heavy, planned.step, planned.before, problem.robot, planned.stage)
     return Stretch.of(planned, motion)
 
 
-def joined_parts(problem: Problem, parts: Sequence[Part]) -> Trajectory:
+def joined_parts(problem: Problem, parts: Sequence[TaskPart]) -> Trajectory:
     """Join parts, each at rest at both ends, to one motion of all joints, with its segments."""
     motions: list[Trajectory] = []
     segments: list[Segment] = []
@@ -199,7 +194,7 @@ def joined_parts(problem: Problem, parts: Sequence[Part]) -> Trajectory:
             segments.append(Segment(step.number, step.kind, step.name, since, begin + end, *held))
             since = begin + end
         begin = since
-    motion = join_trajectories(motions or [standstill(problem.robot.joint_names, problem.start, _NO_MOTION)])
+    motion = join_trajectories(motions or [standstill(problem.robot.joint_names, problem.start, SHORTEST_DURATION)])
     return replace(motion, segments=tuple(segments))
 
 

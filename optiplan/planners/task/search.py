@@ -1,8 +1,8 @@
 """Choose the ends of moves so that the steps between them can be done, cheapest first, and plan the moves between.
 
 A leg is a move and the steps without choice that follow it. Its candidates are the configurations that reach the
-move's goal and from which those steps can be done. Over all legs they make a graph in layers, whose edges cost the
-lower bound of a move's duration until it is planned and its duration after that, or infinity where it cannot be: the
+move's goal and from which those steps can be done. Over all legs they make a graph in layers. An edge costs the lower
+bound of a move's duration; after the move is planned it costs the duration, or infinity if there is no motion. The
 cheapest path is planned, edge by edge, until one holds (Dellin and Srinivasa 2016, lazy shortest paths).
 """
 
@@ -27,25 +27,25 @@ from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 
 _CANDIDATES, _MORE = 8, 24
-"""Configurations of a goal looked at first, and at most, where none of the first allows what follows."""
+"""Configurations of a goal tried first; and at most, where none of the first allows the next steps."""
 
 _KEPT = 6
 """Candidates of a layer that go on to the next."""
 
 _SEARCHING = 0.7
-"""Share of the time that is left for which looking ahead and planning moves are paced."""
+"""Share of the remaining time that candidates and moves share."""
 
 _PLANNING = 2, 0.5
-"""Layers that planning the moves counts for, where looking ahead is paced: at least, and for each leg."""
+"""Planning the moves counts as so many layers when time is shared: at least, and for each leg."""
 
 _SCENES = 3
-"""Different places of what is held or stands still for which a layer's candidates are looked for."""
+"""Different places of held objects and resting joints for which a layer's candidates are searched."""
 
-_SAME = 1e-6
-"""rad or m: joints that stand still nearer than this stand in one place."""
+_SAME_POSITION = 1e-6
+"""rad or m: resting joints that differ by less are in one place."""
 
-_ALIKE = 5e-3
-"""m and 1: what is held is in one place, nearer than this; the steps are done again exactly in the end."""
+_SAME_PLACE = 5e-3
+"""m and 1: objects that are nearer are in one place; in the end the steps are done again exactly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +74,14 @@ def legs_of(task: Sequence[TaskStep]) -> TaskLegs:
 
 @dataclass(eq=False)
 class _Node:
-    """A candidate of a layer: where the move ends, the state after the leg, and what leads there.
+    """A candidate of a layer.
 
-    `seconds` is a bound of the duration of the chain, `edges` has the cost of coming from each node of the layer
-    before, s, infinite where one cannot, and `cost` that of the cheapest way from the start.
+    Attributes:
+        q: (n,) the candidate.
+        after: state after the leg.
+        seconds: lower bound on the duration of the chain, s.
+        edges: cost from each node of the layer before, s; infinite where there is no motion.
+        cost: of the cheapest path from the start, s.
     """
 
     q: Array
@@ -102,13 +106,13 @@ class _PlannedLeg:
 class TaskSearch:
     """One search; `run` returns all steps done one after another, or the failure of the step that cannot be.
 
-    Each layer has its part of seven tenths of the time to look ahead, and goes on with the candidates found by then if
-    there is one; so has each move. What is left of the budget is spent only where there is no motion yet.
+    Layers and moves share seven tenths of the budget. When the time of a layer ends, the search goes on with the
+    candidates found by then, if there is one. The rest of the budget is spent only if there is no motion yet.
 
     Attributes:
         infos: of the moves of the motion found.
         attempts: moves planned.
-        cut_short: whether with more time other candidates would have been looked at.
+        cut_short: whether more time would have allowed more candidates.
     """
 
     def __init__(self, problem: Problem, planner: Planner[Any], budget: Budget, progress: Progress) -> None:
@@ -147,7 +151,7 @@ class TaskSearch:
         return [*first.steps, *found_steps]
 
     def _late(self, failure: Failure) -> Failure:
-        """Return a failure, which says so where the budget ended meanwhile: with more, the step may still be done."""
+        """Return a failure that mentions the budget if it ended: with more, the step may still be done."""
         if not self.budget.over:
             return failure
         late = out_of_time(self.budget, "planning the task")
@@ -160,7 +164,7 @@ class TaskSearch:
         return self.budget.share(_SEARCHING / parts if self._paced else 1.0)
 
     def _layer(self, leg: Leg, before: list[_Node], pace: Budget) -> list[_Node] | Failure:
-        """Return the candidates of a leg, the cheapest to reach first: one at least, then those that `pace` allows."""
+        """Return the candidates of a leg, the cheapest to reach first: at least one, and more while `pace` lasts."""
         costs = np.array([node.cost for node in before])
         kinds: list[list[int]] = []
         for i in np.argsort(costs, kind="stable").tolist():
@@ -216,16 +220,16 @@ class TaskSearch:
         return good
 
     def _alike(self, a: WorldState, b: WorldState, move: Move) -> bool:
-        """Whether what stands still in a step, what is held and what is not are in about the same place."""
+        """Whether resting joints, held objects and all others are in about the same place."""
         others = [k for k, name in enumerate(self.problem.robot.joint_names) if name not in move.joints]
-        if np.abs(a.q[others] - b.q[others]).max(initial=0.0) > _SAME:
+        if np.abs(a.q[others] - b.q[others]).max(initial=0.0) > _SAME_POSITION:
             return False
         places = [
             {one.name: one.X_LO.homogeneous for one in state.scene.attached}
             | {one.name: one.X_WO.homogeneous for one in state.scene.obstacles}
             for state in (a, b)
         ]
-        return all(np.abs(X - places[1][name]).max() < _ALIKE for name, X in places[0].items())
+        return all(np.abs(X - places[1][name]).max() < _SAME_PLACE for name, X in places[0].items())
 
     def _seconds(self, chain: Chain) -> float:
         """Return a lower bound of the duration of a chain, s."""
@@ -246,7 +250,7 @@ class TaskSearch:
             if not isinstance(found, Failure):
                 self.infos = [leg.info for leg in found]
                 return [step for leg in found for step in leg.steps]
-            failure = found if failure is None else max(failure, found, key=_step_number)
+            failure = found if failure is None else max(failure, found, key=lambda one: int(one.witness.get("step", 0)))
         if failure is None and not self.budget.over:
             failure = Failure("no-path", "no ends of the moves were found from which every step leads to the next")
         return failure or out_of_time(self.budget, "planning the task")
@@ -322,7 +326,3 @@ def _cheapest(layers: list[list[_Node]]) -> tuple[int, ...] | None:
     for k in range(len(layers) - 1, 0, -1):
         path.append(int(came[k][path[-1]]))
     return tuple(reversed(path))
-
-
-def _step_number(failure: Failure) -> int:
-    return int(failure.witness.get("step", 0))

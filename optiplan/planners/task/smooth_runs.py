@@ -14,7 +14,7 @@ from optiplan.trajectory.timing.path_constraints import ToolLimits
 from optiplan.trajectory.trajectory import Trajectory
 
 _SMOOTH = 1e-3
-"""Share by which slope and curvature of two paths may differ where they meet to be taken for one."""
+"""Largest share by which slope and curvature of two paths may differ where they meet smoothly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class SmoothRun:
 
     @property
     def is_line(self) -> bool:
-        """Whether `curve` is a path that must be kept."""
+        """Whether `curve` is the path of lines, whose shape is fixed."""
         return self.steps[0].is_line
 
     def slow_parts(self) -> Iterator[tuple[float, float, ToolLimits]]:
@@ -44,7 +44,7 @@ class SmoothRun:
 
 
 def smooth_runs(steps: Sequence[PlannedMotion]) -> list[SmoothRun]:
-    """Return moves and lines as smooth curves; lines that meet in a corner that is rounded off are one."""
+    """Return moves and lines as smooth curves; lines that meet in a rounded corner are one."""
     found: list[SmoothRun] = []
     for one in steps:
         if found and found[-1].is_line and one.is_line:
@@ -55,7 +55,7 @@ def smooth_runs(steps: Sequence[PlannedMotion]) -> list[SmoothRun]:
 
 
 def is_rounded(before: PlannedMotion, after: PlannedMotion) -> bool:
-    """Whether two lines meet in a corner that is rounded off, with the same slope and curvature."""
+    """Whether two lines meet in a rounded corner, with the same slope and curvature."""
     if before.corner is None:
         return False
     first, second = before.curve.scaled(before.corner.before.length), after.curve.scaled(before.corner.after.length)

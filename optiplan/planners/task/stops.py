@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.planners.task.planned_steps import Part, PlannedMotion, PlannedStep
+from optiplan.planners.task.planned_steps import PlannedMotion, PlannedStep, TaskPart
 from optiplan.planners.task.smooth_runs import is_rounded
 from optiplan.problem.problem import JointGoal
 from optiplan.problem.task.steps import Action, Move, StraightLine
@@ -65,7 +65,7 @@ def _leads_back(before: PlannedMotion, after: PlannedMotion) -> bool:
     return bool(a @ b < _BACK * np.linalg.norm(a) * np.linalg.norm(b))
 
 
-def stops_of(parts: Sequence[Part]) -> list[dict[str, Any]]:
+def stops_of(parts: Sequence[TaskPart]) -> list[dict[str, Any]]:
     """Return the stops on the way: time `t`, s, the step that each comes `after`, and `why`."""
     found: list[dict[str, Any]] = []
     begin = 0.0

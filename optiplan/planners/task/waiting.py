@@ -9,17 +9,17 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.dynamic_obstacles import delayed
 from optiplan.planners.task.chains import of_step
-from optiplan.planners.task.planned_steps import Part, PlannedMotion, Stretch
+from optiplan.planners.task.planned_steps import PlannedMotion, Stretch, TaskPart
 from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.joining import standstill
 
 
-def waiting(problem: Problem, parts: Sequence[Part], budget: Budget) -> list[Part] | Failure:
+def waiting(problem: Problem, parts: Sequence[TaskPart], budget: Budget) -> list[TaskPart] | Failure:
     """Return the parts, each delayed until dynamic obstacles have passed, or the failure of the first in contact.
 
     The parts are free of static obstacles. They are delayed one after another: no part hurries for a later one.
     """
-    found: list[Part] = []
+    found: list[TaskPart] = []
     begin = 0.0
     for part in parts:
         timed = _passing(derived(problem, scene=problem.scene.later(begin)), part, budget)
@@ -32,7 +32,7 @@ def waiting(problem: Problem, parts: Sequence[Part], budget: Budget) -> list[Par
     return found
 
 
-def _passing(problem: Problem, part: Part, budget: Budget) -> Part | Failure:
+def _passing(problem: Problem, part: TaskPart, budget: Budget) -> TaskPart | Failure:
     """Return a part that begins now in the motion of the obstacles, delayed."""
     first, moving = part.steps[0], problem.scene.dynamic_obstacles
     if not moving or part.duration == 0.0:

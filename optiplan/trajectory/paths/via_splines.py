@@ -97,10 +97,10 @@ def smooth_spline(
     """The spline through points whose derivatives up to the last but one are continuous, from rest to rest.
 
     The cubic one has continuous acceleration: its velocities at the points are determined by
-    h_i v_i-1 + 2 (h_i-1 + h_i) v_i + h_i-1 v_i+1 = 3 (h_i d_i-1 / h_i-1 + h_i-1 d_i / h_i). To begin and end without
-    acceleration, if it is to be `still`, it gets one more knot in the middle of the first and of the last segment (two,
-    at thirds, where there is one segment). The quintic one has continuous jerk and snap, and no acceleration at the
-    ends. Both are solved for as B-splines.
+    h_i v_i-1 + 2 (h_i-1 + h_i) v_i + h_i-1 v_i+1 = 3 (h_i d_i-1 / h_i-1 + h_i-1 d_i / h_i). If it is `still`, it begins
+    and ends without acceleration, by one more knot in the middle of the first and of the last segment. A single segment
+    gets two, at thirds. The quintic one has continuous jerk and snap, and no acceleration at the ends. Both are
+    solved for as B-splines.
 
     Args:
         points: (k, n), rad or m.

@@ -1,7 +1,7 @@
 """The fastest motions between states of motion, and to rest, under limits of velocity, acceleration and jerk (Ruckig).
 
-Each joint moves with constant jerk in phases (constant acceleration, where jerk is not limited); limits of position are
-not looked at. Source: Berscheid and Kröger, Jerk-limited real-time trajectory generation with arbitrary target states,
+Each joint moves with constant jerk in phases (constant acceleration, where jerk is not limited). Position limits are
+ignored. Source: Berscheid and Kröger, Jerk-limited real-time trajectory generation with arbitrary target states,
 RSS 2021.
 """
 
@@ -46,8 +46,8 @@ class BetweenStates:
     def trajectory(self, duration: float | None = None) -> Trajectory:
         """The motion, in that duration (s) or as fast as can be; durations below the least give the fastest.
 
-        Where Ruckig has none, and where an acceleration is stated of a joint without a jerk limit (which Ruckig would
-        let jump at once), it is the quintic polynomial.
+        It is the quintic polynomial where Ruckig finds none. So it is where an acceleration is stated for a joint
+        without a jerk limit, since Ruckig would let that jump at once.
         """
         jumps = np.isinf(self.limits.jerk) & ((self.start.a != 0.0) | (self.end.a != 0.0))
         found = None if jumps.any() else fastest(self.start, self.end, self.limits, self.joint_names, duration)

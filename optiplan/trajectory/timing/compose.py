@@ -4,7 +4,8 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.trajectory import polynomial
-from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
+from optiplan.trajectory.tolerances import SAME_TIME
+from optiplan.trajectory.trajectory import Trajectory
 
 _OUTSIDE = 1e-9  # share of the path's length, and of the law's speed, that rounding may cost
 
@@ -13,7 +14,7 @@ def compose(path: Trajectory, law: Trajectory) -> Trajectory:
     """The motion q(s(t)): the same curve as the path to rounding, at all times.
 
     Pieces end where the law's do and where s(t) passes a breakpoint of the path. On each, with tau from its start,
-    s - s_a = sum_{k>=1} l_k tau^k goes into q = sum_k p_k (s - s_a)^k by Horner's rule for polynomials: the degree is
+    Horner's rule for polynomials inserts s - s_a = sum_{k>=1} l_k tau^k into q = sum_k p_k (s - s_a)^k. The degree is
     the product of the two degrees.
 
     Args:

@@ -50,8 +50,8 @@ class ConstrainedPath:
 
     Attributes:
         waypoints: (k, n), rad or m; every point holds the constraints, every segment is proved free.
-        walker: that has found it.
-        states: configurations that the search has reached.
+        walker: that found it.
+        states: number of configurations reached.
     """
 
     waypoints: Array
@@ -66,7 +66,7 @@ def constrained_path(
     budget: Budget,
     search: ConstrainedSearch,
 ) -> ConstrainedPath | Failure:
-    """Return a path on the constraints from the start to one of the goals (n,), all of which hold them.
+    """Return a path on the constraints from the start to one of the goals (n,), which hold them.
 
     Failure kinds: `unsupported` where a constraint holds in a part of the motion only; `no-path`.
     """

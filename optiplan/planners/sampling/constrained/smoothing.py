@@ -11,7 +11,7 @@ from optiplan.planners.sampling.smoothing import DEGREE, SPANS, spline_along
 from optiplan.trajectory.trajectory import Trajectory
 
 _POINTS = 3  # projected for each span, so that the curve between them holds the constraints too
-_LOOKS = 4  # at the curve between two of these
+_LOOKS = 4  # samples of the curve between two of these
 _STALE, _GAIN = 25, 0.005  # shortcuts in a row that gain less than this share of the path's cost
 
 
@@ -42,11 +42,11 @@ def shortcut(walker: Walker, path: Array, draws: Array) -> Array:
 
 
 def smooth_curves(walker: Walker, waypoints: Array, names: tuple[str, ...]) -> list[Trajectory]:
-    """Return smooth curves near a path (k, n), over s, that hold the constraints where looked at and are proved free.
+    """Return smooth curves near a path (k, n), over s, that hold the constraints at samples and are proved free.
 
     A B-spline near the path (`smoothing.spline_along`) is sampled, the samples are projected onto the constraints, and
-    a spline of degree five goes through them: between samples at distance h it is off by the order of h^6, where the
-    straight segments of the path are off by h^2. The smoothest comes first; those that fail are passed over.
+    a spline of degree five goes through them. Between samples at distance h it is off by the order of h^6; the straight
+    segments of the path are off by h^2. The smoothest comes first.
     """
     along = np.concatenate([[0.0], np.cumsum(path_time(waypoints, walker.units))])
     found: list[Trajectory] = []

@@ -8,6 +8,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
+from optiplan.planners.common.tolerances import LIMIT_ROUNDING
 from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.task.join_steps import time_of
 from optiplan.planners.task.optimisation.line_part import LinePart, SpeedLimit
@@ -30,35 +31,32 @@ from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 
 _STEPS, _ROUNDS = 40, 4
-"""Steps of a descent, at most, and times that samples are added where bodies touch between them."""
+"""Steps of a descent, and rounds in which samples are added where bodies touch between them; at most."""
 
 _SAMPLES = 200
-"""Of a motion, to which the curves to begin with are fitted."""
+"""Samples of a motion, to which the first curves are fitted."""
 
 _GAIN = 1e-3
-"""Share of the duration that must be gained: less is not worth another curve."""
+"""Share of the duration: least gain of another curve."""
 
 _ON_PATH = 1e-7
 """rad or m: how far polynomials of degree five may be off the path of a line between their knots."""
 
-_ROUNDING = 1e-9
-"""rad or m: beyond the position limits."""
-
-_ALONG, _STILL = 50, 1e-9
-"""Places of a line at which the speed of the tool along it is seen; m or rad: less than this is none."""
+_ALONG, _NO_TWIST = 50, 1e-9
+"""Places of a line at which the tool's speed is limited; m or rad per unit of the path: a smaller twist is none."""
 
 _KEPT, _AROUND = 0.01, 0.03
-"""Shares of a path on which a limit of the tool's speed still holds beyond the part for which it is, and doubles."""
+"""Shares of a path beyond a part with a limit of the tool's speed: the limit still holds, and doubles."""
 
-_APART = 1e-6
-"""Share of its duration by which knots of a line are apart at least."""
+_LEAST_SPAN = 1e-6
+"""Share of its duration: least distance of two knots of a line."""
 
 _KNOTS = 9
-"""Times that the pieces of a line are halved for that, at most."""
+"""Times that the pieces of a line are halved for `_ON_PATH`, at most."""
 
 
 def optimised(stretches: Sequence[Stretch], options: TrajOptOptions, budget: Budget) -> list[Stretch]:
-    """Return stretches that may be one as one, where that is quicker; else as they are."""
+    """Return the stretches optimised as one, where that is quicker; else unchanged."""
     runs = smooth_runs([one for stretch in stretches for one in stretch.steps])
     if len(runs) == 1:
         return list(stretches)
@@ -146,7 +144,7 @@ class StretchOptimiser:
             if one.is_line:
                 slower = max(slower, tool_scale(robot, one.tool_limits, cut_trajectory(whole, begin, end)))
         low, high = whole.extrema(0)
-        if (low < limits.lower - _ROUNDING).any() or (high > limits.upper + _ROUNDING).any():
+        if (low < limits.lower - LIMIT_ROUNDING).any() or (high > limits.upper + LIMIT_ROUNDING).any():
             return None
         fitted = scale_to_limits(whole, limits, slower)
         scale = torque_scale(robot, limits.torque, fitted)
@@ -187,7 +185,7 @@ class StretchOptimiser:
                 if touches:
                     u = part.instants.u
                     more = (around(u, touch.t / curve.seconds(k)) for touch in touches)
-                    part.look_at(np.concatenate([u, *more]))
+                    part.resample(np.concatenate([u, *more]))
                     found = True
         return found
 
@@ -210,14 +208,14 @@ def _line(run: SmoothRun, rests: tuple[bool, bool]) -> LinePart:
 def _slow(robot: Robot, path: Trajectory, run: SmoothRun) -> SpeedLimit | None:
     """Return the limits of the tool's speed along a path (over [0, 1]); None without any.
 
-    Beyond a part that is limited its limit rises linearly, so that the program knows what comes.
+    Beyond a limited part the limit rises linearly, so that the program sees it in advance.
     """
     s = np.unique(np.concatenate([np.linspace(0.0, 1.0, _ALONG * len(run.steps)), run.edges]))
     rate = np.full(len(s), np.inf)
     for begin, end, limits in run.slow_parts():
         inside = np.clip(s, begin, end)
         twist, _ = tool_motion(robot, limits.frame, [path(inside, order) for order in range(3)])
-        ways = np.maximum(np.linalg.norm(twist.reshape(-1, 2, 3), axis=2), _STILL)
+        ways = np.maximum(np.linalg.norm(twist.reshape(-1, 2, 3), axis=2), _NO_TWIST)
         own = np.minimum(limits.linear / ways[:, 0], limits.angular / ways[:, 1])
         rate = np.minimum(rate, own * (1.0 + np.maximum(np.abs(s - inside) - _KEPT, 0.0) / _AROUND))
     return SpeedLimit(s, rate) if np.isfinite(rate).all() else None
@@ -231,7 +229,7 @@ def along(path: Trajectory, law: Trajectory) -> Trajectory:
     """
     crossed = np.interp(path.breakpoints[1:-1], *_rising(law))
     t = np.unique(np.concatenate([law.breakpoints, crossed[(crossed > 0.0) & (crossed < law.duration)]]))
-    t = t[np.concatenate([[True], np.diff(t) > _APART * law.duration])]
+    t = t[np.concatenate([[True], np.diff(t) > _LEAST_SPAN * law.duration])]
     t[-1] = law.duration
     for _ in range(_KNOTS):
         states, h = np.swapaxes(_states(path, law, t), 0, 1), np.diff(t)
