@@ -112,7 +112,7 @@ class Descent:
         return e.copy(), J
 
     def reached(self, q: Array) -> bool:
-        """Whether q (n,) puts the frame at the target, to ten times what `descend` aims for."""
+        """Return whether q (n,) puts the frame at the target, to ten times what `descend` aims for."""
         return float(np.linalg.norm(self._linearise(q)[0])) < 10.0 * _CONVERGED_ERROR
 
     def _linearise(self, q: Array) -> tuple[Array, Array]:

@@ -53,7 +53,7 @@ class BatchKinematics:
         return D @ np.abs(self.coupling.T) if self.follows else D
 
     def joint_dependence(self, moved: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Which planned joints (..., n) take part where the joints `moved` (..., J) do."""
+        """Return which planned joints (..., n) take part where the joints `moved` (..., J) do."""
         return np.asarray((moved @ np.abs(self.coupling)) > 0.0) if self.follows else moved
 
     def planned_bound(self, moment_arms: Array) -> Array:
@@ -138,7 +138,7 @@ def _rotations(across: Array, axis: Array) -> Array:
 
 
 def carrying_joints(model: pin.Model) -> npt.NDArray[np.bool_]:
-    """Which joints (J + 1, J) carry what is fixed to each joint, and to the world, which is 0."""
+    """Return which joints (J + 1, J) carry what is fixed to each joint, and to the world, which is 0."""
     carries = np.zeros((model.njoints, model.njoints - 1), dtype=bool)
     for j in range(1, model.njoints):
         carries[j] = carries[model.parents[j]]

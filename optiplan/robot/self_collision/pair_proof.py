@@ -167,13 +167,13 @@ class PairProof:
         return ALONG if self.moves[members].any(axis=0).sum() == 1 else BOXES
 
     def touching_at(self, Q: Array, rows: Index, pairs: Index) -> Flags:
-        """Whether each of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n), is as near as `GAP`: (K,)."""
+        """Return whether each of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n), is as near as `GAP`: (K,)."""
         poses, bodies = self.bounds.kinematics.poses(Q), self.bounds.pairs[pairs]
         placed = poses[rows[:, None], self.bounds.joint[bodies]] @ self.bounds.placement[bodies]
         return self.touching(placed, pairs)
 
     def touching(self, placed: Array, pairs: Index) -> Flags:
-        """Whether each of K pairs of bodies, placed at (K, 2, 4, 4), world, is as near as `GAP`: (K,).
+        """Return whether each of K pairs of bodies, placed at (K, 2, 4, 4), world, is as near as `GAP`: (K,).
 
         Of meshes it is asked whether triangles are: that ends at the first, and takes a part of the time of a distance.
         """
