@@ -81,7 +81,7 @@ class Locked:
 
     Args:
         urdf: the whole robot, in which all joints move.
-        joints: those that are locked.
+        joints: the locked joints.
         bodies: names of the links with a body.
     """
 
