@@ -137,7 +137,7 @@ PointT = TypeVar("PointT", bound=Merit)
 StepT = TypeVar("StepT", bound=Promise)
 
 
-class Program(Protocol[PointT, StepT]):
+class DescentProgram(Protocol[PointT, StepT]):
     """What a descent asks for, in Python (`PythonProgram`) or of the native core (`core.Sqp`)."""
 
     def begin(self, control: Array) -> PointT:
@@ -286,7 +286,7 @@ def evaluate(transcription: Discretised, control: Array, duration: float, span: 
 
 
 def descend(  # noqa: C901
-    program: Program[PointT, StepT], control: Array, options: DescentOptions
+    program: DescentProgram[PointT, StepT], control: Array, options: DescentOptions
 ) -> Descended:
     """Descend from control points (K, n) until two steps in a row gain less than 0.2 %.
 
@@ -356,7 +356,7 @@ def _stalled(missing: list[float]) -> bool:
     return len(missing) > STALLED and missing[-1] > max(STUCK, HALVED * missing[-1 - STALLED])
 
 
-def _second(program: Program[PointT, StepT], trial: PointT, radius: float) -> PointT:
+def _second(program: DescentProgram[PointT, StepT], trial: PointT, radius: float) -> PointT:
     """Return the better of a trial point and the point one step from it."""
     step = program.step(trial, radius)
     again = trial if step is None else program.follow(trial, step)
