@@ -1,7 +1,7 @@
 """What a descent did in each of its iterations, and why it ended."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -10,9 +10,6 @@ from optiplan.arrays import Array
 Ending = Literal[
     "converged", "trust region", "penetration", "too slow", "step limit", "stopped", "contact between samples"
 ]
-
-ENDINGS: tuple[Ending, ...] = get_args(Ending)
-"""In the order of the native core."""
 
 COLUMNS = ("duration", "merit", "violation", "radius", "accepted")
 
