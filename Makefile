@@ -66,10 +66,12 @@ sanitize: $(TEST) $(CORE) ## the native core under the sanitizers for memory and
 bench-smoke: $(RUN) $(CORE) ## how quick this machine is, as multiples of 10,000 distances of coal (a minute)
 	$(BIN)/python benchmarks/smoke.py
 
-lint: $(DEV) ## ruff and mypy --strict
+lint: $(DEV) ## ruff, mypy --strict, and the prose of pages and docstrings
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/proselint check --config docs/proselint.json README.md CONTRIBUTING.md docs benchmarks
+	$(BIN)/python docs/prose.py
 
 format: $(DEV) ## let ruff lay out the code
 	$(BIN)/ruff check --fix .
@@ -102,7 +104,7 @@ $(CORE): $(wildcard optiplan/_core/src/*) CMakeLists.txt | $(RUN)
 	@if ! command -v $${CXX:-c++} >/dev/null; then \
 	   echo "no C++ compiler: planners run on their reference path in Python, which is slower" >&2; \
 	 else \
-	   echo "building the native core (a minute or two)"; \
+	   echo "building the native core (less than a minute)"; \
 	   $(PIP) $(BUILD_TOOLS); \
 	   export PATH="$(abspath $(BIN)):$$PATH"; \
 	   cmake -S . -B build/core -G Ninja -DOPTIPLAN_IN_PLACE=ON -DPython_EXECUTABLE="$(abspath $(BIN))/python" \

@@ -139,7 +139,9 @@ def test_links_lead_somewhere(page):
 
 def test_the_table_of_the_readme_is_measured():
     """Its rows stand word for word in the page of the benchmarks."""
-    rows = [line for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = text[text.index("| planner |") :].split("\n\n")[0]
+    rows = [line for line in table.splitlines() if line.startswith("| ")]
     measured = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8").splitlines()
     assert len(rows) >= 5
     assert set(rows) <= set(measured)
@@ -149,6 +151,14 @@ def test_the_readme_is_short():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 90
     assert re.findall(r"make (?:demo|test) ", text) == ["make demo ", "make test "]
+
+
+def test_the_causes_in_the_readme_are_kinds_of_failures():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = text[text.index("| cause |") :].split("\n\n")[0]
+    causes = {cause for line in table.splitlines() for cause in re.findall(r"`([a-z-]+)`", line.split("|")[1])}
+    assert len(causes) >= 8
+    assert causes <= set(get_args(get_type_hints(op.Failure)["kind"]))
 
 
 def test_kinds_of_failures_are_explained():

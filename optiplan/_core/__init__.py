@@ -1,8 +1,9 @@
 """The native core: what planners compute most often, in C++, in a build for this processor.
 
-Three builds of the same sources differ in the instructions that they may use and in nothing else: all give the same
-bits. `OPTIPLAN_CORE=none|base|avx2|avx512` chooses one; otherwise the widest that this processor runs is taken. Where
-none was built, `variant` is "none", `core` is None, and planners compute the same in Python.
+Builds of the same sources differ in the instructions that they may use and in nothing else: all give the same bits.
+An installation from source holds the one for its processor, a wheel holds three. `OPTIPLAN_CORE=none|base|avx2|avx512`
+chooses one; without it, the widest that this processor runs is loaded. Where none was built, `variant` is "none",
+`core` is None, and planners compute the same in Python.
 """
 
 import os

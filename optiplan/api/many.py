@@ -62,8 +62,8 @@ def plan_many(
     Example:
         >>> import optiplan as op
         >>> problems = [op.load_problem("12_planar", seed=seed) for seed in range(2)]
-        >>> [run.verified for run in op.plan_many(problems, workers=2)]  # doctest: +SKIP
-        [True, True]
+        >>> all(run.verified for run in op.plan_many(problems, workers=2))  # doctest: +SKIP
+        True
     """
     if progress is not None and not callable(progress):
         raise wrong_argument("plan_many", "progress", described(progress), "a function of a name and a fraction")

@@ -6,10 +6,18 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Index
+from optiplan.arrays import Array, Flags, Index
+from optiplan.geometry.coal_queries import exact_distance_request
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.robot import Robot
+from optiplan.robot.self_collision.pair_bounds import LocalBox
+
+STANDING_OVERLAP = 5e-3
+"""Depth, m, to which a link that no joint moves may be sunk into an obstacle that it stands on.
+
+Makers' meshes reach below the mounting plane of the robot, that of the UR5 by 3 mm.
+"""
 
 
 def bodies_of(robot: Robot, scene: Scene, carriers: Mapping[str, int]) -> list[tuple[str, pin.GeometryObject]]:
@@ -80,3 +88,37 @@ def same_standing_body(one: Obstacle, other: Obstacle) -> bool:
 
 def _body(name: str, joint: int, placement: pin.SE3, geometry: coal.CollisionGeometry) -> pin.GeometryObject:
     return pin.GeometryObject(name, joint, 0, placement, geometry)
+
+
+def overlapping(geometry: pin.GeometryModel, pairs: Index, boxes: Sequence[LocalBox]) -> list[tuple[int, int]]:
+    """Return those of pairs (K, 2) of static bodies, that overlap by more than `STANDING_OVERLAP`; `boxes` are of all.
+
+    The depth in a mesh is not known, and neither is inside from outside: a pair with a mesh is kept where the two
+    touch, and where their boxes overlap, for the verifier to look whether one holds the other.
+    """
+    if not len(pairs):
+        return []
+    bodies = list(geometry.geometryObjects)
+    low, high = _world_boxes(bodies, boxes)
+    a, b = pairs.T
+    meets: Flags = ((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)
+    request, found = exact_distance_request(), []
+    for first, second in pairs[meets].tolist():
+        one, other = bodies[first], bodies[second]
+        mesh = any(isinstance(body.geometry, coal.BVHModelBase) for body in (one, other))
+        X_one, X_other = (coal.Transform3s(X.rotation, X.translation) for X in (one.placement, other.placement))
+        ends = (one.geometry, X_one, other.geometry, X_other)
+        if mesh or coal.distance(*ends, request, coal.DistanceResult()) < -STANDING_OVERLAP:
+            found.append((first, second))
+    return found
+
+
+def _world_boxes(bodies: Sequence[pin.GeometryObject], boxes: Sequence[LocalBox]) -> tuple[Array, Array]:
+    """Corners, (G, 3) each, of boxes along the world's axes that hold bodies which stand still; inf for half-spaces."""
+    centre, half = np.array([box.centre for box in boxes]), np.array([box.half for box in boxes])
+    X = np.array([body.placement.homogeneous for body in bodies])
+    endless = np.isinf(half).any(axis=1)
+    middle = (X[:, :3, :3] @ centre[:, :, None])[..., 0] + X[:, :3, 3]
+    reach = (np.abs(X[:, :3, :3]) @ np.where(endless[:, None], 0.0, half)[:, :, None])[..., 0]
+    reach[endless] = np.inf
+    return middle - reach, middle + reach

@@ -5,7 +5,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.mesh_hulls import exact_queries
+from optiplan.geometry.coal_queries import make_exact
 
 _WIDE = 0.03
 """m; asking meshes within a wider margin costs more than cutting the motion once more."""
@@ -49,7 +49,7 @@ class _Margins:
     def __init__(self, model: CollisionModel, geometry: pin.GeometryModel) -> None:
         self._model, self._geometry = model.model, geometry
         self._data, self._queries = model.model.createData(), geometry.createData()
-        exact_queries(self._queries)
+        make_exact(self._queries)
         self._requests = list(self._queries.collisionRequests)
         self._broad_phase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(model.model, geometry, self._queries)
         # The box around a half-space is not grown by its margins, so those pairs are asked one by one.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from optiplan.arrays import Array, Index
-from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
+from optiplan.geometry.coal_queries import DISTANCE_ERROR
 
 
 @dataclass(frozen=True, slots=True)

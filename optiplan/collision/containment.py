@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -12,7 +13,8 @@ from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.enclosure import Enclosure, connected_parts
 
 _KINDS = (coal.BVHModelBase, coal.Halfspace)
-_FEW = 16  # points of a part of a mesh that are tried
+_POINTS_PER_PART = 16
+"""Points of one part of a body that are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +25,21 @@ class Contained:
     inner: int
     mesh: int
     point: Array
+
+
+class _Candidates(NamedTuple):
+    """K pairs of a mesh and another body.
+
+    Attributes:
+        low, high: (K, 3) corners of the mesh's box, m.
+        point: (K, 3) point of the other body in its own frame, m.
+        several: (K,) whether the other body has several parts.
+    """
+
+    low: Array
+    high: Array
+    point: Array
+    several: Flags
 
 
 class Containment:
@@ -84,13 +101,13 @@ class Containment:
         return np.asarray(inside | several)
 
     @cached_property
-    def _table(self) -> tuple[Array, Array, Array, Flags]:
-        """Of each side: corners of the mesh's box, a point of the other body, whether that has more parts."""
+    def _table(self) -> _Candidates:
+        """The pairs with a mesh as arrays."""
         meshes, mesh_of = np.unique(self._meshes, return_inverse=True)
         low, high = (np.array(corners) for corners in zip(*map(self._box, meshes.tolist()), strict=True))
         bodies, body_of = np.unique(self._others, return_inverse=True)
         points, whole = zip(*map(self._first_part, bodies.tolist()), strict=True)
-        return low[mesh_of], high[mesh_of], np.array(points)[body_of], ~np.array(whole)[body_of]
+        return _Candidates(low[mesh_of], high[mesh_of], np.array(points)[body_of], ~np.array(whole)[body_of])
 
     def _first_part(self, body: int) -> tuple[Array, bool]:
         """A point (3,) of a body's first part, m, in its own frame, and whether that is all of it."""
@@ -118,10 +135,12 @@ class Containment:
             shape = self.shapes[body]
             if isinstance(shape, coal.BVHModelBase):
                 parts = connected_parts(mesh_vertices(shape), mesh_triangles(shape))
-                self._parts[body] = [part[:: len(part) // _FEW + 1] for part in parts]
+                self._parts[body] = [part[:: len(part) // _POINTS_PER_PART + 1] for part in parts]
             elif isinstance(shape, coal.ConvexBase):
                 corners = np.array(shape.points())
-                self._parts[body] = [np.vstack([corners.mean(axis=0), corners[:: len(corners) // _FEW + 1]])]
+                self._parts[body] = [
+                    np.vstack([corners.mean(axis=0), corners[:: len(corners) // _POINTS_PER_PART + 1]])
+                ]
             else:
                 self._parts[body] = [np.zeros((1, 3))]
         return self._parts[body]

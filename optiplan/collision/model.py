@@ -7,17 +7,14 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Index
-from optiplan.collision.bodies_and_pairs import bodies_of, only_moved, pairs_of
+from optiplan.collision.bodies_and_pairs import bodies_of, only_moved, overlapping, pairs_of
 from optiplan.collision.contacts import Contact, Contacts, Pair, unit_normals
 from optiplan.collision.containment import Containment
 from optiplan.collision.geometry_model import geometry_of
 from optiplan.collision.moving_obstacles import displacements, with_obstacle_joints
-from optiplan.collision.outline import Outline
-from optiplan.collision.pair_queries import PairQueries
-from optiplan.collision.standing_links import overlapping
-from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
-from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
-from optiplan.geometry.mesh_hulls import SETTLED, is_flat
+from optiplan.collision.pair_queries import HULL_DISTANCE_ENOUGH, Outline, PairQueries
+from optiplan.geometry.coal_queries import DISTANCE_ERROR
+from optiplan.geometry.convex import is_flat
 from optiplan.geometry.scene import Scene
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import Robot
@@ -33,7 +30,7 @@ class CollisionModel:
 
     Bodies are the robot's links, then attachments, then obstacles. Links are checked against each other as the robot
     says. A link that no planned joint moves may stand on an obstacle, but not in it: such a pair is measured once, and
-    is among `pairs` only where the two overlap by more than `standing_links.STANDING_OVERLAP`: no configuration is
+    is among `pairs` only where the two overlap by more than `bodies_and_pairs.STANDING_OVERLAP`: no configuration is
     free.
 
     Attributes:
@@ -175,11 +172,11 @@ class CollisionModel:
     def pair_gap(self, pair: int) -> float:
         """A lower bound, m, of the distance of one pair where `place` put the bodies.
 
-        It is the distance itself, unless a body is a mesh and the hulls are farther apart than `SETTLED`.
+        It is the distance itself, unless a body is a mesh and the hulls are farther apart than `HULL_DISTANCE_ENOUGH`.
         """
         if pair in self.outline.pairs:
             gap = self.outline.distance(pair)
-            if gap > SETTLED:
+            if gap > HULL_DISTANCE_ENOUGH:
                 return gap
         return float(self._queries.distance(pair).min_distance)
 
@@ -226,29 +223,22 @@ class CollisionModel:
     def near(self, Q: Array, cutoff: float) -> Contacts:
         """Every pair nearer than `cutoff` (m) at each of many configurations Q (N, n), as arrays.
 
-        Where a body is a mesh, distance and points are the hulls' if these are farther apart than `SETTLED`, and if the
-        bodies touch: triangles do not tell how deep, or which way is out.
+        For a pair with a mesh, distance and points are those of the hulls in two cases: where the hulls are farther
+        apart than `HULL_DISTANCE_ENOUGH`, and where the bodies touch. Triangles give neither depth nor the way out.
         """
         candidates = self.lower_bounds(Q, cutoff) < cutoff
-        queries, outline, meshes = self._queries, self.outline, self.outline.pairs
-        found: list[tuple[int, int, float]] = []
-        vectors: list[Array] = []
+        rows, pairs, results = list[int](), list[int](), list[coal.DistanceResult]()
         for row in np.flatnonzero(candidates.any(axis=1)).tolist():
             self.place(Q[row])
             for pair in np.flatnonzero(candidates[row]).tolist():
-                result = outline.query(pair) if pair in meshes else None
-                if result is None or result.min_distance <= SETTLED:
-                    own = queries.distance(pair)
-                    if result is None or own.min_distance > 0.0:
-                        result = own
-                distance = result.min_distance
-                if distance < cutoff:
-                    found.append((row, pair, distance))
-                    vectors.append(np.array([result.getNearestPoint1(), result.getNearestPoint2(), result.normal]))
-        rows, pairs = (np.array([entry[k] for entry in found], dtype=np.intp) for k in (0, 1))
-        distances = np.array([entry[2] for entry in found])
-        points = np.array(vectors).reshape(-1, 3, 3)
-        return Contacts(rows, pairs, distances, points[:, :2], unit_normals(distances, points))
+                result = self._nearest_points(pair)
+                if result.min_distance < cutoff:
+                    rows.append(row)
+                    pairs.append(pair)
+                    results.append(result)
+        distances, vectors = np.array([result.min_distance for result in results]), _vectors(results)
+        normals = unit_normals(distances, vectors)
+        return Contacts(np.array(rows, np.intp), np.array(pairs, np.intp), distances, vectors[:, :2], normals)
 
     def distances_at(self, placed: pin.Data, which: Index) -> Array:
         """Distances (K,), m, of chosen pairs where `placed` has the joints; meshes as in `near`."""
@@ -259,7 +249,7 @@ class CollisionModel:
 
     def _nearest_points(self, pair: int) -> coal.DistanceResult:
         result = self.outline.query(pair) if pair in self.outline.pairs else None
-        if result is None or result.min_distance <= SETTLED:
+        if result is None or result.min_distance <= HULL_DISTANCE_ENOUGH:
             own = self._queries.distance(pair)
             if result is None or own.min_distance > 0.0:
                 return own
@@ -272,7 +262,7 @@ class CollisionModel:
             (K, 3, 3): rows 0 and 1 are the points, row 2 the normal.
         """
         results = self._answers
-        vectors = np.array([(r.getNearestPoint1(), r.getNearestPoint2(), r.normal) for r in results]).reshape(-1, 3, 3)
+        vectors = _vectors(results)
         if self.outline.pairs:  # between meshes coal leaves the normal unset
             vectors[:, 2] = unit_normals(np.array([result.min_distance for result in results]), vectors)
         return vectors
@@ -310,3 +300,9 @@ class CollisionModel:
         kept, self._standing = pairs_of(self.robot, self.scene, self.names, parents)
         self._sunk = overlapping(self.geometry, self._standing, self._boxes)
         return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate([*kept, *self._sunk]))
+
+
+def _vectors(results: list[coal.DistanceResult]) -> Array:
+    """Return the nearest points on bodies a and b, m, and coal's normal of each result, world: (K, 3, 3)."""
+    rows = [(result.getNearestPoint1(), result.getNearestPoint2(), result.normal) for result in results]
+    return np.array(rows).reshape(-1, 3, 3)

@@ -7,13 +7,13 @@ import coal
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
+from optiplan.cache import MostRecent, digest
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.contacts import Contact, Contacts
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.native_shapes import native_shape
 from optiplan.collision.passing_neighbours import passing_neighbours
-from optiplan.geometry.mesh_hulls import hull_of_mesh
+from optiplan.geometry.convex import hull_of_mesh, mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Scene
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.native_tree import native_tree
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from optiplan._core._core_base import Body, Shape, World
 
 _links: "WeakKeyDictionary[Robot, list[Body | None]]" = WeakKeyDictionary()
+
+_made: "MostRecent[Shape]" = MostRecent(512)
+"""Hulls and meshes by content: the index of their vertices takes milliseconds to make."""
 
 _SLACK = 1e-9
 """m, by which the box and the ball around a hull are larger than its vertices."""
@@ -176,3 +179,32 @@ def _hull(cluster: Cluster) -> "Body":
     radius = float(np.linalg.norm(corners - centre, axis=1).max()) + _SLACK
     shape = core.Shape.convex_hull(np.ascontiguousarray(corners))
     return core.Body.of(cluster.joint, np.eye(4), [shape], np.concatenate([centre, half]), radius)
+
+
+def native_shape(body: coal.CollisionGeometry) -> "Shape | None":
+    """The same shape for the core; None of a kind that it does not know."""
+    match body:
+        case coal.Sphere():
+            return core.Shape.sphere(body.radius)
+        case coal.Capsule():
+            return core.Shape.capsule(body.radius, body.halfLength)
+        case coal.Cylinder():
+            return core.Shape.cylinder(body.radius, body.halfLength)
+        case coal.Box():
+            return core.Shape.box(np.array(body.halfSide))
+        case coal.Halfspace():
+            return core.Shape.half_space(np.array(body.n), body.d)
+        case coal.ConvexBase():
+            return _hull_shape(np.array(body.points()))
+        case coal.BVHModelBase():
+            return _mesh_shape(mesh_vertices(body), mesh_triangles(body))
+    return None
+
+
+def _hull_shape(points: Array) -> "Shape":
+    return _made.get(digest([points.tobytes()]), lambda: core.Shape.convex_hull(points))
+
+
+def _mesh_shape(vertices: Array, triangles: Index) -> "Shape":
+    corners = np.ascontiguousarray(triangles, dtype=np.int64)
+    return _made.get(digest([vertices.tobytes(), corners.tobytes()]), lambda: core.Shape.triangles(vertices, corners))

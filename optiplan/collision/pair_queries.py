@@ -1,4 +1,4 @@
-"""Distances of pairs of bodies by coal: of single pairs, which need no solver, and of all pairs at once."""
+"""Distances of pairs of bodies by coal, and their bounds by hulls in the place of meshes."""
 
 from functools import cached_property
 
@@ -6,11 +6,21 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
-from optiplan.geometry.mesh_hulls import exact_queries, exact_requests
+from optiplan.arrays import Array, Index
+from optiplan.geometry.coal_queries import DISTANCE_ERROR, exact_collision_request, exact_distance_request, make_exact
+from optiplan.geometry.convex import hull_of_mesh
 
 MANY = 2000
 """Pairs from which on none of the answers about all at once is given: pinocchio takes 7 kB and 7 µs for a solver."""
+
+HULL_DISTANCE_ENOUGH = 0.01
+"""m; of bodies whose hulls are farther apart, the hulls' distance, a lower bound, is enough.
+
+Twice the clearance that planners aim at, so that planners keep away from the mesh and not from its hull.
+"""
+
+_HULL_MARGIN = 2 * DISTANCE_ERROR
+"""m; subtracted from a distance of hulls, so that it is a lower bound."""
 
 
 class PairQueries:
@@ -31,7 +41,7 @@ class PairQueries:
         self._placements = [pin.SE3(body.placement) for body in bodies]
         self._joints_of = [body.parentJoint for body in bodies]
         self._joints: list[pin.SE3] = []
-        self._distance_request, self._collision_request = exact_requests()
+        self._distance_request, self._collision_request = exact_distance_request(), exact_collision_request()
         self._transforms: dict[int, coal.Transform3s] = {}
         self.many = len(geometry.collisionPairs) > MANY
 
@@ -76,7 +86,7 @@ class PairQueries:
     @cached_property
     def _solvers(self) -> pin.GeometryData:
         data = self._geometry.createData()
-        exact_queries(data)
+        make_exact(data)
         return data
 
     @cached_property
@@ -88,3 +98,54 @@ class PairQueries:
             pose = self._joints[self._joints_of[body]] * self._placements[body]
             self._transforms[body] = coal.Transform3s(pose.rotation, pose.translation)
         return self._transforms[body]
+
+
+class Outline:
+    """The bodies with hulls in the place of meshes: their distances are lower bounds of the true ones.
+
+    Attributes:
+        geometry: the bodies, in the order of those they stand for.
+        pairs: indices of the pairs with a mesh that is not bounded by a half-space.
+    """
+
+    def __init__(self, model: pin.Model, geometry: pin.GeometryModel, pairs: Index) -> None:
+        """Take the bodies and pairs (P, 2) of `geometry`; those very ones where no pair has a mesh."""
+        self._model = model
+        meshes, planes = (
+            np.array([isinstance(body.geometry, kind) for body in geometry.geometryObjects], dtype=bool)
+            for kind in (coal.BVHModelBase, coal.Halfspace)
+        )
+        asked = np.flatnonzero(meshes[pairs].any(axis=1) & ~planes[pairs].any(axis=1))
+        self.pairs = frozenset(asked.tolist())
+        self.geometry = geometry.copy() if len(asked) else geometry
+        bodies = np.unique(pairs[asked])
+        for body in bodies[meshes[bodies]].tolist():
+            item = self.geometry.geometryObjects[body]
+            item.geometry = hull_of_mesh(item.geometry)
+
+    def with_own_queries(self) -> "Outline":
+        """Return the same hulls with a work space of their own."""
+        twin = Outline.__new__(Outline)
+        twin._model, twin.geometry, twin.pairs = self._model, self.geometry, self.pairs
+        return twin
+
+    @cached_property
+    def _queries(self) -> PairQueries:
+        return PairQueries(self._model, self.geometry)
+
+    def place(self, data: pin.Data) -> None:
+        """Move the bodies to where the joints are in `data`."""
+        if self.pairs:
+            self._queries.place(data)
+
+    def collides(self, data: pin.Data, q: Array) -> bool:
+        """Whether any pair of hulls, or of bodies that are no meshes, touches at q (n,); moves the joints in `data`."""
+        return self._queries.any_touch(data, q)
+
+    def distance(self, pair: int) -> float:
+        """Lower bound, m, of the distance of a pair where `place` put the bodies; negative where hulls meet."""
+        return float(self.query(pair).min_distance) - _HULL_MARGIN
+
+    def query(self, pair: int) -> coal.DistanceResult:
+        """Nearest points of a pair of hulls where `place` put the bodies."""
+        return self._queries.distance(pair)

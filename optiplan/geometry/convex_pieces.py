@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from optiplan.arrays import Array
+from optiplan.geometry.meshes.box_surfaces import BOX_CORNERS
 from optiplan.geometry.over_cover import MeshSolid, over_cover
 
 _STEP = 1e-4
@@ -19,9 +20,6 @@ _PLANE_TOLERANCE = 1e-7
 
 _SAMPLE = 400
 """Triangles that a cut is chosen by, evenly taken where there are more; the cut itself is of all."""
-
-_CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-"""Of a box: which of its two ends along each axis, (8, 3)."""
 
 _LARGEST = 24
 """Faces of a hull whose middles are asked before all of it."""
@@ -164,8 +162,8 @@ def _halves(solid: MeshSolid, cell: _Cell, cuts: Sequence[tuple[int, float]]) ->
 
 def _inner_corners(solid: MeshSolid, boxes: Array) -> list[Array]:
     """Corners (k, 3) of each of the boxes (b, 2, 3) that are inside the mesh."""
-    corners = boxes[:, _CORNERS, np.arange(3)]  # (b, 8, 3)
-    inside = solid.inside(corners.reshape(-1, 3)).reshape(len(boxes), len(_CORNERS))
+    corners = boxes[:, BOX_CORNERS, np.arange(3)]  # (b, 8, 3)
+    inside = solid.inside(corners.reshape(-1, 3)).reshape(len(boxes), len(BOX_CORNERS))
     return [own[flags] for own, flags in zip(corners, inside, strict=True)]
 
 

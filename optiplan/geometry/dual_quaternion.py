@@ -80,9 +80,7 @@ class DualQuaternion:
     def pose(self) -> pin.SE3:
         """X_AB."""
         w, x, y, z = self.real
-        return pin.SE3(
-            pin.Quaternion(w, x, y, z).toRotationMatrix(), 2.0 * _product(self.dual, _CONJUGATE * self.real)[1:]
-        )
+        return pin.SE3(pin.Quaternion(w, x, y, z).toRotationMatrix(), self.position)
 
     def shorter(self) -> "DualQuaternion":
         """The one of q and -q that turns by π at most.

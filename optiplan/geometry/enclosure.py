@@ -126,16 +126,21 @@ def winding_number(triangles: Array, point: Array) -> float:
 
 def connected_parts(vertices: Array, triangles: Triangles) -> list[Array]:
     """Vertices (k, 3) of every part of a mesh that hangs together by its vertices."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     distinct, same = np.unique(vertices, axis=0, return_inverse=True)
     corners = same.reshape(-1)[triangles]
-    joined = (np.ones(2 * len(corners)), (corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()))
-    _, part = connected_components(coo_array(joined, shape=(len(distinct), len(distinct))), directed=False)
+    part = _components(len(distinct), corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel())
     used = np.unique(corners)
     order = used[np.argsort(part[used], kind="stable")]
     return np.split(distinct[order], np.flatnonzero(np.diff(part[order])) + 1)
+
+
+def _components(count: int, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
+    """Return the component (count,) of each node of the graph whose edges join `first` (m,) and `second` (m,)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int32)
 
 
 def _distinct_faces(corners: Triangles) -> tuple[Triangles, npt.NDArray[np.int64]]:
@@ -179,14 +184,10 @@ def _connected(faces: Triangles) -> Iterator[tuple[Triangles, bool]]:
     """Faces that hang together by their edges, and whether each is passed as often in one direction as in the other."""
     if len(faces) == 0:
         return
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     edges = _Edges.of(faces)
     near = edges.neighbours()
-    joined = (np.ones(int(near.sum())), (edges.face[:-1][near], edges.face[1:][near]))
-    count, part = connected_components(coo_array(joined, shape=(len(faces),) * 2), directed=False)
-    even = np.ones(count, bool)
+    part = _components(len(faces), edges.face[:-1][near], edges.face[1:][near])
+    even = np.ones(int(part.max()) + 1, bool)
     even[part[edges.face[edges.uneven()]]] = False
     order = np.argsort(part, kind="stable")
     pieces = np.split(faces[order], np.flatnonzero(np.diff(part[order])) + 1)

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
@@ -15,8 +16,16 @@ from optiplan.robot.urdf.srdf import Srdf, read_srdf
 PACKAGE_FOLDERS = ("cmeel.prefix/share/example-robot-data/robots", "share/example-robot-data/robots")
 
 
-def read_sources(spec: RobotSpec, document: Document) -> tuple[UrdfSource, Srdf | None, Path | None]:
-    """The URDF, that of a Denavit–Hartenberg table included; the SRDF, if there is one, and its path.
+class DescriptionFiles(NamedTuple):
+    """URDF and SRDF of a robot; `srdf` and `srdf_path` are None without an SRDF."""
+
+    urdf: UrdfSource
+    srdf: Srdf | None = None
+    srdf_path: Path | None = None
+
+
+def read_sources(spec: RobotSpec, document: Document) -> DescriptionFiles:
+    """Read the URDF, or make it from the Denavit–Hartenberg table, and the SRDF.
 
     Raises:
         InputError: files that cannot be used, a robot that the data package does not have, or no data package.
@@ -30,10 +39,10 @@ def read_sources(spec: RobotSpec, document: Document) -> tuple[UrdfSource, Srdf 
         with _named_by("urdf", spec.urdf, document):
             urdf = read_urdf(_urdf_path(spec, document), folder)
     if spec.srdf is None:
-        return urdf, None, None
+        return DescriptionFiles(urdf)
     path = folder / spec.srdf
     with _named_by("srdf", spec.srdf, document):
-        return urdf, read_srdf(path, urdf.renamed), path
+        return DescriptionFiles(urdf, read_srdf(path, urdf.renamed), path)
 
 
 @contextmanager

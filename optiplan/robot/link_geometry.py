@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -53,17 +54,17 @@ def treat(
         link = model.frames[item.parentFrame].name
         wanted = named.get(link, spec.default)
         try:
-            kind, over_cover, parts = _treated(item, wanted, result.notes)
-            for part in parts:
+            treated = _treated(item, wanted, result.notes)
+            for part in treated.bodies:
                 result.geometry.addGeometryObject(part)
         except (ValueError, RuntimeError) as error:  # qhull has errors of its own
             found = f"{plain_reason(error)} ({item.meshPath})"
             raise InputError(
                 [document.issue(("collision",), f"link {link}: {found}", "a mesh with vertices")]
             ) from error
-        if kind != PRIMITIVE:
-            result.over_cover[link] = max(over_cover, result.over_cover.get(link, 0.0))
-        result.kinds[link] = max(kind, result.kinds.get(link, kind), key=_EXACTNESS.index)
+        if treated.kind != PRIMITIVE:
+            result.over_cover[link] = max(treated.over_cover, result.over_cover.get(link, 0.0))
+        result.kinds[link] = max(treated.kind, result.kinds.get(link, treated.kind), key=_EXACTNESS.index)
     return result
 
 
@@ -71,13 +72,19 @@ _EXACTNESS = (PRIMITIVE, "mesh", "convex_pieces", "hull")
 """A link of several shapes is called after the roughest of them."""
 
 
-def _treated(
-    item: pin.GeometryObject, wanted: Treatment, notes: list[str]
-) -> tuple[str, float, Iterator[pin.GeometryObject]]:
-    """Return the treatment of a shape, how far (m) the result reaches beyond it, and its bodies."""
+class _Treated(NamedTuple):
+    """Treatment of a shape, how far (m) its bodies reach beyond it at most, and these bodies."""
+
+    kind: str
+    over_cover: float
+    bodies: Iterable[pin.GeometryObject]
+
+
+def _treated(item: pin.GeometryObject, wanted: Treatment, notes: list[str]) -> _Treated:
+    """Return what a shape becomes; add notes on meshes."""
     mesh = item.geometry
     if not isinstance(mesh, coal.BVHModelBase):
-        return PRIMITIVE, 0.0, iter([item.copy()])
+        return _Treated(PRIMITIVE, 0.0, [item.copy()])
     vertices = mesh_vertices(mesh)
     if not (len(vertices) and (np.abs(vertices) <= LARGEST_COORDINATE).all()):  # NaN is refused too
         raise ValueError(f"a mesh without finite vertices, or with one beyond {LARGEST_COORDINATE:g} m")
@@ -86,24 +93,24 @@ def _treated(
             cover = cover_of(mesh)
             if cover.kind == "mesh":
                 notes.append(f"{item.name}: the mesh itself, since its hull reaches {_mm(cover.hull)} beyond it")
-                return "mesh", 0.0, iter([item.copy()])
+                return _Treated("mesh", 0.0, [item.copy()])
             if cover.kind == "convex_pieces":
                 count, reach = len(cover.pieces), _mm(cover.over_cover)
                 notes.append(f"{item.name}: {count} convex pieces, which reach at most {reach} beyond it")
-            return cover.kind, cover.over_cover, _bodies(item, cover.pieces)
+            return _Treated(cover.kind, cover.over_cover, _bodies(item, cover.pieces))
         case "hull":
             hull = body_of(vertices)
             if hull.over_cover > 0.0:
                 notes.append(f"{item.name}: a body around its hull, farther out by at most {_mm(hull.over_cover)}")
-            return "hull", over_cover_of(mesh, [hull.vertices]), _bodies(item, [vertices])
+            return _Treated("hull", over_cover_of(mesh, [hull.vertices]), _bodies(item, [vertices]))
         case "convex_pieces":
             pieces = pieces_of(mesh, read_bytes(Path(item.meshPath)) + np.asarray(item.meshScale).tobytes())
             beyond, count = over_cover_of(mesh, pieces.vertices), len(pieces.vertices)
             made = f"{count} convex pieces" if count > 1 else "its hull, which pieces nearly fill"
             made += f", grown by at most {_mm(pieces.growth)}" if count > 1 else ""
             notes.append(f"{item.name}: {made}; reaches at most {_mm(beyond)} beyond the mesh")
-            return "convex_pieces", beyond, _bodies(item, pieces.vertices)
-    return "mesh", 0.0, iter([item.copy()])
+            return _Treated("convex_pieces", beyond, _bodies(item, pieces.vertices))
+    return _Treated("mesh", 0.0, [item.copy()])
 
 
 def _mm(distance: float) -> str:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.cache import MostRecent
 from optiplan.config.document import plain
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_argument, wrong_argument
@@ -20,10 +21,9 @@ from optiplan.geometry.pose import Pose, Values
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.given_configurations import configuration
-from optiplan.robot.held_joints import held_model
 from optiplan.robot.limits import Limits, joint_unit
-from optiplan.robot.loaded_robots import LoadedRobots, MountedRobots
-from optiplan.robot.mimic_joints import turning
+from optiplan.robot.loaded_robots import LoadedRobots
+from optiplan.robot.mimic_joints import held_model, turning
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.read_robot import RobotParts, read_robot
 from optiplan.robot.reference import DESCRIPTION, Reference, robot_file, robot_names
@@ -33,6 +33,10 @@ from optiplan.robot.self_collision.pairs import PROVED, set_pairs, srdf_words
 from optiplan.robot.urdf.srdf import srdf_text
 
 __all__ = ["DESCRIPTION", "Limits", "Reference", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
+
+
+_MOST_MOUNTED = 4
+"""Bases and loads for which one robot is kept."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -279,8 +283,8 @@ class Robot(RobotParts):
         return replace(bare, tool_frame=self.tool_frame, limits=self.limits)
 
     @cached_property
-    def _mounted(self) -> "MountedRobots[Robot]":
-        return MountedRobots()
+    def _mounted(self) -> "MostRecent[Robot]":
+        return MostRecent(_MOST_MOUNTED)
 
     def _standing(self, mounting: Mounting) -> "Robot":
         return replace(
@@ -360,7 +364,7 @@ def _reload(
     return replace(robot.holding(held), limits=limits, tool_frame=tool_frame).mounted(mounting)
 
 
-_loaded: LoadedRobots[Robot] = LoadedRobots()
+_loaded = LoadedRobots()
 
 
 @reading()

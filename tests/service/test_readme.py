@@ -1,4 +1,4 @@
-"""The README's lines for curl, run as they stand: the motion that a server returns verifies offline."""
+"""The service page's lines for curl, run as they stand: the motion that a server returns verifies offline."""
 
 import re
 import shutil
@@ -15,7 +15,8 @@ ROOT = Path(__file__).parent.parent.parent
 def test_curl_submits_and_the_motion_verifies_offline(server, tmp_path):
     readme = (ROOT / "README.md").read_text("utf-8")
     (tmp_path / "pillar.yaml").write_text(re.search(r"```yaml\n(.*?)```", readme, re.DOTALL)[1])
-    block = next(part for part in re.findall(r"```sh\n(.*?)```", readme, re.DOTALL) if "/api/runs" in part)
+    page = (ROOT / "docs" / "service.md").read_text("utf-8")
+    block = next(part for part in re.findall(r"```sh\n(.*?)```", page, re.DOTALL) if "/api/runs" in part)
     lines = [line for line in block.splitlines() if not line.startswith("optiplan serve")]
     program = f'"{sys.executable}" -c "from optiplan.cli.main import main; main()"'
     script = (

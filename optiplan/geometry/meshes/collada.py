@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, strip
+from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, joined, strip
 from optiplan.geometry.meshes.triangles import MeshError, Soup, Triangles, floats, triangulate, whole_numbers
 
 
@@ -84,13 +84,12 @@ class _Collada:
 
     def mesh(self, mesh: ET.Element) -> MeshPart:
         """Triangles of a <mesh>."""
-        vertices, triangles = [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
+        parts: list[MeshPart] = []
         for group in mesh:
             if group.tag in POLYGONS:
-                points, polygons = self.positions(group), POLYGONS[group.tag](group)
-                triangles.append(triangulate(points, polygons) + sum(map(len, vertices)))
-                vertices.append(points)
-        return np.concatenate(vertices), np.concatenate(triangles)
+                points = self.positions(group)
+                parts.append((points, triangulate(points, POLYGONS[group.tag](group))))
+        return joined(parts)
 
     def positions(self, group: ET.Element) -> Array:
         """Points (k, 3) that the indices of a group of polygons mean."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, strip
+from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, joined, strip
 from optiplan.geometry.meshes.triangles import MeshError, Soup, floats, triangulate
 
 HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp", "KHR_animation_")
@@ -72,13 +72,9 @@ class _Gltf:
     def mesh(self, index: int) -> MeshPart:
         """Triangles of one mesh."""
         if index not in self.read:
-            vertices, triangles = [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
-            for primitive in self.entry("meshes", index).get("primitives", ()):
-                if primitive.get("mode", 4) >= 4:  # below are points and lines
-                    points, corners = self.primitive(primitive)
-                    triangles.append(corners + sum(map(len, vertices)))
-                    vertices.append(points)
-            self.read[index] = np.concatenate(vertices), np.concatenate(triangles)
+            primitives = self.entry("meshes", index).get("primitives", ())
+            surfaces = (one for one in primitives if one.get("mode", 4) >= 4)  # the others are points and lines
+            self.read[index] = joined(map(self.primitive, surfaces))
         return self.read[index]
 
     def primitive(self, primitive: dict[str, Any]) -> MeshPart:

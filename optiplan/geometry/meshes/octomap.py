@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from optiplan.geometry.meshes.box_surfaces import surface_of_cells
-from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup, soup_in_metres
+from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup
 
 DEPTH = 16
 """Levels of a tree below its root."""
@@ -87,7 +87,7 @@ def _surface(words: dict[str, str], body: bytes, tree: Callable[[], ReadOctree])
     if len(found) == 0:
         raise MeshError("no occupied cell")
     corners, triangles = surface_of_cells(found[:, :3], found[:, 3])
-    return soup_in_metres(np.asarray(corners * resolution, dtype=np.float64), triangles)
+    return Soup(np.asarray(corners * resolution, dtype=np.float64), triangles)
 
 
 def _root() -> tuple[int, int, int, int]:

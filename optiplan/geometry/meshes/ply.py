@@ -12,7 +12,6 @@ from optiplan.geometry.meshes.triangles import (
     MeshError,
     Soup,
     check_numbers,
-    soup_in_metres,
     triangulate,
 )
 
@@ -42,7 +41,7 @@ class _Property:
 class _Element:
     name: str
     count: int
-    properties: tuple[_Property, ...]
+    properties: list[_Property]
 
 
 def read_ply(content: bytes) -> Soup:
@@ -55,7 +54,7 @@ def read_ply(content: bytes) -> Soup:
     corners = face.get("vertex_indices", face.get("vertex_index"))
     if corners is None or "tristrips" in tables:
         raise MeshError("a PLY file whose faces have no vertex_indices")
-    return soup_in_metres(vertices, triangulate(vertices, [[int(index) for index in polygon] for polygon in corners]))
+    return Soup(vertices, triangulate(vertices, [[int(index) for index in polygon] for polygon in corners]))
 
 
 def ply_tables(content: bytes) -> "dict[str, Table]":
@@ -76,11 +75,11 @@ def _ply_header(lines: Sequence[str]) -> tuple[str, list[_Element]]:
             case ["format", name, "1.0"] if name in PLY_ORDERS:
                 order = PLY_ORDERS[name]
             case ["element", name, count] if count.isdecimal() and len(count) < 10:
-                elements.append(_Element(name, int(count), ()))
+                elements.append(_Element(name, int(count), []))
             case ["property", "list", length, kind, name] if elements and {length, kind} <= PLY_TYPES.keys():
-                elements[-1] = _with(elements[-1], _Property(name, PLY_TYPES[kind], PLY_TYPES[length]))
+                elements[-1].properties.append(_Property(name, PLY_TYPES[kind], PLY_TYPES[length]))
             case ["property", kind, name] if elements and kind in PLY_TYPES:
-                elements[-1] = _with(elements[-1], _Property(name, PLY_TYPES[kind]))
+                elements[-1].properties.append(_Property(name, PLY_TYPES[kind]))
             case [] | ["comment" | "obj_info", *_]:
                 pass
             case _:
@@ -88,10 +87,6 @@ def _ply_header(lines: Sequence[str]) -> tuple[str, list[_Element]]:
     if order is None:
         raise MeshError("a PLY file of no known format")
     return order, elements
-
-
-def _with(element: _Element, item: _Property) -> _Element:
-    return _Element(element.name, element.count, (*element.properties, item))
 
 
 Table = dict[str, Any]

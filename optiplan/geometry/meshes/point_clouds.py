@@ -195,4 +195,4 @@ def _cloud(points: Array) -> Soup:
         raise MeshError("a coordinate that is not a finite number")
     if len(points) == 0:
         raise MeshError("no points")
-    return Soup(np.unique(points + 0.0, axis=0), np.empty((0, 3), np.int64), np.eye(3))
+    return Soup(np.unique(points + 0.0, axis=0), np.empty((0, 3), np.int64))

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import optiplan
 from optiplan import cache, files
@@ -25,12 +25,20 @@ OCTREE_FORMATS = "BT or OT, of OctoMap"
 
 Kind = Literal["mesh", "point cloud", "octree"]
 
-_KINDS: dict[Kind, tuple[str, str, str]] = {
-    "mesh": (FORMATS, "", ".stl .obj .dae .ply .glb"),
-    "point cloud": (POINT_FORMATS, "points", ".ply .pcd .npz"),
-    "octree": (OCTREE_FORMATS, "", ".bt .ot"),
+
+class _Formats(NamedTuple):
+    """Formats of a kind of file: in words, their suffixes, and what precedes a suffix among `READERS`."""
+
+    words: str
+    suffixes: tuple[str, ...]
+    prefix: str = ""
+
+
+_KINDS: dict[Kind, _Formats] = {
+    "mesh": _Formats(FORMATS, (".stl", ".obj", ".dae", ".ply", ".glb")),
+    "point cloud": _Formats(POINT_FORMATS, (".ply", ".pcd", ".npz"), "points"),
+    "octree": _Formats(OCTREE_FORMATS, (".bt", ".ot")),
 }
-"""What is read of each kind: the formats in words, what precedes the suffix among `READERS`, and the suffixes."""
 
 VERSION = 2
 """Counted up when a file is read to other arrays than before, or refused."""
@@ -59,7 +67,7 @@ class MeshFile:
     @property
     def reader(self) -> str:
         """What reads it: one of `reading_process.READERS`."""
-        return _KINDS[self.kind][1] + self.path.suffix.lower()
+        return _KINDS[self.kind].prefix + self.path.suffix.lower()
 
 
 def open_mesh(path: Path, kind: Kind = "mesh") -> MeshFile:
@@ -72,11 +80,10 @@ def open_mesh(path: Path, kind: Kind = "mesh") -> MeshFile:
         content = files.read_bytes(path)
     except OSError as error:
         raise MeshError(f"cannot read {kind} {path}: {(error.strerror or str(error)).lower()}") from error
-    suffix = path.suffix.lower()
-    formats, prefix, suffixes = _KINDS[kind]
-    if suffix not in suffixes.split():
-        raise MeshError(f"cannot read {kind} {path}: '{suffix}' is none of {formats}")
-    reader = prefix + suffix
+    suffix, formats = path.suffix.lower(), _KINDS[kind]
+    if suffix not in formats.suffixes:
+        raise MeshError(f"cannot read {kind} {path}: '{suffix}' is none of {formats.words}")
+    reader = formats.prefix + suffix
     return MeshFile(path, cache.digest([str(VERSION).encode(), reader.encode(), content]), content, kind)
 
 

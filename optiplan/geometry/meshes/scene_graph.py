@@ -1,5 +1,7 @@
 """Scene graphs of mesh files: nodes that place geometries, and the upward axis."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from optiplan.arrays import Array
@@ -19,6 +21,15 @@ TURNS = {
 """From axes with that one up (right, up and inward as COLLADA has them) to those with z up, x right and y inward."""
 
 MeshPart = tuple[Array, Triangles]
+
+
+def joined(parts: Iterable[MeshPart]) -> MeshPart:
+    """Return several geometries as one."""
+    vertices, triangles = [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
+    for points, corners in parts:
+        triangles.append(corners + sum(map(len, vertices)))
+        vertices.append(points)
+    return np.concatenate(vertices), np.concatenate(triangles)
 
 
 class PlacedMesh:
@@ -48,9 +59,8 @@ class PlacedMesh:
         """All of it, times `scale`."""
         if not self.parts:
             raise MeshError("a scene without triangles")
-        offsets = np.cumsum([0, *(len(vertices) for vertices, _ in self.parts)])
-        triangles = [triangles + k for (_, triangles), k in zip(self.parts, offsets, strict=False)]
-        return Soup(scale * np.concatenate([vertices for vertices, _ in self.parts]), np.concatenate(triangles), turn)
+        vertices, triangles = joined(self.parts)
+        return Soup(scale * vertices, triangles, turn)
 
 
 def strip(indices: Triangles) -> list[list[int]]:

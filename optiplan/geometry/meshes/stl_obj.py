@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.geometry.meshes.triangles import MeshError, Soup, floats, is_ended, soup_in_metres, triangulate
+from optiplan.geometry.meshes.triangles import MeshError, Soup, floats, is_ended, triangulate
 
 FREE_FORM = frozenset("bevel call cstype csh curv curv2 deg end hole parm scrv sp step surf trim vp".split())
 """Statements of OBJ files that make surfaces of another kind than polygons."""
@@ -30,7 +30,7 @@ def read_stl(content: bytes) -> Soup:
     else:
         corners = _ascii_corners(content, count)
     vertices = corners.reshape(-1, 3).astype(np.float64)
-    return soup_in_metres(vertices, np.arange(len(vertices)).reshape(-1, 3))
+    return Soup(vertices, np.arange(len(vertices)).reshape(-1, 3))
 
 
 def _ascii_corners(content: bytes, count: int) -> Array:
@@ -100,7 +100,7 @@ def read_obj(content: bytes) -> Soup:
         elif keyword not in SKIPPED:
             raise MeshError(f"line {number}: '{_shown(line)}', which is no statement of an OBJ file")
     vertices = floats([word for point in points for word in point]).reshape(-1, 3)
-    soup = soup_in_metres(vertices, triangulate(vertices, polygons))
+    soup = Soup(vertices, triangulate(vertices, polygons))
     unused = len(vertices) - len(others.union(*polygons))
     if (unused > 0 or not is_ended(content)) and _is_open(soup):
         signs = f"{unused} vertices that no polygon uses" if unused > 0 else "a last line without a line break"

@@ -1,7 +1,7 @@
 """Triangle meshes: the content of a mesh file, the error for an unusable one, and triangulation of polygons."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -32,12 +32,7 @@ class Soup:
 
     vertices: Array
     triangles: Triangles
-    turn: Array
-
-
-def soup_in_metres(vertices: Array, triangles: Triangles) -> Soup:
-    """Triangles of a file that names neither unit nor axes: m, and z is up."""
-    return Soup(vertices, triangles, np.eye(3))
+    turn: Array = field(default_factory=lambda: np.eye(3))
 
 
 def is_ended(text: bytes) -> bool:

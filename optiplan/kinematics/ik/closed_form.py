@@ -13,6 +13,7 @@ UR-5/UR-10 arms", 2013.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,11 +27,16 @@ from optiplan.robot.robot import Robot
 ACCURACY = 1e-9
 """A branch is valid when forward kinematics meets the pose this well, m and rad."""
 
-_BLOCK = 2048  # poses at a time, so that the work arrays stay in the cache
-_EXACT = 1e-13
-_NEARLY = 1e-5
-_ROUNDS = 4
+_BLOCK = 2048
+"""Poses at a time: their work arrays stay in the processor's cache."""
+
+_EXACT_ERROR, _REFINED_ERROR = 1e-13, 1e-5
+"""m and rad; branches with an error between these are refined."""
+
+_REFINEMENTS = 4
+
 _SINGULAR = 1e-6
+"""Measure below which shoulder, elbow or wrist is singular."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +58,19 @@ class Solutions:
     error: Array
     singular: Flags
     branches: tuple[str, ...]
+
+
+class _Branches(NamedTuple):
+    """Angles (N, 8, 6), errors (N, 8, 2) and measures of singularity (N, 8, 3) of N poses, or of chosen branches."""
+
+    q: Array
+    error: Array
+    measures: Array
+
+    def put(self, place: slice | tuple[Index, Index], found: "_Branches") -> None:
+        """Write branches at `place`."""
+        for whole, part in zip(self, found, strict=True):
+            whole[place] = part
 
 
 class ClosedForm:
@@ -76,38 +95,37 @@ class ClosedForm:
         if not np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(initial=0.0) <= ACCURACY:
             raise ValueError("found a rotation matrix that is not orthonormal; expected R^T R = I to 1e-9")
         N = len(X_WT)
-        q, error, measures = np.empty((N, 8, 6)), np.empty((N, 8, 2)), np.empty((N, 8, 3))
+        found = _Branches(np.empty((N, 8, 6)), np.empty((N, 8, 2)), np.empty((N, 8, 3)))
         for k in range(0, N, _BLOCK):
-            block = slice(k, k + _BLOCK)
-            q[block], error[block], measures[block] = self._block(X_WT[block])
-        return Solutions(q, error.max(-1) <= ACCURACY, error, measures < _SINGULAR, self.branches)
+            found.put(slice(k, k + _BLOCK), self._block(X_WT[k : k + _BLOCK]))
+        valid, singular = found.error.max(-1) <= ACCURACY, found.measures < _SINGULAR
+        return Solutions(found.q, valid, found.error, singular, self.branches)
 
-    def _block(self, X: Array) -> tuple[Array, Array, Array]:
+    def _block(self, X: Array) -> _Branches:
         q, measures = self._angles(X[:, None], SIGNS)
         placed = self.forward(q.reshape(-1, 6)).reshape(*q.shape[:2], 4, 4)
-        error = _errors(placed, X[:, None])
-        worst = error.max(-1)
-        rows, columns = np.nonzero((worst > _EXACT) & (worst < _NEARLY))
+        found = _Branches(q, _errors(placed, X[:, None]), measures)
+        worst = found.error.max(-1)
+        rows, columns = np.nonzero((worst > _EXACT_ERROR) & (worst < _REFINED_ERROR))
         if len(rows):
-            self._refine(X[rows], SIGNS[:, columns], (q, error, measures), (rows, columns))
-        return q, error, measures
+            self._refine(X[rows], SIGNS[:, columns], found, (rows, columns))
+        return found
 
-    def _refine(self, X: Array, signs: Array, result: tuple[Array, Array, Array], at: tuple[Index, Index]) -> None:
+    def _refine(self, X: Array, signs: Array, result: _Branches, at: tuple[Index, Index]) -> None:
         """Aim beside the pose by what the true arm differs from the ideal one, on the same branch.
 
         A robot file gives its angles with so many digits, so F(q) = F_ideal(q) E(q) with E near the identity. Solving
         F_ideal(q) = Y and then Y := X E(q)^-1 = X F(q)^-1 Y converges at once, at singularities too, where steps by the
         Jacobian would not.
         """
-        q, error, measures = result
-        aim = X @ _inverse(self.forward(q[at])) @ X
-        for _ in range(_ROUNDS):
+        aim = X @ _inverse(self.forward(result.q[at])) @ X
+        for _ in range(_REFINEMENTS):
             new, new_measures = self._angles(aim, signs)
             placed = self.forward(new)
             new_error = _errors(placed, X)
-            better = new_error.max(-1) < error[at].max(-1)
-            where = at[0][better], at[1][better]
-            q[where], error[where], measures[where] = new[better], new_error[better], new_measures[better]
+            better = new_error.max(-1) < result.error[at].max(-1)
+            chosen = _Branches(new[better], new_error[better], new_measures[better])
+            result.put((at[0][better], at[1][better]), chosen)
             aim = X @ _inverse(placed) @ aim
 
     def _angles(self, X: Array, signs: Array) -> tuple[Array, Array]:

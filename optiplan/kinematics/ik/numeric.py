@@ -127,7 +127,7 @@ def solve_ik_batch(
 def _solve(robot: Robot, descent: Descent, X_WG: pin.SE3, seeds: Iterable[Array], options: IkOptions) -> IkResult:
     descent.aim(X_WG)
     solutions: list[Array] = []
-    nearest: tuple[float, float, Array] | None = None
+    nearest: IkResult | None = None
     for seed in seeds:
         q = descent.descend(seed, options.iterations)
         position, orientation = pose_error(descent.place(q), X_WG)
@@ -135,16 +135,16 @@ def _solve(robot: Robot, descent: Descent, X_WG: pin.SE3, seeds: Iterable[Array]
             q = q if options.prefer is None else improve(descent, robot.limits, q, options.prefer)
             if all(np.abs(q - other).max() > options.distinct for other in solutions):
                 solutions.append(q)
-        if nearest is None or position + orientation < nearest[0] + nearest[1]:
-            nearest = position, orientation, q
+        if nearest is None or position + orientation < nearest.position_error + nearest.orientation_error:
+            nearest = IkResult(solutions, q, position, orientation)
         if len(solutions) >= options.count or options.stop():
             break
     if nearest is None:
         raise ValueError("inverse kinematics needs at least one seed")
     if solutions:
-        return IkResult(solutions, nearest[2], nearest[0], nearest[1])
+        return nearest
     # Patience, so that the miss reported is the least in its surroundings.
-    q = descent.descend(nearest[2], options.iterations, _PATIENT)
+    q = descent.descend(nearest.nearest, options.iterations, _PATIENT)
     return IkResult([], q, *pose_error(descent.place(q), X_WG))
 
 

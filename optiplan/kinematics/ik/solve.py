@@ -11,6 +11,7 @@ from optiplan.arrays import Array
 from optiplan.kinematics.ik.closed_form import Solutions, closed_form
 from optiplan.kinematics.ik.joint_wraps import images, whole_turns
 from optiplan.kinematics.ik.numeric import IkOptions, IkResult, pose_error, random_seeds, solve_ik
+from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 
 MEASURES = ("shoulder", "elbow", "wrist")
@@ -83,7 +84,10 @@ def answer(robot: Robot, frame: str, X_WG: pin.SE3, near: Array, options: IkOpti
     seeds += random_seeds(robot, near, np.random.default_rng(0), _STARTS)
     if closed is None:
         numeric = solve_ik(robot, frame, X_WG, seeds, options or IkOptions())
-        found = [_solution(robot, q, near, _NUMERIC, _error(robot, frame, X_WG, q)) for q in numeric.solutions]
+        found = [
+            _solution(robot, q, near, _NUMERIC, pose_error(frame_pose(robot, q, frame), X_WG))
+            for q in numeric.solutions
+        ]
     else:
         found = _branches(robot, near, closed.solve(X_WG.homogeneous[None]))
     found.sort(key=lambda s: (not s.within_limits, float(np.abs(s.q - near).max())))
@@ -117,12 +121,6 @@ def _branches(robot: Robot, near: Array, all_of: Solutions) -> list[Solution]:
 def _solution(robot: Robot, q: Array, near: Array, branch: str, error: tuple[float, float]) -> Solution:
     best = whole_turns(robot, q, near, 1)[0]
     return Solution(best, branch, _within(robot, best), error, (), images(robot, q, near))
-
-
-def _error(robot: Robot, frame: str, X_WG: pin.SE3, q: Array) -> tuple[float, float]:
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    return pose_error(data.oMf[robot.model.getFrameId(frame)], X_WG)
 
 
 def _within(robot: Robot, q: Array) -> bool:

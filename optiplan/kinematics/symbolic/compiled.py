@@ -19,6 +19,13 @@ MOST_INSTRUCTIONS = 2000
 _VERSION = "1"  # counted up when code is generated in another way
 
 
+def load_casadi() -> Any:
+    """Return the module CasADi, which takes a while to import and ships no types."""
+    import casadi
+
+    return casadi
+
+
 def compiler() -> list[str] | None:
     """Command of the C compiler: $CC, or the first of cc, gcc and clang that is installed; None without one."""
     chosen = shlex.split(os.environ.get("CC", ""))
@@ -43,9 +50,7 @@ def compiled(name: str, parts: list[bytes], build: Callable[[], Any]) -> Any:
     command = compiler()
     if command is None:
         return build()
-    import casadi
-
-    tags = [_VERSION, casadi.CasadiMeta.version(), platform.machine(), name, *FLAGS]
+    tags = [_VERSION, load_casadi().CasadiMeta.version(), platform.machine(), name, *FLAGS]
     file = f"twin/{name}-{cache.digest([*(tag.encode() for tag in tags), *parts])}.so"
     found = _open(name, file)
     if found is not None:
@@ -82,19 +87,15 @@ def as_machine_code(function: Any) -> Any:
 
 def _open(name: str, file: str) -> Any | None:
     """The function of a cached library; None if there is none, or if it cannot be loaded and has to be made again."""
-    import casadi
-
     try:
-        return None if cache.load(file) is None else casadi.external(name, str(cache.cache_dir() / file))
+        return None if cache.load(file) is None else load_casadi().external(name, str(cache.cache_dir() / file))
     except RuntimeError:
         return None
 
 
 def _compile(function: Any, command: list[str], derivative: bool = True) -> bytes | None:
     """Shared library of a function, and its Jacobian if wanted; None if the compiler refuses or the disk does."""
-    import casadi
-
-    code = casadi.CodeGenerator(f"{function.name()}.c")
+    code = load_casadi().CodeGenerator(f"{function.name()}.c")
     code.add(function)
     if derivative:
         code.add(function.jacobian())

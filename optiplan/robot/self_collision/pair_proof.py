@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
-from optiplan.geometry.mesh_hulls import exact_requests, hull_of_mesh
+from optiplan.geometry.coal_queries import exact_collision_request, exact_distance_request
+from optiplan.geometry.convex import hull_of_mesh
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.self_collision.pair_bounds import PairBounds
 
@@ -62,6 +63,14 @@ class _Boxes:
         step[rows, joint] = half[rows, joint]
         middle = np.concatenate([self.middle - step, self.middle + step])
         return _Boxes(np.tile(self.pair, 2), middle, np.tile(half, (2, 1)))
+
+
+class _OpenBoxes(NamedTuple):
+    """K boxes that are not proved, the travel (K, n) by each joint, m, and the distance less `GAP` (K,), m."""
+
+    boxes: _Boxes
+    steps: Array
+    margin: Array
 
 
 def joint_box(revolute: Flags, lower: Array, upper: Array) -> tuple[Array, Array]:
@@ -120,9 +129,7 @@ class PairProof:
         self._hulls = [hull_of_mesh(s) if mesh else s for s, mesh in zip(self._shapes, surface, strict=True)]
         self._surface: Flags = np.asarray(surface[self.bounds.pairs].any(axis=1))
         self._most = WORK / max(len(self.middle), 1)
-        self._request = coal.DistanceRequest()
-        self._request.gjk_tolerance, self._request.gjk_max_iterations = 1e-9, 500
-        self._near = exact_requests()[1]
+        self._request, self._near = exact_distance_request(), exact_collision_request()
         self._near.security_margin = GAP
 
     def prove(self, groups: Sequence[Index]) -> list[bool]:
@@ -141,8 +148,8 @@ class PairProof:
         while len(boxes.pair):
             spent += np.bincount(group[boxes.pair], minlength=len(groups))
             found = [self._open(boxes.take(slice(k, k + CHUNK)), outside) for k in range(0, len(boxes.pair), CHUNK)]
-            boxes = _Boxes.join([part[0] for part in found])
-            steps, margin = (np.concatenate([part[k] for part in found]) for k in (1, 2))
+            boxes = _Boxes.join([part.boxes for part in found])
+            steps, margin = np.concatenate([part.steps for part in found]), np.concatenate([p.margin for p in found])
             of = group[boxes.pair]
             failed[of[~(margin > 0.0)]] = True
             wanted = np.bincount(of, weights=_parts(steps, margin), minlength=len(groups))
@@ -209,8 +216,8 @@ class PairProof:
         failed[group[pairs[_parts(steps, self.bounds.reach_of(self.middle, pairs)) > HOPELESS * fair]]] = True
         return failed
 
-    def _open(self, boxes: _Boxes, outside: Flags) -> tuple[_Boxes, Array, Array]:
-        """The boxes that are not proved, what each joint moves there (K, n), m, and distance less `GAP` (K,), m."""
+    def _open(self, boxes: _Boxes, outside: Flags) -> _OpenBoxes:
+        """Return the boxes that are not proved; note in `outside` (P,) the pairs whose boxes are apart."""
         poses, placed = self.bounds.place(boxes.middle, boxes.pair)
         steps = self.bounds.steps_of(poses, placed, boxes.half, boxes.pair)
         coarse = self._stroke(boxes.half) * self._arms[boxes.pair]
@@ -220,7 +227,7 @@ class PairProof:
         left = np.flatnonzero(~(apart - travel > GAP))
         margin = self.distances(placed[left], boxes.pair[left], travel[left] + GAP) - GAP
         still = ~(margin > travel[left])
-        return boxes.take(left[still]), steps[left[still]], margin[still]
+        return _OpenBoxes(boxes.take(left[still]), steps[left[still]], margin[still])
 
     def _stroke(self, half: Array) -> Array:
         """Bound how far each joint moves a point 1 m from its axis, half (K, n): the chord, or the way it slides.
