@@ -21,37 +21,39 @@ MAX_VIOLATION = 0.05
 """Clearance violation summed over the samples, m, above which a curve is given up."""
 
 STUCK = 0.01
-"""Clearance violation, m, likewise, above which a curve whose violation no longer decreases is given up."""
+"""Clearance violation summed over the samples, m, above which a curve without progress is given up."""
 
 STALLED, HALVED = 5, 0.5
-"""Steps within which the clearance violation of a stuck curve must fall to this share."""
+"""Number of steps within which the clearance violation of a stuck curve must fall to this share."""
 
 SETTLED = 2
-"""Accepted steps in a row that gain little, after which a descent ends: one alone may be an unlucky step."""
+"""Number of accepted steps in a row with little gain after which a descent ends: one alone may be bad luck."""
 
 ACCEPTED, REPAIRED, REFUSED = 1.0, 0.5, 0.0
-"""In the log: a step, one with a second one from its end, one that was undone."""
+"""Values in the log: an accepted step, one repaired by a second step, a refused one."""
 
 SLOW, WORSE = 30, 1.5
-"""Steps after which a curve's merit must be within this factor of the best motion known."""
+"""Number of steps after which a curve's merit must be within this factor of the best motion."""
 
 GROWN = 2.0
-"""Times its first duration that a curve may take then: those that wind around things seldom become good."""
+"""Multiple of its first duration beyond which a curve is given up then: curves that wind around bodies stay long."""
 
 
 GoOn = Callable[[Array, float], bool]
-"""(control (K, n), duration) of the first curve of a descent on which all rows hold, where they did not on the initial
-one -> whether to descend from it; asked once."""
+"""(control (K, n), duration) of the first curve that holds all rows -> whether to descend from it.
+
+Called once, and only if the initial curve violates a row.
+"""
 
 
 @dataclass(frozen=True)
 class DescentOptions:
-    """What ends a descent that has not converged.
+    """Limits that end a descent before it converges.
 
     Attributes:
         iterations: most steps.
-        stop: asked before every step.
-        best: cost of the best motion known, s: a curve that after 30 steps costs more than 1.5 times that is given up.
+        stop: called before every step.
+        best: cost of the best motion, s; after 30 steps, a curve with more than 1.5 times this cost is given up.
         longest: s; a curve that takes longer after 30 steps is given up.
         go_on: may end it at the first curve on which all rows hold.
     """
@@ -64,7 +66,7 @@ class DescentOptions:
 
 
 class Discretised(Protocol):
-    """What a descent asks of a transcription; shape and curves are its own: of one move, or of several parts."""
+    """A transcription that can be descended: of one move, or of several parts, with curves of its own type."""
 
     @property
     def terms(self) -> tuple[Any, ...]:
@@ -89,7 +91,7 @@ class Stepper(Protocol):
 
     @property
     def transcription(self) -> Discretised:
-        """Return what it is the program of."""
+        """Return the transcription."""
 
     def solve(
         self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
@@ -98,7 +100,7 @@ class Stepper(Protocol):
 
 
 class Merit(Protocol):
-    """A curve of a descent with its merit; `Point` is that of the reference."""
+    """A curve of a descent with its merit; `Point` is the implementation in Python."""
 
     @property
     def control(self) -> Array:
@@ -138,7 +140,7 @@ StepT = TypeVar("StepT", bound=Promise)
 
 
 class DescentProgram(Protocol[PointT, StepT]):
-    """What a descent asks for, in Python (`PythonProgram`) or of the native core (`core.Sqp`)."""
+    """Curves and steps of a descent, in Python (`PythonProgram`) or in the native core (`core.Sqp`)."""
 
     def begin(self, control: Array) -> PointT:
         """Return the curve of control points (K, n) at its least duration."""
@@ -154,7 +156,7 @@ class DescentProgram(Protocol[PointT, StepT]):
 
 
 class Descended(NamedTuple):
-    """Where a descent ended.
+    """Result of a descent.
 
     Attributes:
         control: (K, n), rad or m.
@@ -291,10 +293,10 @@ def descend(  # noqa: C901
     """Descend from control points (K, n) until two steps in a row gain less than 0.2 %.
 
     A step is accepted when the merit falls by a tenth of the decrease predicted by the model; the trust region doubles
-    where it fell by more than 70 %. A rejected step is followed by a second one from its end (the watchdog of
-    Chamberlain et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the
-    second step often repairs it. Where it does not, both are undone and the trust region shrinks to 35 %. A curve
-    whose clearance violation has hardly decreased in several steps is given up; what else ends it is in the options.
+    where it fell by more than 70 %. A second step follows from the end of a rejected one (the watchdog of Chamberlain
+    et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the second step
+    often repairs them. Otherwise both are undone and the trust region shrinks to 35 %. A curve is given up if its
+    clearance violation hardly decreases in several steps; the options name what else ends a descent.
     """
     iterations, stop = options.iterations, options.stop
     point, taken, settled, radius = program.begin(control), 0, 0, FIRST_RADIUS
