@@ -1,4 +1,4 @@
-"""Bodies inside a mesh: a mesh is a surface, and the distance to it does not tell inside from outside."""
+"""Bodies inside a mesh: a mesh is a surface, so the distance to it is positive inside and outside."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -43,10 +43,10 @@ class _Candidates(NamedTuple):
 
 
 class Containment:
-    """Finds pairs of bodies of which one is inside the mesh that is the other.
+    """Find pairs of bodies where one is inside the other, a mesh.
 
-    One connected part of a body is inside or outside as a whole as long as the surfaces stay apart; so this needs to
-    hold at one configuration of a motion that is free of contact.
+    As long as the surfaces stay apart, a connected part of a body is inside or outside as a whole. So one check at one
+    configuration is enough for a motion without contact.
 
     Args:
         shapes: coal geometry of each body.
@@ -64,11 +64,11 @@ class Containment:
 
     @property
     def possible(self) -> bool:
-        """Whether any pair has a mesh that a body can be inside of."""
+        """Whether any pair has a mesh that can contain the other body."""
         return len(self._pairs) > 0
 
     def find(self, poses: Array) -> Contained | None:
-        """The first body inside another one; None if there is none.
+        """Return the first body inside another one; None if there is none.
 
         Args:
             poses: (G, 4, 4) of the bodies in the world.
@@ -85,9 +85,9 @@ class Containment:
         return None
 
     def _may_hold(self, poses: Array) -> Flags:
-        """Whether a point of the other body's first part lies in the box of the mesh, of each side: (K,).
+        """Return whether the other body of each candidate (K,) may be inside the mesh.
 
-        Bodies of one part, whose points are all tried, are out where that point is.
+        A body of one part is outside if its point is outside the box of the mesh.
         """
         if not self.possible:
             return np.zeros(0, dtype=bool)
@@ -110,7 +110,7 @@ class Containment:
         return _Candidates(low[mesh_of], high[mesh_of], np.array(points)[body_of], ~np.array(whole)[body_of])
 
     def _first_part(self, body: int) -> tuple[Array, bool]:
-        """A point (3,) of a body's first part, m, in its own frame, and whether that is all of it."""
+        """Return a point (3,) of a body's first part, m, in its own frame, and whether that is the only part."""
         shape = self.shapes[body]
         if isinstance(shape, coal.ConvexBase):
             return np.array(shape.point(0)), True
@@ -130,7 +130,7 @@ class Containment:
         return self._enclosures[mesh]
 
     def _parts_of(self, body: int) -> list[Array]:
-        """Some points (k, 3) of every connected part of a body, in its own frame, m."""
+        """Return some points (k, 3) of every connected part of a body, in its own frame, m."""
         if body not in self._parts:
             shape = self.shapes[body]
             if isinstance(shape, coal.BVHModelBase):

@@ -11,7 +11,7 @@ from optiplan.geometry.coal_queries import DISTANCE_ERROR, exact_collision_reque
 from optiplan.geometry.convex import hull_of_mesh
 
 MANY = 2000
-"""Pairs from which on none of the answers about all at once is given: pinocchio takes 7 kB and 7 µs for a solver."""
+"""Pairs above which no query covers all pairs at once: a solver of pinocchio takes 7 kB and 7 µs a pair."""
 
 HULL_DISTANCE_ENOUGH = 0.01
 """m; of bodies whose hulls are farther apart, the hulls' distance, a lower bound, is enough.
@@ -26,8 +26,8 @@ _HULL_MARGIN = 2 * DISTANCE_ERROR
 class PairQueries:
     """Queries of the pairs of a geometry model; one object a thread.
 
-    A single pair is asked of coal itself. pinocchio's solvers of all pairs are made at the first question about all of
-    them: loading a problem asks some fifty of the 1,500 pairs of an arm with a gripper.
+    Coal itself answers queries of single pairs. pinocchio's solvers of all pairs are made at the first query of all:
+    loading a problem queries some fifty of the 1,500 pairs of an arm with a gripper.
 
     Args:
         model: the joints that carry the bodies.
@@ -51,12 +51,12 @@ class PairQueries:
         self._transforms.clear()
 
     def poses(self) -> Array:
-        """Poses X_WB (B, 4, 4) of all bodies where `place` put them."""
+        """Return the poses X_WB (B, 4, 4) of all bodies where `place` put them."""
         X_WJ = np.array([pose.homogeneous for pose in self._joints])
         return np.asarray(X_WJ[self._joints_of] @ self._X_JB)
 
     def distance(self, pair: int) -> coal.DistanceResult:
-        """Nearest points of a pair where `place` put the bodies."""
+        """Return the nearest points of a pair where `place` put the bodies."""
         found = self._geometry.collisionPairs[pair]
         a, b, result = found.first, found.second, coal.DistanceResult()
         X_WA, X_WB = self._transform(a), self._transform(b)
@@ -64,18 +64,18 @@ class PairQueries:
         return result
 
     def touches(self, pair: int) -> bool:
-        """Whether a pair touches where `place` put the bodies."""
+        """Return whether a pair touches where `place` put the bodies."""
         found = self._geometry.collisionPairs[pair]
         a, b, result = found.first, found.second, coal.CollisionResult()
         X_WA, X_WB = self._transform(a), self._transform(b)
         return bool(coal.collide(self._shapes[a], X_WA, self._shapes[b], X_WB, self._collision_request, result))
 
     def any_touch(self, joints: pin.Data, q: Array) -> bool:
-        """Whether any pair touches at q (n,), found by the broad phase; moves `joints`. Only of few pairs."""
+        """Return whether any pair touches at q (n,), by the broad phase; moves `joints`. Only without `many` pairs."""
         return bool(pin.computeCollisions(self._model, joints, self._broad_phase, q, True))
 
     def nearest(self, joints: pin.Data, q: Array) -> tuple[int, coal.DistanceResult]:
-        """Return the nearest pair at q (n,), and its nearest points; moves `joints`. Only of few pairs."""
+        """Return the nearest pair at q (n,), and its nearest points; moves `joints`. Only without `many` pairs."""
         pair = int(pin.computeDistances(self._model, joints, self._geometry, self._solvers, q))
         return pair, self._solvers.distanceResults[pair]
 
@@ -104,12 +104,12 @@ class Outline:
     """The bodies with hulls in the place of meshes: their distances are lower bounds of the true ones.
 
     Attributes:
-        geometry: the bodies, in the order of those they stand for.
+        geometry: the bodies, in the order of the original ones.
         pairs: indices of the pairs with a mesh that is not bounded by a half-space.
     """
 
     def __init__(self, model: pin.Model, geometry: pin.GeometryModel, pairs: Index) -> None:
-        """Take the bodies and pairs (P, 2) of `geometry`; those very ones where no pair has a mesh."""
+        """Take the bodies and pairs (P, 2) of `geometry`, which is not copied if no pair has a mesh."""
         self._model = model
         meshes, planes = (
             np.array([isinstance(body.geometry, kind) for body in geometry.geometryObjects], dtype=bool)
@@ -124,7 +124,7 @@ class Outline:
             item.geometry = hull_of_mesh(item.geometry)
 
     def with_own_queries(self) -> "Outline":
-        """Return the same hulls with a work space of their own."""
+        """Return the same hulls with a separate work space."""
         twin = Outline.__new__(Outline)
         twin._model, twin.geometry, twin.pairs = self._model, self.geometry, self.pairs
         return twin
@@ -134,18 +134,18 @@ class Outline:
         return PairQueries(self._model, self.geometry)
 
     def place(self, data: pin.Data) -> None:
-        """Move the bodies to where the joints are in `data`."""
+        """Move the bodies to the joints in `data`."""
         if self.pairs:
             self._queries.place(data)
 
     def collides(self, data: pin.Data, q: Array) -> bool:
-        """Whether any pair of hulls, or of bodies that are no meshes, touches at q (n,); moves the joints in `data`."""
+        """Return whether any pair, with hulls for meshes, touches at q (n,); moves the joints in `data`."""
         return self._queries.any_touch(data, q)
 
     def distance(self, pair: int) -> float:
-        """Lower bound, m, of the distance of a pair where `place` put the bodies; negative where hulls meet."""
+        """Return a lower bound, m, of the distance of a pair where `place` put the bodies; negative if hulls meet."""
         return float(self.query(pair).min_distance) - _HULL_MARGIN
 
     def query(self, pair: int) -> coal.DistanceResult:
-        """Nearest points of a pair of hulls where `place` put the bodies."""
+        """Return the nearest points of a pair of hulls where `place` put the bodies."""
         return self._queries.distance(pair)

@@ -1,4 +1,4 @@
-"""Convex stand-ins for meshes: the hull, or several pieces that together contain the mesh, as tight as measured."""
+"""Convex covers of meshes: the hull, or several pieces that together contain the mesh, with measured excess."""
 
 import io
 import json
@@ -18,10 +18,10 @@ from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.geometry.over_cover import MeshSolid
 
 COVER_VERSION = 1
-"""Counted up when meshes are measured or cut in another way, so that what is kept is made again."""
+"""Increase it when covers change for the same mesh, so that cached ones are made again."""
 
 WITHIN = 1e-3
-"""How far (m) a convex stand-in that is chosen without being asked for may reach beyond the mesh."""
+"""m; the default cover of a mesh reaches at most this far beyond it, else the mesh itself is taken."""
 
 log = logging.getLogger(__name__)
 
@@ -33,8 +33,8 @@ _hulls: cache.MostRecent[coal.ConvexBase] = cache.MostRecent(256)
 class CoacdOptions:
     """Options of the decomposition; the first seven go to CoACD, which scales every mesh to [-1, 1].
 
-    `longest_edge` (m): triangles across a cut are divided to this size before each goes to one piece. Pieces that fill
-    more than `enough` of the hull's volume are not worth their number: the hull is taken.
+    `longest_edge` (m): triangles across a cut are divided to this size before each is assigned to a piece. The hull is
+    taken instead if the pieces fill more than the share `enough` of its volume.
     """
 
     threshold: float = 0.08
@@ -50,19 +50,19 @@ class CoacdOptions:
 
 @dataclass(frozen=True)
 class CoacdPieces:
-    """Convex pieces by their vertices, each of shape (k, 3) in m; `growth` (m) is what containing the mesh added."""
+    """Convex pieces by their vertices, each (k, 3) in m; `growth` (m): how far they were grown to contain the mesh."""
 
     vertices: tuple[Array, ...]
     growth: float
 
 
 def mesh_vertices(mesh: coal.BVHModelBase) -> Array:
-    """Vertices of a mesh, shape (k, 3), in m."""
+    """Return the vertices of a mesh, (k, 3), m."""
     return np.array(mesh.vertices(), dtype=np.float64).reshape(-1, 3)
 
 
 def mesh_triangles(mesh: coal.BVHModelBase) -> Triangles:
-    """Triangles of a mesh."""
+    """Return the triangles of a mesh, (m, 3) indices of vertices."""
     corners = (mesh.tri_indices(i) for i in range(mesh.num_tris))
     return np.array([(t[0], t[1], t[2]) for t in corners], dtype=np.int64).reshape(-1, 3)
 
@@ -92,12 +92,12 @@ def is_flat(shape: coal.CollisionGeometry) -> bool:
 
 
 def hull_of(points: Array) -> coal.ConvexBase:
-    """Convex hull of points (k, 3), in m, as geometry of coal: see `body_of`."""
+    """Return the convex hull of points (k, 3), m, as geometry of coal; see `body_of`."""
     return body_of(points).build()
 
 
 def body_of(points: Array) -> Hull:
-    """Convex hull of points (k, 3), in m; points in one plane or on one line are first thickened by `FLAT`.
+    """Return the convex hull of points (k, 3), m; points in one plane or on one line are first thickened by `FLAT`.
 
     Raises:
         ValueError: no points, or points that are not finite.
@@ -112,7 +112,7 @@ def body_of(points: Array) -> Hull:
 
 @dataclass(frozen=True)
 class Cover:
-    """Default stand-in for a mesh: its hull, convex pieces, or the mesh itself.
+    """Default cover of a mesh: its hull, convex pieces, or the mesh itself.
 
     Attributes:
         kind: hull, convex_pieces or mesh.
@@ -128,14 +128,14 @@ class Cover:
 
 
 def cover_of(mesh: coal.BVHModelBase) -> Cover:
-    """The hull of a mesh if it is within `WITHIN` of the mesh, else pieces that are, else the mesh; cached on disk."""
+    """Return the hull of a mesh if it is within `WITHIN` of it, else such pieces, else the mesh; cached on disk."""
     vertices, triangles = mesh_vertices(mesh), mesh_triangles(mesh)
     content = cache.kept(cover_name(vertices, triangles), lambda: _pack_cover(_cover(vertices, triangles)))
     return _unpack_cover(content, vertices)
 
 
 def cover_name(vertices: Array, triangles: Triangles) -> str:
-    """Name in the cache of the cover of a mesh: vertices (k, 3) in m, triangles (m, 3)."""
+    """Return the cache name of the cover of a mesh: vertices (k, 3) in m, triangles (m, 3)."""
     key = cache.digest([vertices.tobytes(), triangles.tobytes(), repr((COVER_VERSION, WITHIN)).encode()])
     return f"covers/{key}.npz"
 
@@ -176,14 +176,15 @@ def _cover(vertices: Array, triangles: Triangles) -> Cover:
 
 
 def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: CoacdOptions = CoacdOptions()) -> CoacdPieces:
-    """Convex pieces that together contain every triangle of a mesh; cached on disk.
+    """Return convex pieces that together contain every triangle of a mesh; cached on disk.
 
-    CoACD's pieces cut corners of the mesh. So each triangle, divided where it spans several pieces, goes to the piece
-    that contains it best, and every piece becomes the hull of itself and its triangles: the union contains the mesh.
+    CoACD's pieces cut corners of the mesh. So each triangle is assigned to the piece that contains it best; one that
+    spans several pieces is divided first. Every piece becomes the hull of itself and its triangles, so the union
+    contains the mesh.
 
     Args:
         mesh: triangles, in m.
-        identity: bytes that tell this mesh from any other, such as those of its file and its scale.
+        identity: bytes that identify this mesh, such as those of its file and its scale.
         options: how finely it is cut.
     """
     key = cache.digest([identity, repr(asdict(options)).encode()])
@@ -239,14 +240,14 @@ def _cut(vertices: Array, triangles: Triangles, options: CoacdOptions) -> CoacdP
 
 
 def _filling(bodies: list[Array], vertices: Array) -> float:
-    """Volume of the union of convex bodies as a part of that of the vertices' hull, from samples."""
+    """Return the volume of the union of convex bodies as a share of that of the vertices' hull, from samples."""
     samples = np.random.default_rng(0).uniform(vertices.min(axis=0), vertices.max(axis=0), (20_000, 3))
     samples = samples[protrusion(faces_of(vertices), samples) <= 0]
     return float(np.any([protrusion(faces, samples) <= 0 for faces in bodies], axis=0).mean())
 
 
 def _best(bodies: list[Array], vertices: Array, triangles: Triangles) -> tuple[Array, npt.NDArray[np.int64]]:
-    """The least, over the bodies, of how far each triangle sticks out of one of them, and which body that is."""
+    """Return how far each triangle protrudes from the body that contains it best, m, and the index of that body."""
     best = np.full(len(triangles), np.inf)
     owner = np.zeros(len(triangles), dtype=np.int64)
     for index, faces in enumerate(bodies):

@@ -1,4 +1,4 @@
-"""Shapes that files hold: meshes, point clouds, octrees; their bodies are made of triangles and kept by content."""
+"""Shapes from files: meshes, point clouds and octrees. Their bodies are triangles, cached by content."""
 
 from abc import abstractmethod
 from dataclasses import dataclass, field, fields
@@ -56,17 +56,17 @@ def _mesh_body(soup: Soup, scale: tuple[float, float, float], convex: bool) -> c
 
 
 def _check_reach(vertices: Array) -> None:
-    """Refuse vertices (k, 3), m, that are too far away, or no numbers.
+    """Refuse vertices (k, 3), m, that are too far away or not finite.
 
     Raises:
-        ValueError: says so.
+        ValueError: there is such a vertex.
     """
     if not (np.abs(vertices) <= LARGEST_COORDINATE).all():  # written so that NaN is refused too
         raise ValueError(f"a vertex that is no number or beyond {LARGEST_COORDINATE:g} m")
 
 
 def triangle_mesh(vertices: Array, triangles: Triangles) -> coal.BVHModelBase:
-    """Bounding-volume hierarchy of triangles (m, 3), indices of vertices (k, 3) in m.
+    """Return the bounding-volume hierarchy of triangles (m, 3), indices of vertices (k, 3) in m.
 
     Raises:
         ValueError: a vertex that is too far away.
@@ -83,10 +83,10 @@ def triangle_mesh(vertices: Array, triangles: Triangles) -> coal.BVHModelBase:
 
 @dataclass(frozen=True)
 class FileShape(Shape):
-    """A shape that a file holds.
+    """A shape read from a file.
 
-    `key` is the digest of what the file held when the shape was made, by `meshes.reading.open_mesh`; without one the
-    shape is what the file holds when it is built.
+    `key` is the digest of the file's content when the shape was made, by `meshes.reading.open_mesh`. Without a key the
+    shape is the file's content when it is built.
     """
 
     kind: ClassVar[Kind]
@@ -96,12 +96,12 @@ class FileShape(Shape):
     key: str = field(default="", compare=False, kw_only=True)
 
     def same_body(self, other: Shape) -> bool:
-        """Whether another shape is of the same file, and that held the same; not known without a key."""
+        """Return whether another shape has the same file and the same content; False without a key."""
         return self == other and isinstance(other, FileShape) and self.key == other.key != ""
 
     @classmethod
     def from_data(cls, data: Any) -> Self:
-        """Return the shape of the keys in a problem file, its path as it is written there."""
+        """Return the shape of the keys in a problem file, its path unresolved."""
         keys = dict(data)
         return cls(Path(keys.pop("file")), **keys)
 
@@ -140,7 +140,7 @@ class FileShape(Shape):
 
     @property
     def wanted(self) -> str:
-        """What a message says was expected: the kind of file, and its formats."""
+        """The kind of file and its formats, as the expected value in a message."""
         return f"{'an' if self.kind[0] in 'aeiou' else 'a'} {self.kind} file ({self.formats})"
 
 
@@ -181,8 +181,8 @@ class PointCloudSpec(Strict):
 class PointCloud(FileShape):
     """All points within `radius`, m, of those of a file (PLY, PCD, NPZ).
 
-    The body consists of boxes: the points are gathered in cells with edges of `radius`, and each cell has the least
-    box along the axes that contains the balls about its points. So no distance is overestimated, and a box reaches at
+    The body consists of boxes. The points are gathered in cells with edges of `radius`. Each cell has the least box
+    along the axes that contains the balls about its points. So no distance is overestimated, and a box reaches at
     most 0.74 radius + (the extent of its points) beyond the balls.
     """
 

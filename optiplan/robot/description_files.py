@@ -47,7 +47,7 @@ def read_sources(spec: RobotSpec, document: Document) -> DescriptionFiles:
 
 @contextmanager
 def _named_by(key: str, value: object, document: Document) -> Iterator[None]:
-    """Tell of a file that is not there where it is named."""
+    """Report a missing file at the key that names it."""
     try:
         yield
     except InputError as error:
@@ -73,7 +73,7 @@ def _urdf_path(spec: RobotSpec, document: Document) -> Path:
 
 
 def package_robots() -> dict[str, Path]:
-    """URDFs of the installed example-robot-data by name: the file's, with and without a trailing `_robot`."""
+    """Return the URDFs of the installed example-robot-data by file name, with and without a trailing `_robot`."""
     roots = (Path(entry) / folder for entry in sys.path for folder in PACKAGE_FOLDERS)
     root = next((root for root in roots if root.is_dir()), None)
     if root is None:

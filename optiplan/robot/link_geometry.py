@@ -24,13 +24,13 @@ KINDS: tuple[Treatment, ...] = ("auto", "hull", "mesh", "convex_pieces")
 
 @dataclass(frozen=True, eq=False)
 class LinkGeometry:
-    """Collision geometry in which meshes are replaced by what the robot.yaml asks for.
+    """Collision geometry with the meshes replaced as the robot.yaml requests.
 
     Attributes:
         geometry: the bodies.
-        kinds: what each link became: hull, mesh, convex_pieces or primitive.
+        kinds: hull, mesh, convex_pieces or primitive, by link.
         over_cover: how far (m) each link's bodies reach beyond its meshes at most, measured; links with meshes only.
-        notes: what a user should know of meshes that are not checked as they are.
+        notes: for the user, on replaced meshes.
     """
 
     geometry: pin.GeometryModel = field(default_factory=pin.GeometryModel)
@@ -42,10 +42,10 @@ class LinkGeometry:
 def treat(
     model: pin.Model, geometry: pin.GeometryModel, collision: Treatment | CollisionSpec, document: Document
 ) -> LinkGeometry:
-    """Replace the meshes of a robot by what its robot.yaml asks for.
+    """Replace the meshes of a robot as its robot.yaml requests.
 
     Raises:
-        InputError: a link that is not there, is named twice, or has a mesh that cannot be hulled.
+        InputError: a link that is unknown, is named twice, or has a mesh without a hull.
     """
     spec = CollisionSpec(default=collision) if isinstance(collision, str) else collision
     named = _named(spec, [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY], document)
@@ -69,7 +69,7 @@ def treat(
 
 
 _EXACTNESS = (PRIMITIVE, "mesh", "convex_pieces", "hull")
-"""A link of several shapes is called after the roughest of them."""
+"""Kinds by accuracy; the kind of a link is that of its roughest shape."""
 
 
 class _Treated(NamedTuple):
@@ -118,7 +118,7 @@ def _mm(distance: float) -> str:
 
 
 def _bodies(item: pin.GeometryObject, bodies: Iterable[Array]) -> Iterator[pin.GeometryObject]:
-    """Copies of an object, each with the hull of points (k, 3) as its shape; one alone keeps the name."""
+    """Yield copies of an object, each with the hull of points (k, 3) as its shape; a single one keeps the name."""
     several = tuple(bodies)
     for index, vertices in enumerate(several):
         part = item.copy()

@@ -1,4 +1,4 @@
-"""Kept in memory: robots whose files have not changed, those that stand as before, and what is made of one once."""
+"""Robots kept in memory while their files do not change, and results made once for each robot."""
 
 import json
 import threading
@@ -18,25 +18,25 @@ if TYPE_CHECKING:
 
 _MOST = 16
 _SETTLED = 2.0
-"""s since the last change of a file, before which its times do not tell one version from the next."""
+"""s; within this time after a change of a file, its time stamps do not distinguish two versions."""
 
 Key = tuple[str, str, str, str | None, tuple[Path, ...] | None]
-"""What a robot was asked for by: its name, file or content, the folder that paths in a content start from, locked
-joints, group, and the folders that may be read."""
+"""Arguments of `load_robot`: name, file or content; base folder of a content; locked joints; group. The last entry has
+the folders that may be read."""
 
 
 Made = TypeVar("Made")
 
 
 class LoadedRobots:
-    """The robots loaded last, each with the files that it was read from."""
+    """The robots loaded last, each with the signatures of its files."""
 
     def __init__(self) -> None:
         self._robots: OrderedDict[Key, tuple[Robot, tuple[Signature, ...]]] = OrderedDict()
         self._lock = threading.Lock()
 
     def get(self, key: Key) -> "Robot | None":
-        """The robot loaded by `key`, unless one of its files has changed or may not be read any more."""
+        """Return the robot loaded by `key`; None if a file has changed or may no longer be read."""
         with self._lock:
             robot, seen = self._robots.get(key, (None, ()))
         if robot is None or _signatures(robot.files) != seen:
@@ -47,7 +47,7 @@ class LoadedRobots:
         return robot
 
     def keep(self, key: Key, robot: "Robot", began: float) -> None:
-        """Remember a robot whose loading began at this time (`time.time`), unless a file was changed just before."""
+        """Keep a robot whose loading began at this time (`time.time`), unless a file changed just before."""
         seen = _signatures(robot.files)
         if seen is None or any(began - file.changed < _SETTLED for file in seen):
             return
@@ -60,7 +60,7 @@ class LoadedRobots:
     def key(
         ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
     ) -> Key:
-        """What tells one robot from another; a file is the same from wherever it is referred to.
+        """Return the key of a robot; a file has the same key from every folder.
 
         Raises:
             UnknownChoiceError: as `robot_file`.
@@ -73,14 +73,14 @@ class LoadedRobots:
 
     @staticmethod
     def now() -> float:
-        """The time, s, that files are stamped with."""
+        """Return the clock of file time stamps, s."""
         return time.time()
 
 
 def once_for_each_robot(make: Callable[["Robot"], Made]) -> Callable[["Robot"], Made]:
-    """Decorate what is made of a robot alone, wherever it stands and whatever it carries: it is made once.
+    """Decorate a function of a robot, independent of base and load, so that its result is made once for each robot.
 
-    `make` is given the robot without base and load; what it returns is kept as long as that robot is.
+    `make` gets the robot without base and load; its result is kept as long as that robot.
     """
     kept: WeakKeyDictionary[Robot, Made] = WeakKeyDictionary()
 

@@ -30,7 +30,7 @@ PLY_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"
 
 @dataclass(frozen=True)
 class _Property:
-    """A property of PLY: its type, and for lists the type of their length."""
+    """A property of PLY: its type and, for a list, the type of its length."""
 
     name: str
     kind: str
@@ -45,7 +45,7 @@ class _Element:
 
 
 def read_ply(content: bytes) -> Soup:
-    """Polygons of a PLY file, ASCII or binary of either byte order."""
+    """Return the polygons of a PLY file, ASCII or binary of either byte order."""
     tables = ply_tables(content)
     vertex, face = tables.get("vertex"), tables.get("face")
     if vertex is None or face is None or not {"x", "y", "z"} <= vertex.keys():
@@ -58,7 +58,7 @@ def read_ply(content: bytes) -> Soup:
 
 
 def ply_tables(content: bytes) -> "dict[str, Table]":
-    """The elements of a PLY file by name, each as columns by name."""
+    """Return the elements of a PLY file by name, each as columns by name."""
     end = re.search(rb"(?:^|\n)end_header\r?\n", content[:100_000])
     if not content.startswith(b"ply") or end is None:
         raise MeshError("a PLY file without its header")
@@ -142,7 +142,7 @@ def _ply_table(body: bytes, place: int, element: _Element, order: str) -> tuple[
 
 
 def _ply_lists(body: bytes, place: int, element: _Element, order: str) -> tuple[Table, int]:
-    """An element with lists: as one table where all lists have as many values as those of the first row."""
+    """Read an element with lists, as one table if all lists have the length of those in the first row."""
     first, row = _ply_row(body, place, element, order)
     fields = [(f"#{item.name}", order + item.length) for item in element.properties if item.length]
     record = np.dtype([field for item in element.properties for field in _ply_fields(item, first, order)])
@@ -166,7 +166,7 @@ def _ply_fields(item: _Property, first: dict[str, list[float]], order: str) -> l
 
 
 def _ply_row(body: bytes, place: int, element: _Element, order: str) -> tuple[dict[str, list[float]], int]:
-    """Values of one row, and its size in bytes."""
+    """Return the values of one row, and its size in bytes."""
     found: dict[str, list[float]] = {}
     start = place
     for item in element.properties:

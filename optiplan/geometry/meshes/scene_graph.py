@@ -8,17 +8,17 @@ from optiplan.arrays import Array
 from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup, Triangles
 
 MOST_NODES = 100_000
-"""Nodes of a scene, instances counted."""
+"""Nodes of a scene, each instance counted."""
 
 DEEPEST = 200
-"""Nodes within nodes."""
+"""Levels of nested nodes."""
 
 TURNS = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
     "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "Z_UP": np.eye(3),
 }
-"""From axes with that one up (right, up and inward as COLLADA has them) to those with z up, x right and y inward."""
+"""Rotations from the axes of COLLADA (right, up, inward) by upward axis to z up, x right and y inward."""
 
 MeshPart = tuple[Array, Triangles]
 
@@ -33,7 +33,7 @@ def joined(parts: Iterable[MeshPart]) -> MeshPart:
 
 
 class PlacedMesh:
-    """Placed geometries of a scene, with the limits of how much there may be."""
+    """Placed geometries of a scene, with limits of their number."""
 
     def __init__(self) -> None:
         self.parts: list[MeshPart] = []
@@ -56,7 +56,7 @@ class PlacedMesh:
         self.parts.append((vertices @ X[:3, :3].T + X[:3, 3], turned))
 
     def soup(self, scale: float, turn: Array) -> Soup:
-        """All of it, times `scale`."""
+        """Return the whole scene, times `scale`."""
         if not self.parts:
             raise MeshError("a scene without triangles")
         vertices, triangles = joined(self.parts)
@@ -64,7 +64,7 @@ class PlacedMesh:
 
 
 def strip(indices: Triangles) -> list[list[int]]:
-    """Triangles of a strip, all seen from the same side."""
+    """Return the triangles of a strip, all wound alike."""
     names = [int(index) for index in indices]
     return [
         [names[i], names[i + 1], names[i + 2]] if i % 2 == 0 else [names[i + 1], names[i], names[i + 2]]
@@ -73,6 +73,6 @@ def strip(indices: Triangles) -> list[list[int]]:
 
 
 def fan(indices: Triangles) -> list[list[int]]:
-    """Triangles of a fan about its first vertex."""
+    """Return the triangles of a fan about its first vertex."""
     names = [int(index) for index in indices]
     return [[names[0], names[i], names[i + 1]] for i in range(1, len(names) - 1)]

@@ -6,9 +6,9 @@ The branches are shoulder x elbow x wrist. With the wrist point (c, in the arm f
     D = exp(i q2) (upper + exp(i q3) fore);  cos beta = (|D|^2 - |upper|^2 - |fore|^2) / (2 |upper| |fore|)
     q3 = ± beta - arg fore + arg upper;  q2 = arg D - arg(upper + exp(i q3) fore)
 
-with D the way from axis 2 to P, or, with three parallel axes, to axis 4, whose place follows from q1, q5 and q6. Every
-angle is found from those already chosen, so that what rounding does to one the later ones make good; even at
-singularities the pose is met. Sources: Pieper 1968; Hawkins, "Analytic inverse kinematics for the Universal Robots
+with D the vector from axis 2 to P or, with three parallel axes, to axis 4, whose place follows from q1, q5 and q6.
+Every angle is computed from the angles before it, so that later angles compensate their rounding. So the pose is met
+even at singularities. Sources: Pieper 1968; Hawkins, "Analytic inverse kinematics for the Universal Robots
 UR-5/UR-10 arms", 2013.
 """
 
@@ -44,12 +44,12 @@ class Solutions:
     """All branches of N poses.
 
     Attributes:
-        q: (N, 8, 6), rad, in (-pi, pi]; limits are not looked at. An invalid branch holds its nearest miss: the wrist
+        q: (N, 8, 6), rad, in (-pi, pi], without regard to limits. An invalid branch holds its nearest miss: the wrist
             point moved to the edge of the reach, the orientation kept.
         valid: (N, 8), whether the pose is met within `ACCURACY`.
         error: (N, 8, 2), distance (m) and angle (rad) by forward kinematics.
-        singular: (N, 8, 3), whether the shoulder, the elbow, the wrist is singular: two branches meet there, or a joint
-            is free and q is one representative.
+        singular: (N, 8, 3), whether shoulder, elbow and wrist are singular: two branches meet, or a joint is free and
+            q is one representative.
         branches: names of the eight branches.
     """
 
@@ -83,7 +83,7 @@ class ClosedForm:
         self._X_6T = np.array(model.frames[model.getFrameId(frame)].placement.homogeneous)
 
     def solve(self, X_WT: Array) -> Solutions:
-        """All branches of poses X_WT (N, 4, 4) of the frame in the robot's base frame (the root of the model).
+        """Return all branches of poses X_WT (N, 4, 4) of the frame in the robot's base frame (the root of the model).
 
         Raises:
             ValueError: another shape, or a rotation that is not orthonormal to 1e-9.
@@ -112,11 +112,11 @@ class ClosedForm:
         return found
 
     def _refine(self, X: Array, signs: Array, result: _Branches, at: tuple[Index, Index]) -> None:
-        """Aim beside the pose by what the true arm differs from the ideal one, on the same branch.
+        """Correct branches for the deviation of the true arm from the ideal one.
 
-        A robot file gives its angles with so many digits, so F(q) = F_ideal(q) E(q) with E near the identity. Solving
-        F_ideal(q) = Y and then Y := X E(q)^-1 = X F(q)^-1 Y converges at once, at singularities too, where steps by the
-        Jacobian would not.
+        The angles in a robot file are rounded, so F(q) = F_ideal(q) E(q) with E near the identity. Solving
+        F_ideal(q) = Y and then setting Y := X E(q)^-1 = X F(q)^-1 Y converges at once. It also converges at
+        singularities, where steps by the Jacobian do not.
         """
         aim = X @ _inverse(self.forward(result.q[at])) @ X
         for _ in range(_REFINEMENTS):
@@ -129,7 +129,7 @@ class ClosedForm:
             aim = X @ _inverse(placed) @ aim
 
     def _angles(self, X: Array, signs: Array) -> tuple[Array, Array]:
-        """Joint angles (..., 6) and how far from singular (..., 3) on branches `signs` (3, ...) of poses X."""
+        """Return angles (..., 6) and measures of singularity (..., 3) on branches `signs` (3, ...) of poses X."""
         g = self.geometry
         seen = g.R_WA.T @ X[..., :3, :3] @ g.in_tool
         point = seen[..., 3] + (X[..., :3, 3] - g.p_WA) @ g.R_WA
@@ -137,12 +137,12 @@ class ClosedForm:
         return (spherical_wrist if g.spherical else three_parallel)(g, places, signs)
 
     def forward(self, Q: Array) -> Array:
-        """X_WT at configurations Q (N, 6): (N, 4, 4)."""
+        """Return X_WT (N, 4, 4) at configurations Q (N, 6)."""
         return np.asarray(self._kinematics.poses(Q)[:, 6] @ self._X_6T)
 
 
 def closed_form(robot: Robot, frame: str | None = None) -> ClosedForm | None:
-    """The closed form of a frame (the tool's by default), or None when the planned joints are no such arm."""
+    """Return the closed form of a frame, by default the tool; None for an arm without a closed form."""
     return closed_form_of(robot.model, frame or robot.tool_frame)
 
 
@@ -161,7 +161,7 @@ def _inverse(X: Array) -> Array:
 
 
 def _errors(X: Array, X_goal: Array) -> Array:
-    """Distance, m, and angle, rad, between poses: (..., 2). For rotations |R - S|_F = 2 sqrt(2) sin(angle / 2)."""
+    """Return distance, m, and angle, rad, between poses, (..., 2), by |R - S|_F = 2 sqrt(2) sin(angle / 2)."""
     difference = X[..., :3, :] - X_goal[..., :3, :]
     squares = np.einsum("...ij,...ij->...j", difference, difference)
     chord = np.sqrt(squares[..., :3].sum(-1)) / np.sqrt(8.0)

@@ -41,12 +41,12 @@ class Places:
 
 
 def branch_names(geometry: ArmGeometry) -> tuple[str, ...]:
-    """Names in the order of `SIGNS`.
+    """Return the names of the branches in the order of `SIGNS`.
 
-    Seen from axis 1 towards the wrist point: left and right say on which side of axis 1 the arm's plane lies, front and
-    back which way it turned when that plane holds axis 1; up means that the elbow is above the line from axis 2 to the
-    wrist point (three parallel axes: to axis 4, where that lies on the same side of axis 2 as the wrist point);
-    no flip that sin(q5 + zero) < 0, which is what it means for a PUMA.
+    The view is from axis 1 towards the wrist point. Left and right: the side of axis 1 on which the arm's plane lies.
+    Front and back: the direction of the arm if that plane contains axis 1. Up: the elbow is above the line from axis 2
+    to the wrist point. With three parallel axes that line ends at axis 4, if that is on the same side of axis 2 as the
+    wrist point. No flip: sin(q5 + zero) < 0, as for a PUMA.
     """
     sides = ("front", "back")
     if abs(geometry.lateral) > TOLERANCE:
@@ -56,10 +56,10 @@ def branch_names(geometry: ArmGeometry) -> tuple[str, ...]:
 
 
 def spherical_wrist(g: ArmGeometry, places: Places, signs: Array) -> tuple[Array, Array]:
-    """Angles (..., 6) and measures (..., 3): zero where shoulder, elbow, wrist are singular.
+    """Return angles (..., 6) and measures (..., 3), which are 0 where shoulder, elbow, wrist are singular.
 
-    In the basis (5 x 4, 5, 4) the forearm sees axis 6 at v = Rz(q4) (sin t, 0, cos t) with t = q5 + zero:
-    t = atan2(± hypot(v_x, v_y), v_z), q4 = atan2(± v_y, ± v_x); q6 from where axis 5 went.
+    In the basis (5 x 4, 5, 4) of the forearm, axis 6 is v = Rz(q4) (sin t, 0, cos t) with t = q5 + zero. So
+    t = atan2(± hypot(v_x, v_y), v_z) and q4 = atan2(± v_y, ± v_x). The direction of axis 5 gives q6.
     """
     pan, r = _pan(g, places.point, signs[0])
     way = places.point[..., 2] + 1j * r - g.shoulder
@@ -78,10 +78,11 @@ def spherical_wrist(g: ArmGeometry, places: Places, signs: Array) -> tuple[Array
 
 
 def three_parallel(g: ArmGeometry, places: Places, signs: Array) -> tuple[Array, Array]:
-    """Angles (..., 6) and measures (..., 3): zero where shoulder, elbow, wrist are singular.
+    """Return angles (..., 6) and measures (..., 3), which are 0 where shoulder, elbow, wrist are singular.
 
-    Joints 2, 3, 4 keep what lies along y: axis 6 has cos t there, t = q5 + zero = ± atan2(sqrt(v_x^2 + v_z^2), v_y);
-    q6 turns axis 5 into the x-z plane; then q2 + q3 + q4 is the angle of axis 5 about y.
+    Joints 2, 3, 4 do not change components along y. That of axis 6 is cos t with
+    t = q5 + zero = ± atan2(sqrt(v_x^2 + v_z^2), v_y). Then q6 turns axis 5 into the x-z plane, and q2 + q3 + q4 is the
+    angle of axis 5 about y.
     """
     pan, r = _pan(g, places.point, signs[0])
     v, a, b = (_turned(u, pan, None) for u in (places.six, places.five, places.cross))

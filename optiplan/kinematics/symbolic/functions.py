@@ -43,7 +43,7 @@ class SymbolicRobot:
     _made: dict[tuple[str, ...], Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._tree  # noqa: B018 — a joint that is not supported is told at once
+        self._tree  # noqa: B018 — reports an unsupported joint at once
 
     def pose(self, frame: str) -> Any:
         """Pose of a frame: q -> X_WF (4, 4), homogeneous."""
@@ -173,7 +173,7 @@ class SymbolicRobot:
         return model.frames[model.getFrameId(frame)]
 
     def _poses(self, q: Any) -> list[expressions.Placement]:
-        """X_WJ of the world and of all joints, where those that follow others stand at A q + b."""
+        """Return X_WJ of the world and of all joints, followers included, at positions A q + b."""
         positions = self._plain.A @ q + self._plain.b if self._follows else q
         return expressions.world_poses(self._tree, positions)
 

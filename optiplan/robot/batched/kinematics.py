@@ -14,8 +14,8 @@ class BatchKinematics:
     """Poses of the J joints, revolute or prismatic, of a model with n planned ones, over N configurations.
 
     With X_PJ the fixed placement of joint j in its parent and [S] its unit screw, X_WJ = X_WP X_PJ exp([S] q_j). The
-    positions of all joints are A q + b: a planned joint has its own row of the identity there, a follower its leader's
-    times its multiplier, and its offset. Without followers J = n and A is the identity.
+    positions of all joints are A q + b. The row of a planned joint in A is that of the identity. The row of a follower
+    is that of its leader times the multiplier, and b has its offset. Without followers J = n and A is the identity.
 
     Attributes:
         coupling: A (J, n); `offset`: b (J,), rad or m.
@@ -53,7 +53,7 @@ class BatchKinematics:
         return D @ np.abs(self.coupling.T) if self.follows else D
 
     def joint_dependence(self, moved: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Which planned joints (..., n) take part where the joints `moved` (..., J) do."""
+        """Return which planned joints (..., n) take part where the joints `moved` (..., J) do."""
         return np.asarray((moved @ np.abs(self.coupling)) > 0.0) if self.follows else moved
 
     def planned_bound(self, moment_arms: Array) -> Array:
@@ -138,7 +138,7 @@ def _rotations(across: Array, axis: Array) -> Array:
 
 
 def carrying_joints(model: pin.Model) -> npt.NDArray[np.bool_]:
-    """Which joints (J + 1, J) carry what is fixed to each joint, and to the world, which is 0."""
+    """Return which joints (J + 1, J) carry what is fixed to each joint, and to the world, which is 0."""
     carries = np.zeros((model.njoints, model.njoints - 1), dtype=bool)
     for j in range(1, model.njoints):
         carries[j] = carries[model.parents[j]]
@@ -170,9 +170,9 @@ def _columns(axes: Array) -> Index | None:
 class SerialChain:
     """Frame F behind a chain of L joints, revolute or prismatic, each carried by the one before, over N configurations.
 
-    With X_PJ the fixed placement of joint j in its parent and B_j a rotation that takes z to its axis,
-    X_WF = K_1 Z(q_1) K_2 Z(q_2) … K_L Z(q_L) K_F, where K_j = B_P^T X_PJ B_j, K_F = B_L^T X_LF, and Z(q) turns about z
-    or slides along it. So a joint takes one product with a constant matrix for all N at once.
+    X_PJ is the fixed placement of joint j in its parent. B_j is a rotation that takes z to its axis. Z(q) turns about z
+    or slides along it. With K_j = B_P^T X_PJ B_j and K_F = B_L^T X_LF, X_WF = K_1 Z(q_1) K_2 Z(q_2) … K_L Z(q_L) K_F.
+    So a joint takes one product with a constant matrix for all N at once.
 
     Args:
         constants: the L + 1 matrices K (4, 4), m.

@@ -99,8 +99,8 @@ class PairBounds:
     def distances(self, Q: Array, enough: float = np.inf) -> Array:
         """Lower bound, m, of every pair's distance at Q (N, n): (N, P).
 
-        The larger of the distances from the ball of one body to the box of the other, both ways; that of both balls
-        where it is more than `enough`, m.
+        It is the larger of the distances from the ball of one body to the box of the other, both ways. If the distance
+        of both balls exceeds `enough`, m, it is the bound.
         """
         return self._distances(self.kinematics.poses(Q), np.full((len(Q), len(self.pairs)), enough))
 
@@ -237,8 +237,8 @@ class PairBounds:
     def moment_arms(self, stroke: Array) -> Array:
         """Metres that a pair's bodies travel against each other at most for each rad or m of each joint: (P, n).
 
-        Holds at: every configuration with |q_j| <= stroke_j (n,), so that along a straight motion by d the distance of
-        pair p changes by at most sum_j moment_arms[p, j] |d_j|.
+        Holds at: every configuration with |q_j| <= stroke_j (n,). Along a straight motion by d, the distance of pair p
+        changes by at most sum_j moment_arms[p, j] |d_j|.
         """
         corners = (self.placement @ self._corners)[:, :3].swapaxes(1, 2)
         bodies = np.zeros((len(corners), len(self.kinematics.revolute)))
@@ -277,8 +277,8 @@ class PairBounds:
     def witness_gradients(self, Q: Array, pairs: Index, points: Array, normals: Array) -> Array:
         """N . (J_b - J_a) for K contacts: Q (K, n), points (K, 2, 3) on bodies a and b, normals (K, 3); result (K, n).
 
-        Column j of the Jacobian of a point p is axis_j x (p - o_j) for a revolute joint, axis_j for a prismatic one;
-        that of a follower counts for its leader, times the multiplier.
+        Column j of the Jacobian of a point p is axis_j x (p - o_j) for a revolute joint, axis_j for a prismatic one.
+        The column of a follower, times its multiplier, is added to that of its leader.
         """
         direction, origin = self.kinematics.axes(self.kinematics.poses(Q))
         total = np.zeros(direction.shape[:2])

@@ -21,7 +21,7 @@ BEYOND = 1e-4
 """rad or m by which the box proved passes the limits of position: more than the verifier lets a motion pass them."""
 
 BOXES = 4000
-"""Boxes of configurations looked at for a pair of links, at most, before it is left unproved."""
+"""Boxes of configurations checked for a pair of links before it is left unproved."""
 
 ALONG = 20_000
 """Boxes for a pair that one joint moves: neighbours often pass each other at a fraction of a millimetre."""
@@ -86,15 +86,15 @@ def joint_box(revolute: Flags, lower: Array, upper: Array) -> tuple[Array, Array
 
 
 class PairProof:
-    """Which pairs of links are proved never to meet.
+    """Prove that pairs of links never meet.
 
-    In a box with middle m and half widths D the distance of two bodies is at least distance(m) - sum_j s_j, with s_j
-    what joint j can move them against each other (`PairBounds.steps_of`, or, where that is less, the joint's stroke
-    times the lengths of all links beyond it). A box where that exceeds `GAP` is proved; the others are halved along
-    the joint with the largest s_j, until none is left, two bodies are found nearer than `GAP`, or too many are.
+    In a box with middle m and half widths D, the distance of two bodies is at least distance(m) - sum_j s_j. Here s_j
+    bounds their relative motion by joint j: the smaller of `PairBounds.steps_of` and of the joint's stroke times the
+    lengths of all links beyond it. A box with a bound above `GAP` is proved. The others are halved along the joint with
+    the largest s_j, until none remains, two bodies are found nearer than `GAP`, or there are too many boxes.
 
-    The distance to a mesh does not tell inside from outside. So where one body is a mesh, their boxes must be apart
-    somewhere on the way: what is outside at one configuration stays outside where surfaces never meet.
+    The distance to a mesh is positive inside, too. So with a mesh, the boxes of the two bodies must be apart at one
+    configuration: a body outside there stays outside as long as the surfaces never meet.
 
     Holds at: every configuration within the limits, and `BEYOND` past them.
 
@@ -167,13 +167,13 @@ class PairProof:
         return ALONG if self.moves[members].any(axis=0).sum() == 1 else BOXES
 
     def touching_at(self, Q: Array, rows: Index, pairs: Index) -> Flags:
-        """Whether each of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n), is as near as `GAP`: (K,)."""
+        """Return whether each of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n), is as near as `GAP`: (K,)."""
         poses, bodies = self.bounds.kinematics.poses(Q), self.bounds.pairs[pairs]
         placed = poses[rows[:, None], self.bounds.joint[bodies]] @ self.bounds.placement[bodies]
         return self.touching(placed, pairs)
 
     def touching(self, placed: Array, pairs: Index) -> Flags:
-        """Whether each of K pairs of bodies, placed at (K, 2, 4, 4), world, is as near as `GAP`: (K,).
+        """Return whether each of K pairs of bodies, placed at (K, 2, 4, 4), world, is as near as `GAP`: (K,).
 
         Of meshes it is asked whether triangles are: that ends at the first, and takes a part of the time of a distance.
         """
@@ -195,8 +195,8 @@ class PairProof:
     def distances(self, placed: Array, pairs: Index, enough: Array) -> Array:
         """Distance, m, of K pairs of bodies placed at (K, 2, 4, 4), world; negative inside.
 
-        Where it is larger than `enough` (K,), m, it may be a lower bound that is larger too: that of the hulls of
-        meshes, which takes a twentieth of the time.
+        Above `enough` (K,), m, the result may be a lower bound above `enough`: the distance of the meshes' hulls, which
+        takes a twentieth of the time.
         """
         result, found = coal.DistanceResult(), np.empty(len(pairs))
         for k, (a, b) in enumerate(self.bounds.pairs[pairs].tolist()):

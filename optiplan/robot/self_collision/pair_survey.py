@@ -27,7 +27,7 @@ Neighbours that touch less often have an end of travel that is worth knowing, an
 """
 
 OFTEN = 0.2
-"""Share of samples above which two links most likely overlap as they are built: the robot can hardly move."""
+"""Share of samples above which two links most likely overlap by construction: the robot can hardly move."""
 
 ANGLES = 720
 """Places over a joint's range, in the middles of as many equal parts, at which neighbours are asked."""

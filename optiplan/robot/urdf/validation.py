@@ -1,4 +1,4 @@
-"""Faults of a URDF that its parser would pass over: it drops the part in question, which then is not checked at all."""
+"""Find URDF faults that pinocchio's parser ignores silently: it drops the faulty part, which is then never checked."""
 
 import math
 import re
@@ -143,7 +143,7 @@ def _link_faults(link: ET.Element) -> Iterator[tuple[str, str]]:
 
 
 def _repetitions(element: ET.Element) -> Iterator[tuple[str, str]]:
-    """What stands there twice, of which readers take the first."""
+    """Find repeated elements, where readers take the first."""
     for inside in element.iter():
         for tag, count in Counter(str(child.tag) for child in inside).items():
             if count > 1 and tag in ONCE.get(str(inside.tag), ()):
