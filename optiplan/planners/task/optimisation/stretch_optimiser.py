@@ -21,7 +21,7 @@ from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, moving_
 from optiplan.planners.trajopt.nonzero_end_optimiser import with_reserve
 from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.program.sqp import DescentOptions, optimise
+from optiplan.planners.trajopt.program.sqp import DescentOptions, PythonProgram, descend
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import cut_trajectory, join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
@@ -91,9 +91,9 @@ class StretchOptimiser:
     def run(self, budget: Budget) -> Stretch | None:
         """Return the stretch in less time, free and within all limits; None where nothing is gained."""
         y = self._begin()
-        program = StretchProgram(self.made)
+        program = PythonProgram(StretchProgram(self.made))
         for _ in range(_ROUNDS):
-            y = optimise(program, y, DescentOptions(_STEPS, lambda: budget.over))[0].control
+            y = descend(program, y, DescentOptions(_STEPS, lambda: budget.over)).control
             found = self._timed(y)
             if found is None or found.duration > (1.0 - _GAIN) * self.duration:
                 return None
