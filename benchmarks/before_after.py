@@ -4,8 +4,8 @@
     git worktree add /tmp/after c3ff269
     python benchmarks/before_after.py /tmp/before /tmp/after --every 9 --markdown before-after.md
 
-Each checkout has a process of its own, which is warm; of each problem first the one answers, then the other, and in
-turn the other first, so that a busy machine is busy for both. Problems: every k-th of MotionBenchMaker's seven Panda
+Each checkout has a warm process of its own. They answer each problem one after the other, in alternating order, so
+that a busy machine is busy for both. Problems: every k-th of MotionBenchMaker's seven Panda
 sets. The last line printed is JSON.
 """
 

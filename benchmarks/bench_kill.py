@@ -1,4 +1,4 @@
-"""Kills the runner of a suite and its workers at random moments, goes on each time, and counts the runs at the end.
+"""Kill the runner of a suite and its workers at random moments, continue each time, and count the runs at the end.
 
     python benchmarks/bench_kill.py                  # twenty kills, a few minutes
     python benchmarks/bench_kill.py --kills 5 --seed 3
@@ -6,8 +6,8 @@
 The suite: two numbered examples, the planner `quintic` and one that waits 0.1 s, with many repetitions, two workers.
 Each round starts the same command, waits a random time (every fifth round from the start, else from the first run) and
 sends SIGKILL: in turn to the runner, to one worker and a second later to the runner, to both at once.
-At the end the suite is completed and compared with one that was left in peace: every run once, the same verdicts and
-the same motions, and a database that SQLite finds whole. The last line printed is one JSON object.
+At the end the suite is completed and compared with an undisturbed one: every run once, the same verdicts and motions,
+and a database that SQLite finds whole. The last line printed is one JSON object.
 """
 
 import argparse

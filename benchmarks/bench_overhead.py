@@ -1,12 +1,11 @@
-"""What the runner costs on top of the runs themselves.
+"""Measure what the runner costs on top of the runs themselves.
 
     python benchmarks/bench_overhead.py
 
 Four suites of one worker on the numbered examples: real planners, and a planner that only waits (0.05, 0.2 and 1 s).
-*Runs' time* is what the worker spent in planning, verifying and measuring. *Overhead* is the rest of the wall time from
-the beginning to the last run, without starting the worker and without warm-up, as a share of the runs' time: loading
-problems, messages, packing trajectories, storing. For a machine that does nothing else. The last line printed is
-one JSON object.
+*Runs' time* is what the worker spent in planning, verifying and measuring. *Overhead* is the rest of the wall time up
+to the last run, as a share of the runs' time: loading problems, messages, packing trajectories, storing. The start of
+the worker and the warm-up do not count. Run it on a quiet machine. The last line printed is one JSON object.
 """
 
 import json

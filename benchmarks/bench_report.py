@@ -1,9 +1,9 @@
-"""How long a report of 100,000 runs takes.
+"""Measure how long a report of 100,000 runs takes.
 
     python benchmarks/bench_report.py [--runs 100000] [--keep DIR]
 
-Makes up the results of 20 planners, five seeds and as many problems as it takes, stores them one by one as a suite
-does, and reports on them: page, figures, Markdown. The numbers are drawn at random and mean nothing. The last line
+The results of 20 planners, five seeds and enough problems are random numbers. They are stored one by one, as a suite
+does, and reported as page, figures and Markdown. The last line
 printed is one JSON object; times in s.
 """
 

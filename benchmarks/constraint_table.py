@@ -1,12 +1,12 @@
-"""Which planner holds which path constraint, and what the verifier says of it.
+"""Tabulate which planner holds which path constraint, by the verifier.
 
     python benchmarks/constraint_table.py --markdown table.md      # about two minutes
     python benchmarks/publish.py path-constraints table.md --readme docs/reference/constraint-table.md
 
-One motion for each kind of constraint, that of the tests (`tests/planners/constraint_cases.py`), with planners that
-hold constraints by optimising (`trajopt`), by their path (`line`, `sclerp`, and the one whose path is made for the
-constraint) and without either: verified, *refused* where the verifier finds the constraint violated, else the kind of
-the failure; and whether the check is exact, continuous or sampled.
+Each kind of constraint has the motion of the tests (`tests/planners/constraint_cases.py`). `trajopt` holds it by
+optimising, `line`, `sclerp` and the planner made for the constraint by their path, the others not at all. A cell is
+verified, *refused* where the verifier finds a violation, or the kind of the failure. The check is exact, continuous or
+sampled.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Random targets, in and out of reach, for as long as asked: does the controller ever leave a limit, or not answer?
+"""Send random targets, in and out of reach, and count steps in which the controller leaves a limit or does not answer.
 
     python benchmarks/control_hour.py --minutes 60 [--robots panda,srra] [--fail 0.3] [--markdown hour.md]
 

@@ -1,4 +1,4 @@
-"""Time of a step of the controller on one core, and its error, beside pin-pink and mink.
+"""Measure the time of a controller step on one core, and its error, beside pin-pink and mink.
 
     taskset -c 1 chrt -r 5 python benchmarks/control_rate.py [--steps 4000] [--families] [--tables folder]
 

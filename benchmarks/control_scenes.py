@@ -2,11 +2,11 @@
 
     python benchmarks/control_scenes.py --mink MINK [--steps 2000] [--markdown scenes.md]   # 2 minutes on one core
 
-MINK is a checkout of github.com/kevinzakka/mink; its `examples` hold the models, which MuJoCo reads and which are
-written as URDFs for the others. Motions, costs, gains and limits are those of its `benchmarks/scenes.py`, with three
-changes: G1's pelvis is fixed, for want of a floating base here, so the tasks of its feet, pelvis and centre of mass are
-left out; its forearms stand for its hands in pairs with the thighs, as models before 2025 have no bodies for these; and
-ALOHA's bodies keep 1 cm instead of 5, since some stand nearer than that at the start. Clearance in mink is of those
+MINK is a checkout of github.com/kevinzakka/mink. MuJoCo reads the models in its `examples`; the others get them as
+URDFs. Motions, costs, gains and limits are those of its `benchmarks/scenes.py`, with three changes. G1's pelvis is
+fixed, since floating bases are not supported, and the tasks of its feet, pelvis and centre of mass are left out. Its
+forearms stand for its hands in pairs with the thighs, because models before 2025 have no bodies for these. ALOHA's
+bodies keep 1 cm instead of 5, since some are nearer than that at the start. Clearance in mink is of those
 pairs of geoms, in ours of all pairs of links that have them; pink has none. The last line is one JSON object.
 """
 
@@ -61,7 +61,7 @@ class Hand:
 
 @dataclass(frozen=True)
 class MinkScene:
-    """A scene: file, keyframe, tasks and which bodies keep clear of which."""
+    """A scene: file, keyframe, tasks and pairs of bodies that keep clear."""
 
     file: str
     key: str
@@ -193,7 +193,7 @@ class Loaded:
 
 
 def write_urdf(model: mujoco.MjModel, sites: list[str], geoms: set[int], folder: Path) -> Path:
-    """The bodies, hinges and slides of a model, with the geoms asked for, those of meshes as their hulls."""
+    """The bodies, hinges and slides of a model, with the requested geoms, meshes as their hulls."""
     root = ET.Element("robot", name="scene")
     names = {b: model.body(b).name or f"body {b}" for b in range(model.nbody)}
     for b in range(model.nbody):

@@ -2,9 +2,9 @@
 
     python benchmarks/control_singularities.py [--markdown singularities.md]                # about a minute on one core
 
-For each singularity a configuration is taken that has it, and two on both sides of it, 0.5 rad away in the joint that
-makes it and less in others. The tool is led along a smooth path of poses through the three, as a cosine in 4 s, so that
-at half time it passes the singular pose exactly. Every 2 ms each way takes the target a step ahead: the pseudo-inverse,
+Each singularity has a singular configuration and two on both sides of it, 0.5 rad away in its joint and less in
+others. The tool follows a smooth path of poses through the three, as a cosine in 4 s. At half time it passes the
+singular pose exactly. Every 2 ms each way takes the target a step ahead: the pseudo-inverse,
 the damped one (λ = 0.05), the step of the ScLERP scheme, and `op.Controller` with its default limits. The last line
 printed is one JSON object.
 """
@@ -107,7 +107,7 @@ def follow(robot: op.Robot, start: Array, pose: Callable[[float], pin.SE3], step
 
 
 def resolved_rate(robot: op.Robot, damping: float) -> Step:
-    """Jᵀ (J Jᵀ + λ² I)⁻¹ of the target's twist and what is left of the error."""
+    """Jᵀ (J Jᵀ + λ² I)⁻¹ of the target's twist and the remaining error."""
     data, frame = robot.model.createData(), robot.frame_id(robot.tool_frame)
 
     def step(q: Array, X_next: pin.SE3, twist: Array) -> Array:

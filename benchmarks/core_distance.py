@@ -20,7 +20,7 @@ from published import print_json, print_table, table_parser, write_markdown
 from scipy.spatial.transform import Rotation
 
 from optiplan._core import core, variant
-from optiplan.geometry import coal_priming as _primed  # noqa: F401
+from optiplan.geometry import coal_queries as _primed  # noqa: F401
 from optiplan.robot.robot import load_robot
 
 CUTOFF = 0.05

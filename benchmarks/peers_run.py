@@ -4,9 +4,9 @@
         --peer roboplan=VENV/bin/python:roboplan_rrt.py --peer ompl=VENV/bin/python:ompl_moveit.py
 
 Each peer has an adapter in `benchmarks/peers` and a virtual environment of its own (its README says which). *Claims*:
-the planner says it has a motion. *Free*: our verifier proves that nothing touches, whatever the limits; *on meshes*:
+the planner reports a motion. *Free*: our verifier proves that nothing touches, whatever the limits; *on meshes*:
 the second look of `mbm.py`, triangle meshes at small steps, sees no contact. *Within v, a*: position, velocity and
-acceleration limits are kept; *within all*: those of jerk and torque too, of which no peer is told. *Verified*: all of
+acceleration limits are kept; *within all*: those of jerk and torque too, which no peer knows. *Verified*: all of
 that, proved. *Time* is the planner's own. Ours has two lines, the first verified answer and the last, each with the
 time and the duration of that answer, proofs included; of peers it is what their adapter counts of search, simplifying
 and their own timing, start of Python and loading left out. *Duration* is of the timed motion; over the best known of

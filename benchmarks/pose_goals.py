@@ -1,4 +1,4 @@
-"""Pose goals: does every seed find the shortest motion, whichever of the goal's many ends that leads to?
+"""Compare seeds on pose goals: does every seed find the shortest motion, to whichever of the goal's ends?
 
     python benchmarks/pose_goals.py --markdown pose-goals.md        # 40 goals x 4 seeds, about 10 minutes on one core
     python benchmarks/pose_goals.py --robots ur5 --every 50 --seeds 8

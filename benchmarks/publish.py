@@ -2,9 +2,9 @@
 
     python benchmarks/publish.py mbm-fetch fetch.md
 
-The README holds `<!-- table: NAME -->` … `<!-- end -->`; what is between them is replaced by the file. Refused, with
-exit code 2, unless the file names a commit (`Commit `abc1234`, …`) that is HEAD or one of its ancestors: no table of
-code that is not here, and none of a checkout with changes (`-dirty`).
+The README has the markers `<!-- table: NAME -->` … `<!-- end -->`; the file replaces the text between them. Refused,
+with exit code 2, unless the file names a commit (`Commit `abc1234`, …`) that is HEAD or one of its ancestors: no table
+of other code, and none of a checkout with changes (`-dirty`).
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""What is left of the planning time when a problem changes by 5 cm and the earlier run is at hand.
+"""Measure the planning time after a change of 5 cm, with and without the earlier run.
 
     python benchmarks/replanning.py --markdown replanning.md                 # about ten minutes on one core
 
@@ -8,7 +8,7 @@ nearest to the motion moves by 5 cm in a random direction; the goal's pose does;
 anew and with `warm_start`, which takes `Problem.with_…`, planning, proof and metrics each time. Changes that make the
 problem bad input (a start or goal in collision) are drawn again, up to ten times. Shares are of the time of the plan
 anew in the same run; *on the way* also shows the largest step of the acceleration at the start, as a share of its
-limit. *Planning alone* leaves out the change, proof and metrics, which both need. The last line printed is JSON.
+limit. *Planning alone* leaves out the change, proof and metrics. The last line printed is JSON.
 """
 
 import os

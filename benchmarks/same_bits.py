@@ -1,4 +1,4 @@
-"""The same bits as before: plans the problems of `same_bits.csv` that are at hand and compares hashes.
+"""Plan the available problems of `same_bits.csv` and compare the hashes of their motions.
 
     python benchmarks/same_bits.py                       # the quick suite, and the Panda problems where they are
     python benchmarks/same_bits.py --planners trajopt --only examples

@@ -47,7 +47,7 @@ def write_chain(folder: Path, count: int) -> Path:
 
 
 def write_triangles(folder: Path, count: int) -> Path:
-    """A problem of the Panda among four balls of triangles, of so many in all, one of which is in its way."""
+    """A problem of the Panda among four balls, one of them in its way, with this number of triangles in all."""
     import trimesh  # here: the curves that have no meshes need none
 
     levels = 1

@@ -1,11 +1,11 @@
-"""How cost grows: with joints, obstacles, triangles, spans and samples; each point in a process of its own.
+"""Measure how cost grows with joints, obstacles, triangles, spans and samples; each point has a process of its own.
 
     python benchmarks/scaling.py                                  # all curves, a few minutes
     python benchmarks/scaling.py --curves obstacles --markdown scaling.md --picture scaling.png
 
 *Joints*: a chain of boxes among which nothing stands. *Obstacles*: the Panda among small boxes. *Triangles*: of the
 meshes among which it goes. *Spans* and *samples*: of the curve that `trajopt` optimises, on the shelf example, with
-one round of attempts; samples are the instants at which contacts are seen to begin with, at least. *Load* is the second
+one round of attempts. Samples are the first instants checked for contacts. *Load* is the second
 load of the file in the process, *first* the first verified answer, *proof* one call of the verifier, *memory* the
 largest resident memory of the process. Load, plan and proof are processor time. The last line printed is one JSON
 object.

@@ -1,12 +1,12 @@
-"""ScLERP: the report's scheme as printed, put right, damped, and by quadratic programs, on the report's own runs.
+"""Compare four ScLERP schemes on the report's own runs: as printed, corrected, damped, and by quadratic programs.
 
     python benchmarks/sclerp_schemes.py                        # about a minute on one core
 
 The arm is `robots/baxter_report`; goals and the printed scheme are those of `tests/reference`. The first three schemes
-stop at 0.003 as the report's program does. *End*: what is left to the goal; *off*: the largest distance of the tool's
-path from the nearest of 2001 poses of the screw, every step looked at (for `qp` 2001 samples of the path); *past*:
-steps that carried a joint to its limit or past it (for `qp` whether the exact extrema of the whole path are beyond a
-limit). `qp, led` is `qp` with `redundancy: goal`. The last line printed is one JSON object.
+stop at 0.003 as the report's program does. *End* is the remaining distance to the goal. *Off* is the largest distance
+of the tool's path from the nearest of 2001 poses of the screw, at every step (for `qp` at 2001 samples). *Past* counts
+steps that carried a joint to its limit or past it (for `qp`: the exact extrema of the path exceed one). `qp, led` is
+`qp` with `redundancy: goal`. The last line printed is one JSON object.
 """
 
 import os
@@ -101,7 +101,7 @@ def by_programs(tool: Tool, start: Array, X_WG: pin.SE3, scheme: str) -> dict[st
 
 
 def errors(tool: Tool, Q: Array, X_WG: pin.SE3) -> dict[str, float]:
-    """What is left to the goal at the end of Q (N, n), and the largest distance from the screw, m and rad."""
+    """The remaining distance to the goal at the end of Q (N, n), and the largest distance from the screw, m and rad."""
     X = BatchKinematics(tool.robot.model).poses(Q)[:, -1]  # the tool is where the last joint is
     left = pin.SE3(X[-1]).actInv(X_WG)
     screw = ScrewMotion(pin.SE3(X[0]), X_WG)
@@ -122,7 +122,7 @@ def errors(tool: Tool, Q: Array, X_WG: pin.SE3) -> dict[str, float]:
 
 
 def nearest(screw: ScrewMotion, s: float, X: pin.SE3) -> pin.SE3:
-    """The pose of the screw nearest to X, from a guess s: the part of what is left along the screw's twist is taken."""
+    """The pose of the screw nearest to X, from a guess s: the rest along the screw's twist is removed."""
     along = pin.log6(screw.X_W0.actInv(screw.X_W1)).vector
     weight = np.repeat([1.0, ANGLE], 3) ** 2
     for _ in range(3):

@@ -1,4 +1,4 @@
-"""Runs are submitted while their server and workers are killed at random: is any lost, done twice, or served by half?
+"""Submit runs while server and workers are killed at random; count runs lost, done twice, or answered in part.
 
     python benchmarks/service_faults.py --rounds 20 --jobs 100
     python benchmarks/service_faults.py --rounds 20 --jobs 100 --postgres --workers 2
@@ -91,7 +91,7 @@ class Plan:
 
 
 def faults(folder: Path, database: str, plan: Plan) -> Findings:
-    """Submit jobs over so many rounds, each of which ends by kill -9 of one process, and look at what is there then.
+    """Submit jobs over several rounds, end each by kill -9 of one process, and count the results.
 
     Args:
         folder: for the data.

@@ -41,7 +41,7 @@ VALUES = (
 
 @dataclass
 class Answers:
-    """What a server said to all of it."""
+    """The server's answers to all files."""
 
     statuses: Counter[int] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)

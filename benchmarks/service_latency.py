@@ -1,8 +1,8 @@
-"""How much longer `POST /api/plan` takes than the planning itself, with everything warm.
+"""Measure how much longer `POST /api/plan` takes than the planning itself, with everything warm.
 
     python benchmarks/service_latency.py --requests 200
 
-Overhead is the time that a caller waits less that of planning, proof and measures, as the answer tells it: HTTP,
+Overhead is the caller's waiting time less that of planning, proof and metrics in the answer: HTTP,
 reading the problem, the way to the process and back, the motion as JSON. Requests differ in seed or start. Also
 shown: the same through `optiplan.service.cell`, which turns the answer into arrays.
 """

@@ -2,8 +2,8 @@
 
     python benchmarks/service_load.py --runs 200
 
-All are sent at the same time by threads of this process, each of another seed; then the status of random runs is asked
-for, one after the other, until all have ended.
+Threads of this process send all at the same time, each with another seed. Then the status of random runs is requested,
+one after the other, until all have ended.
 """
 
 import random

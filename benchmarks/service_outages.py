@@ -56,7 +56,7 @@ DISK = 200
 ROOM = FRESH + PATIENCE + 10.0
 """s after which `/readyz` may no longer say ok in an outage, on a busy machine."""
 UNTOLD = 60.0
-"""s that an outage lasts at most until `/readyz` has told it, on a machine too busy to tell it sooner."""
+"""s that an outage lasts at most until `/readyz` reports it, on a busy machine."""
 AGAIN = 300.0
 """s within which it has to be ok again, and all runs have to end, on a busy machine."""
 SLACK = 30.0
@@ -157,7 +157,7 @@ class Database:
 
 @dataclass(frozen=True)
 class Look:
-    """An answer about health: when it was asked for and given, s, at which path, with which status and text."""
+    """An answer about health: times of request and answer, s, path, status and text."""
 
     asked: float
     given: float
@@ -176,7 +176,7 @@ class Looks:
         self._thread.start()
 
     def told(self, since: float) -> list[Look]:
-        """Those that were asked for since a time, s, and told of an outage."""
+        """The answers requested since a time, s, that report an outage."""
         return [look for look in self.seen if look.path == "readyz" and look.status == 503 and since < look.asked]
 
     def close(self) -> None:
@@ -218,7 +218,7 @@ def outage_round(kind: Kind, outage: float | None, number: int = 0, workers: int
 
     Args:
         kind: of the database.
-        outage: s, and longer until `/readyz` has told it; None: a full disk.
+        outage: s, and longer until `/readyz` reports it; None: a full disk.
         number: of the round; after an odd one the database is away once more when SIGTERM comes.
         workers: beside the server, which solves too.
     """

@@ -3,11 +3,11 @@
     python benchmarks/smoke.py                      # also: make bench-smoke
     python benchmarks/smoke.py --markdown smoke.md
 
-The yardstick is the time of 10,000 distances of coal, asked one by one from Python, of two hulls of the Panda's links.
-All times are of the processor, the least of `--repeat`, so that another load on the machine hardly shows; so multiples
-of different machines can be compared, and those of one machine before and after a change. *load*: a problem file of a
-known robot; *first*: until the first verified answer; *plan*: until the planner stops; *proof*: the verifier, once;
-*metrics*; *shell*: `optiplan plan FILE`, all told, imports included. The last line printed is one JSON object.
+The yardstick is the time of 10,000 distances of coal, queried one by one from Python, of two hulls of the Panda's
+links. Times are of the processor, the least of `--repeat`, so another load hardly shows. Compare multiples of different
+machines, or of one machine before and after a change. *load*: a problem file of a known robot; *first*: until the first
+verified answer; *plan*: until the planner stops; *proof*: the verifier, once; *metrics*; *shell*: `optiplan plan FILE`
+with its imports. The last line printed is one JSON object.
 """
 
 import os

@@ -2,7 +2,7 @@
 
     python benchmarks/symbolic_twin.py [ROBOT …]
 
-Every figure is the time of one call from Python with arrays that are already there, the shortest of several rounds in
+Every figure is the time of one call from Python with existing arrays, the shortest of several rounds in
 one run, and its ratio to pinocchio's (below 1: the twin is faster). `map` is the time a state of one call over 1,000.
 The cache is a fresh folder, so that compile times are those of a first use. The last line printed is one JSON object.
 """

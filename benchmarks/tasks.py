@@ -4,10 +4,9 @@
     python benchmarks/tasks.py --budget 60 --markdown /tmp/tasks.md
     python benchmarks/publish.py tasks /tmp/tasks.md --readme docs/how-to/tasks.md
 
-Of each task: the duration with a stop after every step, that of the same moves and lines joined to paths which are then
-timed, and that of the answer, in which curves, laws and durations of all steps between two stops were optimised
-together; how often it still stops; the sum of the lower bounds from stop to stop over the duration; what planning took,
-and the share of the optimisation.
+Each task has three durations: with a stop after every step; with the same moves and lines joined to timed paths; and
+that of the answer, in which all steps between two stops were optimised together. Then come the remaining stops, the
+sum of the lower bounds from stop to stop over the duration, the planning time, and the share of the optimisation.
 """
 
 import os

@@ -1,7 +1,7 @@
 """Plan for a robot of your own, from nothing but its URDF.
 
-What the URDF does not say is found (which pairs of links need no check) or given here (limits of acceleration and
-jerk); what would have to be assumed stands in the robot's notes.
+The URDF does not state which pairs of links need no check: OptiPlan finds them. Nor does it have limits of acceleration
+and jerk: they are given here. The robot's notes list every assumption.
 
 Run it: python examples/03_your_own_robot.py
 """

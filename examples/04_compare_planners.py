@@ -1,4 +1,4 @@
-"""Give one problem to several planners and compare what comes.
+"""Give one problem to several planners and compare their motions.
 
 All have the same goals and the same budget, and one verifier judges them all. A planner that finds nothing says why.
 

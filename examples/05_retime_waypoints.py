@@ -1,7 +1,7 @@
 """Time a path of your own within the robot's limits, and have the motion proved.
 
-With no deviation the path stays as it is and the motion stops at every corner; with one, corners are rounded within it
-and the motion runs through. Then samples of a motion from elsewhere are judged.
+Without a deviation the path is kept and the motion stops at every corner. With one, corners are rounded within it and
+the motion runs through. Then the verifier judges samples of a motion from elsewhere.
 
 Run it: python examples/05_retime_waypoints.py
 """
@@ -21,7 +21,7 @@ for deviation in (0.0, 0.02, 0.1):
     print(f"deviation {deviation:.2f} rad: {run}")
     assert run.verified
 
-# What another program made can be judged as well: as arrays, or as the path of a CSV (t, then a column a joint).
+# The verifier also judges motions of other programs: as arrays, or as the path of a CSV (t, then a column a joint).
 t = np.linspace(0, 1.2, 241)  # s
 s = t / t[-1]
 share = 10 * s**3 - 15 * s**4 + 6 * s**5

@@ -1,4 +1,4 @@
-"""Read what the verifier says: every check of a good motion, what is wrong with a bad one, and why a planner gave up.
+"""Read reports: every check of a good motion, the fault of a bad one, and the reason of a planner that gave up.
 
 Run it: python examples/06_read_a_report.py
 """

@@ -1,6 +1,6 @@
-"""Move an obstacle and plan again, with the motion that is at hand.
+"""Move an obstacle and plan again, starting from the motion found before.
 
-The old motion is verified on the new problem first. Where it still holds, the answer is at least as good; where it does
+The old motion is verified on the new problem first. If it holds, the answer is at least as good; if
 not, `info["warm_start"]` says "refused" and the new motion stands alone.
 
 Run it: python examples/07_move_an_obstacle.py

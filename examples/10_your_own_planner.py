@@ -1,4 +1,4 @@
-"""Write a planner of your own in thirty lines and hold it against the others, before the same verifier.
+"""Write a planner of your own in thirty lines and compare it with the others, under the same verifier.
 
 This one tries detours: straight from the start to a random configuration near the middle, and on to the goal.
 `op.retime` times each and has it proved; the quickest that is verified is the answer.
@@ -12,7 +12,7 @@ import optiplan as op
 
 
 class Detours(op.Planner):
-    """The quickest of the detours that are found until the budget ends."""
+    """The quickest detour found within the budget."""
 
     def plan(self, problem, budget, progress):
         """Try until the budget is over."""

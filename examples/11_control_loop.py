@@ -23,7 +23,7 @@ class Driver:
         self.state = op.State(q)
 
     def read(self):
-        """The state now: of a real robot, what it was commanded, or what was measured."""
+        """Return the state now: of a real robot, the commanded or the measured one."""
         return self.state
 
     def send(self, step):
@@ -40,7 +40,7 @@ driver = Driver(robot.configurations["ready"])
 tool.set_target(op.Pose(position=(0.5, 0.1, 0.4), rpy=(3.14159, 0, 0)))
 controller.step(driver.read(), DT)  # the first step allocates: take it before the robot moves
 gc.collect()
-gc.freeze()  # what is loaded is never looked at again by the garbage collector: no pauses from it
+gc.freeze()  # the garbage collector skips loaded objects: no pauses from it
 
 late = 0
 due = time.perf_counter()
@@ -53,7 +53,7 @@ for _ in range(round(SECONDS / DT)):
     driver.send(step)
     if step.status in ("stopping", "recovering"):
         print(f"{step.status}: {step.reason}")
-    due = max(due + DT, time.perf_counter() - DT)  # what is lost is lost: never hurry after it
+    due = max(due + DT, time.perf_counter() - DT)  # lost time stays lost: do not hurry after it
     time.sleep(max(0.0, due - time.perf_counter()))
 
 print(step)

@@ -29,7 +29,7 @@ pose[:3, 3] += [0.0, 0.03, 0.04]
 nearby, warm = planned(goal=op.Pose.from_matrix(pose))
 print(f"another goal: {nearby}; in {warm / cold:.0%} of the time")
 
-# the robot follows that motion; after 0.2 s the board moves again, and a new motion goes on from where it is then
+# the robot follows that motion; after 0.2 s the board moves again, and a new motion continues from its state
 state = nearby.trajectory.state(0.2)
 on, warm = planned(start=state, scene=replanner.problem.scene.moved("board", z=-0.03))
 step = max(np.abs(on.trajectory(0.0, order) - value).max() for order, value in enumerate((state.q, state.v, state.a)))

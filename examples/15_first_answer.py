@@ -1,4 +1,4 @@
-"""A proved motion as soon as there is one, and better ones while there is time.
+"""Get a proved motion as soon as there is one, and better ones while time remains.
 
 Run it: python examples/15_first_answer.py
 """
@@ -12,16 +12,16 @@ problem = op.load_problem("02_shelf")
 
 
 class Listener:
-    """Is told of every motion that is proved better; ends the planning when it has heard enough."""
+    """Receive every better proved motion; end the planning after a given number."""
 
     def __init__(self, motions):
         self.motions, self.enough = motions, threading.Event()
 
     def __call__(self, stage, fraction):
-        """Take no notice of stages."""
+        """Ignore stages."""
 
     def proved(self, motion, seconds):
-        """Print a verified motion; a robot may begin with it while the planner goes on."""
+        """Print a verified motion; a robot may begin with it while the planner continues."""
         print(f"  after {seconds:.3f} s: a motion of {motion.duration:.3f} s")
         self.motions -= 1
         if self.motions == 0:

@@ -1,4 +1,4 @@
-"""Ask a robot where its tool is, a problem what is free, and plan many problems side by side.
+"""Compute a tool pose and a clearance, then plan many problems side by side.
 
 Run it: python examples/16_ask_and_plan_many.py
 """
@@ -9,11 +9,11 @@ import optiplan as op
 
 
 def main():
-    """Ask, then plan."""
+    """Compute poses and clearances, then plan."""
     problem = op.load_problem("02_shelf")
     robot = problem.robot
 
-    named = dict(zip(robot.joint_names, problem.start, strict=True))  # values by joint do wherever a list does
+    named = dict(zip(robot.joint_names, problem.start, strict=True))  # a dictionary by joint works like a list
     print(f"the tool at the start: {np.round(robot.fk(named).position, 3)} m")
     twist = robot.jacobian(named) @ np.full(robot.n, 0.1)
     print(f"its velocity at 0.1 rad/s of every joint: {np.round(twist[:3], 3)} m/s")

@@ -1,4 +1,4 @@
-"""Files kept between runs: what takes long to make from a robot and can always be made again.
+"""Results that take long to make and can always be made again: files kept between runs, and recent ones in memory.
 
 A file is its content and, after it, a mark with the SHA-256 of the content. Without the mark, or with one that does not
 fit, the file is none: it is made again, so that a damaged cache costs time and nothing else.
@@ -6,14 +6,44 @@ fit, the file is none: it is made again, so that a damaged cache costs time and 
 
 import hashlib
 import tempfile
+import threading
+from collections import OrderedDict
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from optiplan.files import user_folder, write_bytes
 
 MARK = b"\noptiplan-cache "
 """Stands between content and checksum; a shared library may be followed by it and still be loaded."""
+
+
+Made = TypeVar("Made")
+
+
+class MostRecent(Generic[Made]):
+    """The results used last, in memory, by key; safe to share between threads.
+
+    Args:
+        most: results kept.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most, self._made = most, OrderedDict[str, Made]()
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        """Return the number of results kept."""
+        return len(self._made)
+
+    def get(self, key: str, make: Callable[[], Made]) -> Made:
+        """Return the result of `key`; make it where there is none."""
+        with self._lock:
+            found = self._made[key] = self._made.pop(key) if key in self._made else make()
+            while len(self._made) > self._most:
+                self._made.popitem(last=False)
+        return found
 
 
 def cache_dir() -> Path:

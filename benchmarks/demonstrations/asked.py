@@ -1,4 +1,4 @@
-"""What demonstrations print: a line for every figure, what was asked and what was seen."""
+"""Print a line for every figure of a demonstration: the required value and the measured one."""
 
 
 class Figures:

@@ -1,11 +1,11 @@
-"""The controller among obstacles that move, and on a robot whose neighbouring links stand nearer than asked.
+"""The controller among obstacles that move, and on a robot with neighbouring links nearer than its clearance.
 
     python benchmarks/demonstrations/controller_moving_obstacle.py [--form velocity]
 
 First a Panda that holds its posture while a ball comes, from which it gets away. Then the live loop of the problem
 `38_falling_ball`. Then the UR5 of example-robot-data, whose shoulder and upper arm are 0.149 mm apart: its tool goes to
-a pose with 5 mm of clearance asked. Distances are measured by the verifier's collision model. One line a figure, asked
-and seen; the exit code is 1 where a figure is missed.
+a pose with a required clearance of 5 mm. Distances are measured by the verifier's collision model. One line a figure,
+required and measured; the exit code is 1 where a figure is missed.
 """
 
 import argparse
@@ -46,7 +46,7 @@ def evade(start: tuple[float, ...], velocity: tuple[float, ...], form: str) -> d
 
 
 def live_falling_ball() -> dict[str, float]:
-    """Two seconds of the live loop of the problem: least distance told, m."""
+    """Two seconds of the live loop of the problem: the least reported distance, m."""
     loop, least = LiveLoop(op.load_problem("38_falling_ball"), "ideal"), np.inf
     for _ in range(400):
         loop.advance()

@@ -5,8 +5,8 @@
 Ticks last 10 ms, and 30 % of them longer: 20, 50, 100 ms, or any length up to that; the commanded state is fed back.
 All joints are sent beyond their ends, to and fro. With `--scenes` the tool is sent to poses out of reach, the robot's
 bodies keep apart as well, and their distances are measured by the verifier's model. One line a figure, in rad, m and s:
-asked (no more than rounding), seen. The exit code is 1 where a figure is missed. While a stop was one of steps as long
-as the last, the Panda's joints passed their ends by 4, 13 and 19 mrad here in the form `velocity`.
+required (no more than rounding), measured. The exit code is 1 where a figure is missed. While a stop was one of steps
+as long as the last, the Panda's joints passed their ends by 4, 13 and 19 mrad here in the form `velocity`.
 """
 
 import argparse

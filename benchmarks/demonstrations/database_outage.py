@@ -21,7 +21,7 @@ from optiplan.service.server import GRACE
 
 
 def shown(kind: Kind, outage: float | None, one: Round) -> list[str]:
-    """The figures of a round, a line each: asked, seen."""
+    """The figures of a round, a line each: required, measured."""
     what = f"{kind}, " + (f"disk full for {SECONDS_FULL:g} s" if outage is None else f"away for {outage:g} s")
     told = "never" if one.told is None else f"after {one.told:.1f} s"
     again = "never" if one.again is None else f"after {one.again:.1f} s"

@@ -22,7 +22,7 @@ SHARED = Path(os.environ.get("OPTIPLAN_SHARED", Path(__file__).parents[3] / "sha
 
 
 def short_step(folder: Path) -> tuple[str, str]:
-    """Return what is asked and seen of a cube in a wall during 0.9 ms beside a wait of 10^6 s."""
+    """Return required and measured values of a cube in a wall during 0.9 ms beside a wait of 10^6 s."""
     problem = op.load_problem(folder / "problem.yaml")
     report = op.verify(problem, op.Trajectory.from_dict(json.loads((folder / "motion.json").read_text())))
     places = ", ".join(check.place for check in report.failures if check.name == "collision")
@@ -30,7 +30,7 @@ def short_step(folder: Path) -> tuple[str, str]:
 
 
 def cut_off(folder: Path) -> tuple[str, str]:
-    """Return what is asked and seen of an ASCII STL that ends after half of its facets, cut at every byte."""
+    """Return required and measured values of an ASCII STL that ends after half of its facets, cut at every byte."""
     content = (folder / "whole.stl").read_bytes()
     whole, wrong = READERS[".stl"](content), 0
     for length in range(len(content)):

@@ -1,11 +1,11 @@
-"""Every seed of a pose goal finds the same motion: its ends are looked at by their bounds before the search stops.
+"""Every seed of a pose goal finds the same motion: its ends are tried by their bounds before the search stops.
 
     python benchmarks/demonstrations/ends_by_bounds.py              # about a minute
 
 Two pose goals of MotionBenchMaker (Panda, `table_pick` 0001 and `table_under_pick` 0001) with four seeds each. In the
 first the straight line to one end is as short as that end's bound, 1.19 s, and another end is reached in 0.92 s: a
-search that stops at the first one's bound is 29 % too long. Asked: every seed within 2 % of the shortest of all. Reads
-`$OPTIPLAN_SHARED/mbm` (by default `../shared`). Prints a line for each figure; exit code 1 where one is missed.
+search that stops at the first one's bound is 29 % too long. Required: every seed within 2 % of the shortest of all.
+Reads `$OPTIPLAN_SHARED/mbm` (by default `../shared`). Prints a line for each figure; exit code 1 where one is missed.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Show that what the verifier has no check of is refused, and that sliding joints read metres and newtons.
+"""Show that the verifier refuses statements without a check, and that sliding joints read metres and newtons.
 
 A motion that is verified is judged again with statements that the verifier does not know, or that come to nothing: a
 new kind of path constraint, an unknown goal, via and action, a clearance of no pairs, a mass that the robot does not

@@ -7,9 +7,10 @@ The arms are those of example-robot-data (extra `robots`). Each is made by `opti
 and goals are free configurations drawn with a seed; a goal is the tool's pose at one. Balls stand where no drawn end
 of the robot touches them. Every problem is planned by the planner of the problem file, with the default seed.
 
-Asked of each arm: every goal verified, the median of plan and proof at most 0.3 s, of the proof alone 50 ms; the
-clearance from the scene is told apart from that of the robot from itself. Times are wall times: meant for a quiet core.
-The first problem of each arm is planned once more before: code and hulls are loaded then, as in a program that stays.
+Required of each arm: every goal verified, the median of plan and proof at most 0.3 s, of the proof alone 50 ms; the
+report separates the clearance from the scene from that of the robot from itself. Times are wall times: meant for a
+quiet core. The first problem of each arm is planned once more before: code and hulls are loaded then, as in a program
+that stays.
 """
 
 import argparse
@@ -36,7 +37,7 @@ ARMS = ("xarm7", "ur10", "kinova", "ur5", "z1", "panda")
 """In example-robot-data; there is no iiwa in it, `panda` is the arm of seven joints that is nearest to one."""
 
 PLAN_AND_PROOF, PROOF = 0.3, 0.05
-"""s, asked of the medians."""
+"""s, required of the medians."""
 
 RADIUS, BALLS = 0.08, 4
 """m; of how many balls, at 0.35 to 0.8 m from the base."""
@@ -134,7 +135,7 @@ def millimetres(runs: list[dict[str, Any]], key: str) -> str:
 
 
 def main() -> int:
-    """Measure the arms that are asked for; 1 where a figure is missed."""
+    """Measure the requested arms; return 1 where a figure is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", nargs="+", default=list(ARMS), help="names in example-robot-data")
     parser.add_argument("--count", type=int, default=6, help="pose goals of each")

@@ -83,7 +83,7 @@ def speeds_of_lines(figures: Figures, budget: float) -> None:
 
 
 def main() -> int:
-    """Print each figure: asked, seen; return 1 where one is missed."""
+    """Print each figure, required and measured; return 1 where one is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--budget", type=float, default=30.0, help="s, for the comparison (default: %(default)s)")
     parser.add_argument("--short", type=float, default=2.0, help="s, for the tour (default: %(default)s)")

@@ -24,7 +24,6 @@ from optiplan.planners.base import Progress
 from optiplan.problem.write import problem_text
 from optiplan.robot.limits import DEFAULTS, joint_units
 from optiplan.robot.robot import Robot, load_robot
-from optiplan.robot.self_collision.often_touching import touching_pairs
 from optiplan.robot.urdf.reader import read_urdf
 from optiplan.robot.urdf.srdf import LinkPair, link_pair, srdf_text
 from optiplan.verify.continuous.kept_clearance import prove_kept_clearances as prove
@@ -185,7 +184,7 @@ def prepare(
     robot = load(choices)
     if touching:
         progress("pairs of links without those that touch", 0.5)
-        choices = replace(choices, allowed=tuple(touching_pairs(robot)))
+        choices = replace(choices, allowed=tuple(robot.survey.often_touching(robot.allowed)))
         robot = load(choices) if choices.allowed else robot
     prove(robot, lambda pair, share: progress(f"proving {pair}", 0.5 + 0.5 * share))
     return robot, choices

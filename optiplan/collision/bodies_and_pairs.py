@@ -1,4 +1,4 @@
-"""Which bodies a robot in a scene has, and which pairs of them must stay apart."""
+"""Bodies of a robot in a scene, and the pairs that must stay apart."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,10 +6,18 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Index
+from optiplan.arrays import Array, Flags, Index
+from optiplan.geometry.coal_queries import exact_distance_request
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.robot import Robot
+from optiplan.robot.self_collision.pair_bounds import LocalBox
+
+STANDING_OVERLAP = 5e-3
+"""Depth, m, to which a link that no joint moves may be sunk into an obstacle that it stands on.
+
+Makers' meshes reach below the mounting plane of the robot, that of the UR5 by 3 mm.
+"""
 
 
 def bodies_of(robot: Robot, scene: Scene, carriers: Mapping[str, int]) -> list[tuple[str, pin.GeometryObject]]:
@@ -18,7 +26,7 @@ def bodies_of(robot: Robot, scene: Scene, carriers: Mapping[str, int]) -> list[t
     Args:
         robot: the robot.
         scene: the scene.
-        carriers: the joints of obstacles that move, by name.
+        carriers: joints of moving obstacles, by name.
     """
     found = [(robot.link_of(k), body.copy()) for k, body in enumerate(robot.geometry.geometryObjects)]
     for held in scene.attached:
@@ -34,13 +42,13 @@ def bodies_of(robot: Robot, scene: Scene, carriers: Mapping[str, int]) -> list[t
 def pairs_of(
     robot: Robot, scene: Scene, names: Sequence[str], parents: Sequence[int]
 ) -> tuple[list[tuple[int, int]], Index]:
-    """Return the pairs that must stay apart, and those of a link and an obstacle, (K, 2), that nothing moves.
+    """Return the pairs that must stay apart, and the pairs (K, 2) of a link and an obstacle that never move.
 
     Args:
-        robot: which says what pairs of its links are checked.
-        scene: of which attachments may touch what they are held by, and bodies what is allowed.
+        robot: with the pairs of its links that are checked.
+        scene: an attached object may touch its own link and `touch`; allowed pairs may touch.
         names: of all bodies, in the order of `bodies_of`.
-        parents: the joint that moves each; 0: none.
+        parents: the joint that moves each body; 0: none.
     """
     links = len(robot.geometry.geometryObjects)
     held = range(links, links + len(scene.attached))
@@ -66,17 +74,56 @@ def pairs_of(
 
 
 def only_moved(a: Scene, b: Scene) -> bool:
-    """Whether two scenes hold the same obstacles, perhaps at other places, and nothing that is attached or moves."""
+    """Return whether two scenes have the same static obstacles, perhaps moved, and nothing attached or moving."""
     if a.attached or b.attached or a.allowed != b.allowed or len(a.obstacles) != len(b.obstacles):
         return False
     return all(same_standing_body(one, other) for one, other in zip(a.obstacles, b.obstacles, strict=True))
 
 
 def same_standing_body(one: Obstacle, other: Obstacle) -> bool:
-    """Whether two obstacles are the same body, perhaps at other places, and none of them moves."""
+    """Return whether two static obstacles have the same name and body, perhaps at different places."""
     alike = one.name == other.name and one.shape.same_body(other.shape)
     return alike and one.motion is None and other.motion is None
 
 
 def _body(name: str, joint: int, placement: pin.SE3, geometry: coal.CollisionGeometry) -> pin.GeometryObject:
     return pin.GeometryObject(name, joint, 0, placement, geometry)
+
+
+def overlapping(geometry: pin.GeometryModel, pairs: Index, boxes: Sequence[LocalBox]) -> list[tuple[int, int]]:
+    """Return the pairs of `pairs` (K, 2), static bodies, that overlap by more than `STANDING_OVERLAP`.
+
+    A distance to a mesh gives neither the depth nor whether a body is inside. So a pair with a mesh is returned if the
+    boxes overlap, and the verifier checks whether one body contains the other.
+
+    Args:
+        geometry: all bodies.
+        pairs: (K, 2) bodies that no joint moves.
+        boxes: of all bodies.
+    """
+    if not len(pairs):
+        return []
+    bodies = list(geometry.geometryObjects)
+    low, high = _world_boxes(bodies, boxes)
+    a, b = pairs.T
+    meets: Flags = ((low[a] <= high[b]) & (low[b] <= high[a])).all(axis=1)
+    request, found = exact_distance_request(), []
+    for first, second in pairs[meets].tolist():
+        one, other = bodies[first], bodies[second]
+        mesh = any(isinstance(body.geometry, coal.BVHModelBase) for body in (one, other))
+        X_one, X_other = (coal.Transform3s(X.rotation, X.translation) for X in (one.placement, other.placement))
+        ends = (one.geometry, X_one, other.geometry, X_other)
+        if mesh or coal.distance(*ends, request, coal.DistanceResult()) < -STANDING_OVERLAP:
+            found.append((first, second))
+    return found
+
+
+def _world_boxes(bodies: Sequence[pin.GeometryObject], boxes: Sequence[LocalBox]) -> tuple[Array, Array]:
+    """Return the low and high corners (G, 3) of static bodies' boxes along the world's axes; inf for half-spaces."""
+    centre, half = np.array([box.centre for box in boxes]), np.array([box.half for box in boxes])
+    X = np.array([body.placement.homogeneous for body in bodies])
+    endless = np.isinf(half).any(axis=1)
+    middle = (X[:, :3, :3] @ centre[:, :, None])[..., 0] + X[:, :3, 3]
+    reach = (np.abs(X[:, :3, :3]) @ np.where(endless[:, None], 0.0, half)[:, :, None])[..., 0]
+    reach[endless] = np.inf
+    return middle - reach, middle + reach

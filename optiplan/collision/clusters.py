@@ -1,4 +1,4 @@
-"""Bodies that move as one, many of them: a hull around all answers for all where they are far from something."""
+"""Clusters of bodies that move together: the hull around a cluster bounds the distances of all its bodies."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,19 +9,20 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.convex_hulls import Hull, kept_hull
+from optiplan.geometry.meshes.box_surfaces import BOX_CORNERS
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
 
 _MANY = 8
-"""Bodies of a joint from which on a hull of all is worth asking first: a gripper of convex pieces has some 80."""
+"""Least number of bodies of a joint for a cluster: a gripper of convex pieces has some 80."""
 
 _SEVERAL = 4
-"""Bodies of one link from which on, within such a joint, a hull of theirs is asked next."""
+"""Least number of bodies of one link for a cluster within such a joint."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cluster:
-    """Bodies on a joint, by index, and a hull that holds them, in the joint's frame."""
+    """Bodies on a joint, by index, and a hull that contains them, in the joint's frame."""
 
     joint: int
     bodies: tuple[int, ...]
@@ -33,8 +34,8 @@ class Clusters:
     """Clusters of a robot, each of its bodies in at most one of each kind.
 
     Attributes:
-        by_joint: of all polyhedra that a joint carries.
-        by_link: of those of one link, where `by_joint` has them and they are not all that it has.
+        by_joint: all polyhedra that a joint carries.
+        by_link: all polyhedra of one link, a proper part of a cluster in `by_joint`.
     """
 
     by_joint: tuple[Cluster, ...]
@@ -43,9 +44,9 @@ class Clusters:
 
 @once_for_each_robot
 def clusters_of(robot: Robot) -> Clusters:
-    """Clusters of the polyhedra that each joint carries, where there are many.
+    """Return the clusters of the polyhedra that each joint carries, where there are many.
 
-    What no joint moves has none: its pairs are with each body that moves, not with many at once.
+    Static bodies have none: each of their pairs has a single moving body.
     """
     bodies = list(robot.geometry.geometryObjects)
     joints = [int(body.parentJoint) for body in bodies]
@@ -55,7 +56,7 @@ def clusters_of(robot: Robot) -> Clusters:
     def cluster(members: list[int]) -> list[Cluster]:
         try:
             hull = kept_hull(np.vstack([corners[k] for k in members]))
-        except ValueError:  # they lie in a plane
+        except ValueError:  # plane bodies
             return []
         return [Cluster(joints[members[0]], tuple(members), hull)]
 
@@ -68,7 +69,7 @@ def clusters_of(robot: Robot) -> Clusters:
 
 
 def _alike(bodies: list[int], key: Callable[[int], object]) -> list[list[int]]:
-    """Bodies of the same key, in lists."""
+    """Return the bodies grouped by key."""
     found: dict[object, list[int]] = {}
     for body in bodies:
         found.setdefault(key(body), []).append(body)
@@ -79,8 +80,7 @@ def _corners(body: pin.GeometryObject) -> Array:
     """Return the corners (k, 3) of a polyhedron in the frame of its joint, m; none of other shapes."""
     match body.geometry:
         case coal.Box():
-            signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-            points = signs * np.array(body.geometry.halfSide)
+            points = (2.0 * BOX_CORNERS - 1.0) * np.array(body.geometry.halfSide)
         case coal.ConvexBase():
             points = np.array(body.geometry.points())
         case _:

@@ -1,16 +1,16 @@
-"""What queries answer: pairs of bodies, their nearest points, and the normals between these."""
+"""Results of queries: pairs of bodies, their nearest points and the normals between these."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from optiplan.arrays import Array, Index
-from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
+from optiplan.geometry.coal_queries import DISTANCE_ERROR
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two bodies whose distance matters: indices into `CollisionModel.geometry`, and their names."""
+    """Two bodies that must stay apart: indices into `CollisionModel.geometry`, and their names."""
 
     index: int
     a: int
@@ -56,9 +56,9 @@ class Contacts:
 
 
 def unit_normals(distances: Array, vectors: Array) -> Array:
-    """Unit normals (K, 3) from a to b; vectors (K, 3, 3) hold witness points a and b and coal's normal.
+    """Return unit normals (K, 3) from a to b; vectors (K, 3, 3) are witness points a and b and coal's normal.
 
-    coal leaves the normal of two triangle meshes unset; where bodies are apart, the points give it.
+    coal leaves the normal of two triangle meshes unset. If bodies are apart, the witness points define it.
     """
     gap = vectors[:, 1] - vectors[:, 0]
     length = np.linalg.norm(gap, axis=1, keepdims=True)

@@ -1,8 +1,9 @@
-"""Bodies inside a mesh: a mesh is a surface, and the distance to it does not tell inside from outside."""
+"""Bodies inside a mesh: a mesh is a surface, so the distance to it is positive inside and outside."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -12,7 +13,8 @@ from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.enclosure import Enclosure, connected_parts
 
 _KINDS = (coal.BVHModelBase, coal.Halfspace)
-_FEW = 16  # points of a part of a mesh that are tried
+_POINTS_PER_PART = 16
+"""Points of one part of a body that are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +27,26 @@ class Contained:
     point: Array
 
 
-class Containment:
-    """Finds pairs of bodies of which one is inside the mesh that is the other.
+class _Candidates(NamedTuple):
+    """K pairs of a mesh and another body.
 
-    One connected part of a body is inside or outside as a whole as long as the surfaces stay apart; so this needs to
-    hold at one configuration of a motion that is free of contact.
+    Attributes:
+        low, high: (K, 3) corners of the mesh's box, m.
+        point: (K, 3) point of the other body in its own frame, m.
+        several: (K,) whether the other body has several parts.
+    """
+
+    low: Array
+    high: Array
+    point: Array
+    several: Flags
+
+
+class Containment:
+    """Find pairs of bodies where one is inside the other, a mesh.
+
+    As long as the surfaces stay apart, a connected part of a body is inside or outside as a whole. So one check at one
+    configuration is enough for a motion without contact.
 
     Args:
         shapes: coal geometry of each body.
@@ -47,11 +64,11 @@ class Containment:
 
     @property
     def possible(self) -> bool:
-        """Whether any pair has a mesh that a body can be inside of."""
+        """Whether any pair has a mesh that can contain the other body."""
         return len(self._pairs) > 0
 
     def find(self, poses: Array) -> Contained | None:
-        """The first body inside another one; None if there is none.
+        """Return the first body inside another one; None if there is none.
 
         Args:
             poses: (G, 4, 4) of the bodies in the world.
@@ -68,9 +85,9 @@ class Containment:
         return None
 
     def _may_hold(self, poses: Array) -> Flags:
-        """Whether a point of the other body's first part lies in the box of the mesh, of each side: (K,).
+        """Return whether the other body of each candidate (K,) may be inside the mesh.
 
-        Bodies of one part, whose points are all tried, are out where that point is.
+        A body of one part is outside if its point is outside the box of the mesh.
         """
         if not self.possible:
             return np.zeros(0, dtype=bool)
@@ -84,16 +101,16 @@ class Containment:
         return np.asarray(inside | several)
 
     @cached_property
-    def _table(self) -> tuple[Array, Array, Array, Flags]:
-        """Of each side: corners of the mesh's box, a point of the other body, whether that has more parts."""
+    def _table(self) -> _Candidates:
+        """The pairs with a mesh as arrays."""
         meshes, mesh_of = np.unique(self._meshes, return_inverse=True)
         low, high = (np.array(corners) for corners in zip(*map(self._box, meshes.tolist()), strict=True))
         bodies, body_of = np.unique(self._others, return_inverse=True)
         points, whole = zip(*map(self._first_part, bodies.tolist()), strict=True)
-        return low[mesh_of], high[mesh_of], np.array(points)[body_of], ~np.array(whole)[body_of]
+        return _Candidates(low[mesh_of], high[mesh_of], np.array(points)[body_of], ~np.array(whole)[body_of])
 
     def _first_part(self, body: int) -> tuple[Array, bool]:
-        """A point (3,) of a body's first part, m, in its own frame, and whether that is all of it."""
+        """Return a point (3,) of a body's first part, m, in its own frame, and whether that is the only part."""
         shape = self.shapes[body]
         if isinstance(shape, coal.ConvexBase):
             return np.array(shape.point(0)), True
@@ -113,15 +130,17 @@ class Containment:
         return self._enclosures[mesh]
 
     def _parts_of(self, body: int) -> list[Array]:
-        """Some points (k, 3) of every connected part of a body, in its own frame, m."""
+        """Return some points (k, 3) of every connected part of a body, in its own frame, m."""
         if body not in self._parts:
             shape = self.shapes[body]
             if isinstance(shape, coal.BVHModelBase):
                 parts = connected_parts(mesh_vertices(shape), mesh_triangles(shape))
-                self._parts[body] = [part[:: len(part) // _FEW + 1] for part in parts]
+                self._parts[body] = [part[:: len(part) // _POINTS_PER_PART + 1] for part in parts]
             elif isinstance(shape, coal.ConvexBase):
                 corners = np.array(shape.points())
-                self._parts[body] = [np.vstack([corners.mean(axis=0), corners[:: len(corners) // _FEW + 1]])]
+                self._parts[body] = [
+                    np.vstack([corners.mean(axis=0), corners[:: len(corners) // _POINTS_PER_PART + 1]])
+                ]
             else:
                 self._parts[body] = [np.zeros((1, 3))]
         return self._parts[body]

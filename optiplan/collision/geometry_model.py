@@ -1,19 +1,19 @@
-"""Geometry models of thousands of bodies in seconds."""
+"""Geometry models of thousands of bodies, built in seconds."""
 
 from collections.abc import Sequence
 
 import pinocchio as pin
 
 MANY = 300
-"""Bodies from which on the quick way pays."""
+"""Least number of bodies for which the quick construction pays."""
 
 
 def geometry_of(bodies: Sequence[pin.GeometryObject]) -> pin.GeometryModel:
-    """A geometry model that holds these bodies, in this order, and no pairs.
+    """Return a geometry model of these bodies, in this order, without pairs.
 
-    `addGeometryObject` enlarges the table of pairs, n by n, for every body: n^3 / 3 numbers are copied, which takes
-    minutes for 5,000 bodies. Many bodies are put into the list of a model that already counts them, and adding the
-    last one makes the whole table at once.
+    `addGeometryObject` enlarges the n-by-n table of pairs for every body. This copies n^3 / 3 numbers, which takes
+    minutes for 5,000 bodies. So many bodies are put into the list of a model that already counts them; adding the last
+    one then makes the whole table at once.
     """
     model = _counting(len(bodies) - 1) if len(bodies) > MANY else None
     if model is None:
@@ -29,7 +29,7 @@ def geometry_of(bodies: Sequence[pin.GeometryObject]) -> pin.GeometryModel:
 
 
 def _counting(count: int) -> pin.GeometryModel | None:
-    """A model without bodies whose number of bodies says `count`; None where the archive does not begin with it."""
+    """Return a model without bodies whose count of bodies is `count`; None if the archive does not begin with it."""
     words = pin.GeometryModel().saveToString().split(" ")
     for place in (place for place, word in enumerate(words[:8]) if word == "0"):
         model = pin.GeometryModel()

@@ -1,4 +1,4 @@
-"""Collision models kept for the next question about the same robot in the same scene."""
+"""Collision models cached for the next query of the same robot in the same scene."""
 
 import threading
 
@@ -10,19 +10,19 @@ from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
 
 _MOST = 2
-"""Models kept of each kind: with obstacles that move, planners ask about those that stand still, too."""
+"""Models cached of each kind: with moving obstacles, planners also query the scene of the static ones."""
 
 _LARGE = 5000
-"""Pairs above which a planner's model is not kept: it takes memory, and building it is little beside planning."""
+"""Pairs above which a planner's model is not cached: it takes memory, and planning takes longer than building it."""
 
 _kept = threading.local()
 
 
 def collision_model(robot: Robot, scene: Scene) -> CollisionModel:
-    """The model of this robot in this scene, for this thread alone.
+    """Return the model of this robot in this scene, for this thread alone.
 
-    Loading a problem, the proof of a motion and that of the next ask about the same. Where obstacles of the last scene
-    have moved, what does not depend on their places is kept.
+    Loading a problem and proving its motions use the same model. If only obstacles have moved since the last scene, the
+    model keeps all parts that do not depend on their places.
     """
     models: list[CollisionModel] = getattr(_kept, "models", [])
     found = next((model for model in models if _is_of(model, robot, scene)), None)
@@ -34,10 +34,10 @@ def collision_model(robot: Robot, scene: Scene) -> CollisionModel:
 
 
 def kept_planning_model(robot: Robot, scene: Scene) -> CollisionModel:
-    """The `planning_model` of this robot in this scene, for this thread alone: one of the last asked for, or a new one.
+    """Return the `planning_model` of this robot in this scene, for this thread alone: a recent one or a new one.
 
-    A start or goal that changes needs no other, and neither does the next planner. Its answers depend on no question
-    asked before; what `place` and `distances_at` leave behind is for the caller's next line only.
+    Another start or goal, or another planner, needs no new model. Its results do not depend on earlier queries; the
+    state after `place` and `distances_at` is valid only until the next query.
     """
     from optiplan.collision.native_model import planning_model  # here: the verifier must not load the core
 
@@ -50,12 +50,12 @@ def kept_planning_model(robot: Robot, scene: Scene) -> CollisionModel:
 
 
 def _is_of(model: CollisionModel, robot: Robot, scene: Scene) -> bool:
-    """Whether the model is of this very robot, in this scene or one of the same content."""
+    """Return whether the model has this very robot, in this scene or one of the same content."""
     return model.robot is robot and (model.scene is scene or _equal(model.scene, scene))
 
 
 def _equal(a: Scene, b: Scene) -> bool:
-    """Whether two scenes hold the same obstacles at the same places; scenes with attached objects: are the same."""
+    """Return whether two scenes without attached objects have the same obstacles at the same places."""
     if a.attached or b.attached or a.allowed != b.allowed or len(a.obstacles) != len(b.obstacles):
         return False
     return all(

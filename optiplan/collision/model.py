@@ -7,17 +7,14 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Index
-from optiplan.collision.bodies_and_pairs import bodies_of, only_moved, pairs_of
+from optiplan.collision.bodies_and_pairs import bodies_of, only_moved, overlapping, pairs_of
 from optiplan.collision.contacts import Contact, Contacts, Pair, unit_normals
 from optiplan.collision.containment import Containment
 from optiplan.collision.geometry_model import geometry_of
 from optiplan.collision.moving_obstacles import displacements, with_obstacle_joints
-from optiplan.collision.outline import Outline
-from optiplan.collision.pair_queries import PairQueries
-from optiplan.collision.standing_links import overlapping
-from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
-from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
-from optiplan.geometry.mesh_hulls import SETTLED, is_flat
+from optiplan.collision.pair_queries import HULL_DISTANCE_ENOUGH, Outline, PairQueries
+from optiplan.geometry.coal_queries import DISTANCE_ERROR
+from optiplan.geometry.convex import is_flat
 from optiplan.geometry.scene import Scene
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import Robot
@@ -25,25 +22,24 @@ from optiplan.robot.self_collision.pair_bounds import PairBounds, local_box
 
 
 class SameBodies:
-    """Shared by models of the same bodies and pairs, wherever obstacles stand: a key for what depends on no more."""
+    """Key shared by models of the same bodies and pairs, wherever obstacles stand."""
 
 
 class CollisionModel:
     """A robot in a scene, with its own work space: use one object a thread.
 
-    Bodies are the robot's links, then attachments, then obstacles. Links are checked against each other as the robot
-    says. A link that no planned joint moves may stand on an obstacle, but not in it: such a pair is measured once, and
-    is among `pairs` only where the two overlap by more than `standing_links.STANDING_OVERLAP`: no configuration is
-    free.
+    Bodies are the robot's links, then attachments, then obstacles. The robot determines the checked pairs of links. A
+    link that no planned joint moves may stand on an obstacle, but not in it. Such a pair is measured once: if the two
+    overlap by more than `bodies_and_pairs.STANDING_OVERLAP`, it is among `pairs`, and no configuration is free.
 
     Attributes:
         geometry: the bodies; `names[i]` is the link, attachment or obstacle of body i.
         pairs: the pairs that must stay apart.
         outline: the same bodies with hulls in the place of meshes.
-        same_bodies: the same object in models of which one is the other `with_obstacles_moved`.
-        motions: of the obstacles that move.
-        model: the robot's, with three sliding joints for every obstacle that moves (`moving_obstacles`). Where a
-            configuration (n,) of the robot alone is given, obstacles are where they are at first.
+        same_bodies: a key that a model shares with the model `with_obstacles_moved`.
+        motions: of the moving obstacles.
+        model: the robot's, with three sliding joints for every moving obstacle (`moving_obstacles`). In a
+            configuration (n,) of the robot alone, obstacles are at their initial positions.
     """
 
     def __init__(self, robot: Robot, scene: Scene) -> None:
@@ -65,16 +61,16 @@ class CollisionModel:
         self.outline = Outline(self.model, self.geometry, self.bounds.pairs)
 
     def _take(self, known: "CollisionModel", scene: Scene) -> None:
-        """Become a model of the bodies and pairs of another one, of the same content, with a work space of its own."""
+        """Take over bodies and pairs of another model of the same content, with a separate work space."""
         cached = {name for name, value in vars(CollisionModel).items() if isinstance(value, cached_property)}
         vars(self).update({name: value for name, value in vars(known).items() if name not in cached})
         self.scene, self._data, self.outline = scene, self.model.createData(), self.outline.with_own_queries()
 
     def with_obstacles_moved(self, scene: Scene) -> "CollisionModel | None":
-        """Return a model, with a work space of its own, of the same bodies in a scene where obstacles stand elsewhere.
+        """Return a model, with a separate work space, of the same bodies in a scene where obstacles stand elsewhere.
 
-        Its answers are those of a new one, to the last bit; pairs, bounding volumes and solvers are taken over. None
-        where the bodies or the pairs are not the same, or something is attached or moves.
+        Its results equal those of a new model to the last bit; pairs, bounding volumes and solvers are taken over. None
+        if the bodies or the pairs differ, or if a body is attached or moves.
         """
         if not only_moved(self.scene, scene):
             return None
@@ -101,28 +97,28 @@ class CollisionModel:
         return any(is_flat(self.geometry.geometryObjects[body].geometry) for body in bodies)
 
     def at_times(self, Q: Array, t: Array) -> Array:
-        """Configurations Q (N, n) with the obstacles as at times t (N,), s: (N, n + 3 m)."""
+        """Return configurations Q (N, n) with the obstacles at times t (N,), s: (N, n + 3 m)."""
         return np.hstack([Q, displacements(self.motions, t)])
 
     def obstacle_rates(self, t: Array) -> Array:
-        """Velocities (N, 3 m), m/s, of the joints of moving obstacles at times t (N,), s."""
+        """Return the velocities (N, 3 m), m/s, of the joints of moving obstacles at times t (N,), s."""
         return displacements(self.motions, t, 1)
 
     def full(self, Q: Array) -> Array:
-        """Configurations (…, n) with the obstacles as at first, (…, n + 3 m); those that have them as they are."""
+        """Return configurations (…, n) with the obstacles at their initial positions; (…, n + 3 m) ones unchanged."""
         if Q.shape[-1] == self.model.nq:
             return Q
         return np.concatenate([Q, np.broadcast_to(self._moved, (*Q.shape[:-1], len(self._moved)))], axis=-1)
 
     def widened(self, D: Array) -> Array:
-        """Half widths D (N, n) with those of obstacles that stay where they are, (N, n + 3 m)."""
+        """Return half widths D (N, n) with half width 0 for the obstacles, (N, n + 3 m)."""
         return np.hstack([D, np.zeros((len(D), self.model.nq - D.shape[1]))])
 
     def collides(self, q: Array) -> bool:
-        """Whether any pair touches at q (n,); meshes are asked where their hulls touch.
+        """Return whether any pair touches at q (n,); meshes are queried if their hulls touch.
 
-        The broad phase overlooks meshes that lie in a plane: with one among the bodies every pair is asked whose
-        bounding volumes meet, and so it is where there are too many pairs for it.
+        The broad phase misses plane meshes. With a plane mesh, or with too many pairs, all pairs whose
+        bounding volumes meet are queried instead.
         """
         if self._flat or self._queries.many:
             return self.touches(q)
@@ -131,13 +127,13 @@ class CollisionModel:
         return self._queries.any_touch(self._data, self.full(q))
 
     def touches(self, q: Array) -> bool:
-        """As `collides`, pair by pair where bounding volumes and hulls meet: makes nothing for the other pairs."""
+        """Return `collides`, pair by pair where bounding volumes and hulls meet, without solvers of the other pairs."""
         return any(self._queries.touches(pair) for pair in self._place_near(q, DISTANCE_ERROR))
 
     def touching(self, q: Array, cutoff: float) -> list[Contact]:
-        """Every pair nearer than `cutoff`, m, at q (n,); without one, the nearest of all if bodies touch by `touches`.
+        """Return every pair nearer than `cutoff`, m, at q (n,); if there is none but bodies touch, the nearest pair.
 
-        Whether bodies touch and how far apart they are are two questions to coal, a rounding apart.
+        Contact and distance are two queries of coal, which differ by rounding.
         """
         near = self._place_near(q, max(cutoff, DISTANCE_ERROR))
         found = [contact for contact in map(self.pair_distance, near) if contact.distance < cutoff]
@@ -147,9 +143,9 @@ class CollisionModel:
         return found
 
     def contained(self, q: Array) -> tuple[str, str] | None:
-        """Names of a body and of the mesh that it is inside of, at q (n,), where nothing touches; None without one.
+        """Return the names of a body and of the mesh that contains it, at q (n,) without contact; None without one.
 
-        No distance tells that; and what is free of it at one end of a motion without contact is so all along.
+        Distances do not show this. A motion without contact needs the check at one end only.
         """
         if not self.containment.possible:
             return None
@@ -159,7 +155,7 @@ class CollisionModel:
 
     @cached_property
     def containment(self) -> Containment:
-        """Finds bodies inside meshes, of the pairs."""
+        """The test for bodies inside meshes, for all pairs."""
         return Containment([body.geometry for body in self.geometry.geometryObjects], self.bounds.pairs)
 
     def place(self, q: Array) -> None:
@@ -169,27 +165,27 @@ class CollisionModel:
         self.outline.place(self._data)
 
     def pair_distance(self, pair: int) -> Contact:
-        """Nearest points of one pair where `place` put the bodies."""
+        """Return the nearest points of one pair where `place` put the bodies."""
         return self._read(pair, self._queries.distance(pair))
 
     def pair_gap(self, pair: int) -> float:
-        """A lower bound, m, of the distance of one pair where `place` put the bodies.
+        """Return a lower bound, m, of the distance of one pair where `place` put the bodies.
 
-        It is the distance itself, unless a body is a mesh and the hulls are farther apart than `SETTLED`.
+        It is the distance itself, unless a body is a mesh and the hulls are farther apart than `HULL_DISTANCE_ENOUGH`.
         """
         if pair in self.outline.pairs:
             gap = self.outline.distance(pair)
-            if gap > SETTLED:
+            if gap > HULL_DISTANCE_ENOUGH:
                 return gap
         return float(self._queries.distance(pair).min_distance)
 
     def distance(self, q: Array, pair: int) -> Contact:
-        """Nearest points of one pair at q (n,)."""
+        """Return the nearest points of one pair at q (n,)."""
         self.place(q)
         return self.pair_distance(pair)
 
     def clearance(self, q: Array) -> Contact | None:
-        """The nearest pair of all at q (n,); None when there is no pair."""
+        """Return the nearest pair of all at q (n,); None if there is no pair."""
         if not self.pairs:
             return None
         if self.outline.pairs or self._queries.many:
@@ -197,7 +193,7 @@ class CollisionModel:
         return self._read(*self._queries.nearest(self._data, self.full(q)))
 
     def _nearest(self, q: Array) -> Contact:
-        """The nearest pair at q (n,), by rising lower bound, as long as that is below the least distance found."""
+        """Return the nearest pair at q (n,), in the order of lower bounds, until one exceeds the least distance."""
         self.place(q)
         bounds = self.lower_bounds(q[None])[0]
         for pair in self.outline.pairs:
@@ -212,46 +208,39 @@ class CollisionModel:
         return best
 
     def contacts(self, q: Array, cutoff: float) -> list[Contact]:
-        """Every pair nearer than `cutoff` (m) at q (n,)."""
+        """Return every pair nearer than `cutoff`, m, at q (n,)."""
         found = map(self.pair_distance, self._place_near(q, cutoff))
         return [contact for contact in found if contact.distance < cutoff]
 
     def _place_near(self, q: Array, cutoff: float) -> list[int]:
-        """Put the bodies at q (n,); the pairs that volumes and hulls do not prove farther apart than `cutoff`, m."""
+        """Move the bodies to q (n,); return the pairs that volumes and hulls do not prove beyond `cutoff`, m."""
         self.place(q)
         possible = np.flatnonzero(self.lower_bounds(q[None], cutoff)[0] <= cutoff).tolist()
         meshes = self.outline.pairs
         return [pair for pair in possible if pair not in meshes or self.outline.distance(pair) <= cutoff]
 
     def near(self, Q: Array, cutoff: float) -> Contacts:
-        """Every pair nearer than `cutoff` (m) at each of many configurations Q (N, n), as arrays.
+        """Return every pair nearer than `cutoff`, m, at each of many configurations Q (N, n), as arrays.
 
-        Where a body is a mesh, distance and points are the hulls' if these are farther apart than `SETTLED`, and if the
-        bodies touch: triangles do not tell how deep, or which way is out.
+        For a pair with a mesh, distance and points are those of the hulls in two cases: the hulls are farther apart
+        than `HULL_DISTANCE_ENOUGH`, or the bodies touch. Triangles give neither depth nor the way out.
         """
         candidates = self.lower_bounds(Q, cutoff) < cutoff
-        queries, outline, meshes = self._queries, self.outline, self.outline.pairs
-        found: list[tuple[int, int, float]] = []
-        vectors: list[Array] = []
+        rows, pairs, results = list[int](), list[int](), list[coal.DistanceResult]()
         for row in np.flatnonzero(candidates.any(axis=1)).tolist():
             self.place(Q[row])
             for pair in np.flatnonzero(candidates[row]).tolist():
-                result = outline.query(pair) if pair in meshes else None
-                if result is None or result.min_distance <= SETTLED:
-                    own = queries.distance(pair)
-                    if result is None or own.min_distance > 0.0:
-                        result = own
-                distance = result.min_distance
-                if distance < cutoff:
-                    found.append((row, pair, distance))
-                    vectors.append(np.array([result.getNearestPoint1(), result.getNearestPoint2(), result.normal]))
-        rows, pairs = (np.array([entry[k] for entry in found], dtype=np.intp) for k in (0, 1))
-        distances = np.array([entry[2] for entry in found])
-        points = np.array(vectors).reshape(-1, 3, 3)
-        return Contacts(rows, pairs, distances, points[:, :2], unit_normals(distances, points))
+                result = self._nearest_points(pair)
+                if result.min_distance < cutoff:
+                    rows.append(row)
+                    pairs.append(pair)
+                    results.append(result)
+        distances, vectors = np.array([result.min_distance for result in results]), _vectors(results)
+        normals = unit_normals(distances, vectors)
+        return Contacts(np.array(rows, np.intp), np.array(pairs, np.intp), distances, vectors[:, :2], normals)
 
     def distances_at(self, placed: pin.Data, which: Index) -> Array:
-        """Distances (K,), m, of chosen pairs where `placed` has the joints; meshes as in `near`."""
+        """Return the distances (K,), m, of chosen pairs with joints as in `placed`; meshes as in `near`."""
         self._queries.place(placed)
         self.outline.place(placed)
         self._answers = results = [self._nearest_points(pair) for pair in which.tolist()]
@@ -259,41 +248,41 @@ class CollisionModel:
 
     def _nearest_points(self, pair: int) -> coal.DistanceResult:
         result = self.outline.query(pair) if pair in self.outline.pairs else None
-        if result is None or result.min_distance <= SETTLED:
+        if result is None or result.min_distance <= HULL_DISTANCE_ENOUGH:
             own = self._queries.distance(pair)
             if result is None or own.min_distance > 0.0:
                 return own
         return result
 
     def witnesses(self) -> Array:
-        """Nearest points on bodies a and b, m, and unit normals from a to b, world, of the last `distances_at`.
+        """Return nearest points on bodies a and b, m, and unit normals from a to b, world, of the last `distances_at`.
 
         Returns:
             (K, 3, 3): rows 0 and 1 are the points, row 2 the normal.
         """
         results = self._answers
-        vectors = np.array([(r.getNearestPoint1(), r.getNearestPoint2(), r.normal) for r in results]).reshape(-1, 3, 3)
+        vectors = _vectors(results)
         if self.outline.pairs:  # between meshes coal leaves the normal unset
             vectors[:, 2] = unit_normals(np.array([result.min_distance for result in results]), vectors)
         return vectors
 
     def lower_bounds(self, Q: Array, enough: float = np.inf) -> Array:
-        """Lower bounds, m, of the distance of every pair at Q (N, n), from bounding volumes alone: (N, P).
+        """Return lower bounds (N, P), m, of the distance of every pair at Q (N, n), from bounding volumes alone.
 
-        Bounds above `enough`, m, may be those of balls, which are found sooner.
+        Bounds above `enough`, m, may be those of balls, which are cheaper.
         """
         return self.bounds.distances(self.full(Q), enough)
 
     def travel(self, Q: Array, D: Array) -> Array:
-        """Bound, m, on the change of every pair's distance while |q_j - Q_j| <= D_j: Q and D (N, n), result (N, P)."""
+        """Return a bound (N, P), m, of the change of every pair's distance while |q_j - Q_j| <= D_j; Q and D (N, n)."""
         return self.bounds.travel(self.full(Q), self.widened(D))
 
     def gradients(self, Q: Array, contacts: Contacts) -> Array:
-        """Gradient (K, n) of the distances of contacts at Q (N, n) with respect to the configuration, m/rad or m/m.
+        """Return the gradient (K, n) of the distances of contacts at Q (N, n), m/rad or m/m.
 
         For normal n and witness points a, b fixed to their bodies, d(distance)/dq = n . (J_b - J_a), with J the linear
-        Jacobian of the point; by the envelope theorem the motion of the witness points on the surfaces adds nothing
-        (away from parallel faces, where the distance has a kink).
+        Jacobian of the point. By the envelope theorem, the motion of the witness points on the surfaces adds nothing.
+        Between parallel faces the distance has a kink.
         """
         at = self.full(Q)[contacts.rows]
         found = self.bounds.witness_gradients(at, contacts.pairs, contacts.points, contacts.normals)
@@ -310,3 +299,9 @@ class CollisionModel:
         kept, self._standing = pairs_of(self.robot, self.scene, self.names, parents)
         self._sunk = overlapping(self.geometry, self._standing, self._boxes)
         return tuple(Pair(k, a, b, self.names[a], self.names[b]) for k, (a, b) in enumerate([*kept, *self._sunk]))
+
+
+def _vectors(results: list[coal.DistanceResult]) -> Array:
+    """Return the nearest points on bodies a and b, m, and coal's normal of each result, world: (K, 3, 3)."""
+    rows = [(result.getNearestPoint1(), result.getNearestPoint2(), result.normal) for result in results]
+    return np.array(rows).reshape(-1, 3, 3)

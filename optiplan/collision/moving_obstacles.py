@@ -1,7 +1,7 @@
-"""Obstacles that move on stated trajectories, as bodies on sliding joints of their own behind those of the robot.
+"""Moving obstacles as bodies on sliding joints, which follow the joints of the robot.
 
-Each has three, along x, y and z of the world. A motion of the robot in time says where they are, so that it can be
-given columns for them; then whatever bounds or proves the motion of links does so for obstacles, too.
+Each obstacle has three joints, along x, y and z of the world. Time determines their positions, so the trajectory of the
+robot gets a column for each. The bounds and proofs for moving links then apply to moving obstacles as well.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ _SLIDES = {"x": pin.JointModelPX, "y": pin.JointModelPY, "z": pin.JointModelPZ}
 
 
 def with_obstacle_joints(model: pin.Model, moving: Sequence[Obstacle]) -> tuple[pin.Model, dict[str, int]]:
-    """Return the model with sliding joints for obstacles, and the joint that carries each; itself without obstacles."""
+    """Return the model with sliding joints for obstacles, and the joint that carries each by name."""
     if not moving:
         return model, {}
     extended, carriers = model.copy(), {}
@@ -30,5 +30,5 @@ def with_obstacle_joints(model: pin.Model, moving: Sequence[Obstacle]) -> tuple[
 
 
 def displacements(motions: Sequence[ObstacleMotion], t: Array, order: int = 0) -> Array:
-    """Positions (N, 3 m) of the joints of m obstacles at times t (N,), s, or derivatives of an order."""
+    """Return positions (N, 3 m) of the joints of m obstacles at times t (N,), s, or derivatives of an order."""
     return np.concatenate([np.zeros((len(t), 0)), *(motion.at(t, order) for motion in motions)], axis=1)

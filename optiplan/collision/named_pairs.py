@@ -10,7 +10,7 @@ from optiplan.robot.robot import Robot
 
 
 class NamedPairs(CollisionModel):
-    """Distances of pairs chosen by the names of their bodies, also of those that need no check for contact."""
+    """Distances of pairs chosen by the names of their bodies; pairs proved apart are included."""
 
     def __init__(self, robot: Robot, scene: Scene, names: Sequence[tuple[str, str]]) -> None:
         self._wanted = frozenset(frozenset(pair) for pair in names)

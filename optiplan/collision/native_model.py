@@ -1,4 +1,4 @@
-"""The collision model of planners: queries in the native core where that is there and knows the shapes."""
+"""The collision model of planners: queries in the native core if it is built and supports the shapes."""
 
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
@@ -7,13 +7,13 @@ import coal
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
+from optiplan.cache import MostRecent, digest
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.contacts import Contact, Contacts
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.native_shapes import native_shape
 from optiplan.collision.passing_neighbours import passing_neighbours
-from optiplan.geometry.mesh_hulls import hull_of_mesh
+from optiplan.geometry.convex import hull_of_mesh, mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Scene
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.native_tree import native_tree
@@ -24,20 +24,23 @@ if TYPE_CHECKING:
 
 _links: "WeakKeyDictionary[Robot, list[Body | None]]" = WeakKeyDictionary()
 
+_made: "MostRecent[Shape]" = MostRecent(512)
+"""Hulls and meshes by content: the index of their vertices takes milliseconds to make."""
+
 _SLACK = 1e-9
-"""m, by which the box and the ball around a hull are larger than its vertices."""
+"""m; the box and the ball around a hull are larger than it by this slack."""
 
 
 def planning_model(
     robot: Robot, scene: Scene, known: CollisionModel | None = None, *, passing: bool = False
 ) -> CollisionModel:
-    """A model for planners; the verifier's is `CollisionModel` itself, which never asks the core.
+    """Return a model for planners; the verifier uses `CollisionModel` itself, which never calls the core.
 
     Args:
         robot: the robot.
         scene: the scene.
-        known: a model of the same robot in the same scene, whose bodies and pairs need not be found again.
-        passing: whether the core is asked for `passing_neighbours` too, where no verifier looks at the motion.
+        known: a model of the same robot in the same scene, whose bodies and pairs are reused.
+        passing: whether the core also checks `passing_neighbours`: for motions that no verifier checks.
     """
     if core is None:
         return CollisionModel(robot, scene)
@@ -45,20 +48,20 @@ def planning_model(
 
 
 def not_in_core(model: CollisionModel) -> dict[str, list[str]]:
-    """What a planner's record says where the core is there and coal answers in its place: `not_in_core`, the bodies."""
+    """Return `not_in_core` for a planner's record: the bodies that the core does not support, if there are any."""
     unknown = model.unknown if isinstance(model, NativeCollisionModel) else ()
     return {"not_in_core": list(unknown)} if unknown else {}
 
 
 class NativeCollisionModel(CollisionModel):
-    """A `CollisionModel` whose queries the native core answers: same meaning, other rounding.
+    """A `CollisionModel` with queries in the native core: the same meaning, different rounding.
 
-    Neighbours that pass each other wherever their joint stands (`passing_neighbours`) are among `pairs`, but
-    `collides`, `near`, `contacts`, sweeps and searches do not ask them, unless it is made with `passing`.
+    `pairs` includes neighbours that never touch (`passing_neighbours`). Without `passing`, the functions `collides`,
+    `near`, `contacts`, sweeps and searches skip them.
 
     Attributes:
-        world: the bodies and pairs in the core; None where a shape is of a kind that it does not know.
-        unknown: names of the bodies with such shapes; with any, coal answers all queries.
+        world: the bodies and pairs in the core; None if the core does not support a shape.
+        unknown: names of the bodies with such shapes; if there are any, coal answers all queries.
     """
 
     def __init__(
@@ -123,12 +126,12 @@ class NativeCollisionModel(CollisionModel):
 
 
 def _packed(values: Array) -> Array:
-    """As the core reads arrays."""
+    """Return an array in the layout of the core."""
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
 def _links_of(model: CollisionModel) -> "list[Body | None]":
-    """The robot's own bodies in the core, made once for each robot."""
+    """Return the robot's own bodies in the core, made once for each robot."""
     robot = model.robot
     if robot not in _links:
         _links[robot] = [_body(model, k, shapes) for k, shapes in enumerate(_link_shapes(robot))]
@@ -137,19 +140,19 @@ def _links_of(model: CollisionModel) -> "list[Body | None]":
 
 @once_for_each_robot
 def _link_shapes(robot: Robot) -> "list[list[Shape]]":
-    """What `_shapes_of` says of each body of a robot, wherever that stands."""
+    """Return `_shapes_of` each body of a robot."""
     return [_shapes_of(body.geometry) for body in robot.geometry.geometryObjects]
 
 
 def _shapes_of(solid: coal.CollisionGeometry) -> "list[Shape]":
-    """A shape in the core, a mesh as its hull and its triangles; none where the core does not know it."""
+    """Return a shape in the core, a mesh as its hull and its triangles; nothing for an unsupported shape."""
     kinds = [hull_of_mesh(solid), solid] if isinstance(solid, coal.BVHModelBase) else [solid]
     shapes = [shape for shape in map(native_shape, kinds) if shape is not None]
     return shapes if len(shapes) == len(kinds) else []
 
 
 def _body(model: CollisionModel, body: int, shapes: "list[Shape]") -> "Body | None":
-    """A body of these shapes in the core; None where it has none."""
+    """Return a body of these shapes in the core; None without shapes."""
     if not shapes:
         return None
     found, bounds = model.geometry.geometryObjects[body], model.bounds
@@ -165,7 +168,7 @@ def _world(model: CollisionModel, bodies: "list[Body]", never: frozenset[tuple[i
 
 @once_for_each_robot
 def _clusters(robot: Robot) -> "list[tuple[Body, list[int]]]":
-    """Hulls of many bodies of the robot as bodies of the core, with the bodies they hold."""
+    """Return the clusters of the robot as bodies of the core, with the bodies that they contain."""
     return [(_hull(cluster), list(cluster.bodies)) for cluster in clusters_of(robot).by_joint]
 
 
@@ -176,3 +179,32 @@ def _hull(cluster: Cluster) -> "Body":
     radius = float(np.linalg.norm(corners - centre, axis=1).max()) + _SLACK
     shape = core.Shape.convex_hull(np.ascontiguousarray(corners))
     return core.Body.of(cluster.joint, np.eye(4), [shape], np.concatenate([centre, half]), radius)
+
+
+def native_shape(body: coal.CollisionGeometry) -> "Shape | None":
+    """Return a shape for the core; None if the core does not support it."""
+    match body:
+        case coal.Sphere():
+            return core.Shape.sphere(body.radius)
+        case coal.Capsule():
+            return core.Shape.capsule(body.radius, body.halfLength)
+        case coal.Cylinder():
+            return core.Shape.cylinder(body.radius, body.halfLength)
+        case coal.Box():
+            return core.Shape.box(np.array(body.halfSide))
+        case coal.Halfspace():
+            return core.Shape.half_space(np.array(body.n), body.d)
+        case coal.ConvexBase():
+            return _hull_shape(np.array(body.points()))
+        case coal.BVHModelBase():
+            return _mesh_shape(mesh_vertices(body), mesh_triangles(body))
+    return None
+
+
+def _hull_shape(points: Array) -> "Shape":
+    return _made.get(digest([points.tobytes()]), lambda: core.Shape.convex_hull(points))
+
+
+def _mesh_shape(vertices: Array, triangles: Index) -> "Shape":
+    corners = np.ascontiguousarray(triangles, dtype=np.int64)
+    return _made.get(digest([vertices.tobytes(), corners.tobytes()]), lambda: core.Shape.triangles(vertices, corners))

@@ -1,4 +1,4 @@
-"""Links that pass each other a hair apart wherever the joint between them stands: planners need not ask them."""
+"""Neighbouring links that never touch, whatever their joint does: planners skip them."""
 
 import coal
 import numpy as np
@@ -11,13 +11,13 @@ from optiplan.robot.urdf.srdf import link_pair
 
 @once_for_each_robot
 def passing_neighbours(robot: Robot) -> frozenset[tuple[int, int]]:
-    """Pairs of a robot's bodies that its survey found apart all over the range of the one joint that moves them.
+    """Return the pairs of bodies that the survey found apart over the whole range of the one joint that moves them.
 
-    Their distance is a function of that joint alone, and no motion brings them nearer than the robot is built. Only
-    pairs with a mesh: flanges tenths of a millimetre apart take hundreds of times as long as two convex bodies, at
-    every configuration. Nothing is proved of them here; the verifier asks them along every motion.
+    Their distance is a function of that joint alone. Only pairs with a mesh: flanges tenths of a millimetre apart take
+    hundreds of times as long as two convex bodies, at every configuration. This is no proof; the verifier checks these
+    pairs along every motion.
     """
-    if robot.held:  # what joints that stand still leave of a robot is not surveyed
+    if robot.held:  # a robot with held joints is not surveyed
         return frozenset()
     meshes = [isinstance(body.geometry, coal.BVHModelBase) for body in robot.geometry.geometryObjects]
     pairs = [(int(pair.first), int(pair.second)) for pair in robot.geometry.collisionPairs]
@@ -25,7 +25,7 @@ def passing_neighbours(robot: Robot) -> frozenset[tuple[int, int]]:
     if not pairs:
         return frozenset()
     depends = PairBounds(robot.kinematics, robot.geometry, pairs, robot.link_boxes).depends
-    # The range of a joint without end is looked at whole where nothing follows it.
+    # The survey covers the whole range of an endless joint without followers.
     alone = (np.abs(robot.kinematics.coupling) > 0.0).sum(axis=0) == 1
     whole = np.isfinite(robot.limits.upper - robot.limits.lower) | (robot.endless & alone)
     moved = [pairs[k] for k in np.flatnonzero((depends.sum(axis=1) == 1) & (~depends | whole).all(axis=1))]

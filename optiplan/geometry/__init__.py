@@ -1,1 +1,1 @@
-"""Shapes, scenes, poses, meshes and their convex stand-ins; nothing here knows a robot."""
+"""Shapes, scenes, poses, meshes and convex bodies that cover them; independent of robots."""

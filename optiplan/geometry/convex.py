@@ -1,10 +1,11 @@
-"""Convex stand-ins for meshes: the hull, or several pieces that together contain the mesh, as tight as measured."""
+"""Convex covers of meshes: the hull, or several pieces that together contain the mesh, with measured excess."""
 
 import io
 import json
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import coal
 import numpy as np
@@ -12,25 +13,28 @@ import numpy.typing as npt
 
 from optiplan import cache
 from optiplan.arrays import Array
-from optiplan.geometry.convex_hulls import FLAT, Hull, kept_hull, thickened_hull
+from optiplan.geometry.convex_hulls import FLAT, Hull, convex_hull, kept_hull, thickened_hull
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.geometry.over_cover import MeshSolid
 
 COVER_VERSION = 1
-"""Counted up when meshes are measured or cut in another way, so that what is kept is made again."""
+"""Increase it when covers change for the same mesh, so that cached ones are made again."""
 
 WITHIN = 1e-3
-"""How far (m) a convex stand-in that is chosen without being asked for may reach beyond the mesh."""
+"""m; the default cover of a mesh reaches at most this far beyond it, else the mesh itself is taken."""
 
 log = logging.getLogger(__name__)
+
+_hulls: cache.MostRecent[coal.ConvexBase] = cache.MostRecent(256)
+"""Hulls of meshes by content."""
 
 
 @dataclass(frozen=True)
 class CoacdOptions:
     """Options of the decomposition; the first seven go to CoACD, which scales every mesh to [-1, 1].
 
-    `longest_edge` (m): triangles across a cut are divided to this size before each goes to one piece. Pieces that fill
-    more than `enough` of the hull's volume are not worth their number: the hull is taken.
+    `longest_edge` (m): triangles across a cut are divided to this size before each is assigned to a piece. The hull is
+    taken instead if the pieces fill more than the share `enough` of its volume.
     """
 
     threshold: float = 0.08
@@ -46,30 +50,54 @@ class CoacdOptions:
 
 @dataclass(frozen=True)
 class CoacdPieces:
-    """Convex pieces by their vertices, each of shape (k, 3) in m; `growth` (m) is what containing the mesh added."""
+    """Convex pieces by their vertices, each (k, 3) in m; `growth` (m): how far they were grown to contain the mesh."""
 
     vertices: tuple[Array, ...]
     growth: float
 
 
 def mesh_vertices(mesh: coal.BVHModelBase) -> Array:
-    """Vertices of a mesh, shape (k, 3), in m."""
+    """Return the vertices of a mesh, (k, 3), m."""
     return np.array(mesh.vertices(), dtype=np.float64).reshape(-1, 3)
 
 
 def mesh_triangles(mesh: coal.BVHModelBase) -> Triangles:
-    """Triangles of a mesh."""
+    """Return the triangles of a mesh, (m, 3) indices of vertices."""
     corners = (mesh.tri_indices(i) for i in range(mesh.num_tris))
     return np.array([(t[0], t[1], t[2]) for t in corners], dtype=np.int64).reshape(-1, 3)
 
 
+def hull_of_mesh(mesh: coal.BVHModelBase) -> coal.ConvexBase:
+    """Return the hull of a mesh, made once for each content; a flat mesh is thickened.
+
+    The hulls' distance bounds that of the meshes from below and costs a twentieth of it.
+    """
+    vertices = mesh_vertices(mesh)
+    return _hulls.get(cache.digest([vertices.tobytes()]), lambda: _mesh_hull(vertices))
+
+
+def _mesh_hull(vertices: Array) -> coal.ConvexBase:
+    try:
+        return convex_hull(vertices)
+    except ValueError:  # flat
+        return thickened_hull(vertices).build()
+
+
+def is_flat(shape: coal.CollisionGeometry) -> bool:
+    """Return whether this is a mesh within a millionth of its extent of a plane."""
+    if not isinstance(shape, coal.BVHModelBase):
+        return False
+    spread = np.linalg.eigvalsh(np.cov(mesh_vertices(shape).T))
+    return bool(spread[0] <= 1e-12 * spread[-1])
+
+
 def hull_of(points: Array) -> coal.ConvexBase:
-    """Convex hull of points (k, 3), in m, as geometry of coal: see `body_of`."""
+    """Return the convex hull of points (k, 3), m, as geometry of coal; see `body_of`."""
     return body_of(points).build()
 
 
 def body_of(points: Array) -> Hull:
-    """Convex hull of points (k, 3), in m; points in one plane or on one line are first thickened by `FLAT`.
+    """Return the convex hull of points (k, 3), m; points in one plane or on one line are first thickened by `FLAT`.
 
     Raises:
         ValueError: no points, or points that are not finite.
@@ -84,7 +112,7 @@ def body_of(points: Array) -> Hull:
 
 @dataclass(frozen=True)
 class Cover:
-    """Default stand-in for a mesh: its hull, convex pieces, or the mesh itself.
+    """Default cover of a mesh: its hull, convex pieces, or the mesh itself.
 
     Attributes:
         kind: hull, convex_pieces or mesh.
@@ -100,14 +128,14 @@ class Cover:
 
 
 def cover_of(mesh: coal.BVHModelBase) -> Cover:
-    """The hull of a mesh if it is within `WITHIN` of the mesh, else pieces that are, else the mesh; cached on disk."""
+    """Return the hull of a mesh if it is within `WITHIN` of it, else such pieces, else the mesh; cached on disk."""
     vertices, triangles = mesh_vertices(mesh), mesh_triangles(mesh)
     content = cache.kept(cover_name(vertices, triangles), lambda: _pack_cover(_cover(vertices, triangles)))
     return _unpack_cover(content, vertices)
 
 
 def cover_name(vertices: Array, triangles: Triangles) -> str:
-    """Name in the cache of the cover of a mesh: vertices (k, 3) in m, triangles (m, 3)."""
+    """Return the cache name of the cover of a mesh: vertices (k, 3) in m, triangles (m, 3)."""
     key = cache.digest([vertices.tobytes(), triangles.tobytes(), repr((COVER_VERSION, WITHIN)).encode()])
     return f"covers/{key}.npz"
 
@@ -118,13 +146,13 @@ def over_cover_of(mesh: coal.BVHModelBase, bodies: Sequence[Array]) -> float:
     key = cache.digest(
         [vertices.tobytes(), triangles.tobytes(), *(body.tobytes() for body in bodies), repr(COVER_VERSION).encode()]
     )
-    content = cache.load(f"covers/{key}.json")
-    if content is None:
+
+    def make() -> bytes:
         from optiplan.geometry.convex_pieces import measured
 
-        content = json.dumps(measured(MeshSolid(vertices[triangles]), bodies)).encode()
-        cache.store(f"covers/{key}.json", content)
-    return float(json.loads(content))
+        return json.dumps(measured(MeshSolid(vertices[triangles]), bodies)).encode()
+
+    return float(json.loads(cache.kept(f"covers/{key}.json", make)))
 
 
 def _cover(vertices: Array, triangles: Triangles) -> Cover:
@@ -148,24 +176,26 @@ def _cover(vertices: Array, triangles: Triangles) -> Cover:
 
 
 def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: CoacdOptions = CoacdOptions()) -> CoacdPieces:
-    """Convex pieces that together contain every triangle of a mesh; cached on disk.
+    """Return convex pieces that together contain every triangle of a mesh; cached on disk.
 
-    CoACD's pieces cut corners of the mesh. So each triangle, divided where it spans several pieces, goes to the piece
-    that contains it best, and every piece becomes the hull of itself and its triangles: the union contains the mesh.
+    CoACD's pieces cut corners of the mesh. So each triangle is assigned to the piece that contains it best; one that
+    spans several pieces is divided first. Every piece becomes the hull of itself and its triangles, so the union
+    contains the mesh.
 
     Args:
         mesh: triangles, in m.
-        identity: bytes that tell this mesh from any other, such as those of its file and its scale.
+        identity: bytes that identify this mesh, such as those of its file and its scale.
         options: how finely it is cut.
     """
     key = cache.digest([identity, repr(asdict(options)).encode()])
-    name = f"pieces/{key}.npz"
-    content = cache.load(name)
-    if content is None:
+
+    def make() -> bytes:
         log.info("cutting a mesh of %d triangles into convex pieces, once", mesh.num_tris)
-        content = _pack(_cut(mesh_vertices(mesh), mesh_triangles(mesh), options))
-        cache.store(name, content)
-    return _unpack(content)
+        made = _cut(mesh_vertices(mesh), mesh_triangles(mesh), options)
+        return _pack(made.vertices, growth=made.growth)
+
+    with np.load(io.BytesIO(cache.kept(f"pieces/{key}.npz", make))) as data:
+        return CoacdPieces(_pieces(data), float(data["growth"]))
 
 
 def protrusion(faces: Array, points: Array) -> Array:
@@ -210,14 +240,14 @@ def _cut(vertices: Array, triangles: Triangles, options: CoacdOptions) -> CoacdP
 
 
 def _filling(bodies: list[Array], vertices: Array) -> float:
-    """Volume of the union of convex bodies as a part of that of the vertices' hull, from samples."""
+    """Return the volume of the union of convex bodies as a share of that of the vertices' hull, from samples."""
     samples = np.random.default_rng(0).uniform(vertices.min(axis=0), vertices.max(axis=0), (20_000, 3))
     samples = samples[protrusion(faces_of(vertices), samples) <= 0]
     return float(np.any([protrusion(faces, samples) <= 0 for faces in bodies], axis=0).mean())
 
 
 def _best(bodies: list[Array], vertices: Array, triangles: Triangles) -> tuple[Array, npt.NDArray[np.int64]]:
-    """The least, over the bodies, of how far each triangle sticks out of one of them, and which body that is."""
+    """Return how far each triangle protrudes from the body that contains it best, m, and the index of that body."""
     best = np.full(len(triangles), np.inf)
     owner = np.zeros(len(triangles), dtype=np.int64)
     for index, faces in enumerate(bodies):
@@ -237,29 +267,25 @@ def _corners(points: Array) -> Array:
 
 
 def _pack_cover(cover: Cover) -> bytes:
-    buffer = io.BytesIO()
     pieces = cover.pieces if cover.kind == "convex_pieces" else ()
-    points = np.concatenate([np.empty((0, 3)), *pieces])
-    sizes = np.array([len(piece) for piece in pieces], dtype=np.int64)
-    np.savez_compressed(buffer, points=points, sizes=sizes, figures=[cover.over_cover, cover.hull], kind=cover.kind)
-    return buffer.getvalue()
+    return _pack(pieces, figures=[cover.over_cover, cover.hull], kind=cover.kind)
 
 
 def _unpack_cover(content: bytes, vertices: Array) -> Cover:
     with np.load(io.BytesIO(content)) as data:
         kind, (beyond, hull) = str(data["kind"]), data["figures"].tolist()
-        pieces = {"hull": [vertices], "mesh": []}.get(kind, np.split(data["points"], np.cumsum(data["sizes"])[:-1]))
-        return Cover(kind, tuple(pieces), beyond, hull)
+        known: dict[str, tuple[Array, ...]] = {"hull": (vertices,), "mesh": ()}
+        return Cover(kind, known[kind] if kind in known else _pieces(data), beyond, hull)
 
 
-def _pack(pieces: CoacdPieces) -> bytes:
+def _pack(pieces: Sequence[Array], **figures: npt.ArrayLike) -> bytes:
+    """Return convex pieces, (k, 3) each, and their figures as an NPZ file."""
     buffer = io.BytesIO()
-    sizes = np.array([len(piece) for piece in pieces.vertices])
-    np.savez_compressed(buffer, points=np.vstack(pieces.vertices), sizes=sizes, growth=pieces.growth)
+    sizes = np.array([len(piece) for piece in pieces], dtype=np.int64)
+    points = np.concatenate([np.empty((0, 3)), *pieces])
+    np.savez_compressed(buffer, allow_pickle=False, points=points, sizes=sizes, **figures)
     return buffer.getvalue()
 
 
-def _unpack(content: bytes) -> CoacdPieces:
-    with np.load(io.BytesIO(content)) as data:
-        parts = np.split(data["points"], np.cumsum(data["sizes"])[:-1])
-        return CoacdPieces(tuple(parts), float(data["growth"]))
+def _pieces(data: Mapping[str, Any]) -> tuple[Array, ...]:
+    return tuple(np.split(data["points"], np.cumsum(data["sizes"])[:-1]))

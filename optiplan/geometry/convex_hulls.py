@@ -1,4 +1,4 @@
-"""Convex hulls that coal can build: flat ones are thickened, those of too many neighbours get fewer faces, outwards."""
+"""Convex hulls within the limits of coal: flat hulls are thickened, hulls with too many neighbours get fewer faces."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,26 +11,26 @@ from optiplan.arrays import Array, Index
 from optiplan.geometry.over_cover import MeshSolid
 
 FLAT = 1e-5
-"""Thickness (m) given to meshes that have none, on either side."""
+"""m; thickness added to flat meshes on either side."""
 
 _VERSION = b"1"
-"""Of what is kept on disk: another one where `covering_hull` gives something else."""
+"""Change it when `covering_hull` returns something else, so that cached hulls are made again."""
 
 _LEAST_RATIO = 1e-6
-"""Thickness, as a part of the extent, below which qhull's rounding decides what is a corner."""
+"""Thickness, as a share of the extent, below which qhull's rounding decides which points are corners."""
 
 _MOST_NEIGHBOURS = 255
-"""coal counts the neighbours of a vertex in eight bits, and writes beyond its memory where there are more."""
+"""coal counts the neighbours of a vertex in eight bits and writes beyond its memory if there are more."""
 
 _FACES = 200
-"""Faces of a hull that is simplified: none has more corners, so no corner has more neighbours than coal can count."""
+"""Faces of a simplified hull: no corner has more neighbours than there are faces, so coal can count them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """A convex body that covers points: vertices (k, 3) in m, triangles (f, 3) seen counter-clockwise from outside.
+    """A convex body that covers points: vertices (k, 3) in m, triangles (f, 3), counter-clockwise from outside.
 
-    `over_cover` (m) is how far it reaches beyond the hull of the points at most; 0 for that hull itself.
+    `over_cover` (m) is how far it reaches beyond the hull of the points at most; 0 for the hull itself.
     """
 
     vertices: Array
@@ -39,14 +39,14 @@ class Hull:
 
     @classmethod
     def of_bytes(cls, content: bytes) -> "Hull":
-        """What `to_bytes` made."""
+        """Return the hull that `to_bytes` wrote."""
         (count, faces), rest = np.frombuffer(content[:16], np.int64), content[16:]
         corners = np.frombuffer(rest[: 24 * count], np.float64).reshape(-1, 3).copy()
         triangles = np.frombuffer(rest[24 * count : 24 * (count + faces)], np.int64).reshape(-1, 3).astype(np.intp)
         return cls(corners, triangles, float(np.frombuffer(rest[-8:], np.float64)[0]))
 
     def to_bytes(self) -> bytes:
-        """Numbers of vertices and triangles, both arrays, and the cover."""
+        """Return the hull as bytes: the numbers of vertices and triangles, both arrays, `over_cover`."""
         sizes = np.array([len(self.vertices), len(self.triangles)], np.int64)
         parts = sizes, self.vertices.astype(np.float64), self.triangles.astype(np.int64), np.array([self.over_cover])
         return b"".join(np.ascontiguousarray(part).tobytes() for part in parts)
@@ -62,7 +62,7 @@ class Hull:
 
 
 def convex_hull(vertices: Array) -> coal.ConvexBase:
-    """Convex hull of points of shape (k, 3), m, as geometry of coal; `covering_hull` says when it is more than that.
+    """Return `covering_hull` of points (k, 3), m, as geometry of coal.
 
     Raises:
         ValueError: fewer than four points, all in one plane, or not finite.
@@ -71,10 +71,10 @@ def convex_hull(vertices: Array) -> coal.ConvexBase:
 
 
 def covering_hull(vertices: Array) -> Hull:
-    """The hull of points (k, 3), m, or where coal cannot build that, a convex body around it.
+    """Return the hull of points (k, 3), m, or a convex body around it where coal cannot build the hull.
 
-    Points thinner than a millionth of their extent are thickened by `FLAT`, or that millionth; a hull with a corner of
-    more than 255 neighbours is replaced by `_FACES` of its supporting half-spaces.
+    Points thinner than a millionth of their extent are thickened by `FLAT` or by that millionth. A hull with a corner
+    of more than 255 neighbours is replaced by `_FACES` of its supporting half-spaces.
 
     Raises:
         ValueError: fewer than four points, all in one plane, or not finite.
@@ -96,7 +96,7 @@ def covering_hull(vertices: Array) -> Hull:
 
 
 def kept_hull(vertices: Array) -> Hull:
-    """`covering_hull`, from disk where it was made before: for shapes of which a robot or a scene is made.
+    """Return `covering_hull` of points (k, 3), m, cached on disk: for the shapes of robots and scenes.
 
     Raises:
         ValueError: as `covering_hull`.
@@ -107,7 +107,7 @@ def kept_hull(vertices: Array) -> Hull:
 
 
 def thickened_hull(points: Array) -> Hull:
-    """Hull of balls (octahedra) of radius `FLAT`, or a millionth of the extent, about points (k, 3), m."""
+    """Return the hull of octahedra of radius `FLAT`, or a millionth of the extent, about points (k, 3), m."""
     from scipy.spatial import ConvexHull
 
     by = max(FLAT, 2.0 * _LEAST_RATIO * float(np.ptp(points, axis=0).max(initial=0.0)))
@@ -117,7 +117,7 @@ def thickened_hull(points: Array) -> Hull:
 
 
 def _within_limits(hull: Any) -> Hull:
-    """The hull, or a body of fewer faces around it where a corner has more neighbours than coal counts."""
+    """Return the hull, or a body of fewer faces around it if a corner has more neighbours than coal can count."""
     from scipy.spatial import ConvexHull
 
     plain = _outward(hull)
@@ -130,9 +130,10 @@ def _within_limits(hull: Any) -> Hull:
 
 
 def _supporting(vertices: Array, faces: Array) -> Array:
-    """Corners (k, 3) of the body that `_FACES` supporting half-spaces of vertices (v, 3) have in common, m.
+    """Return the corners (k, 3), m, of the intersection of `_FACES` supporting half-spaces of vertices (v, 3).
 
-    Their normals are those of a box about the body and of its faces (f, 4), each the farthest from those taken before.
+    Their normals are those of a box about the body, then those of its faces (f, 4), each time the farthest from all
+    normals chosen before.
     """
     from scipy.spatial import HalfspaceIntersection
 
@@ -151,7 +152,7 @@ def _supporting(vertices: Array, faces: Array) -> Array:
 
 
 def _outward(hull: Any) -> Hull:
-    """Corners and triangles of a hull, the triangles turned to be seen counter-clockwise from outside."""
+    """Return the corners and triangles of a hull, the triangles counter-clockwise from outside."""
     used, where = np.unique(hull.simplices, return_inverse=True)
     vertices, corners = hull.points[used], np.asarray(where, dtype=np.intp).reshape(-1, 3)
     a, b, c = np.moveaxis(vertices[corners], 1, 0)

@@ -1,4 +1,4 @@
-"""Convex pieces that cover a mesh and reach beyond it by at most a given distance, measured."""
+"""Convex pieces that cover a mesh and reach beyond it by at most a given, measured distance."""
 
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -9,22 +9,20 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from optiplan.arrays import Array
+from optiplan.geometry.meshes.box_surfaces import BOX_CORNERS
 from optiplan.geometry.over_cover import MeshSolid, over_cover
 
 _STEP = 1e-4
-"""m; how far parts of a flat step of the surface may lie apart."""
+"""m; triangles that differ by less along an axis belong to one flat step of the surface."""
 
 _PLANE_TOLERANCE = 1e-7
-"""m; corners this near to a plane lie in it."""
+"""m; corners nearer to a plane than this lie in it."""
 
 _SAMPLE = 400
-"""Triangles that a cut is chosen by, evenly taken where there are more; the cut itself is of all."""
-
-_CORNERS = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-"""Of a box: which of its two ends along each axis, (8, 3)."""
+"""Triangles by which a cut is chosen, an even sample if there are more; the cut itself divides all."""
 
 _LARGEST = 24
-"""Faces of a hull whose middles are asked before all of it."""
+"""Faces of a hull whose middles are checked before the whole hull."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +31,9 @@ class PieceOptions:
 
     Attributes:
         over_cover: m, how far a piece may reach beyond the mesh.
-        tolerance: m, how exactly that is measured.
-        places: planes tried along each axis of a piece that is cut, evenly and along steps of its surface.
-        most: pieces; a mesh that needs more is not cut, since 20 queries of two hulls cost as much as one of a mesh.
+        tolerance: m, accuracy of that measurement.
+        places: planes tried along each axis of a piece: evenly spaced, and along steps of its surface.
+        most: pieces; a mesh that needs more is not cut. 20 queries of two hulls cost as much as one of a mesh.
     """
 
     over_cover: float = 1e-3
@@ -56,8 +54,8 @@ class ConvexPieces:
 class _Cell:
     """The part of a mesh within a box: triangles (k, 3, 3) clipped to it, the box (2, 3), and its hull.
 
-    The hull holds the clipped triangles and the corners of the box that are inside the mesh: these are all extreme
-    points that mesh and box can have in common, so it holds the solid within the box too.
+    The hull contains the clipped triangles and the corners of the box that are inside the mesh. These include all
+    extreme points of the intersection of solid and box, so the hull contains that intersection.
     """
 
     triangles: Array
@@ -75,9 +73,9 @@ def measured(solid: MeshSolid, bodies: Sequence[Array], tolerance: float = Piece
 def cut(solid: MeshSolid, options: PieceOptions = PieceOptions()) -> ConvexPieces | None:
     """Cut a mesh into convex pieces, each the hull of the part within a box; None where `options.most` is too few.
 
-    A piece that reaches too far beyond the mesh is cut by the plane, across one of three axes, that leaves the least
-    volume in the hulls of both parts; pieces whose common hull is within the bound are then joined again. All parts
-    are cut once before any is cut again: a mesh that needs too many pieces is given up early so.
+    A piece that reaches too far beyond the mesh is cut across one of three axes, by the plane that leaves the least
+    volume in the hulls of both parts. Pieces whose common hull is within the bound are then joined again. All parts
+    are cut once before any is cut again, so that a mesh that needs too many pieces is recognised early.
 
     Args:
         solid: the mesh.
@@ -95,7 +93,7 @@ def cut(solid: MeshSolid, options: PieceOptions = PieceOptions()) -> ConvexPiece
                 done[name] = cell.points, cell.volume
             else:
                 waiting.append((name, cell))
-        if len(done) + 2 * len(waiting) > 2 * options.most + 2:  # each that waits is two at least
+        if len(done) + 2 * len(waiting) > 2 * options.most + 2:  # each waiting piece becomes at least two
             return None
         fresh = []
         if waiting:
@@ -111,7 +109,7 @@ def cut(solid: MeshSolid, options: PieceOptions = PieceOptions()) -> ConvexPiece
 
 
 def _close(solid: MeshSolid, points: Array, options: PieceOptions) -> bool:
-    """Whether the hull of points is within the bound; its largest faces, which span hollows, are asked first."""
+    """Return whether the hull of points is within the bound; its largest faces, which span hollows, come first."""
     faces = points[_hull(points).simplices]
     area = np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=1)
     middles = faces[np.argsort(-area, kind="stable")[:_LARGEST]].mean(axis=1)
@@ -121,7 +119,7 @@ def _close(solid: MeshSolid, points: Array, options: PieceOptions) -> bool:
 
 
 def _best_cut(solid: MeshSolid, cell: _Cell, places: int) -> tuple[_Cell, _Cell] | None:
-    """The two parts of a cell whose hulls have the least volume in sum."""
+    """Return the two parts of a cell whose hulls have the least total volume; None where no plane cuts it."""
     rough = replace(cell, triangles=cell.triangles[:: len(cell.triangles) // _SAMPLE + 1])
     cuts = [(axis, place) for axis in range(3) for place in _places(rough, axis, places)]
     found = zip(cuts, _halves(solid, rough, cuts), strict=True)
@@ -163,14 +161,14 @@ def _halves(solid: MeshSolid, cell: _Cell, cuts: Sequence[tuple[int, float]]) ->
 
 
 def _inner_corners(solid: MeshSolid, boxes: Array) -> list[Array]:
-    """Corners (k, 3) of each of the boxes (b, 2, 3) that are inside the mesh."""
-    corners = boxes[:, _CORNERS, np.arange(3)]  # (b, 8, 3)
-    inside = solid.inside(corners.reshape(-1, 3)).reshape(len(boxes), len(_CORNERS))
+    """Return the corners (k, 3) of each box (b, 2, 3) that are inside the mesh."""
+    corners = boxes[:, BOX_CORNERS, np.arange(3)]  # (b, 8, 3)
+    inside = solid.inside(corners.reshape(-1, 3)).reshape(len(boxes), len(BOX_CORNERS))
     return [own[flags] for own, flags in zip(corners, inside, strict=True)]
 
 
 def _cell(triangles: Array, box: Array, inner: Array) -> _Cell | None:
-    """The cell of a box, of which the corners `inner` (k, 3) are inside; None where the mesh has nothing in it."""
+    """Return the cell of a box whose corners `inner` (k, 3) are inside the mesh; None for an empty one."""
     points = np.vstack([triangles.reshape(-1, 3), inner])
     if len(points) < 3:
         return None
@@ -182,9 +180,9 @@ def _cell(triangles: Array, box: Array, inner: Array) -> _Cell | None:
 
 
 def _clipped(triangles: Array, axis: int, place: float, sign: float) -> Array:
-    """The parts of triangles (k, 3, 3) with sign * x <= sign * place along an axis, as triangles.
+    """Return the parts of triangles (k, 3, 3) with sign * x <= sign * place along an axis, as triangles.
 
-    Those within the plane belong to the side that they are seen from the other side of.
+    A triangle within the plane belongs to the side opposite to its normal.
     """
     height = sign * (triangles[:, :, axis] - place)
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, axis]
@@ -211,7 +209,7 @@ def _clipped(triangles: Array, axis: int, place: float, sign: float) -> Array:
 
 
 def _join(solid: MeshSolid, pieces: list[tuple[Array, float]], options: PieceOptions) -> list[Array]:
-    """Join pieces (vertices, volume), two by two, where their common hull is within the bound; the best fits first."""
+    """Join pieces (vertices, volume) two by two where their common hull is within the bound, the best fit first."""
     known, count = dict(enumerate(pieces)), len(pieces)
     common: dict[tuple[int, int], tuple[float, Array, float]] = {}  # added volume, vertices, volume
     fresh = set(combinations(sorted(known), 2))
@@ -236,13 +234,13 @@ def _join(solid: MeshSolid, pieces: list[tuple[Array, float]], options: PieceOpt
 
 
 def _touch(a: Array, b: Array) -> bool:
-    """Whether the boxes of two pieces meet."""
+    """Return whether the boxes of two pieces meet."""
     gap = np.maximum(a.min(axis=0) - b.max(axis=0), b.min(axis=0) - a.max(axis=0))
     return bool((gap <= 1e-6).all())
 
 
 def _hull(points: Array) -> ConvexHull:
-    """Convex hull of points (k, 3); points in one plane are moved by a rounding."""
+    """Return the convex hull of points (k, 3); points in one plane are perturbed by rounding errors."""
     try:
         return ConvexHull(points)
     except QhullError:

@@ -29,14 +29,14 @@ class DualQuaternion:
 
     @classmethod
     def from_pose(cls, X_AB: pin.SE3) -> "DualQuaternion":
-        """The one of the two with real[0] >= 0, up to rounding."""
+        """Return the dual quaternion of a pose whose real[0] >= 0, up to rounding."""
         x, y, z, w = pin.Quaternion(X_AB.rotation).coeffs()
         real = np.array([w, x, y, z]) if w >= 0.0 else -np.array([w, x, y, z])
         return cls(real, 0.5 * _product(np.array([0.0, *X_AB.translation]), real))
 
     @classmethod
     def exp(cls, twist: Array) -> "DualQuaternion":
-        """Pose after moving for one second with the constant twist (v, w), (6,), m/s and rad/s: that of `pin.exp6`.
+        """Return the pose of `pin.exp6`: one second of motion with the constant twist (v, w), (6,), m/s and rad/s.
 
         With a = w/2, b = v/2, φ = |a|, sinc φ = sin φ / φ and k = (cos φ - sinc φ) / φ²,
         real = (cos φ, sinc φ a) and dual = (-sinc φ a·b, sinc φ b + k (a·b) a): smooth in the twist everywhere.
@@ -48,10 +48,10 @@ class DualQuaternion:
         return cls(real, np.array([-sinc * along, *(sinc * b + _sinc_slope(phi) * along * a)]))
 
     def log(self) -> Array:
-        """Twist (v, w), (6,), m and rad, with exp(log(q)) = ±q and |w| <= π: the shorter way round, as `pin.log6`.
+        """Return the twist (v, w), (6,), m and rad, of the shorter rotation, as `pin.log6`: exp(log(q)) = ±q, |w| <= π.
 
-        The inverse of `exp` with φ = atan2(|vec real|, real[0]) in [0, π/2], where sinc φ >= 2/π: nothing to divide by
-        zero. Of the two ways round at a half turn, see `shorter`, one is always taken.
+        The inverse of `exp` with φ = atan2(|vec real|, real[0]) in [0, π/2], where sinc φ >= 2/π, so no division by
+        zero occurs. `shorter` chooses the direction of a half turn.
         """
         q = self.shorter()
         phi = math.atan2(math.hypot(*q.real[1:]), q.real[0])
@@ -62,11 +62,11 @@ class DualQuaternion:
         return np.concatenate([2.0 * b, 2.0 * a])
 
     def power(self, exponent: float) -> "DualQuaternion":
-        """exp(exponent log(q)): the screw of q run through to that share."""
+        """Return exp(exponent log(q)): that share of the screw motion of q."""
         return DualQuaternion.exp(exponent * self.log())
 
     def towards(self, other: "DualQuaternion", tau: float) -> "DualQuaternion":
-        """ScLERP: X_W0 (X_W0⁻¹ X_W1)^τ, from this pose at τ = 0 to the other at τ = 1 by one screw motion.
+        """Interpolate by ScLERP: X_W0 (X_W0⁻¹ X_W1)^τ, one screw motion from this pose, τ = 0, to the other, τ = 1.
 
         Source: L. Kavan et al., "Dual quaternions for rigid transformation blending", 2006.
         """
@@ -80,15 +80,13 @@ class DualQuaternion:
     def pose(self) -> pin.SE3:
         """X_AB."""
         w, x, y, z = self.real
-        return pin.SE3(
-            pin.Quaternion(w, x, y, z).toRotationMatrix(), 2.0 * _product(self.dual, _CONJUGATE * self.real)[1:]
-        )
+        return pin.SE3(pin.Quaternion(w, x, y, z).toRotationMatrix(), self.position)
 
     def shorter(self) -> "DualQuaternion":
-        """The one of q and -q that turns by π at most.
+        """Return q or -q, whichever turns by π at most.
 
-        At a half turn, |real[0]| < 1e-9, both do; then the axis's first component that is not zero is made positive, so
-        that rounding does not choose the way round.
+        At a half turn, |real[0]| < 1e-9, both do. Then the first nonzero component of the axis is made positive:
+        rounding does not choose the direction.
         """
         deciding = next((x for x in self.real if abs(x) > HALF_TURN), 1.0)
         return self if deciding > 0.0 else DualQuaternion(-self.real, -self.dual)
@@ -100,17 +98,17 @@ class DualQuaternion:
 
     @property
     def conjugate(self) -> "DualQuaternion":
-        """real* + ε dual*, the vector parts turned round: the inverse of a unit one."""
+        """The conjugate real* + ε dual*, with negated vector parts: the inverse of a unit dual quaternion."""
         return DualQuaternion(_CONJUGATE * self.real, _CONJUGATE * self.dual)
 
     @property
     def dual_conjugate(self) -> "DualQuaternion":
-        """The one with the dual part reversed, real - ε dual."""
+        """The conjugate real - ε dual."""
         return DualQuaternion(self.real, -self.dual)
 
     @property
     def full_conjugate(self) -> "DualQuaternion":
-        """Both at once, real* - ε dual*; it moves points, 1 + ε p_A = q (1 + ε p_B) q.full_conjugate."""
+        """The conjugate real* - ε dual*, which moves points: 1 + ε p_A = q (1 + ε p_B) q.full_conjugate."""
         return DualQuaternion(_CONJUGATE * self.real, -_CONJUGATE * self.dual)
 
     @property
@@ -119,7 +117,7 @@ class DualQuaternion:
         return max(abs(math.hypot(*self.real) - 1.0), abs(float(self.real @ self.dual)))
 
     def normalised(self) -> "DualQuaternion":
-        """The nearest unit one: r = real / |real|, and dual / |real| less its part along r.
+        """Return the nearest unit dual quaternion: r = real / |real|, and dual / |real| without its part along r.
 
         Raises:
             ValueError: real is zero.
@@ -132,7 +130,7 @@ class DualQuaternion:
 
 
 def screw_between(X_W0: pin.SE3, X_W1: pin.SE3, tau: float) -> pin.SE3:
-    """`DualQuaternion.towards` for poses."""
+    """Return `DualQuaternion.towards` of poses."""
     return DualQuaternion.from_pose(X_W0).towards(DualQuaternion.from_pose(X_W1), tau).pose()
 
 
@@ -156,7 +154,7 @@ def _sinc(x: float) -> float:
 
 
 def _sinc_slope(x: float) -> float:
-    """(cos x - sin x / x) / x² = sinc'(x) / x; below 1 by its series, which is exact to rounding there."""
+    """Return (cos x - sin x / x) / x² = sinc'(x) / x, for x < 1 by its series, which is exact to rounding."""
     if x >= 1.0:
         return (math.cos(x) - math.sin(x) / x) / x**2
     value, square = 0.0, x * x

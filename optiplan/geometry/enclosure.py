@@ -1,16 +1,16 @@
-"""Which points a triangle mesh encloses, whatever the winding of its triangles.
+"""Points enclosed by a triangle mesh, whatever the winding of its triangles.
 
-The surface is taken apart into pieces that are joined along edges, and each is judged by what it is:
+The surface is divided into pieces connected by edges. There are three kinds of pieces:
 
-* closed, every edge passed as often in one direction as in the other: the winding number w counts, +1 for a solid, -1
-  for one that is inside out or for the wall of a hollow;
-* closed, wound without sense (triangles of both senses, or every triangle twice, once of each): it encloses what it is
-  wound about once it is wound alike;
-* open, or with edges of three triangles: taken together, these pieces enclose every point for which no way out is found
-  on a grid of `CELLS` cells; so a bin is open, and a solid with cracks is none.
+* closed and wound alike: every edge is passed as often in one direction as in the other. The winding number w counts:
+  +1 for a solid, -1 for an inverted solid or the wall of a hollow;
+* closed and not wound alike: triangles of both senses, or every triangle twice, once in each sense. Its winding number
+  counts after its triangles are wound alike;
+* open, or with edges of three triangles. Together, these pieces enclose every point without a way out on a grid of
+  `CELLS` cells: a bin is open, a solid with cracks is closed.
 
-A body is enclosed if w summed over the pieces of the first kind is not 0, or by a piece of the other two. A sum of 0 of
-+1 and -1 is a hollow only where one piece lies within the other; solids that overlap enclose, whatever their senses.
+A body is enclosed if the sum of w over the pieces of the first kind is not 0, or if a piece of another kind encloses
+it. A sum of 0 of +1 and -1 is a hollow only if one piece lies within the other: overlapping solids enclose.
 """
 
 from collections.abc import Iterator
@@ -24,23 +24,24 @@ from optiplan.arrays import Array
 from optiplan.geometry.meshes.triangles import Triangles
 
 CELLS = 64
-"""Cells of the grid along the longest edge of a mesh: openings narrower than four of them count as closed."""
+"""Cells of the grid along the longest edge of a mesh; openings narrower than four cells count as closed."""
 
 NESTED = 500
-"""Vertices of a hollow that are looked for within the solid around it."""
+"""Vertices of a hollow that are tested for being within the solid around it."""
 
-_BLOCK = 2_000_000  # segments times triangles at a time, to bound memory
+_BLOCK = 2_000_000
+"""Samples of triangles at a time, to bound memory."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """A connected part of a surface: corners (m, 3, 3); `sense` says whether its winding means anything."""
+    """A connected part of a surface: corners (m, 3, 3); `sense`: whether its winding was meaningful in the mesh."""
 
     corners: Array
     sense: bool
 
     def within(self, other: "_Piece") -> bool:
-        """Whether this closed piece lies inside another one: by boxes, and by the winding number of its vertices."""
+        """Return whether this closed piece lies inside another: by boxes, then by winding numbers of its vertices."""
         mine, theirs = self.corners.reshape(-1, 3), other.corners.reshape(-1, 3)
         if not ((mine.min(axis=0) >= theirs.min(axis=0)) & (mine.max(axis=0) <= theirs.max(axis=0))).all():
             return False
@@ -64,7 +65,7 @@ class Enclosure:
         faces, senses = _distinct_faces(corners[(a != b) & (b != c) & (c != a)])
         self._closed: list[_Piece] = []
         open_: list[Array] = []
-        self._torn = False  # a piece is open that is no sheet of two sides, as between two boxes side by side
+        self._torn = False  # an open piece that is no two-sided sheet, such as that between two adjacent boxes
         for chosen, sense in ((faces[senses != 0], True), (faces[senses == 0], False)):
             for piece, even in _connected(chosen):
                 wound = piece if even else _wound(piece)
@@ -79,7 +80,7 @@ class Enclosure:
         self._high = np.array([points.max(axis=0) for points in flat]).reshape(-1, 3)
 
     def holds(self, points: Array) -> bool:
-        """Whether a connected body that nowhere touches the surface is enclosed; points (k, 3) of that body, m."""
+        """Return whether a connected body that does not touch the surface is enclosed; points (k, 3) of the body, m."""
         near = ((points[0] >= self._low) & (points[0] <= self._high)).all(axis=1)
         pieces = [self._closed[k] for k in np.flatnonzero(near)]
         around = [(piece, round(winding_number(piece.corners, points[0]))) for piece in pieces]
@@ -92,10 +93,10 @@ class Enclosure:
         return not _way_out(self._open, points)
 
     def solids(self) -> list[tuple[Array, float]] | None:
-        """Return the corners (m, 3, 3) of each closed piece, and 1 or -1, by which what it fills is above 0.
+        """Return the corners (m, 3, 3) of each closed piece, and the sign, 1 or -1, of its volume.
 
-        The wall of a hollow, inside out within another piece, fills less than nothing, a sheet of two sides nothing.
-        None where any other piece is open.
+        With that sign, a solid has a positive volume and the wall of a hollow a negative one; that of a two-sided sheet
+        is 0. None if any other piece is open.
         """
         if self._torn:
             return None
@@ -125,21 +126,26 @@ def winding_number(triangles: Array, point: Array) -> float:
 
 
 def connected_parts(vertices: Array, triangles: Triangles) -> list[Array]:
-    """Vertices (k, 3) of every part of a mesh that hangs together by its vertices."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
+    """Return the vertices (k, 3) of every part of a mesh that is connected by vertices."""
     distinct, same = np.unique(vertices, axis=0, return_inverse=True)
     corners = same.reshape(-1)[triangles]
-    joined = (np.ones(2 * len(corners)), (corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()))
-    _, part = connected_components(coo_array(joined, shape=(len(distinct), len(distinct))), directed=False)
+    part = _components(len(distinct), corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel())
     used = np.unique(corners)
     order = used[np.argsort(part[used], kind="stable")]
     return np.split(distinct[order], np.flatnonzero(np.diff(part[order])) + 1)
 
 
+def _components(count: int, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
+    """Return the component (count,) of each node of the graph whose edges join `first` (m,) and `second` (m,)."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(first)), (first, second)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int32)
+
+
 def _distinct_faces(corners: Triangles) -> tuple[Triangles, npt.NDArray[np.int64]]:
-    """Every triangle once, and its sense: of those at the same place, how many more are of its winding."""
+    """Return every triangle once, and its sense: the sign of the sum of the windings at its place."""
     least = corners.argmin(axis=1)[:, None]
     turned = np.take_along_axis(corners, (least + np.arange(3)) % 3, axis=1)
     back = turned[:, 1] > turned[:, 2]
@@ -151,7 +157,7 @@ def _distinct_faces(corners: Triangles) -> tuple[Triangles, npt.NDArray[np.int64
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """The sides of faces, those of one edge beside each other: the face, its direction (1 or -1), the edge's number."""
+    """The sides of faces, ordered by edge: the face, the direction (1 or -1), the number of the edge."""
 
     face: npt.NDArray[np.int64]
     direction: npt.NDArray[np.int64]
@@ -159,7 +165,7 @@ class _Edges:
 
     @classmethod
     def of(cls, faces: Triangles) -> "_Edges":
-        """Sides of faces (m, 3)."""
+        """Return the sides of faces (m, 3)."""
         sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
         _, edge = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
         order = np.argsort(edge.reshape(-1), kind="stable")
@@ -167,26 +173,22 @@ class _Edges:
         return cls(np.tile(np.arange(len(faces)), 3)[order], direction[order], edge.reshape(-1)[order])
 
     def neighbours(self) -> npt.NDArray[np.bool_]:
-        """Which sides have the same edge as the one after them."""
+        """Return which sides have the same edge as the next side."""
         return np.asarray(self.edge[1:] == self.edge[:-1])
 
     def uneven(self) -> npt.NDArray[np.bool_]:
-        """Which sides have an edge that is passed more often in one direction than in the other."""
+        """Return which sides have an edge that is passed more often in one direction than in the other."""
         return np.asarray(np.bincount(self.edge, self.direction)[self.edge] != 0)
 
 
 def _connected(faces: Triangles) -> Iterator[tuple[Triangles, bool]]:
-    """Faces that hang together by their edges, and whether each is passed as often in one direction as in the other."""
+    """Yield faces connected by edges, and whether each edge is passed as often in one direction as in the other."""
     if len(faces) == 0:
         return
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     edges = _Edges.of(faces)
     near = edges.neighbours()
-    joined = (np.ones(int(near.sum())), (edges.face[:-1][near], edges.face[1:][near]))
-    count, part = connected_components(coo_array(joined, shape=(len(faces),) * 2), directed=False)
-    even = np.ones(count, bool)
+    part = _components(len(faces), edges.face[:-1][near], edges.face[1:][near])
+    even = np.ones(int(part.max()) + 1, bool)
     even[part[edges.face[edges.uneven()]]] = False
     order = np.argsort(part, kind="stable")
     pieces = np.split(faces[order], np.flatnonzero(np.diff(part[order])) + 1)
@@ -194,7 +196,7 @@ def _connected(faces: Triangles) -> Iterator[tuple[Triangles, bool]]:
 
 
 def _wound(faces: Triangles) -> Triangles | None:
-    """The faces of a piece that is closed but not wound alike, wound alike; None for a piece that is open."""
+    """Return the faces of a closed piece, wound alike; None for an open piece."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import breadth_first_order
 
@@ -216,7 +218,7 @@ def _wound(faces: Triangles) -> Triangles | None:
 
 
 def _way_out(corners: Array, points: Array) -> bool:
-    """Whether one of points (k, 3) is joined with the outside of triangles (m, 3, 3), as far as a grid can tell."""
+    """Return whether a grid connects one of points (k, 3) with the outside of triangles (m, 3, 3)."""
     flat = corners.reshape(-1, 3)
     if len(flat) == 0 or not ((points >= flat.min(axis=0)) & (points <= flat.max(axis=0))).all(axis=1).all():
         return True
@@ -227,7 +229,7 @@ def _way_out(corners: Array, points: Array) -> bool:
     full = np.zeros(tuple(np.ceil(np.ptp(flat, axis=0) / cell).astype(int) + 7), bool)
     for samples in _sampled(corners, cell):
         full[tuple(((samples - origin) / cell).astype(int).T)] = True
-    # No point of a triangle is farther than a cell from a sample: cells off these and off their neighbours are free.
+    # No point of a triangle is farther than a cell from a sample, so cells that no sample is in or next to are free.
     full = ndimage.binary_dilation(full, np.ones((3, 3, 3)))
     regions, _ = ndimage.label(~full)
     outside = regions == regions[0, 0, 0]
@@ -243,7 +245,7 @@ def _way_out(corners: Array, points: Array) -> bool:
 
 
 def _sampled(corners: Array, cell: float) -> Iterator[Array]:
-    """Points of triangles, (k, 3), such that none of their own points is a cell away from all of these."""
+    """Yield samples of triangles, (k, 3): every point of a triangle is within a cell of a sample."""
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     pieces = np.maximum(np.ceil(longest / cell), 1).astype(int)
     for count in np.unique(pieces):
@@ -254,13 +256,13 @@ def _sampled(corners: Array, cell: float) -> Iterator[Array]:
 
 
 def _sees(corners: Array, point: Array, ends: Array) -> bool:
-    """Whether a straight line from a point to one of ends (k, 3) crosses none of triangles (m, 3, 3)."""
+    """Return whether a straight line from a point to one of ends (k, 3) crosses no triangle (m, 3, 3)."""
     chosen = ends[np.argsort(np.linalg.norm(ends - point, axis=1))[:32]]
     return any(not _crosses(corners, point, end - point) for end in chosen)
 
 
 def _crosses(corners: Array, start: Array, along: Array) -> bool:
-    """Whether start + s along, 0 <= s <= 1, meets a triangle; Möller and Trumbore, J. Graphics Tools 2 (1997)."""
+    """Return whether start + s along, 0 <= s <= 1, meets a triangle: Möller, Trumbore, J. Graphics Tools 2 (1997)."""
     u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(along, v)
     size = np.einsum("mi,mi->m", u, normal)

@@ -1,6 +1,7 @@
-"""Shapes that files hold: meshes, point clouds, octrees; their bodies are made of triangles and kept by content."""
+"""Shapes from files: meshes, point clouds and octrees. Their bodies are triangles, cached by content."""
 
-from dataclasses import dataclass, field
+from abc import abstractmethod
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
@@ -10,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from optiplan.arrays import Array
-from optiplan.config.document import Strict
+from optiplan.config.document import Strict, plain
 from optiplan.config.values import LARGEST_COORDINATE, FileName, Length, Scale
 from optiplan.geometry.convex_hulls import convex_hull
 from optiplan.geometry.meshes.box_surfaces import surface_of_boxes
@@ -27,68 +28,10 @@ from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, Soup, Triangles
 from optiplan.geometry.shape import Shape
 
 
-@dataclass(frozen=True)
-class BodyFile:
-    """A file of a body: `key` is the digest of what it has to hold, by `open_mesh`; empty: whatever it holds."""
-
-    path: Path
-    key: str
-    kind: Kind
-
-    def soup(self) -> Soup:
-        """What the file holds.
-
-        Raises:
-            ValueError: it cannot be read, or is not what it was.
-        """
-        soup = known(self.key) if self.key else None
-        if soup is None:
-            file = open_mesh(self.path, self.kind)
-            if self.key not in ("", file.key):
-                raise ValueError(f"{self.kind} {self.path} is not what it was when it was loaded")
-            soup = read_mesh(file)
-        return soup
-
-
-def mesh_body(source: BodyFile, scale: tuple[float, float, float], convex: bool) -> coal.CollisionGeometry:
-    """Bounding-volume hierarchy of the triangles of a file or, with `convex`, their convex hull.
-
-    Args:
-        source: the file.
-        scale: of its numbers.
-        convex: whether the hull is wanted.
-
-    Raises:
-        ValueError: it cannot be read, holds NaN or infinity, or has no volume to hull.
-    """
-    soup = source.soup()
-    try:
-        return _built(soup, scale, convex)
-    except ValueError as error:
-        raise ValueError(f"{source.kind} {source.path}: {error}") from error
-
-
-def cloud_body(source: BodyFile, radius: float) -> coal.CollisionGeometry:
-    """Bounding-volume hierarchy of boxes that hold all points within `radius`, m, of the points of a file.
-
-    The points are gathered in cells with edges of `radius`; of each cell, the least box along the axes that holds the
-    balls of its points. So nothing is closer to a point than it seems, and a box reaches at most 0.74 radius + (what
-    the points of one cell are apart) beyond the balls.
-
-    Raises:
-        ValueError: it cannot be read, or there are too many cells.
-    """
-    points = source.soup()
-    try:
-        return _gathered(points, radius)
-    except ValueError as error:
-        raise ValueError(f"{source.kind} {source.path}: {error}") from error
-
-
 @lru_cache(maxsize=64)
-def _gathered(soup: Soup, radius: float) -> coal.CollisionGeometry:
+def _cloud_body(soup: Soup, radius: float) -> coal.CollisionGeometry:
     points = soup.vertices
-    check_reach(points)
+    _check_reach(points)
     cells = np.floor(points / radius)
     order = np.lexsort(cells.T)
     begins = np.flatnonzero(np.concatenate([[True], (np.diff(cells[order], axis=0) != 0.0).any(axis=1)]))
@@ -103,32 +46,32 @@ def _gathered(soup: Soup, radius: float) -> coal.CollisionGeometry:
 
 
 @lru_cache(maxsize=256)
-def _built(soup: Soup, scale: tuple[float, float, float], convex: bool) -> coal.CollisionGeometry:
-    """Made once per content, scale and kind; coal geometry is never changed after it is made, so it is shared."""
+def _mesh_body(soup: Soup, scale: tuple[float, float, float], convex: bool) -> coal.CollisionGeometry:
+    """Return the body of a content, made once: coal geometry never changes, so it is shared."""
     vertices = (soup.vertices @ soup.turn.T) * np.asarray(scale, float)
     if convex:
-        check_reach(vertices)
+        _check_reach(vertices)
         return convex_hull(vertices)
     return triangle_mesh(vertices, soup.triangles)
 
 
-def check_reach(vertices: Array) -> None:
-    """Refuse vertices (k, 3), m, that are too far away, or no numbers.
+def _check_reach(vertices: Array) -> None:
+    """Refuse vertices (k, 3), m, that are too far away or not finite.
 
     Raises:
-        ValueError: says so.
+        ValueError: there is such a vertex.
     """
     if not (np.abs(vertices) <= LARGEST_COORDINATE).all():  # written so that NaN is refused too
         raise ValueError(f"a vertex that is no number or beyond {LARGEST_COORDINATE:g} m")
 
 
 def triangle_mesh(vertices: Array, triangles: Triangles) -> coal.BVHModelBase:
-    """Bounding-volume hierarchy of triangles (m, 3), indices of vertices (k, 3) in m.
+    """Return the bounding-volume hierarchy of triangles (m, 3), indices of vertices (k, 3) in m.
 
     Raises:
         ValueError: a vertex that is too far away.
     """
-    check_reach(vertices)
+    _check_reach(vertices)
     mesh = coal.BVHModelOBBRSS()
     mesh.beginModel(len(triangles), len(vertices))
     mesh.addVertices(vertices)
@@ -140,10 +83,10 @@ def triangle_mesh(vertices: Array, triangles: Triangles) -> coal.BVHModelBase:
 
 @dataclass(frozen=True)
 class FileShape(Shape):
-    """A shape that a file holds.
+    """A shape read from a file.
 
-    `key` is the digest of what the file held when the shape was made, by `meshes.reading.open_mesh`; without one the
-    shape is what the file holds when it is built.
+    `key` is the digest of the file's content when the shape was made, by `meshes.reading.open_mesh`. Without a key the
+    shape is the file's content when it is built.
     """
 
     kind: ClassVar[Kind]
@@ -153,17 +96,51 @@ class FileShape(Shape):
     key: str = field(default="", compare=False, kw_only=True)
 
     def same_body(self, other: Shape) -> bool:
-        """Whether another shape is of the same file, and that held the same; not known without a key."""
+        """Return whether another shape has the same file and the same content; False without a key."""
         return self == other and isinstance(other, FileShape) and self.key == other.key != ""
 
-    @property
-    def source(self) -> BodyFile:
-        """The file, what it has to hold, and what it is read as."""
-        return BodyFile(self.file, self.key, self.kind)
+    @classmethod
+    def from_data(cls, data: Any) -> Self:
+        """Return the shape of the keys in a problem file, its path unresolved."""
+        keys = dict(data)
+        return cls(Path(keys.pop("file")), **keys)
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the keys of the problem file."""
+        return {one.name: plain(getattr(self, one.name)) for one in fields(self) if one.name != "key"}
+
+    def body(self) -> coal.CollisionGeometry:
+        """Return a bounding-volume hierarchy of triangles or, of a convex mesh, the hull.
+
+        Raises:
+            ValueError: the file cannot be read, has changed, holds NaN or infinity, or cannot be built.
+        """
+        soup = self._soup()
+        try:
+            return self.build(soup)
+        except ValueError as error:
+            raise ValueError(f"{self.kind} {self.file}: {error}") from error
+
+    @abstractmethod
+    def build(self, soup: Soup) -> coal.CollisionGeometry:
+        """Return the body of the file's content.
+
+        Raises:
+            ValueError: says why there is none.
+        """
+
+    def _soup(self) -> Soup:
+        soup = known(self.key) if self.key else None
+        if soup is None:
+            file = open_mesh(self.file, self.kind)
+            if self.key not in ("", file.key):
+                raise ValueError(f"{self.kind} {self.file} is not what it was when it was loaded")
+            soup = read_mesh(file)
+        return soup
 
     @property
     def wanted(self) -> str:
-        """What a message says was expected: the kind of file, and its formats."""
+        """The kind of file and its formats, as the expected value in a message."""
         return f"{'an' if self.kind[0] in 'aeiou' else 'a'} {self.kind} file ({self.formats})"
 
 
@@ -188,18 +165,9 @@ class Mesh(FileShape):
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     convex: bool = False
 
-    @classmethod
-    def from_data(cls, data: MeshSpec) -> Self:
-        """`{file: …, scale: …, convex: …}`, the file as it stands there."""
-        return cls(Path(data.file), (data.scale[0], data.scale[1], data.scale[2]), data.convex)
-
-    def to_data(self) -> dict[str, Any]:
-        """The file with its path."""
-        return {"file": str(self.file), "scale": list(self.scale), "convex": self.convex}
-
-    def body(self) -> coal.CollisionGeometry:
-        """A bounding-volume hierarchy of the triangles or, with `convex`, their convex hull."""
-        return mesh_body(self.source, self.scale, self.convex)
+    def build(self, soup: Soup) -> coal.CollisionGeometry:
+        """Return a bounding-volume hierarchy of the triangles or, with `convex`, their convex hull."""
+        return _mesh_body(soup, self.scale, self.convex)
 
 
 class PointCloudSpec(Strict):
@@ -211,25 +179,21 @@ class PointCloudSpec(Strict):
 
 @dataclass(frozen=True)
 class PointCloud(FileShape):
-    """All points within `radius`, m, of those of a file (PLY, PCD, NPZ), as `cloud_body` holds them."""
+    """All points within `radius`, m, of those of a file (PLY, PCD, NPZ).
+
+    The body consists of boxes. The points are gathered in cells with edges of `radius`. Each cell has the least box
+    along the axes that contains the balls about its points. So no distance is overestimated, and a box reaches at
+    most 0.74 radius + (the extent of its points) beyond the balls.
+    """
 
     kind = "point cloud"
     formats = POINT_FORMATS
 
     radius: float = 0.0
 
-    @classmethod
-    def from_data(cls, data: PointCloudSpec) -> Self:
-        """`{file: …, radius: …}`, the file as it stands there."""
-        return cls(Path(data.file), data.radius)
-
-    def to_data(self) -> dict[str, Any]:
-        """The file with its path."""
-        return {"file": str(self.file), "radius": self.radius}
-
-    def body(self) -> coal.CollisionGeometry:
-        """See `cloud_body`."""
-        return cloud_body(self.source, self.radius)
+    def build(self, soup: Soup) -> coal.CollisionGeometry:
+        """Return a bounding-volume hierarchy of the surfaces of the boxes; too many cells are refused."""
+        return _cloud_body(soup, self.radius)
 
 
 class OctreeSpec(Strict):
@@ -245,15 +209,6 @@ class Octree(FileShape):
     kind = "octree"
     formats = OCTREE_FORMATS
 
-    @classmethod
-    def from_data(cls, data: OctreeSpec) -> Self:
-        """`{file: …}`, the file as it stands there."""
-        return cls(Path(data.file))
-
-    def to_data(self) -> dict[str, Any]:
-        """The file with its path."""
-        return {"file": str(self.file)}
-
-    def body(self) -> coal.CollisionGeometry:
-        """A bounding-volume hierarchy of the surface around the cells."""
-        return mesh_body(self.source, (1.0, 1.0, 1.0), convex=False)
+    def build(self, soup: Soup) -> coal.CollisionGeometry:
+        """Return a bounding-volume hierarchy of the surface around the cells."""
+        return _mesh_body(soup, (1.0, 1.0, 1.0), convex=False)

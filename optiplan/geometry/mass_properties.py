@@ -1,4 +1,4 @@
-"""Mass properties of bodies that are filled evenly: volume, centre of mass, moments of inertia."""
+"""Mass properties of bodies of uniform density: volume, centre of mass, moments of inertia."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from optiplan.geometry.enclosure import Enclosure
 
 
 class MassProperties(NamedTuple):
-    """Of a body that is filled evenly.
+    """Mass properties of a body of uniform density.
 
     Attributes:
         volume: m³.
@@ -26,13 +26,13 @@ class MassProperties(NamedTuple):
 
 
 FLAT = 1e-10
-"""Share of the cube of a mesh's extent: less is no volume, but rounding."""
+"""Share of the cube of a mesh's extent; a smaller volume is rounding."""
 
 
 def mass_properties(body: coal.CollisionGeometry) -> MassProperties:
-    """Return those of a body of coal; of a mesh, its closed pieces are filled but for hollows, whatever their winding.
+    """Return the mass properties of a body of coal; the closed pieces of a mesh are filled, except for hollows.
 
-    Pieces that overlap count twice where they do.
+    The winding of a mesh does not matter. The overlap of two pieces counts twice.
 
     Raises:
         ValueError: a mesh with an open piece, or a body without a volume.
@@ -51,8 +51,8 @@ def mass_properties(body: coal.CollisionGeometry) -> MassProperties:
 def _of_mesh(mesh: coal.BVHModelBase) -> MassProperties:
     """Add up the tetrahedra between a point and the triangles.
 
-    Of one with corners a, b, c seen from that point, V = a · (b × c) / 6, ∫ x dV = V s / 4 with s = a + b + c, and
-    ∫ x xᵀ dV = V (a aᵀ + b bᵀ + c cᵀ + s sᵀ) / 20.
+    A tetrahedron with corners a, b, c relative to that point has V = a · (b × c) / 6, ∫ x dV = V s / 4 with
+    s = a + b + c, and ∫ x xᵀ dV = V (a aᵀ + b bᵀ + c cᵀ + s sᵀ) / 20.
     """
     vertices = mesh_vertices(mesh)
     origin = vertices.mean(axis=0)

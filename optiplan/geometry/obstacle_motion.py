@@ -1,4 +1,4 @@
-"""How an obstacle moves: its displacement is a polynomial of time."""
+"""Motion of an obstacle: its displacement is a polynomial of time."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from optiplan.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class ObstacleMotion:
-    """Displacement d(t) = sum_k c_k t^k, m, added to an obstacle's position, without turning; still after `until`.
+    """Displacement d(t) = sum_k c_k t^k, m, of an obstacle that does not turn and stands still after `until`.
 
     Attributes:
         coefficients: (3, k + 1), one row an axis of the world, in ascending powers of time, m/s^k.
@@ -24,13 +24,13 @@ class ObstacleMotion:
 
     @classmethod
     def of_data(cls, polynomial: Sequence[Sequence[float]], until: float | None = None) -> "ObstacleMotion":
-        """Return the motion of rows of any lengths; those without numbers are zero."""
+        """Return the motion of three rows of coefficients of any lengths; an empty row is zero."""
         size = max(1, *(len(row) for row in polynomial))
         rows = [[*row, *[0.0] * (size - len(row))] for row in polynomial]
         return cls(np.array(rows, float), np.inf if until is None else float(until))
 
     def to_data(self) -> dict[str, Any]:
-        """As a problem file says it."""
+        """Return the keys of a problem file."""
         data: dict[str, Any] = {"polynomial": self.coefficients.tolist()}
         return data if np.isinf(self.until) else {**data, "until": self.until}
 
@@ -45,7 +45,7 @@ class ObstacleMotion:
     def from_times(self, t: Array) -> Array:
         """Return the coefficients (N, 3, k + 1) of d(t + s) in powers of s, for 0 <= s <= `until` - t, of times t (N,).
 
-        At and after `until` they are those of an obstacle that stands.
+        At and after `until` they are those of an obstacle that stands still.
         """
         count = self.coefficients.shape[1]
         found = np.stack([self.at(t, order) / math.factorial(order) for order in range(count)], axis=2)

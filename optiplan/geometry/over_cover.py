@@ -1,4 +1,4 @@
-"""Bound from above how far a convex body reaches beyond the mesh that it stands for."""
+"""Upper bound of the distance by which a convex body reaches beyond the mesh that it covers."""
 
 from functools import cached_property
 
@@ -8,20 +8,20 @@ import numpy as np
 from optiplan.arrays import Array, Flags, Index
 
 _GRID = 64
-"""Columns along each axis that triangles are sorted into."""
+"""Columns along each axis into which triangles are sorted."""
 
 _TILT = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
-"""A rotation that leaves no edge of a drawn part parallel to the lines that are followed."""
+"""A rotation after which no edge of a technical part is parallel to the test lines."""
 
 _GIVE_UP = 200_000
-"""Triangles looked at before what is left open counts with its bound."""
+"""Triangles evaluated before the remaining ones count with their bound."""
 
 
 class MeshSolid:
-    """The solid that triangles enclose, as a set that points have a distance from.
+    """The solid that triangles enclose, as a set of points with a distance.
 
-    A point belongs to it if it is on a triangle, or if the triangles wind around it: if along a line through it, on
-    both sides, the surface is crossed outwards and inwards a different number of times.
+    A point belongs to it if it is on a triangle, or if the triangles wind around it. They do if a line from the point,
+    to both sides, crosses the surface outwards and inwards a different number of times.
     """
 
     def __init__(self, triangles: Array) -> None:
@@ -34,7 +34,7 @@ class MeshSolid:
         self._surface.endModel()
 
     def nearest(self, points: Array) -> tuple[Array, Index]:
-        """Distance (m), shape (p,), of points (p, 3) from the surface, and the triangle that is nearest."""
+        """Return the distance (p,), m, of points (p, 3) from the surface, and the nearest triangle."""
         ball, still, placed = coal.Sphere(0.0), coal.Transform3s(), coal.Transform3s()
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         distance, owner = np.empty(len(points)), np.empty(len(points), dtype=np.intp)
@@ -48,7 +48,7 @@ class MeshSolid:
         return distance, owner
 
     def inside(self, points: Array) -> Flags:
-        """Whether the triangles enclose points (p, 3): shape (p,)."""
+        """Return whether the triangles enclose points (p, 3): (p,)."""
         return self._columns.enclosed(points @ _TILT)
 
     @cached_property
@@ -57,7 +57,7 @@ class MeshSolid:
 
 
 class _Columns:
-    """Triangles (k, 3, 3) by the columns, along the last axis, of a grid that their boxes reach into."""
+    """Triangles (k, 3, 3) by the columns, along the last axis, of a grid that overlap their boxes."""
 
     def __init__(self, triangles: Array) -> None:
         a, b, c = np.moveaxis(triangles, 1, 0)
@@ -76,7 +76,7 @@ class _Columns:
         self._start = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=_GRID**2))])
 
     def enclosed(self, points: Array) -> Flags:
-        """Whether the surface is crossed, up less down, on both sides of points (p, 3) along the last axis."""
+        """Return whether up and down crossings differ on both sides of points (p, 3) along the last axis."""
         point, triangle = self._candidates(points[:, :2])
         within = np.ones((2, len(point)), dtype=bool)
         volume = np.zeros(len(point))
@@ -93,7 +93,7 @@ class _Columns:
         return np.asarray((up != 0.0) & (down != 0.0))
 
     def _candidates(self, points: Array) -> tuple[Index, Index]:
-        """Pairs of points (p, 2) and triangles of the point's column, point by point."""
+        """Return pairs of points (p, 2) and triangles of the point's column, point by point."""
         column = self._column(points) @ np.array([_GRID, 1])
         count = self._start[column + 1] - self._start[column]
         point = np.repeat(np.arange(len(points)), count)
@@ -106,20 +106,20 @@ class _Columns:
 
 
 def over_cover(solid: MeshSolid, faces: Array, tolerance: float, allowed: float | None = None) -> float:
-    """Upper bound, m, of the distance from the mesh that points of a body's surface outside the mesh have.
+    """Return an upper bound, m, of the distance of a body's surface from the mesh, where it is outside the mesh.
 
     The surface is cut into smaller and smaller triangles. On one with corners v_i, centroid c and radius r about it,
         distance <= min(d(c) + r, max_i d(v_i, t)),
-    where t is the triangle of the mesh nearest to c: the distance from one triangle is convex. A triangle whose
-    centroid is inside the mesh, farther than r from its surface, is covered.
+    where t is the triangle of the mesh nearest to c: the distance from one triangle is convex. A triangle is inside if
+    its centroid is inside the mesh and farther than r from the surface.
 
     Holds at: all points of the surface.
 
     Args:
         solid: the mesh.
         faces: (f, 3, 3) triangles of the body's surface, m.
-        tolerance: m; how far the bound may lie above the distance of some point.
-        allowed: m; with it, bounds up to here are not made better, and the search ends at a point that is farther.
+        tolerance: m; the bound is at most this much above the distance of some point.
+        allowed: m; bounds below it are not improved, and the search ends at a point beyond it.
     """
     best, bound, rest, looked = 0.0, 0.0, 0.0, 0
     floor, ceiling = (0.0, np.inf) if allowed is None else (allowed, allowed)
@@ -144,7 +144,7 @@ def over_cover(solid: MeshSolid, faces: Array, tolerance: float, allowed: float 
 
 
 def _halved(faces: Array) -> Array:
-    """Triangles (k, 3, 3), each cut in two across its longest edge."""
+    """Return triangles (k, 3, 3), each cut in two across its longest edge."""
     edges = np.linalg.norm(faces - np.roll(faces, -1, axis=1), axis=2)  # edge i goes from corner i to corner i + 1
     order = (np.argmax(edges, axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.moveaxis(np.take_along_axis(faces, order[:, :, None], axis=1), 1, 0)
@@ -153,7 +153,7 @@ def _halved(faces: Array) -> Array:
 
 
 def _to_triangles(points: Array, triangles: Array) -> Array:
-    """Distance (m) of point k from triangle k: points (p, 3), triangles (p, 3, 3), result (p,)."""
+    """Return the distance (p,), m, of point k from triangle k: points (p, 3), triangles (p, 3, 3)."""
     edge = np.roll(triangles, -1, axis=1) - triangles  # (p, 3, 3), from each corner to the next
     offset = points[:, None] - triangles
     length = np.einsum("pij,pij->pi", edge, edge)

@@ -28,7 +28,7 @@ Angles = Annotated[Vector, AfterValidator(_angles)]
 class PoseSpec(Strict):
     """`position`, m, and `rpy` about fixed axes, rad, `rpy_deg` or `quaternion` [x, y, z, w]; none is the identity.
 
-    What is read from `rpy_deg` stands in `rpy`.
+    A value given as `rpy_deg` is converted to `rpy`.
     """
 
     position: Vector = (0.0, 0.0, 0.0)
@@ -131,16 +131,16 @@ class Pose:
         return np.asarray(pose_from_data(self.to_data()).homogeneous)
 
     def to_data(self) -> dict[str, Any]:
-        """As a problem file says it."""
+        """Return the keys of a problem file."""
         tolerance = {"position": self.position_tolerance, "orientation": self.orientation_tolerance}
         parts = {key: getattr(self, key) for key in ("frame", "position", "rpy", "rpy_deg", "quaternion")}
         stated = {**parts, "tolerance": {key: value for key, value in tolerance.items() if value is not None} or None}
         return {key: plain(value) for key, value in stated.items() if value is not None}
 
     def __repr__(self) -> str:
-        """What was said, and nothing else."""
-        said = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return f"Pose({', '.join(f'{name}={value!r}' for name, value in said.items() if value is not None)})"
+        """Return the arguments that are not None."""
+        given = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return f"Pose({', '.join(f'{name}={value!r}' for name, value in given.items() if value is not None)})"
 
 
 def checked(spec: type[Spec], data: Mapping[str, Any], function: str, names: Mapping[str, str]) -> Spec:
@@ -148,12 +148,12 @@ def checked(spec: type[Spec], data: Mapping[str, Any], function: str, names: Map
 
     Args:
         spec: class of the schema.
-        data: as a file says it.
-        function: called by the user, without `op.`.
-        names: of arguments, by the names of the schema's fields.
+        data: keys of a problem file.
+        function: name of the function that the user called, without `op.`.
+        names: arguments by the fields of the schema.
 
     Raises:
-        InputError: what does not fit.
+        InputError: invalid data.
     """
     try:
         return validate(spec, Document(Path(f"op.{function}"), plain(data), {}))

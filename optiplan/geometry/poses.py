@@ -10,18 +10,18 @@ import pinocchio as pin
 from optiplan.arrays import UNIT_TOLERANCE, unit_vector
 
 HALF_TURN = 1e-9
-"""Components of a unit quaternion smaller than this are rounding when the shorter of two ways round is chosen."""
+"""Components of a unit quaternion smaller than this count as 0 when the shorter of two rotations is chosen."""
 
 
 _LARGEST_ANGLE = 2.0 * math.pi + 1e-3
-"""rad; a turn to either side, as people round it: what is larger was meant in degrees."""
+"""rad; a turn to either side, with room for rounding: a larger angle was meant in degrees."""
 
 
 def check_angles(rpy: Sequence[float]) -> None:
     """Refuse angles beyond a whole turn.
 
     Raises:
-        ValueError: there is one, in degrees most likely.
+        ValueError: there is one, most likely in degrees.
     """
     for angle in rpy:
         if not abs(angle) <= _LARGEST_ANGLE:
@@ -29,7 +29,7 @@ def check_angles(rpy: Sequence[float]) -> None:
 
 
 def in_radians(data: Any) -> Any:
-    """Return a mapping with `rpy`, rad, in place of `rpy_deg`, and anything else as it is.
+    """Return a mapping with `rpy`, rad, in place of `rpy_deg`; return other data unchanged.
 
     Raises:
         ValueError: it has both.
@@ -41,15 +41,17 @@ def in_radians(data: Any) -> Any:
     try:
         turned = [math.radians(angle) for angle in data["rpy_deg"] if not isinstance(angle, bool)]
     except TypeError:
-        return data  # its own check says what is wrong with it
+        return data  # the check of the field reports the error
     return {**{key: value for key, value in data.items() if key != "rpy_deg"}, "rpy": turned}
 
 
 def pose_from_data(data: Mapping[str, Any]) -> pin.SE3:
-    """Pose X_AB from `position` [x, y, z] in m and one of `rpy` and `quaternion`, the identity for what is left out.
+    """Return the pose X_AB of `position` [x, y, z], m, and `rpy` or `quaternion`; a missing key is the identity.
 
-    `rpy` [r, p, y], rad, or `rpy_deg`: rotations about the *fixed* axes x, then y, then z of A:
-    R_AB = Rz(y) Ry(p) Rx(r), as in URDF. `quaternion` [x, y, z, w] of unit length.
+    `rpy` [r, p, y], rad, or `rpy_deg`: rotations about the *fixed* axes x, then y, then z of A, as in URDF:
+    R_AB = Rz(y) Ry(p) Rx(r).
+
+    `quaternion` [x, y, z, w] of unit length.
 
     Raises:
         ValueError: several rotations are given, an angle is beyond a turn, or the quaternion is not a unit quaternion.
@@ -69,7 +71,7 @@ def pose_from_data(data: Mapping[str, Any]) -> pin.SE3:
 
 
 def pose_to_data(X_AB: pin.SE3) -> dict[str, list[float]]:
-    """Inverse of `pose_from_data`: `position`, m, and `quaternion` [x, y, z, w] with w >= 0."""
+    """Return `position`, m, and `quaternion` [x, y, z, w] with w >= 0: the inverse of `pose_from_data`."""
     quaternion = pin.Quaternion(X_AB.rotation).coeffs()
     if quaternion[3] < 0.0:
         quaternion = -quaternion
@@ -77,12 +79,12 @@ def pose_to_data(X_AB: pin.SE3) -> dict[str, list[float]]:
 
 
 def pose_from_matrix(values: Sequence[float]) -> pin.SE3:
-    """Pose X_AB from a homogeneous matrix, row by row: 16 numbers, or 12 without its last row 0, 0, 0, 1.
+    """Return the pose X_AB of a homogeneous matrix, row by row: 16 numbers, or 12 without the last row 0, 0, 0, 1.
 
-    R is written by hand, often with four digits: the nearest rotation U Vᵀ of R = U S Vᵀ is taken.
+    R often has few digits, so the nearest rotation U Vᵀ of R = U S Vᵀ is taken.
 
     Raises:
-        ValueError: not so many numbers, another last row, RᵀR or det R farther from I and 1 than `UNIT_TOLERANCE`.
+        ValueError: another number of values, another last row, or no rotation within `UNIT_TOLERANCE`.
     """
     if len(values) not in (12, 16) or not all(map(math.isfinite, values)):
         raise ValueError(f"found {len(values)} numbers; expected 12 or 16, row by row")

@@ -33,10 +33,14 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Obstacle:
-    """A shape at `X_WO`, the pose of the object in the world, where it stands, or from where it moves as stated.
+    """A shape in the world, which stands still or moves on a given trajectory.
 
-    `stated` is that pose as it was written down (`position`, and `rpy` or `quaternion`), so that a file can say it in
-    the same words; None where nobody did.
+    Attributes:
+        name: of the obstacle.
+        shape: in its own frame.
+        X_WO: its pose in the world; that of a moving obstacle without its displacement.
+        stated: keys of a problem file for that pose (`position`, and `rpy` or `quaternion`); None: not from a file.
+        motion: None: it stands still.
     """
 
     name: str
@@ -46,13 +50,13 @@ class Obstacle:
     motion: ObstacleMotion | None = None
 
     def moving(self, polynomial: Sequence[Sequence[float]], until: float | None = None) -> "Obstacle":
-        """The same shape on a stated trajectory: its position is that of its pose plus a polynomial of time.
+        """Return the same shape on a trajectory: the position of its pose plus a polynomial of time.
 
         Time counts from the start of the robot's motion.
 
         Args:
             polynomial: for x, y and z of the world the coefficients of t^0, t^1 …, m/s^k.
-            until: s, after which it stands; None: never.
+            until: s, after which it stands still; None: it always moves.
 
         Raises:
             InputError: not three lists of finite numbers, or a time that is not above 0.
@@ -79,13 +83,13 @@ class Obstacle:
         centre: Sequence[float] | None = None,
         inertia: Sequence[float] | None = None,
     ) -> "Attachment":
-        """The same shape held by a link; its pose is then one in the frame of the link.
+        """Return the same shape held by a link; its pose becomes the pose in the frame of the link.
 
         Args:
             link: name of the link that holds it.
             touch: names of links that it may touch; it may always touch the one that holds it.
-            mass: kg; None: it weighs nothing.
-            centre: of mass, (3,) in the frame of the shape, m; None: of the shape filled evenly.
+            mass: kg; None: no mass.
+            centre: of mass, (3,) in the frame of the shape, m; None: that of uniform density.
             inertia: (3,) moments [ixx, iyy, izz] about that centre along the axes of the shape, kg m²; None: likewise.
 
         Example:
@@ -97,7 +101,7 @@ class Obstacle:
         return Attachment(self.name, self.shape, link, self.X_WO, frozenset(touch), self.stated, *weight)
 
     def __repr__(self) -> str:
-        """Name, shape and place in one line."""
+        """Return name, shape and place in one line."""
         return f"Obstacle: {self.name}, {self.shape}, at {_at(self.X_WO)}{', moving' if self.motion else ''}"
 
 
@@ -105,7 +109,7 @@ class Obstacle:
 class Attachment:
     """A shape held by a link at `X_LO`; it may touch the links named in `touch` (and always its own link).
 
-    `stated` is as of an `Obstacle`; `mass` (kg), `centre` (m) and `inertia` (kg m²) are as of `Obstacle.attached_to`.
+    `stated` is as in `Obstacle`; `mass` (kg), `centre` (m) and `inertia` (kg m²) are as in `Obstacle.attached_to`.
     """
 
     name: str
@@ -119,10 +123,10 @@ class Attachment:
     inertia: tuple[float, ...] | None = None
 
     def inertia_in_link(self) -> pin.Inertia:
-        """Spatial inertia in the frame of the link; of the shape filled evenly, where nothing else is given.
+        """Return the spatial inertia in the frame of the link, by default that of uniform density.
 
         Raises:
-            ValueError: the shape encloses no volume to be filled, or is a mesh that is open.
+            ValueError: the shape encloses no volume, or is an open mesh.
         """
         if not self.mass:
             return pin.Inertia.Zero()
@@ -138,7 +142,7 @@ class Attachment:
         return self.X_LO.act(pin.Inertia(self.mass, np.array(centre), moments))
 
     def __repr__(self) -> str:
-        """Name, shape, place and link in one line."""
+        """Return name, shape, place and link in one line."""
         return f"Attachment: {self.name}, {self.shape}, at {_at(self.X_LO)} of {self.link}"
 
 
@@ -146,15 +150,15 @@ class Attachment:
 class Scene:
     """Obstacles, attached objects, and pairs of names (links, obstacles, attachments) that may touch.
 
-    A scene is never changed: what changes one makes another.
+    A scene is immutable: methods return a new one.
 
     Args:
-        obstacles: what stands still.
-        attached: what the robot holds.
+        obstacles: bodies in the world.
+        attached: bodies that the robot holds.
         allowed: pairs of names that may touch.
 
     Raises:
-        InputError: something that is no obstacle, no attached object or no pair of names.
+        InputError: an entry of another type.
 
     Example:
         >>> import optiplan as op
@@ -188,12 +192,10 @@ class Scene:
         return self.without(*(body.name for body in self.dynamic_obstacles)) if self.dynamic_obstacles else self
 
     def later(self, t: float) -> "Scene":
-        """The scene as it is t seconds from now, in which what moves goes on from where it is then."""
-        return (
-            replace(self, obstacles=tuple(_later(body, t) for body in self.obstacles))
-            if self.dynamic_obstacles
-            else self
-        )
+        """Return the scene t seconds later, in which moving obstacles continue their trajectories."""
+        if not self.dynamic_obstacles:
+            return self
+        return replace(self, obstacles=tuple(_later(body, t) for body in self.obstacles))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -202,14 +204,14 @@ class Scene:
         return tuple(body.name for body in bodies)
 
     def with_attached(self, *attached: Attachment) -> "Scene":
-        """A new scene that holds these as well."""
+        """Return a new scene with further attached objects."""
         return replace(self, attached=(*self.attached, *attached))
 
     def with_(self, *bodies: Obstacle | Attachment, allowed: Iterable[Iterable[str]] = ()) -> "Scene":
-        """A new scene with these too, and with pairs of names that may touch; a name that is there is replaced.
+        """Return a new scene with further bodies and pairs that may touch; a body replaces the one of its name.
 
         Raises:
-            InputError: something that is neither an obstacle nor an attached object.
+            InputError: an argument that is neither an obstacle nor an attached object.
         """
         names = {body.name for body in bodies if isinstance(body, Obstacle | Attachment)}
         kept: list[Any] = [body for body in self.obstacles if body.name not in names]
@@ -219,10 +221,10 @@ class Scene:
         return Scene(kept, held, [*self.allowed, *_listed(allowed, "allowed", "pairs of names")])
 
     def without(self, *names: str) -> "Scene":
-        """A new scene without these obstacles and attached objects; pairs that name them may no longer touch.
+        """Return a new scene without these obstacles and attached objects, and without their allowed pairs.
 
         Raises:
-            InputError: nothing in the scene is called so.
+            InputError: an unknown name.
         """
         for name in names:
             self._known(name)
@@ -233,10 +235,10 @@ class Scene:
         )
 
     def moved(self, name: str, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Scene":
-        """A new scene with one thing moved *by* (x, y, z), m: an obstacle in the world, what is held in its link.
+        """Return a new scene with one body moved *by* (x, y, z), m: in the world or, if attached, in its link.
 
         Raises:
-            InputError: nothing in the scene is called so, or a distance that is no finite number.
+            InputError: an unknown name, or a distance that is not finite.
         """
         self._known(name)
         for axis, distance in (("x", x), ("y", y), ("z", z)):
@@ -255,7 +257,7 @@ class Scene:
             raise wrong_argument("Scene", "name", f"nothing called {name!r}", expected)
 
     def __repr__(self) -> str:
-        """How much there is, and its names."""
+        """Return the numbers and names of the bodies."""
         parts = [_counted("obstacle", self.obstacles)] if self.obstacles else []
         parts += [_counted("attached object", self.attached)] if self.attached else []
         parts += [f"{len(self.allowed)} allowed contacts"] if self.allowed else []
@@ -277,7 +279,7 @@ def _later(body: Obstacle, t: float) -> Obstacle:
 
 
 def _three_rows(polynomial: Any) -> bool:
-    """Whether these are three lists of something."""
+    """Return whether this is a sequence of three sequences."""
     try:
         rows = [list(row) for row in polynomial]
     except TypeError:

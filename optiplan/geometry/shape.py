@@ -1,4 +1,4 @@
-"""What every shape of an obstacle or attached object says of itself."""
+"""The interface of every shape of an obstacle or attached object."""
 
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Self
@@ -13,8 +13,8 @@ class Shape(ABC):
     """A solid in its own frame, lengths in m.
 
     Attributes:
-        body_type: class of coal that is this shape and no other; None where there is none.
-        endless: whether it has no bounds, so that nothing can carry it.
+        body_type: class of coal for this shape alone; None where there is none.
+        endless: whether it is unbounded, so that no link can hold it.
     """
 
     body_type: ClassVar[type[coal.CollisionGeometry] | None] = None
@@ -23,37 +23,37 @@ class Shape(ABC):
     @classmethod
     @abstractmethod
     def from_data(cls, data: Any) -> Self:
-        """The shape that a value of `ShapeSpec` means."""
+        """Return the shape of a value in `ShapeSpec`."""
 
     @abstractmethod
     def to_data(self) -> Any:
-        """What a problem file says of it, JSON-ready: the inverse of `from_data`."""
+        """Return its value in a problem file, JSON-ready: the inverse of `from_data`."""
 
     @abstractmethod
     def body(self) -> coal.CollisionGeometry:
-        """What coal tests.
+        """Return the geometry of coal.
 
         Raises:
-            ValueError: it cannot be made.
+            ValueError: it cannot be built.
         """
 
     def same_body(self, other: "Shape") -> bool:
-        """Whether another shape is this body, to the last digit; files of one name may hold others."""
+        """Return whether another shape has exactly the same body; files of one name may differ in content."""
         return self == other
 
     @classmethod
     def of_body(cls, body: Any) -> Self:
-        """The shape of a body of `body_type`."""
+        """Return the shape of a body of `body_type`."""
         raise NotImplementedError(cls.__name__)
 
     def support(self, n: Array) -> Array:
-        """h(n) = max of n . x over its points x; n (K, 3) of any length, result (K,), m; infinite where unknown."""
+        """Return h(n) = max of n . x over its points x, (K,), m; n (K, 3) of any length; infinite where unknown."""
         return np.full(len(n), np.inf)
 
     def picture(self) -> dict[str, Any] | Array | None:
-        """What the page draws.
+        """Return the drawing on the page.
 
-        A `kind` of shapes.js with its dimensions; points (k, 3), m, whose convex hull is drawn; or None, for what the
-        triangles of the body tell.
+        A `kind` of shapes.js with its dimensions; points (k, 3), m, whose convex hull is drawn; or None, for the
+        triangles of the body.
         """
         return None

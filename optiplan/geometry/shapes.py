@@ -1,7 +1,7 @@
 """Shapes of obstacles and attached objects.
 
-A shape is one class here and one line in `ShapeSpec`: what stands in a problem file, the body that coal tests, the
-support function by which the verifier proves it apart from others, and what the page draws. All else is general.
+A shape is one class here and one line in `ShapeSpec`. The class has the keys of a problem file, the body for coal, the
+support function for the verifier's proofs, and the drawing for the page. All other code works for any shape.
 """
 
 from dataclasses import dataclass, field
@@ -165,7 +165,7 @@ class HalfSpaceSpec(Strict):
 class HalfSpace(Shape):
     """All points p of the object's frame with normal . p <= offset are solid; `normal` has unit length, offset in m.
 
-    `stated` is the normal as it was written down, of a length that is 1 but for rounding.
+    `stated` is the normal as given in the problem file, of unit length up to rounding.
     """
 
     normal: tuple[float, float, float]
@@ -233,17 +233,17 @@ SHAPES: dict[str, type[Shape]] = {
 
 
 def shape_from_spec(spec: ShapeSpec) -> Shape:
-    """The shape that a problem file states; the name of a file as it stands there."""
+    """Return the shape of a problem file; the path of a file is not resolved."""
     return SHAPES[spec.kind].from_data(spec.value)
 
 
 def shape_data(shape: Shape) -> dict[str, Any]:
-    """`shape:` of a problem file."""
+    """Return the value of `shape:` in a problem file."""
     return {next(key for key, cls in SHAPES.items() if isinstance(shape, cls)): shape.to_data()}
 
 
 def shape_of_body(body: coal.CollisionGeometry) -> Shape | None:
-    """The shape that a body of coal is; None for polyhedra, triangles and what is not listed."""
+    """Return the shape of a body of coal; None for polyhedra, triangles and unknown types."""
     for cls in SHAPES.values():
         if cls.body_type is not None and isinstance(body, cls.body_type):
             return cls.of_body(body)
@@ -251,7 +251,7 @@ def shape_of_body(body: coal.CollisionGeometry) -> Shape | None:
 
 
 def build_geometry(shape: Shape) -> coal.CollisionGeometry:
-    """Coal geometry of a shape, in the shape's own frame, m.
+    """Return the coal geometry of a shape, in the shape's own frame, m.
 
     Raises:
         ValueError: a mesh file that cannot be read, holds NaN or infinity, or has no volume to hull.

@@ -36,15 +36,15 @@ class ToolKinematics:
     def evaluate(self, Q: Array) -> tuple[Array, Array]:
         """X_WT (N, 4, 4), m, and J (N, 6, n) at Q (N, n).
 
-        Column j of J is (z_j x (p_T - o_j), z_j) for a revolute joint with axis z_j through o_j and (z_j, 0) for a
-        prismatic one: velocity of the origin of T and angular velocity, both in world axes; m/rad and 1, or 1 and 0.
-        The columns of joints that follow joint j are added to its own, times their multipliers.
+        Column j of J is (z_j x (p_T - o_j), z_j) for a revolute joint with axis z_j through o_j, m/rad and 1. For a
+        prismatic joint it is (z_j, 0). These are velocity of the origin of T and angular velocity, in world axes.
+        The columns of followers of joint j, times their multipliers, are added to its own.
         """
         X_WT, J = self._of_joints(Q)
         return X_WT, self.kinematics.of_planned(J)
 
     def _of_joints(self, Q: Array) -> tuple[Array, Array]:
-        """X_WT (N, 4, 4) and the columns of all joints, those that follow others too: (N, 6, J)."""
+        """Return X_WT (N, 4, 4) and the columns of all joints, followers included: (N, 6, J)."""
         q = self.kinematics.positions(Q).T  # (J, N)
         frames = self._chain.frames(q[self._joints])
         parts = np.ascontiguousarray(frames[:, :, :3, 2:].transpose(3, 2, 0, 1))  # axes, then origins: (2, 3, L + 1, N)

@@ -52,8 +52,8 @@ class Mecanum:
     def velocity_limits(self, wheel_rate: float, turning: float = 1.0 / 3.0) -> Array:
         """Limits (3,) of vx and vy in the *world*, m/s, and of wz, rad/s, that keep every wheel within `wheel_rate`.
 
-        A wheel needs |vx| + |vy| + k |wz| <= r·wheel_rate, with vx and vy seen from the base; from a box of world
-        velocities v, at whatever heading, |vx| + |vy| <= 2 v. A share `turning` of r·wheel_rate is kept for wz:
+        A wheel needs |vx| + |vy| + k |wz| <= r·wheel_rate, with vx and vy in axes of the base. World velocities up to v
+        have |vx| + |vy| <= 2 v at every heading. A share `turning` of r·wheel_rate is kept for wz:
         v = (1 - turning) r·wheel_rate / 2 and wz = turning r·wheel_rate / k.
         """
         rim = self.radius * wheel_rate

@@ -54,7 +54,7 @@ class SingularityModel:
         """Factors at Q (N, 6)."""
         axis, point = self._kinematics.axes(self._kinematics.poses(Q))
         z1, z2, z4, z5, z6 = (axis[:, k] for k in (0, 1, 3, 4, 5))
-        centre = _meeting(axis, point, 4, 5)
+        centre = _nearest_on_axis(axis, point, 4, 5)
         end = centre if self.wrist == "spherical" else point[:, 3]
         upper, fore = _across(point[:, 2] - point[:, 1], z2), _across(end - point[:, 2], z2)
         shoulder = _dot(z2, np.cross(z1, centre - point[:, 0]))
@@ -71,7 +71,7 @@ def singularity_model(robot: Robot) -> SingularityModel | None:
     return None if geometry is None else SingularityModel(robot, "spherical" if geometry.spherical else "parallel")
 
 
-def _meeting(axis: Array, point: Array, i: int, j: int) -> Array:
+def _nearest_on_axis(axis: Array, point: Array, i: int, j: int) -> Array:
     """The point (N, 3) of axis i that is nearest to axis j."""
     normal = np.cross(axis[:, i], axis[:, j])
     along = _dot(np.cross(point[:, j] - point[:, i], axis[:, j]), normal) / _dot(normal, normal)

@@ -33,15 +33,15 @@ FailureKind = Literal[
 
 * `goal-unreachable`: no configuration within the joint limits reaches the goal.
 * `start-in-collision`, `goal-in-collision`: bodies overlap at the start, or wherever the goal is reached.
-* `no-path`: nothing was found that leads from the start to the goal.
-* `collision`: the motion that was asked for is not free.
+* `no-path`: no path from the start to the goal was found.
+* `collision`: the requested motion is not free.
 * `constraint`: every motion found violates a path constraint, or every end of the goal does.
-* `limits`: it is not within limits in the duration or with the shape that was asked for.
-* `singularity`, `reach`: the path that was asked for cannot be followed any further.
+* `limits`: it violates limits in the requested duration or with the requested shape.
+* `singularity`, `reach`: the requested path cannot be followed any further.
 * `infeasible`: no motion can do it: gravity alone exceeds the torque limits at the start, the goal or a via.
-* `unsupported`: the problem asks for what this planner, or this robot, cannot do.
-* `budget`, `cancelled`: the time ended, or somebody ended the search.
-* `input`, `bug`: of a comparison of planners, one raised an error about its options, or one that it must not raise.
+* `unsupported`: this planner, or this robot, cannot do what the problem requires.
+* `budget`, `cancelled`: the time ended, or the search was cancelled.
+* `input`, `bug`: in a comparison, a planner raised an error about its options, or an unexpected error.
 """
 
 
@@ -53,8 +53,8 @@ class Failure:
         kind: see `FailureKind`.
         detail: one sentence for a person.
         witness: JSON-ready location of the failure: configuration `q`, time `t`, bodies `pair`, points `points`,
-            and the `motion` that was refused, as `Trajectory.to_dict`, where there is one to look at; `untimed` where
-            it is a path that nobody timed, at a constant rate.
+            and the refused `motion`, as `Trajectory.to_dict`, if there is one. `untimed`: the motion is a path at a
+            constant rate, which has no time law yet.
     """
 
     kind: FailureKind
@@ -167,11 +167,11 @@ class Budget:
 
 
 Progress = Callable[[str, float], None]
-"""Called with the name of a stage and the fraction done of it; see `announce` for what else it may want to know."""
+"""Called with the name of a stage and its fraction done; `announce` reports motions to it."""
 
 
 def announce(progress: Progress, trajectory: Trajectory, bound: float = 0.0) -> None:
-    """Tell of a new incumbent, which nobody has verified, where `progress` has a method `found(trajectory, bound)`.
+    """Report a new, unverified incumbent to the method `found(trajectory, bound)` of `progress`, if it has one.
 
     Args:
         progress: that a planner was given.
@@ -184,7 +184,7 @@ def announce(progress: Progress, trajectory: Trajectory, bound: float = 0.0) -> 
 
 
 def stages_of(progress: Progress) -> Progress:
-    """Return the progress of a part of the work: it is told of stages, but of no motions, which are no answers."""
+    """Return the progress of a part of the work: it passes stages on, but no motions, since these are no answers."""
     return lambda stage, fraction: progress(stage, fraction)
 
 
@@ -205,12 +205,11 @@ class Planner(ABC, Generic[OptionsT]):
             one and without vias.
         joins_legs: whether legs between vias may be joined and optimised together, as moves of a task are; the motion
             of any other planner rests at each via.
-        holds_constraints: whether `plan` handles a problem's path constraints; otherwise it is not called for those
-            that have any.
+        holds_constraints: whether `plan` handles path constraints; otherwise it is called only for problems without.
         end_derivatives: what `plan` handles of a motion stated at the start or at goals: 0 none, 1 velocities, 2 also
             accelerations; it is not called for problems that state more.
-        times_obstacles: whether `plan` knows when obstacles are where; otherwise it is called among those that stand
-            still, and its motion waits or goes slower until the others have passed.
+        times_obstacles: whether `plan` takes the motion of dynamic obstacles into account. Otherwise it plans among
+            the static ones, and its motion waits or slows down until the others have passed.
 
     Example:
         >>> import optiplan as op
@@ -240,7 +239,7 @@ class Planner(ABC, Generic[OptionsT]):
         """
 
     def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
-        """Plan with an earlier motion at hand, of a problem not far from this one; by default it is no help."""
+        """Plan, starting from a motion for a similar problem; by default that motion is not used."""
         return self.plan(problem, budget, progress)
 
     def check(self, problem: Problem, budget: Budget) -> None:

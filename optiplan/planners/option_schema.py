@@ -141,10 +141,15 @@ def make_options(planner: str, cls: type[Any], given: Mapping[str, Any]) -> Any:
     try:
         return cls(**values)
     except OptionError as error:
-        raise InputError([Issue.of_option(planner, error.option, error.found, error.expected)]) from None
+        raise option_error(planner, error.option, error.found, error.expected) from None
     except ValueError as error:  # a third-party class
         expected = "options as `optiplan planners NAME` describes them"
-        raise InputError([Issue.of_option(planner, "options", str(error), expected)]) from None
+        raise option_error(planner, "options", str(error), expected) from None
+
+
+def option_error(planner: str, option: str, found: str, expected: str) -> InputError:
+    """Return the error about one option of a planner."""
+    return InputError([Issue.of_option(planner, option, found, expected)])
 
 
 def kind_of(hint: Any) -> str:

@@ -19,30 +19,30 @@ _BUNDLED = {
     },
     "sampling": {
         "bitstar": (
-            "sampling.bitstar:BitStar",
+            "sampling.tree_planners:BitStar",
             "sampled path that shortens batch by batch (OMPL's BIT*; it does not bind AIT*)",
         ),
         "informed_rrtstar": (
-            "sampling.rrtstar:InformedRrtStar",
+            "sampling.tree_planners:InformedRrtStar",
             "RRT* that samples only where a shorter path can pass (OMPL's Informed RRT*)",
         ),
         "kpiece": (
-            "sampling.kpiece:Kpiece",
+            "sampling.tree_planners:Kpiece",
             "two trees guided by how well they cover the work space (OMPL's LBKPIECE1)",
         ),
         "prm": ("sampling.prm:Prm", "lazy roadmap of the scene; from Python, one object reuses it for later queries"),
         "rrtconnect": (
-            "sampling.rrtconnect:RrtConnect",
+            "sampling.tree_planners:RrtConnect",
             "sampled path (RRT-Connect of the native core, else OMPL's), shortened, with rounded corners, then timed",
         ),
-        "rrtstar": ("sampling.rrtstar:RrtStar", "sampled path that shortens as its tree grows (OMPL's RRT*)"),
+        "rrtstar": ("sampling.tree_planners:RrtStar", "sampled path that shortens as its tree grows (OMPL's RRT*)"),
     },
     "polynomial": {
         "bangbang": (
             "point_to_point.bangbang:BangBangPlanner",
             "least time under acceleration and velocity bounds: full acceleration, then full deceleration",
         ),
-        "cubic": ("point_to_point.cubic:Cubic", "one polynomial of degree three a joint"),
+        "cubic": ("point_to_point.polynomials:Cubic", "one polynomial of degree three a joint"),
         "lspb": (
             "point_to_point.lspb:Lspb",
             "trapezoid in velocity, by velocity, blend time or acceleration, or the fastest",
@@ -55,7 +55,10 @@ _BUNDLED = {
             "point_to_point.scurve:SCurvePlanner",
             "fastest straight line in joint space with limited jerk (Ruckig)",
         ),
-        "septic": ("point_to_point.septic:Septic", "one polynomial of degree seven a joint, with any jerk at the ends"),
+        "septic": (
+            "point_to_point.polynomials:Septic",
+            "one polynomial of degree seven a joint, with any jerk at the ends",
+        ),
     },
     "via points": {
         "parabolic": (
@@ -89,17 +92,17 @@ _BUNDLED = {
         ),
     },
 }
-"""By family and name: where the class is, below `optiplan.planners`, and what the planner does."""
+"""By family and name: module and class below `optiplan.planners`, and a summary of the planner."""
 
 FAMILIES = tuple(_BUNDLED)
-"""What planners are listed under: how they find their motion."""
+"""Families of planners: how they find their motion."""
 
 LIBRARIES = {
     "optimisation": ("ompl.geometric", "toppra.algorithm"),
     "sampling": ("ompl.geometric", "toppra.algorithm"),
     "Cartesian": ("toppra.algorithm",),
 }
-"""Slow to import, by family, and not always needed."""
+"""Libraries by family that are slow to import and not always needed."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +133,7 @@ class PlannerEntry:
 PLANNERS = {
     name: PlannerEntry(name, family, summary, f"optiplan.planners.{where}")
     for name, family, where, summary in sorted(
-        (name, family, *told) for family, planners in _BUNDLED.items() for name, told in planners.items()
+        (name, family, *entry) for family, planners in _BUNDLED.items() for name, entry in planners.items()
     )
 }
 """The bundled planners by name, in alphabetical order."""
@@ -139,8 +142,8 @@ PLANNERS = {
 def planner_entry(name: str) -> PlannerEntry:
     """Return the entry of that name; `package.module:Class` names a third-party planner, which need not be listed.
 
-    Such a class has the interface of `Planner`, preferably by deriving from it: it is constructed from its options, a
-    frozen dataclass that it has as the attribute `Options`.
+    Such a class has the interface of `Planner`, preferably by deriving from it. Its attribute `Options` is a frozen
+    dataclass; it is constructed from an instance of that.
 
     Raises:
         UnknownChoiceError: no such planner.
@@ -165,6 +168,6 @@ def make_planner(name: str, options: Mapping[str, Any] | None = None) -> Planner
 
 
 def load_libraries(name: str) -> None:
-    """Import what the planner of that name may need, so that no caller of a process that stays waits for it."""
+    """Import the libraries that a planner may need, so that no later call waits for them."""
     for module in LIBRARIES.get(PLANNERS[name].family, ()) if name in PLANNERS else ():
         import_module(module)

@@ -1,4 +1,4 @@
-"""Planners that others wrote: classes named as `package.module:Class`, and objects with a method `plan`."""
+"""Third-party planners: classes named as `package.module:Class`, and objects with a method `plan`."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -63,7 +63,7 @@ def planner_object(given: Any) -> Planner[Any] | None:
 
 
 def options_set(planner: Planner[Any]) -> dict[str, Any]:
-    """Return the options of a planner object that are not at their defaults; of one that has none, none."""
+    """Return the options of a planner object that differ from their defaults."""
     options = getattr(planner, "options", None)
     if not is_dataclass(options):
         return dict(options) if isinstance(options, Mapping) else {}
@@ -71,7 +71,7 @@ def options_set(planner: Planner[Any]) -> dict[str, Any]:
 
 
 class _Adapter(Planner[Any]):
-    """Adapts an object whose class is not derived from `Planner`; each is of a subclass named as that class is."""
+    """Adapter of an object whose class is not derived from `Planner`; its own class takes the name of that class."""
 
     def __init__(self, planner: Any) -> None:
         super().__init__(getattr(planner, "options", None))
@@ -81,6 +81,6 @@ class _Adapter(Planner[Any]):
         self.times_obstacles = bool(getattr(planner, "times_obstacles", False))
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
-        """What the object answers."""
+        """Return the result of the object."""
         answer: PlanResult = self.planner.plan(problem, budget, progress)
         return answer

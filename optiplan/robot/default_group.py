@@ -1,4 +1,4 @@
-"""The joints that are planned where nobody says which: the longest chain of joints, without wheels and fingers."""
+"""The default group of planned joints: the longest chain of joints, without wheels and fingers."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -9,20 +9,21 @@ import pinocchio as pin
 from optiplan.robot.urdf.reader import UrdfSource
 
 _FINGER = re.compile(r"finger|gripper|thumb|knuckle|jaw|(^|_)hand(?!le)", re.IGNORECASE)
-"""Words in the name of a joint that tell a finger; a wrist is often named by its link, so links do not count."""
+"""Words in the name of a finger joint; a wrist is often named by its link, so names of links do not count."""
 
 _WHEEL = re.compile(r"wheel|caster|roller", re.IGNORECASE)
 
 _SHORT = 0.25
-"""Branches that reach less far than this share of what carries them are fingers of an unnamed hand."""
+"""Branches shorter than this share of the arm that carries them are fingers of an unnamed hand."""
 
 
 def longest_chain(model: pin.Model, urdf: UrdfSource, movable: Sequence[str]) -> list[str]:
-    """Names of the joints of the longest serial chain, base to tip; of several as long the first in the model.
+    """Return the names of the joints of the longest serial chain, base to tip; the first in the model of equal ones.
 
-    Joints that turn or grasp are left out with all that they carry: wheels (by name, or continuous joints at the base
-    with nothing behind them but continuous joints, two at most) and fingers (by name, or branches of a fork that all
-    are shorter than a quarter of what carries them). Where nothing would be left, they stay.
+    Wheels and fingers are excluded with everything that they carry, unless no joint would remain.
+
+    Wheels are recognised by name, or as continuous joints at the base that carry at most two joints, all continuous.
+    Fingers are recognised by name, or as branches of a fork, all shorter than a quarter of the arm that carries them.
     """
     tree = _Tree(model, urdf, movable)
     chains = [tree.kept(tip) for tip in tree.movable]
@@ -33,7 +34,7 @@ def longest_chain(model: pin.Model, urdf: UrdfSource, movable: Sequence[str]) ->
 
 
 class _Tree:
-    """The joints of a model with one degree of freedom, by index; `movable` those that follow no other."""
+    """The joints of a model with one degree of freedom, by index; `movable` joints follow no other joint."""
 
     def __init__(self, model: pin.Model, urdf: UrdfSource, movable: Sequence[str]) -> None:
         self.model = model
@@ -42,15 +43,15 @@ class _Tree:
         self.endless: Mapping[int, bool] = {j: urdf.joint_types[model.names[j]] == "continuous" for j in self.movable}
 
     def path(self, j: int) -> list[int]:
-        """Movable joints from the base to j, j included."""
+        """Return the movable joints from the base to j, j included."""
         return [k for k in list(self.model.supports[j])[1:] if k in self.endless]
 
     def carried(self, j: int) -> list[int]:
-        """Movable joints and followers that j carries."""
+        """Return the movable joints and followers that j carries."""
         return [k for k in list(self.model.subtrees[j])[1:] if k in self.endless or k in self.followers]
 
     def kept(self, tip: int) -> list[int]:
-        """The path to a tip as far as it has neither wheel nor finger."""
+        """Return the path to a tip up to the first wheel or finger."""
         path = self.path(tip)
         for count, j in enumerate(path):
             if self._is_wheel(j, path[:count]) or _FINGER.search(self.model.names[j]) or self._in_hand(j):
@@ -64,11 +65,11 @@ class _Tree:
         return bool(_WHEEL.search(self.model.names[j])) or (not before and turning and not alone and not self._arm(j))
 
     def _arm(self, j: int) -> bool:
-        """Whether all movable joints stand in one row with j at its foot."""
+        """Return whether j carries all other movable joints."""
         return set(self.movable) <= set(self.model.subtrees[j])
 
     def _in_hand(self, j: int) -> bool:
-        """Whether j begins a branch of a fork, all of whose branches are short."""
+        """Return whether j begins a branch of a fork whose branches are all short."""
         parent = int(self.model.parents[j])
         branches = [k for k in self.model.children[parent] if k in self.endless or k in self.followers]
         if parent == 0 or len(branches) < 2:
@@ -80,5 +81,5 @@ class _Tree:
         return float(np.linalg.norm(self.model.jointPlacements[j].translation))
 
     def _reach(self, j: int) -> float:
-        """Length, m, of the longest way over joint origins from the parent of j through j to a tip."""
+        """Return the length, m, of the longest path over joint origins from the parent of j through j to a tip."""
         return self._offset(j) + max((self._reach(k) for k in self.model.children[j]), default=0.0)

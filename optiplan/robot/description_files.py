@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
@@ -15,8 +16,16 @@ from optiplan.robot.urdf.srdf import Srdf, read_srdf
 PACKAGE_FOLDERS = ("cmeel.prefix/share/example-robot-data/robots", "share/example-robot-data/robots")
 
 
-def read_sources(spec: RobotSpec, document: Document) -> tuple[UrdfSource, Srdf | None, Path | None]:
-    """The URDF, that of a Denavit–Hartenberg table included; the SRDF, if there is one, and its path.
+class DescriptionFiles(NamedTuple):
+    """URDF and SRDF of a robot; `srdf` and `srdf_path` are None without an SRDF."""
+
+    urdf: UrdfSource
+    srdf: Srdf | None = None
+    srdf_path: Path | None = None
+
+
+def read_sources(spec: RobotSpec, document: Document) -> DescriptionFiles:
+    """Read the URDF, or make it from the Denavit–Hartenberg table, and the SRDF.
 
     Raises:
         InputError: files that cannot be used, a robot that the data package does not have, or no data package.
@@ -30,15 +39,15 @@ def read_sources(spec: RobotSpec, document: Document) -> tuple[UrdfSource, Srdf 
         with _named_by("urdf", spec.urdf, document):
             urdf = read_urdf(_urdf_path(spec, document), folder)
     if spec.srdf is None:
-        return urdf, None, None
+        return DescriptionFiles(urdf)
     path = folder / spec.srdf
     with _named_by("srdf", spec.srdf, document):
-        return urdf, read_srdf(path, urdf.renamed), path
+        return DescriptionFiles(urdf, read_srdf(path, urdf.renamed), path)
 
 
 @contextmanager
 def _named_by(key: str, value: object, document: Document) -> Iterator[None]:
-    """Tell of a file that is not there where it is named."""
+    """Report a missing file at the key that names it."""
     try:
         yield
     except InputError as error:
@@ -64,7 +73,7 @@ def _urdf_path(spec: RobotSpec, document: Document) -> Path:
 
 
 def package_robots() -> dict[str, Path]:
-    """URDFs of the installed example-robot-data by name: the file's, with and without a trailing `_robot`."""
+    """Return the URDFs of the installed example-robot-data by file name, with and without a trailing `_robot`."""
     roots = (Path(entry) / folder for entry in sys.path for folder in PACKAGE_FOLDERS)
     root = next((root for root in roots if root.is_dir()), None)
     if root is None:

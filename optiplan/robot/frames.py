@@ -17,7 +17,7 @@ Axes = Literal["world", "frame"]
 
 
 def frame_pose(robot: "Robot", q: Array, frame: str) -> pin.SE3:
-    """Pose X_WF of a frame at q (n,).
+    """Return the pose X_WF of a frame at q (n,).
 
     Raises:
         UnknownChoiceError: there is no such frame.
@@ -29,7 +29,7 @@ def frame_pose(robot: "Robot", q: Array, frame: str) -> pin.SE3:
 
 
 def geometric_jacobian(robot: "Robot", q: Array, frame: str, axes: Axes = "world") -> Array:
-    """J of shape (6, n) with [v; w] = J q̇: velocity v, m/s, of the frame's origin, and angular velocity w, rad/s.
+    """Return J (6, n) with [v; w] = J q̇: velocity v, m/s, of the frame's origin, and angular velocity w, rad/s.
 
     Column of a revolute joint with the axis z through p: [z x (p_F - p); z]; of a prismatic one: [z; 0].
 
@@ -37,7 +37,7 @@ def geometric_jacobian(robot: "Robot", q: Array, frame: str, axes: Axes = "world
         robot: with n joints.
         q: (n,), rad and m.
         frame: a link, joint or fixed frame.
-        axes: whose axes v and w are seen along, those of the `world` or of the `frame` itself.
+        axes: of v and w, those of the `world` or of the `frame`.
 
     Raises:
         UnknownChoiceError: there is no such frame.

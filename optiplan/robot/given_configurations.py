@@ -1,4 +1,4 @@
-"""Configurations as users give them: arrays, values by the names of joints, names of configurations."""
+"""Configurations from users: arrays, values by joint, names of configurations."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -38,7 +38,7 @@ def configurations(
 
     Args:
         names: of the planned joints.
-        named: configurations that have a name.
+        named: configurations by name.
         value: numbers (n,) or (k, n), a value by joint (`{joint: value}`), or the name of a configuration.
         function: called by the user, without `op.`.
         argument: its name there.

@@ -1,4 +1,4 @@
-"""Which joints are planned, where the others stand, and the model reduced to the planned ones."""
+"""The planned joints, the positions of the others, and the model reduced to the planned joints."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,10 +22,10 @@ MOVABLE = (*TURNING, *SLIDING)
 
 @dataclass(frozen=True)
 class Reduced:
-    """The robot with every joint fixed that is neither planned nor follows one that is.
+    """The robot with all joints fixed except the planned ones and their followers.
 
-    `model` has the planned joints as its degrees of freedom, `plain` the followers as well. `followers` says what each
-    follows, and `locked` where the other joints stand (rad, m).
+    `model` has the planned joints as its degrees of freedom, `plain` the followers as well. `followers` gives the
+    leader of each follower, `locked` the positions of the fixed joints, rad or m.
     """
 
     model: pin.Model
@@ -39,9 +39,9 @@ class Reduced:
 
 @dataclass(frozen=True)
 class Group:
-    """The planned joints, base to tip; `listed` are those that lists in the robot.yaml hold a value for.
+    """The planned joints, base to tip; lists in the robot.yaml have one value for each of the `listed` joints.
 
-    `chosen` tells that nobody named them, and that there are others.
+    `chosen`: the group is the default, and the robot has further joints.
     """
 
     name: str | None
@@ -55,9 +55,9 @@ class Group:
 
 
 def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: str | None = None) -> Group:
-    """The group called `name`; without a name `group`, else the first of `groups`, else the longest chain of joints.
+    """Return the group `name`; without a name `group`, else the first of `groups`, else the longest chain of joints.
 
-    Names joined by `+` mean all joints of these groups.
+    Names joined by `+` select all joints of these groups.
 
     Raises:
         UnknownChoiceError: there is no such group.
@@ -92,7 +92,7 @@ def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: 
 
 
 def mecanum_base(spec: RobotSpec, document: Document, planned: Sequence[str], urdf: UrdfSource) -> MecanumSpec | None:
-    """The key `mecanum`, if all three of its joints are planned.
+    """Return the key `mecanum` if all three of its joints are planned.
 
     Raises:
         InputError: a name that is no joint, or not two that slide and one that turns.
@@ -132,7 +132,7 @@ def _joint_issues(
 
 
 def _check_locked(wanted: Mapping[str, float], planned: Sequence[str], urdf: UrdfSource, document: Document) -> None:
-    """Refuse positions of joints that are planned or are not there."""
+    """Refuse positions of planned joints and of unknown joints."""
     names = list(urdf.joint_types)
     free = [name for name in names if name not in planned and urdf.joint_types[name] != "fixed"]
     issues: list[Issue] = []
@@ -146,13 +146,13 @@ def _check_locked(wanted: Mapping[str, float], planned: Sequence[str], urdf: Urd
 
 
 def reduce_to(planned: Sequence[str], wanted: Mapping[str, float], urdf: UrdfSource, document: Document) -> Reduced:
-    """Fix every joint that is not planned: at `wanted`, where it follows another, or at zero moved into its limits.
+    """Fix every joint that is not planned: at `wanted`, at its leader's position, or at zero moved into its limits.
 
-    Joints that follow a planned one move with it, but for those that `wanted` names.
+    Followers of planned joints move with them, except for joints in `wanted`.
 
     Raises:
-        InputError: `wanted` names a joint that is planned or is not there; a joint that carries the one it follows;
-            one that follows a joint without end at broken turns.
+        InputError: `wanted` names a planned or an unknown joint; a follower carries its leader; a follower of an
+            endless joint has a multiplier that is not whole.
     """
     _check_locked(wanted, planned, urdf, document)
     model = build_model(urdf)
@@ -192,7 +192,7 @@ def reduce_to(planned: Sequence[str], wanted: Mapping[str, float], urdf: UrdfSou
 
 
 def _refuse_broken_turns(followers: Mapping[str, Mimic], urdf: UrdfSource) -> None:
-    """A joint without end counts turns modulo one; what follows it at half its angle would not be where it was."""
+    """Refuse fractional followers of endless joints: a whole turn of the leader would move the follower."""
     for name, mimic in followers.items():
         revolute = urdf.joint_types[name] != "prismatic" and float(mimic.multiplier).is_integer()
         if urdf.joint_types[mimic.source] == "continuous" and not revolute:

@@ -1,4 +1,4 @@
-"""Limits of the planned joints: those of the robot.yaml, else those of the URDF, else stated defaults."""
+"""Limits of the planned joints: from the robot.yaml, else from the URDF, else default values with a note."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
@@ -21,14 +21,14 @@ _PER_SECOND = dict(zip(ORDERS, ("", "/s", "/s²", "/s³"), strict=True))
 
 
 def joint_unit(quantity: str, revolute: bool) -> str:
-    """Return the unit of a quantity of `ORDERS`, or of `torque`, of a joint that turns, or of one that slides."""
+    """Return the unit of a quantity of `ORDERS`, or of `torque`, for a revolute or a prismatic joint."""
     if quantity == "torque":
         return "N·m" if revolute else "N"
     return ("rad" if revolute else "m") + _PER_SECOND[quantity]
 
 
 def joint_units(quantity: str, revolute: Iterable[bool] = (True, False)) -> str:
-    """Return the units of a quantity of several joints, each once; without them those of any joint."""
+    """Return the units of a quantity of several joints, each once; by default the units of all kinds of joints."""
     kinds = {bool(turns) for turns in revolute}
     return " or ".join(joint_unit(quantity, turns) for turns in (True, False) if turns in kinds)
 
@@ -59,7 +59,7 @@ class Limits:
     def scaled(
         self, velocity: float = 1.0, acceleration: float = 1.0, jerk: float | str = 1.0, torque: float = 1.0
     ) -> "Limits":
-        """These limits times fractions; `jerk` "none" lifts its limits."""
+        """Return these limits times fractions; `jerk` "none" removes the limits of jerk."""
         return replace(
             self,
             velocity=self.velocity * velocity,
@@ -75,10 +75,10 @@ def thousandths(revolute: Iterable[bool]) -> str:
 
 
 def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: Group) -> tuple[Limits, list[str]]:
-    """Limits of the joints of a model reduced to `group`, and notes on every default that was taken.
+    """Return the limits of the joints of a model reduced to `group`, and notes on every default value.
 
-    A joint with followers keeps within what they allow: lower_f <= m q + o <= upper_f, |m| v <= v_f. Torque is the
-    generalised force tau + sum m tau_f that the leader's drive gives; a follower has none of its own.
+    The limits of followers restrict their leader: lower_f <= m q + o <= upper_f, |m| v <= v_f. Torque is the
+    generalised force tau + sum m tau_f of the leader's drive; a follower has no drive.
 
     Raises:
         InputError: wrong sizes, values that are not positive.
@@ -111,7 +111,7 @@ def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: 
 
 
 def _narrow_positions(reduced: Reduced, names: list[str], limits: tuple[Array, Array], notes: list[str]) -> None:
-    """Shrink position limits (n,) and (n,), in place, to those of which every follower is within its own."""
+    """Shrink the lower and upper position limits (n,), in place, so that every follower is within its own limits."""
     lower, upper = limits
     for name, mimic in reduced.followers.items():
         k, j = reduced.plain.joints[reduced.plain.getJointId(name)].idx_q, names.index(mimic.source)
@@ -123,7 +123,7 @@ def _narrow_positions(reduced: Reduced, names: list[str], limits: tuple[Array, A
 
 
 def _narrowed_velocity(reduced: Reduced, names: list[str]) -> Array:
-    """Velocity limits of the URDF (n,), each at most v_f / |m| of every follower; 0 where none is given."""
+    """Return the velocity limits of the URDF (n,), each at most v_f / |m| of every follower; 0 where none is given."""
     velocity = np.array(reduced.model.upperVelocityLimit)
     for name, mimic in reduced.followers.items():
         joint, j = reduced.plain.joints[reduced.plain.getJointId(name)], names.index(mimic.source)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -23,13 +24,13 @@ KINDS: tuple[Treatment, ...] = ("auto", "hull", "mesh", "convex_pieces")
 
 @dataclass(frozen=True, eq=False)
 class LinkGeometry:
-    """Collision geometry in which meshes are replaced by what the robot.yaml asks for.
+    """Collision geometry with the meshes replaced as the robot.yaml requests.
 
     Attributes:
         geometry: the bodies.
-        kinds: what each link became: hull, mesh, convex_pieces or primitive.
+        kinds: hull, mesh, convex_pieces or primitive, by link.
         over_cover: how far (m) each link's bodies reach beyond its meshes at most, measured; links with meshes only.
-        notes: what a user should know of meshes that are not checked as they are.
+        notes: for the user, on replaced meshes.
     """
 
     geometry: pin.GeometryModel = field(default_factory=pin.GeometryModel)
@@ -41,10 +42,10 @@ class LinkGeometry:
 def treat(
     model: pin.Model, geometry: pin.GeometryModel, collision: Treatment | CollisionSpec, document: Document
 ) -> LinkGeometry:
-    """Replace the meshes of a robot by what its robot.yaml asks for.
+    """Replace the meshes of a robot as its robot.yaml requests.
 
     Raises:
-        InputError: a link that is not there, is named twice, or has a mesh that cannot be hulled.
+        InputError: a link that is unknown, is named twice, or has a mesh without a hull.
     """
     spec = CollisionSpec(default=collision) if isinstance(collision, str) else collision
     named = _named(spec, [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY], document)
@@ -53,31 +54,37 @@ def treat(
         link = model.frames[item.parentFrame].name
         wanted = named.get(link, spec.default)
         try:
-            kind, over_cover, parts = _treated(item, wanted, result.notes)
-            for part in parts:
+            treated = _treated(item, wanted, result.notes)
+            for part in treated.bodies:
                 result.geometry.addGeometryObject(part)
         except (ValueError, RuntimeError) as error:  # qhull has errors of its own
             found = f"{plain_reason(error)} ({item.meshPath})"
             raise InputError(
                 [document.issue(("collision",), f"link {link}: {found}", "a mesh with vertices")]
             ) from error
-        if kind != PRIMITIVE:
-            result.over_cover[link] = max(over_cover, result.over_cover.get(link, 0.0))
-        result.kinds[link] = max(kind, result.kinds.get(link, kind), key=_EXACTNESS.index)
+        if treated.kind != PRIMITIVE:
+            result.over_cover[link] = max(treated.over_cover, result.over_cover.get(link, 0.0))
+        result.kinds[link] = max(treated.kind, result.kinds.get(link, treated.kind), key=_EXACTNESS.index)
     return result
 
 
 _EXACTNESS = (PRIMITIVE, "mesh", "convex_pieces", "hull")
-"""A link of several shapes is called after the roughest of them."""
+"""Kinds by accuracy; the kind of a link is that of its roughest shape."""
 
 
-def _treated(
-    item: pin.GeometryObject, wanted: Treatment, notes: list[str]
-) -> tuple[str, float, Iterator[pin.GeometryObject]]:
-    """Return the treatment of a shape, how far (m) the result reaches beyond it, and its bodies."""
+class _Treated(NamedTuple):
+    """Treatment of a shape, how far (m) its bodies reach beyond it at most, and these bodies."""
+
+    kind: str
+    over_cover: float
+    bodies: Iterable[pin.GeometryObject]
+
+
+def _treated(item: pin.GeometryObject, wanted: Treatment, notes: list[str]) -> _Treated:
+    """Return what a shape becomes; add notes on meshes."""
     mesh = item.geometry
     if not isinstance(mesh, coal.BVHModelBase):
-        return PRIMITIVE, 0.0, iter([item.copy()])
+        return _Treated(PRIMITIVE, 0.0, [item.copy()])
     vertices = mesh_vertices(mesh)
     if not (len(vertices) and (np.abs(vertices) <= LARGEST_COORDINATE).all()):  # NaN is refused too
         raise ValueError(f"a mesh without finite vertices, or with one beyond {LARGEST_COORDINATE:g} m")
@@ -86,24 +93,24 @@ def _treated(
             cover = cover_of(mesh)
             if cover.kind == "mesh":
                 notes.append(f"{item.name}: the mesh itself, since its hull reaches {_mm(cover.hull)} beyond it")
-                return "mesh", 0.0, iter([item.copy()])
+                return _Treated("mesh", 0.0, [item.copy()])
             if cover.kind == "convex_pieces":
                 count, reach = len(cover.pieces), _mm(cover.over_cover)
                 notes.append(f"{item.name}: {count} convex pieces, which reach at most {reach} beyond it")
-            return cover.kind, cover.over_cover, _bodies(item, cover.pieces)
+            return _Treated(cover.kind, cover.over_cover, _bodies(item, cover.pieces))
         case "hull":
             hull = body_of(vertices)
             if hull.over_cover > 0.0:
                 notes.append(f"{item.name}: a body around its hull, farther out by at most {_mm(hull.over_cover)}")
-            return "hull", over_cover_of(mesh, [hull.vertices]), _bodies(item, [vertices])
+            return _Treated("hull", over_cover_of(mesh, [hull.vertices]), _bodies(item, [vertices]))
         case "convex_pieces":
             pieces = pieces_of(mesh, read_bytes(Path(item.meshPath)) + np.asarray(item.meshScale).tobytes())
             beyond, count = over_cover_of(mesh, pieces.vertices), len(pieces.vertices)
             made = f"{count} convex pieces" if count > 1 else "its hull, which pieces nearly fill"
             made += f", grown by at most {_mm(pieces.growth)}" if count > 1 else ""
             notes.append(f"{item.name}: {made}; reaches at most {_mm(beyond)} beyond the mesh")
-            return "convex_pieces", beyond, _bodies(item, pieces.vertices)
-    return "mesh", 0.0, iter([item.copy()])
+            return _Treated("convex_pieces", beyond, _bodies(item, pieces.vertices))
+    return _Treated("mesh", 0.0, [item.copy()])
 
 
 def _mm(distance: float) -> str:
@@ -111,7 +118,7 @@ def _mm(distance: float) -> str:
 
 
 def _bodies(item: pin.GeometryObject, bodies: Iterable[Array]) -> Iterator[pin.GeometryObject]:
-    """Copies of an object, each with the hull of points (k, 3) as its shape; one alone keeps the name."""
+    """Yield copies of an object, each with the hull of points (k, 3) as its shape; a single one keeps the name."""
     several = tuple(bodies)
     for index, vertices in enumerate(several):
         part = item.copy()

@@ -1,4 +1,4 @@
-"""Kept in memory: robots whose files have not changed, those that stand as before, and what is made of one once."""
+"""Robots kept in memory while their files do not change, and results made once for each robot."""
 
 import json
 import threading
@@ -7,52 +7,36 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 from weakref import WeakKeyDictionary
 
 from optiplan.files import Signature, allowed_folders, signatures
 from optiplan.robot.reference import robot_file, robot_names
 
+if TYPE_CHECKING:
+    from optiplan.robot.robot import Robot
+
 _MOST = 16
-_MOST_MOUNTED = 4
 _SETTLED = 2.0
-"""s since the last change of a file, before which its times do not tell one version from the next."""
+"""s; within this time after a change of a file, its time stamps do not distinguish two versions."""
 
 Key = tuple[str, str, str, str | None, tuple[Path, ...] | None]
-"""What a robot was asked for by: its name, file or content, the folder that paths in a content start from, locked
-joints, group, and the folders that may be read."""
+"""Arguments of `load_robot`: name, file or content; base folder of a content; locked joints; group. The last entry has
+the folders that may be read."""
 
 
-class ReadFromFiles(Protocol):
-    """What has been read from `files`."""
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """Absolute paths."""
-
-
-class Mountable(Protocol):
-    """What stands on a base and carries a load."""
-
-    @property
-    def unmounted(self) -> Self:
-        """The same without base and load."""
-
-
-Loaded = TypeVar("Loaded", bound=ReadFromFiles)
-OfRobot = TypeVar("OfRobot", bound=Mountable)
 Made = TypeVar("Made")
 
 
-class LoadedRobots(Generic[Loaded]):
-    """The robots loaded last, each with the files that it was read from."""
+class LoadedRobots:
+    """The robots loaded last, each with the signatures of its files."""
 
     def __init__(self) -> None:
-        self._robots: OrderedDict[Key, tuple[Loaded, tuple[Signature, ...]]] = OrderedDict()
+        self._robots: OrderedDict[Key, tuple[Robot, tuple[Signature, ...]]] = OrderedDict()
         self._lock = threading.Lock()
 
-    def get(self, key: Key) -> Loaded | None:
-        """The robot loaded by `key`, unless one of its files has changed or may not be read any more."""
+    def get(self, key: Key) -> "Robot | None":
+        """Return the robot loaded by `key`; None if a file has changed or may no longer be read."""
         with self._lock:
             robot, seen = self._robots.get(key, (None, ()))
         if robot is None or _signatures(robot.files) != seen:
@@ -62,8 +46,8 @@ class LoadedRobots(Generic[Loaded]):
                 self._robots.move_to_end(key)
         return robot
 
-    def keep(self, key: Key, robot: Loaded, began: float) -> None:
-        """Remember a robot whose loading began at this time (`time.time`), unless a file was changed just before."""
+    def keep(self, key: Key, robot: "Robot", began: float) -> None:
+        """Keep a robot whose loading began at this time (`time.time`), unless a file changed just before."""
         seen = _signatures(robot.files)
         if seen is None or any(began - file.changed < _SETTLED for file in seen):
             return
@@ -76,7 +60,7 @@ class LoadedRobots(Generic[Loaded]):
     def key(
         ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
     ) -> Key:
-        """What tells one robot from another; a file is the same from wherever it is referred to.
+        """Return the key of a robot; a file has the same key from every folder.
 
         Raises:
             UnknownChoiceError: as `robot_file`.
@@ -89,35 +73,19 @@ class LoadedRobots(Generic[Loaded]):
 
     @staticmethod
     def now() -> float:
-        """The time, s, that files are stamped with."""
+        """Return the clock of file time stamps, s."""
         return time.time()
 
 
-class MountedRobots(Generic[Loaded]):
-    """One robot at the places and with the loads that it had last, each the same object whenever it comes again."""
+def once_for_each_robot(make: Callable[["Robot"], Made]) -> Callable[["Robot"], Made]:
+    """Decorate a function of a robot, independent of base and load, so that its result is made once for each robot.
 
-    def __init__(self) -> None:
-        self._robots: OrderedDict[str, Loaded] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def get(self, key: str, make: Callable[[], Loaded]) -> Loaded:
-        """The robot mounted as `key` says, made where there is none."""
-        with self._lock:
-            robot = self._robots[key] = self._robots.pop(key, None) or make()
-            while len(self._robots) > _MOST_MOUNTED:
-                self._robots.popitem(last=False)
-        return robot
-
-
-def once_for_each_robot(make: Callable[[OfRobot], Made]) -> Callable[[OfRobot], Made]:
-    """Decorate what is made of a robot alone, wherever it stands and whatever it carries: it is made once.
-
-    `make` is given the robot without base and load; what it returns is kept as long as that robot is.
+    `make` gets the robot without base and load; its result is kept as long as that robot.
     """
-    kept: WeakKeyDictionary[OfRobot, Made] = WeakKeyDictionary()
+    kept: WeakKeyDictionary[Robot, Made] = WeakKeyDictionary()
 
     @wraps(make)
-    def made_of(robot: OfRobot) -> Made:
+    def made_of(robot: "Robot") -> Made:
         bare = robot.unmounted
         if bare not in kept:
             kept[bare] = make(bare)

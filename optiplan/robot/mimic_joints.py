@@ -1,7 +1,7 @@
 """Mimic joints: a follower moves with its leader, q_follower = multiplier · q_leader + offset.
 
-A robot's pinocchio model has nq = nv = n planned joints, and its followers are joints of their own without a degree of
-freedom. Pinocchio's derivatives of inverse dynamics do not know such joints; `unfold` gives them the plain model.
+A robot's pinocchio model has nq = nv = n planned joints; its followers are joints without a degree of freedom.
+Pinocchio's derivatives of inverse dynamics do not support such joints; `unfold` returns a plain model for them.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,7 +26,7 @@ class Mimic:
 
 
 class MimicError(ValueError):
-    """A mimic that cannot be: `joint`, what was `found` and what is `expected`."""
+    """An impossible mimic joint: `joint`, what was `found` and what is `expected`."""
 
     def __init__(self, joint: str, found: str, expected: str) -> None:
         super().__init__(f"{joint}: {found}; expected {expected}")
@@ -34,10 +34,10 @@ class MimicError(ValueError):
 
 
 def resolve(mimics: Mapping[str, Mimic], movable: Sequence[str]) -> dict[str, Mimic]:
-    """Followers of followers by what they follow in the end: m = m_1 m_2, o = m_1 o_2 + o_1.
+    """Return every mimic joint with a leader that follows no other: m = m_1 m_2, o = m_1 o_2 + o_1.
 
     Raises:
-        MimicError: joints that follow each other in a circle, or one that is not there or does not move.
+        MimicError: joints that follow each other in a circle, or a leader that is unknown or fixed.
     """
     return {name: _resolved(name, mimics, movable) for name in mimics}
 
@@ -62,9 +62,9 @@ def _resolved(name: str, mimics: Mapping[str, Mimic], movable: Sequence[str]) ->
 
 
 def leaders_first(model: pin.Model, mimics: Mapping[str, Mimic]) -> pin.Model:
-    """The model with its joints in an order in which every leader stands before its followers, where there is one.
+    """Return the model with leaders before their followers, where such an order of joints exists.
 
-    Such an order need not be depth first: for what relies on that see `unfold`.
+    That order need not be depth first; `unfold` restores a depth-first order.
     """
     leader = {model.getJointId(name): model.getJointId(mimic.source) for name, mimic in mimics.items()}
     if all(source < follower for follower, source in leader.items()):
@@ -81,7 +81,7 @@ def leaders_first(model: pin.Model, mimics: Mapping[str, Mimic]) -> pin.Model:
 
 
 def fold(model: pin.Model, mimics: Mapping[str, Mimic]) -> pin.Model:
-    """The model in which each joint of `mimics` is one without a degree of freedom that moves with its leader.
+    """Return the model in which each joint of `mimics` moves with its leader, without a degree of freedom.
 
     Raises:
         MimicError: a follower that carries its leader.
@@ -96,7 +96,7 @@ def fold(model: pin.Model, mimics: Mapping[str, Mimic]) -> pin.Model:
 
 
 def coupling(model: pin.Model) -> tuple[Array, Array]:
-    """A (J, n) and b (J,) with A q + b the positions of all J joints, planned ones and followers, in rad or m."""
+    """Return A (J, n) and b (J,): A q + b are the positions, rad or m, of all J joints, planned and followers."""
     A, b = np.zeros((model.njoints - 1, model.nv)), np.zeros(model.njoints - 1)
     for j in range(1, model.njoints):
         mimic = _mimic_of(model, j)
@@ -106,7 +106,7 @@ def coupling(model: pin.Model) -> tuple[Array, Array]:
 
 
 def screws(model: pin.Model) -> Array:
-    """Unit screw (J, 6), linear part first, of each joint with one degree of freedom, in its own frame."""
+    """Return the unit screw (J, 6), linear part first, of each joint in its own frame."""
     data = model.createData()
     columns = pin.computeJointJacobians(model, data, pin.neutral(model)).reshape(6, -1)  # of one joint it is (6,)
     found = np.empty((model.njoints - 1, 6))
@@ -119,7 +119,7 @@ def screws(model: pin.Model) -> Array:
 
 
 def turning(model: pin.Model) -> Flags:
-    """Which joints of a model turn, (J,), followers too; the others slide."""
+    """Return which joints of a model turn, (J,), followers included; the others slide."""
     return np.asarray(np.linalg.norm(screws(model)[:, 3:], axis=1) > 0.5)
 
 
@@ -127,7 +127,7 @@ def turning(model: pin.Model) -> Flags:
 class Unfolded:
     """A model without followers, of J joints, behind one of n: q_J = A q + b, v_J = A v, and tau = A^T tau_J.
 
-    Its joints stand depth first, as pinocchio's derivatives and mass matrices take for granted.
+    Its joints are in depth-first order, which pinocchio's derivatives and mass matrices require.
     """
 
     model: pin.Model
@@ -136,7 +136,7 @@ class Unfolded:
 
 
 def unfold(model: pin.Model) -> Unfolded:
-    """The plain model behind one with followers; the model itself, with A the identity, where there are none."""
+    """Return the plain model of a model with followers; without followers the model itself, with A the identity."""
     followers = {j: _mimic_of(model, j) for j in range(1, model.njoints)}
     if not any(followers.values()):
         return Unfolded(model, np.eye(model.nv), np.zeros(model.nv))
@@ -167,7 +167,7 @@ def _plain_joint(screw: Array) -> pin.JointModel:
 
 
 def _rebuilt(model: pin.Model, order: Sequence[int], kinds: Mapping[int, pin.JointModel]) -> pin.Model:
-    """The model with its joints in another order (parents first), some of another kind."""
+    """Return the model with its joints in another order (parents first), some of another kind."""
     result = pin.Model()
     result.name, result.gravity = model.name, model.gravity
     place = {0: 0}
@@ -191,7 +191,7 @@ def _rebuilt(model: pin.Model, order: Sequence[int], kinds: Mapping[int, pin.Joi
 
 
 _FREE = (np.inf, np.inf, -np.inf, np.inf)
-"""Effort, velocity, lower and upper position limit of a joint whose own are not known."""
+"""Effort, velocity, lower and upper position limit of a joint without known limits."""
 
 
 def _limits(model: pin.Model, joint: pin.JointModel) -> Iterator[Array]:
@@ -199,3 +199,33 @@ def _limits(model: pin.Model, joint: pin.JointModel) -> Iterator[Array]:
     positions = slice(joint.idx_q, joint.idx_q + joint.nq)
     yield from (model.upperEffortLimit[rates], model.upperVelocityLimit[rates])
     yield from (model.lowerPositionLimit[positions], model.upperPositionLimit[positions])
+
+
+def held_model(
+    model: pin.Model, geometry: pin.GeometryModel, followers: Mapping[str, Mimic], held: Mapping[str, float]
+) -> tuple[pin.Model, pin.GeometryModel]:
+    """Return model and bodies with some joints and their followers fixed; pairs of bodies stay the same.
+
+    Args:
+        model: with `followers` as joints without a degree of freedom.
+        geometry: its bodies.
+        followers: by name.
+        held: positions, rad or m, of planned joints.
+    """
+    plain = unfold(model).model
+    bodies = geometry.copy()
+    for body in bodies.geometryObjects:  # joints may stand in another order in the plain model
+        body.parentJoint = plain.getJointId(model.names[body.parentJoint])
+        frame = model.frames[body.parentFrame]
+        body.parentFrame = plain.getFrameId(frame.name, frame.type)
+    fixed = dict(held)
+    for name, mimic in followers.items():
+        if mimic.source in held:
+            fixed[name] = mimic.multiplier * held[mimic.source] + mimic.offset
+    q = pin.neutral(plain)
+    for name, value in fixed.items():
+        q[plain.joints[plain.getJointId(name)].idx_q] = value
+    ids = [plain.getJointId(name) for name in fixed]
+    reduced, around = pin.buildReducedModel(plain, bodies, ids, q)
+    left = {name: mimic for name, mimic in followers.items() if name not in fixed}
+    return fold(reduced, left), around

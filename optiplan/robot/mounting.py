@@ -1,4 +1,4 @@
-"""How a robot stands and what it carries: pose of its base, gravity, payload; all of it in pinocchio's model."""
+"""Mounting of a robot: pose of its base, gravity and payload, all in pinocchio's model."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ class Mounting:
     Attributes:
         X_WB: pose of the robot's root in the world.
         gravity: (3,) acceleration of free fall in the world, m/s².
-        payload: what links carry, by name: spatial inertia in the frame of the link (kg, m, kg m²).
+        payload: links and the spatial inertia that each carries, in the frame of the link (kg, m, kg m²).
     """
 
     X_WB: pin.SE3 = field(default_factory=pin.SE3.Identity)
@@ -28,13 +28,13 @@ class Mounting:
 
     @property
     def usual(self) -> bool:
-        """Whether the robot stands in the origin of the world, upright on Earth, and carries nothing."""
+        """Whether the robot stands at the origin of the world, upright on Earth, without payload."""
         upright = bool((self.X_WB.homogeneous == np.eye(4)).all()) and tuple(self.gravity) == GRAVITY
         return upright and not self.payload
 
     @property
     def key(self) -> str:
-        """What tells one mounting from another."""
+        """The key of the mounting, equal for equal mountings."""
         loads = [(link, inertia.toDynamicParameters().tolist()) for link, inertia in self.payload]
         return repr((self.X_WB.homogeneous.tolist(), np.asarray(self.gravity, dtype=float).tolist(), loads))
 
@@ -44,7 +44,7 @@ class Mounting:
         return float(sum(inertia.mass for _, inertia in self.payload))
 
     def model(self, model: pin.Model) -> pin.Model:
-        """Return the kinematic and dynamic model of a robot that is mounted so."""
+        """Return the kinematic and dynamic model of a robot with this mounting."""
         mounted = model.copy()
         for joint in range(1, mounted.njoints):
             if mounted.parents[joint] == 0:
@@ -60,7 +60,7 @@ class Mounting:
         return mounted
 
     def geometry(self, geometry: pin.GeometryModel) -> pin.GeometryModel:
-        """Return the bodies, those of links that no joint moves where the base is now."""
+        """Return the bodies, with the links that no joint moves at the new base."""
         mounted = geometry.copy()
         for body in mounted.geometryObjects:
             if body.parentJoint == 0:
@@ -68,5 +68,5 @@ class Mounting:
         return mounted
 
     def visual(self, build: Callable[[], pin.GeometryModel]) -> Callable[[], pin.GeometryModel]:
-        """Return the same of geometry that is built later."""
+        """Return `geometry` for bodies that are built later."""
         return lambda: self.geometry(build())

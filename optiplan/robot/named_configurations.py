@@ -16,19 +16,19 @@ from optiplan.robot.urdf.reader import UrdfSource
 from optiplan.robot.urdf.srdf import Srdf
 
 _TOOL = re.compile(r"(^|_)(tcp|tool0|grasp(ing)?(_frame|_link)?|end_effector|eef?)($|_)", re.IGNORECASE)
-"""Names that robots give to the frame of their tool."""
+"""Common names of tool frames."""
 
 
 def tool_frame(
     spec: RobotSpec, document: Document, reduced: Reduced, urdf: UrdfSource, group: Group
 ) -> tuple[str, list[str]]:
-    """The group's frame in `tool_frames`, else `tool_frame`, else a link at the end of the last planned joint.
+    """Return the group's frame in `tool_frames`, else `tool_frame`, else a link at the end of the last planned joint.
 
     Returns:
-        The frame, and notes on the joints and the frame that were chosen because the robot.yaml names none.
+        The frame, and notes on the joints and the frame chosen because the robot.yaml names none.
 
     Raises:
-        InputError: a frame or a group that is not there.
+        InputError: an unknown frame or group.
     """
     frames = [frame.name for frame in reduced.model.frames]
     named: list[tuple[Place, str]] = [(("tool_frames", key), frame) for key, frame in spec.tool_frames.items()]
@@ -50,7 +50,7 @@ def tool_frame(
 
 
 def _last_link(model: pin.Model, urdf: UrdfSource, joint: str) -> str:
-    """A link that nothing but fixed joints joins to the last planned one: the last called a tool, else the last."""
+    """Return the last link fixed to the last planned joint, preferably one with the name of a tool."""
     joined = [urdf.children[joint]]
     for link in joined:
         joined += [child for name, child in urdf.children.items() if urdf.fixed_to(name) == link]
@@ -60,7 +60,7 @@ def _last_link(model: pin.Model, urdf: UrdfSource, joint: str) -> str:
 
 
 def configurations(spec: RobotSpec, document: Document, srdf: Srdf | None, group: Group) -> dict[str, Array]:
-    """Named configurations, each (n,): the robot.yaml's, then those of the SRDF that it does not have.
+    """Return the named configurations, each (n,): of the robot.yaml, then further ones of the SRDF.
 
     Raises:
         InputError: a list of another length.

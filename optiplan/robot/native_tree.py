@@ -17,7 +17,7 @@ _made: "WeakKeyDictionary[pin.Model, tuple[object, Tree]]" = WeakKeyDictionary()
 
 
 def native_tree(model: pin.Model) -> "Tree":
-    """Return joints, with what follows what, and the inertia of the links that they carry; the core must be there."""
+    """Return the tree of joints, leaders and link inertias; requires the core."""
     build, tree = _made.get(model, (None, None))
     if tree is None or build is not core:
         tree = _tree(model)

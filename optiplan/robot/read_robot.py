@@ -1,4 +1,4 @@
-"""What a robot is made of, read from its files: the robot.yaml, its URDF or table, SRDF and meshes."""
+"""Read the parts of a robot from its files: the robot.yaml, its URDF or table, SRDF and meshes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ from optiplan.robot.urdf.srdf import LinkPair
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RobotParts:
-    """What files say of a robot; `Robot` tells what each part is."""
+    """The parts of a robot from its files; `Robot` documents each."""
 
     name: str
     source: Path
@@ -105,13 +105,13 @@ def read_robot(
 
 
 def _wanted(spec: RobotSpec, planned: Group, locked: Mapping[str, float]) -> dict[str, float]:
-    """Return the positions of joints that are not planned; a file of several groups locks what another group plans."""
+    """Return the positions of locked joints; with several groups, `locked` may include joints of another group."""
     own = {joint: q for joint, q in spec.locked.items() if not (spec.groups and joint in planned.joints)}
     return {**own, **locked}
 
 
 def _bodies(reduced: Reduced, spec: RobotSpec, document: Document) -> LinkGeometry:
-    """Collision geometry as the robot.yaml wants it; a robot without any says so itself."""
+    """Return the collision geometry of the robot.yaml; a robot without any needs `collision: none`."""
     if spec.collision == "none":
         return LinkGeometry(notes=["collision: none: the robot has no bodies, and no contact of it is checked"])
     if not reduced.geometry.ngeoms:

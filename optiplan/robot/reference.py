@@ -1,4 +1,4 @@
-"""What a robot is named by: a name, the path of a robot.yaml, or what would stand in one."""
+"""References to robots: a name, the path of a robot.yaml, or its content."""
 
 import functools
 import json
@@ -17,12 +17,12 @@ DESCRIPTION = "<robot>"
 
 @dataclass(frozen=True)
 class Reference:
-    """What a robot was loaded by: with these `load_robot` loads it again, and a problem file can name it.
+    """The arguments by which `load_robot` loads a robot again, and by which a problem file names it.
 
     Attributes:
-        robot: a name of `robot_names()`, the path of a robot.yaml, or what would stand in one.
-        group: the group of joints that was asked for; None: that of the robot file.
-        locked: positions (rad, m) of joints that were asked for.
+        robot: a name of `robot_names()`, the path of a robot.yaml, or its content.
+        group: the requested group of joints; None: that of the robot file.
+        locked: requested positions of joints, rad or m.
         tool_frame: of the robot as it was loaded.
     """
 
@@ -33,11 +33,11 @@ class Reference:
 
 
 UNKNOWN = Reference("")
-"""That of a robot that was put together by hand."""
+"""The reference of a robot that was not loaded."""
 
 
 def robot_names() -> list[str]:
-    """Names of the robots that come with OptiPlan."""
+    """Return the names of the robots that come with OptiPlan."""
     return list(_names(robots_dir()))
 
 
@@ -47,7 +47,7 @@ def _names(folder: Path) -> tuple[str, ...]:
 
 
 def robot_file(ref: str, base: Path | None = None) -> Path:
-    """The robot.yaml that `ref` means: a name of `robot_names()`, or a path relative to `base`.
+    """Return the robot.yaml of `ref`: a name of `robot_names()`, or a path relative to `base`.
 
     Raises:
         UnknownChoiceError: `ref` is neither a name nor a path.
@@ -63,7 +63,7 @@ def robot_file(ref: str, base: Path | None = None) -> Path:
 
 
 def description(keys: Mapping[str, Any], base: Path | None) -> Document:
-    """A robot.yaml that stands in no file; its paths are absolute."""
+    """Return a robot.yaml that is not a file, with absolute paths."""
     folder = (base or Path()).resolve()
     data = dict(keys)
     for key in ("urdf", "srdf"):
@@ -74,7 +74,7 @@ def description(keys: Mapping[str, Any], base: Path | None) -> Document:
 
 
 def inline_content(document: Document, ref: str | Mapping[str, Any]) -> list[bytes]:
-    """What stands in no file, for the fingerprint; where files lie does not count."""
+    """Return the content of a robot.yaml that is not a file, without paths, for the fingerprint."""
     if not isinstance(ref, Mapping):
         return []
     keys = {
@@ -84,7 +84,7 @@ def inline_content(document: Document, ref: str | Mapping[str, Any]) -> list[byt
 
 
 def referred(document: Document, ref: str | Mapping[str, Any]) -> str | Mapping[str, Any]:
-    """What means the same robot from anywhere."""
+    """Return a reference to the same robot that is valid from any folder."""
     if isinstance(ref, Mapping):
         return dict(document.data)
     return ref if ref in robot_names() else str(document.path)

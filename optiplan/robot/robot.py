@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.cache import MostRecent
 from optiplan.config.document import plain
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_argument, wrong_argument
@@ -20,10 +21,9 @@ from optiplan.geometry.pose import Pose, Values
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.given_configurations import configuration
-from optiplan.robot.held_joints import held_model
 from optiplan.robot.limits import Limits, joint_unit
-from optiplan.robot.loaded_robots import LoadedRobots, MountedRobots
-from optiplan.robot.mimic_joints import turning
+from optiplan.robot.loaded_robots import LoadedRobots
+from optiplan.robot.mimic_joints import held_model, turning
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.read_robot import RobotParts, read_robot
 from optiplan.robot.reference import DESCRIPTION, Reference, robot_file, robot_names
@@ -35,28 +35,32 @@ from optiplan.robot.urdf.srdf import srdf_text
 __all__ = ["DESCRIPTION", "Limits", "Reference", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
 
 
+_MOST_MOUNTED = 4
+"""Bases and loads for which one robot is kept."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot(RobotParts):
     """A robot reduced to its planned joints; a configuration q is of shape (n,), in the order of `joint_names`.
 
-    It is pickled as the call of `load_robot` that builds it again, and refused where its files have changed since.
+    Pickling stores the call of `load_robot`; unpickling is refused if the files have changed.
 
     Attributes:
         name: of the robot.
         source: the file that it was loaded from.
-        model: pinocchio's model of the planned joints and those that follow them.
+        model: pinocchio's model of the planned joints and their followers.
         geometry: collision bodies of the links, with the pairs that are checked.
         limits: of the planned joints.
         joint_names: planned joints, base to tip.
         tool_frame: the frame that poses are about.
         tool_frames: the tools of groups that have one of their own.
         configurations: named ones, (n,), rad or m.
-        link_geometry: what is checked for each link: hull, mesh, convex_pieces or primitive.
+        link_geometry: kind of collision geometry by link: hull, mesh, convex_pieces or primitive.
         build_visual: reads the visual geometry; see `visual`.
-        notes: what was assumed or left out, in words.
+        notes: assumptions and omissions, in words.
         locked: positions of the joints that are not planned, rad or m.
         allowed: pairs of links that are not checked, with the reason (see `robot.self_collision.pairs`).
-        files: all that the robot was read from.
+        files: all files of the robot.
         fingerprint: SHA-256 of the contents of `files`.
         dh: the Denavit–Hartenberg table, if it was given as one.
         group: name of the group of `groups` that is planned.
@@ -64,11 +68,11 @@ class Robot(RobotParts):
         urdf: the whole robot as pinocchio reads it.
         followers: joints of `model` that move with a planned one.
         over_cover: how far the geometry of a link reaches beyond its meshes at most, m, measured.
-        mecanum: the wheels that planned joints stand for.
-        reference: what it was loaded by.
-        mounting: how it stands and what it carries; `model` and the bodies include it.
+        mecanum: the wheels represented by planned joints.
+        reference: the arguments of `load_robot`.
+        mounting: base, gravity and payload; `model` and the bodies include them.
         bare: the robot without its mounting; None where there is none.
-        held: positions of planned joints that `holding` made stand still, rad or m.
+        held: positions of planned joints fixed by `holding`, rad or m.
 
     Example:
         >>> import optiplan as op
@@ -82,19 +86,16 @@ class Robot(RobotParts):
 
     @classmethod
     def from_urdf(cls, path: Path | str, *, tool_frame: str | None = None, **keys: Any) -> "Robot":
-        """A robot from nothing but its URDF; what is not given is found or assumed, and `notes` says so.
+        """Return a robot from its URDF alone; `notes` list the values that were found or assumed.
 
         Args:
-            path: the URDF; meshes are looked for beside it.
-            tool_frame: the link or fixed frame that poses are about; without one, a link behind the last planned joint.
-            keys: what else a robot.yaml can say, in its words (docs/reference/problem-file.md): `name`, `group` (names
-                of the planned joints, base to tip), `locked` (positions, rad or m, of others), `configurations` (name:
-                values),
-                `limits` (`velocity`, `acceleration`, `jerk`, `torque`), `srdf` (a path), `collision`,
-                `allowed_collisions`, `groups`, `tool_frames`.
+            path: the URDF; meshes are searched beside it.
+            tool_frame: the link or fixed frame of poses; by default a link behind the last planned joint.
+            keys: further keys of a robot.yaml (docs/reference/problem-file.md): `name`, `group`, `groups`, `locked`,
+                `configurations`, `limits`, `srdf`, `collision`, `allowed_collisions`, `tool_frames`.
 
         Raises:
-            InputError: the URDF or its meshes cannot be used, or a key says what it cannot.
+            InputError: the URDF or its meshes cannot be used, or a key has an invalid value.
 
         Example:
             >>> import optiplan as op
@@ -127,7 +128,7 @@ class Robot(RobotParts):
 
     @cached_property
     def whole_turns(self) -> npt.NDArray[np.bool_]:
-        """Which planned joints, (n,), leave every link where it was after a whole turn: followers turn wholly too."""
+        """Which planned joints, (n,), return every link to its place after a whole turn: followers turn wholly too."""
         names = self.model.names[1:]
         sliding = {name for name, revolute in zip(names, turning(self.model), strict=True) if not revolute}
         broken = {
@@ -139,7 +140,7 @@ class Robot(RobotParts):
 
     @cached_property
     def endless(self) -> npt.NDArray[np.bool_]:
-        """Which planned joints, (n,), have no limit of position and are where they were after a whole turn."""
+        """Which planned joints, (n,), have `whole_turns` and no limits of position."""
         return np.asarray(self.whole_turns & np.isinf(self.limits.lower) & np.isinf(self.limits.upper))
 
     def unit(self, quantity: str, joint: int) -> str:
@@ -156,7 +157,7 @@ class Robot(RobotParts):
 
     @property
     def has_inertia(self) -> bool:
-        """Whether any link that a joint moves has a mass; without one torque cannot be told."""
+        """Whether any moving link has a mass; without one, torques are unknown."""
         return any(inertia.mass > 0.0 for inertia in list(self.model.inertias)[1:])
 
     @cached_property
@@ -178,26 +179,26 @@ class Robot(RobotParts):
 
     @cached_property
     def survey(self) -> PairSurvey:
-        """Contact frequency of pairs of links, and what is proved of them; made at the first use, or read from disk."""
+        """Contact frequency of pairs of links, and pairs proved apart; made at the first use, or read from disk."""
         if self.bare is not None:
             return self.bare.survey
         return survey_pairs(self.model, self.geometry, (self.limits.lower, self.limits.upper))
 
     @cached_property
     def bare_links(self) -> tuple[str, ...]:
-        """Links without collision geometry, which nothing is checked for."""
+        """Links without collision geometry, which are not checked."""
         links = [str(frame.name) for frame in self.model.frames if frame.type == pin.FrameType.BODY]
         return tuple(link for link in links if link not in self.link_geometry)
 
     def link_of(self, index: int) -> str:
-        """Name of the link that geometry object `index` of `geometry` belongs to."""
+        """Return the link of geometry object `index` of `geometry`."""
         return str(self.model.frames[self.geometry.geometryObjects[index].parentFrame].name)
 
     def frame_id(self, name: str) -> int:
-        """Index of a frame in `model.frames`.
+        """Return the index of a frame in `model.frames`.
 
         Raises:
-            UnknownChoiceError: there is none of that name.
+            UnknownChoiceError: an unknown frame.
         """
         if not self.model.existFrame(name):
             raise UnknownChoiceError("frame", name, [frame.name for frame in self.model.frames[1:]])
@@ -267,7 +268,7 @@ class Robot(RobotParts):
         return replace(self, tool_frame=frame)
 
     def mounted(self, mounting: Mounting) -> "Robot":
-        """Return the same robot standing and loaded as `mounting` says, whatever it was before."""
+        """Return the same robot with another mounting."""
         bare = self._dismounted()
         return bare if mounting.usual else bare._mounted.get(mounting.key, lambda: bare._standing(mounting))
 
@@ -279,8 +280,8 @@ class Robot(RobotParts):
         return replace(bare, tool_frame=self.tool_frame, limits=self.limits)
 
     @cached_property
-    def _mounted(self) -> "MountedRobots[Robot]":
-        return MountedRobots()
+    def _mounted(self) -> "MostRecent[Robot]":
+        return MostRecent(_MOST_MOUNTED)
 
     def _standing(self, mounting: Mounting) -> "Robot":
         return replace(
@@ -293,9 +294,9 @@ class Robot(RobotParts):
         )
 
     def holding(self, values: Mapping[str, float]) -> "Robot":
-        """Return the robot with these planned joints standing still, rad or m; planned are the others.
+        """Return the robot with these planned joints fixed, rad or m, and the others planned.
 
-        What is proved of pairs of links holds for it too, since its configurations are among those of this robot.
+        Its configurations are among those of this robot, so the proofs for pairs of links remain valid.
 
         Raises:
             UnknownChoiceError: a name that is no planned joint.
@@ -333,7 +334,7 @@ class Robot(RobotParts):
         return replace(self, geometry=geometry, allowed=allowed)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
-        """Pickled as the call that loads it: models of pinocchio and coal do not travel whole."""
+        """Return the call that loads it: models of pinocchio and coal cannot be pickled completely."""
         locked = {name: q for name, q in self.locked.items() if name not in self.held}
         parts = locked, self.group, self.fingerprint, dict(self.held)
         by = self.reference.robot
@@ -341,7 +342,7 @@ class Robot(RobotParts):
         return _reload, (ref, parts, self.limits, self.tool_frame, self.mounting)
 
     def __repr__(self) -> str:
-        """Name, joints, tool frame and named configurations in one line."""
+        """Return name, joints, tool frame and named configurations in one line."""
         named = ", ".join(self.configurations) or "none"
         return f"Robot: {self.name}, {self.n} joints, tool frame {self.tool_frame}, configurations: {named}"
 
@@ -360,7 +361,7 @@ def _reload(
     return replace(robot.holding(held), limits=limits, tool_frame=tool_frame).mounted(mounting)
 
 
-_loaded: LoadedRobots[Robot] = LoadedRobots()
+_loaded = LoadedRobots()
 
 
 @reading()
@@ -370,15 +371,15 @@ def load_robot(
     locked: Mapping[str, float] | None = None,
     group: str | None = None,
 ) -> Robot:
-    """Load a robot by name, by the path of its robot.yaml relative to `base`, or by what would stand in one.
+    """Load a robot by name, by the path of its robot.yaml relative to `base`, or by the content of a robot.yaml.
 
-    One that was loaded before, and whose files are as they were, is the same object.
+    A robot loaded before is returned again while its files do not change.
 
     Args:
-        ref: a name of `robot_names()`, a path, or the keys of a robot.yaml, of which `version` and `name` may be left
-            out; its paths are relative to `base`.
+        ref: a name of `robot_names()`, a path, or the keys of a robot.yaml with paths relative to `base`; `version` and
+            `name` are optional there.
         base: folder that a relative path starts from; the working directory without it.
-        locked: positions (rad, m) of joints that are not planned; they go before those of the robot.yaml.
+        locked: positions, rad or m, of joints that are not planned; they override those of the robot.yaml.
         group: the joints to plan, a name of the robot.yaml's `groups`, or several joined by `+`; its default group
             without one.
 

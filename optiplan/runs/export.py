@@ -15,7 +15,8 @@ from optiplan.errors import described, wrong_argument
 from optiplan.files import write_bytes
 from optiplan.runs.controller_formats import ros_json, ros_yaml, urscript
 from optiplan.trajectory.fixed_rate import interpolation_errors, on_cycle
-from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
+from optiplan.trajectory.tolerances import SAME_TIME
+from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 
 MOST_SAMPLES = 200_000

@@ -8,11 +8,14 @@ from optiplan.arrays import Array
 
 
 def pieces(knots: Array, control_points: Array, degree: int) -> tuple[Array, Array]:
-    """Breakpoints (m + 1,) and local ascending coefficients (m, degree + 1, n) of a B-spline.
+    """Return breakpoints (m + 1,) and local ascending coefficients (m, degree + 1, n) of a B-spline.
 
     On the span [t_i, t_{i+1}) the coefficients are those of Taylor's series, c_k = q^(k)(t_i) / k!. The derivative of
-    a spline is one with control points  D c_i = d (c_{i+1} - c_i) / (t_{i+d+1} - t_{i+1}),  and its value at t_i comes
-    from de Boor's recursion. Source: de Boor, A Practical Guide to Splines, ch. X.
+    a spline is a spline with control points
+
+        D c_i = d (c_{i+1} - c_i) / (t_{i+d+1} - t_{i+1}).
+
+    Its value at t_i comes from de Boor's recursion. Source: de Boor, A Practical Guide to Splines, ch. X.
 
     Args:
         knots: (N + degree + 1,) not decreasing, s; the spline lives on [knots[degree], knots[N]].
@@ -42,7 +45,7 @@ def pieces(knots: Array, control_points: Array, degree: int) -> tuple[Array, Arr
 
 
 def basis_functions(x: Array, knots: Array, degree: int) -> Array:
-    """Matrix B (k, N) with B @ control_points the values at x (k,) of the B-spline with these knots.
+    """Return the matrix B (k, N) with B @ control_points the values at x (k,) of the B-spline with these knots.
 
     B_i,d(x) = (x - t_i) / (t_{i+d} - t_i) B_i,d-1(x) + (t_{i+d+1} - x) / (t_{i+d+1} - t_{i+1}) B_{i+1},d-1(x), with
     0 / 0 = 0. Source: de Boor, A Practical Guide to Splines, ch. IX.
@@ -64,7 +67,7 @@ def basis_functions(x: Array, knots: Array, degree: int) -> Array:
 
 
 def _de_boor(t: Array, points: Array, degree: int, spans: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Array:
-    """Value (m, n) of the spline at the left end of each span t[spans], taken from the right."""
+    """Return the value (m, n) of the spline at the left end of each span t[spans], taken from the right."""
     x = t[spans]
     value = [points[spans - degree + j] for j in range(degree + 1)]
     for r in range(1, degree + 1):

@@ -1,4 +1,4 @@
-"""Samples for controllers with a fixed cycle, and how far what is played from them is from the motion."""
+"""Samples for controllers with a fixed cycle, and the error of interpolating between them."""
 
 from math import ceil, factorial
 
@@ -6,22 +6,23 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.trajectory.from_samples import from_samples
-from optiplan.trajectory.paths.hermite import hermite
-from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
+from optiplan.trajectory.paths.hermite import hermite_trajectory
+from optiplan.trajectory.tolerances import SAME_TIME
+from optiplan.trajectory.trajectory import Trajectory
 
 
 def on_cycle(trajectory: Trajectory, rate: float) -> Trajectory:
     """Return the motion slowed down by less than one cycle, so that it ends on a multiple of 1 / `rate`, Hz.
 
     The path stays the same and every derivative becomes smaller; torque lies between that of the motion and that of
-    gravity alone, which may be more. What was proved of the motion is to be proved again.
+    gravity alone, which may be more. The result needs a proof of its own.
     """
     cycles = max(1, ceil(trajectory.duration * rate * (1.0 - SAME_TIME)))
     return trajectory.scaled(cycles / rate)
 
 
 def interpolation_errors(trajectory: Trajectory, t: Array) -> dict[str, Array]:
-    """Largest deviation of each joint, over all time, of what controllers put between samples from the motion.
+    """Return the largest deviation of each joint, over all time, of a controller's interpolation from the motion.
 
     Exact: the extrema of the difference of two piecewise polynomials.
 
@@ -36,12 +37,10 @@ def interpolation_errors(trajectory: Trajectory, t: Array) -> dict[str, Array]:
     q, v, a = (trajectory(t, order) for order in range(3))
     h = np.diff(t)
     lines = np.stack([q[:-1], np.diff(q, axis=0) / h[:, None]], axis=1)
-    states = np.stack([q, v], axis=1)
-    cubics = hermite(states[:-1], states[1:], h)
     names = trajectory.joint_names
     played = {
         "linear": Trajectory(names, t, lines),
-        "cubic": Trajectory(names, t, cubics / h[:, None, None] ** np.arange(4)[:, None]),
+        "cubic": hermite_trajectory(names, t, np.stack([q, v], axis=1)),
         "quintic": from_samples(names, t, q, v, a),
     }
     return {key: np.abs(difference(motion, trajectory).extrema(0)).max(axis=0) for key, motion in played.items()}

@@ -1,4 +1,4 @@
-"""What stands in the files of a motion beside its pieces, for programs that execute it."""
+"""Samples and other data in the files of a motion, for programs that execute it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,15 +7,15 @@ from typing import Any
 from optiplan.trajectory.sample_file import Samples, samples_from_dict
 
 SAMPLES = frozenset({"t", "q", "v", "a"})
-"""Keys of `trajectory.json` that are not read as the motion where it has pieces, but held against them."""
+"""Keys of `trajectory.json` that are compared with the pieces; they are the motion only where it has none."""
 
 KNOWN = SAMPLES | {"joint_names", "pieces", "segments", "events", "wheel_names", "wheels"}
-"""Keys of `trajectory.json` that are read, or held against the motion."""
+"""Keys of `trajectory.json` that are read, or compared with the motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class GivenFiles:
-    """Content of the files of a motion, to be held against it.
+    """Content of the files of a motion, to compare with it.
 
     Attributes:
         samples: of `trajectory.json`; None without any.
@@ -29,7 +29,7 @@ class GivenFiles:
 
     @classmethod
     def of(cls, motion: Mapping[str, Any], record: Mapping[str, Any], file: str) -> "GivenFiles":
-        """Return what stands beside the pieces of a parsed `trajectory.json`.
+        """Return the data beside the pieces of a parsed `trajectory.json`.
 
         Raises:
             InputError: samples that cannot be read, naming `file`.

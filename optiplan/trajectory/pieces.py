@@ -1,7 +1,7 @@
 """Arrays of a trajectory's polynomial pieces: what is wrong with them, and how they are read from JSON."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,32 +11,48 @@ from optiplan.errors import InputError, Issue
 _MOST_DEGREE = 31  # powers of time beyond that leave no digits
 
 
-def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array) -> tuple[str, str, str] | None:
-    """Return what prevents a valid Trajectory: (field, what was found, what was expected), or None."""
+class Defect(NamedTuple):
+    """Why arrays are no trajectory."""
+
+    field: str
+    found: str
+    expected: str
+
+
+class Pieces(NamedTuple):
+    """Joint names (n), breakpoints (m + 1,), s, and coefficients (m, degree + 1, n) of a trajectory."""
+
+    joint_names: tuple[str, ...]
+    breakpoints: Array
+    coefficients: Array
+
+
+def defect(joint_names: tuple[str, ...], breakpoints: Array, coefficients: Array) -> Defect | None:
+    """Return why these arrays are no valid Trajectory, or None."""
     m, n = len(breakpoints) - 1 if breakpoints.ndim == 1 else 0, len(joint_names)
     if m < 1:
-        return "breakpoints", f"shape {breakpoints.shape}", "two times or more"
+        return Defect("breakpoints", f"shape {breakpoints.shape}", "two times or more")
     if n < 1 or len(set(joint_names)) < n:
-        return "joint_names", f"{joint_names!r:.120}", "one or more different names"
+        return Defect("joint_names", f"{joint_names!r:.120}", "one or more different names")
     if coefficients.ndim != 3 or coefficients.shape[::2] != (m, n) or coefficients.shape[1] < 1:
         expected = f"({m}, degree + 1, {n}) for {m} pieces and {n} joints"
-        return "coefficients", f"shape {coefficients.shape}", expected
+        return Defect("coefficients", f"shape {coefficients.shape}", expected)
     if coefficients.shape[1] > _MOST_DEGREE + 1:
-        return "coefficients", f"degree {coefficients.shape[1] - 1}", f"at most {_MOST_DEGREE}"
+        return Defect("coefficients", f"degree {coefficients.shape[1] - 1}", f"at most {_MOST_DEGREE}")
     if not np.isfinite(breakpoints).all():
-        return "breakpoints", f"{breakpoints[~np.isfinite(breakpoints)][0]}", "finite numbers"
+        return Defect("breakpoints", f"{breakpoints[~np.isfinite(breakpoints)][0]}", "finite numbers")
     if not np.isfinite(coefficients).all():
-        return "coefficients", f"{coefficients[~np.isfinite(coefficients)][0]}", "finite numbers"
+        return Defect("coefficients", f"{coefficients[~np.isfinite(coefficients)][0]}", "finite numbers")
     if breakpoints[0] != 0.0:
-        return "breakpoints", f"first {breakpoints[0]}", "the first to be 0"
+        return Defect("breakpoints", f"first {breakpoints[0]}", "the first to be 0")
     if not (np.diff(breakpoints) > 0).all():
         i = int(np.argmin(np.diff(breakpoints)))
-        return "breakpoints", f"{breakpoints[i]} followed by {breakpoints[i + 1]}", "increasing times"
+        return Defect("breakpoints", f"{breakpoints[i]} followed by {breakpoints[i + 1]}", "increasing times")
     return None
 
 
-def read_pieces(data: Any, file: str) -> tuple[tuple[str, ...], Array, Array]:
-    """Return joint names (n), breakpoints (m + 1,), s, and coefficients (m, degree + 1, n) from parsed JSON.
+def read_pieces(data: Any, file: str) -> Pieces:
+    """Return the pieces of a trajectory from parsed JSON.
 
     Raises:
         InputError: naming the field that is missing, misshapen, not finite or out of order.
@@ -51,9 +67,9 @@ def read_pieces(data: Any, file: str) -> tuple[tuple[str, ...], Array, Array]:
     coefficients = json_array(pieces.get("coefficients"), file, "pieces.coefficients")
     problem = defect(tuple(names), breakpoints, coefficients)
     if problem is not None:
-        field = problem[0] if problem[0] == "joint_names" else f"pieces.{problem[0]}"
-        raise InputError([Issue(file, None, field, *problem[1:])])
-    return tuple(names), breakpoints, coefficients
+        field = problem.field if problem.field == "joint_names" else f"pieces.{problem.field}"
+        raise InputError([Issue(file, None, field, problem.found, problem.expected)])
+    return Pieces(tuple(names), breakpoints, coefficients)
 
 
 def json_array(value: Any, file: str, field: str) -> Array:

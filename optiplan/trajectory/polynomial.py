@@ -37,13 +37,24 @@ def derivative(coefficients: Array) -> Array:
     return coefficients[..., 1:] * np.arange(1.0, degree + 1.0)
 
 
-def unit_roots(coefficients: Array) -> Array:
-    """Points of [0, 1] among which are all real roots there of N polynomials.
+def shifted(coefficients: Array, x: Array) -> Array:
+    """Return the coefficients (m, d + 1, n) of p(x + tau) in powers of tau, from those of p; x (m,)."""
+    size = coefficients.shape[1]
+    powers = x[:, None] ** np.arange(size)
+    result = np.zeros_like(coefficients)
+    for k in range(size):
+        for j in range(k, size):
+            result[:, k] += comb(j, k) * powers[:, j - k, None] * coefficients[:, j]
+    return result
 
-    Roots of p separate at most once between neighbouring roots of p', so degree by degree each monotone stretch with a
-    change of sign is bracketed and solved by Newton's method kept inside its bracket. Nothing is divided by a leading
-    coefficient, which may vanish. Where a stretch has no root, or one of its ends is one up to rounding, that end is
-    returned: harmless to whoever looks for extrema, because both ends are candidates as well.
+
+def unit_roots(coefficients: Array) -> Array:
+    """Return points of [0, 1] that include all real roots of N polynomials there.
+
+    Between neighbouring roots of p' lies at most one root of p. So, degree by degree, each monotone stretch with a
+    change of sign is a bracket, inside which Newton's method solves for the root. No division by a leading coefficient,
+    which may vanish. Where a stretch has no root, or an end is one up to rounding, that end is returned. This does no
+    harm in a search for extrema, because both ends are candidates as well.
 
     Args:
         coefficients: (N, d + 1).
@@ -83,7 +94,7 @@ class UnitExtrema(NamedTuple):
 
 
 def unit_extrema(coefficients: Array) -> UnitExtrema:
-    """Exact minimum and maximum over [0, 1] of N polynomials, (N, d + 1)."""
+    """Return the exact minimum and maximum over [0, 1] of N polynomials, (N, d + 1)."""
     count = len(coefficients)
     inner = unit_roots(derivative(coefficients)) if coefficients.shape[-1] > 1 else np.empty((count, 0))
     x = np.concatenate([np.zeros((count, 1)), np.ones((count, 1)), inner], axis=1)
@@ -94,10 +105,10 @@ def unit_extrema(coefficients: Array) -> UnitExtrema:
 
 
 def may_hold_extrema(coefficients: Array) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
-    """Which of m x n polynomials (m, n, d + 1) can hold, on [0, 1], the minimum or maximum of their column: (m, n).
+    """Return which of m x n polynomials (m, n, d + 1) can hold an extremum of their column on [0, 1]: (m, n).
 
-    A polynomial stays between its smallest and largest Bernstein coefficient b_i = sum_k C(i, k) / C(d, k) c_k and
-    takes b_0 and b_d at the ends; so one whose coefficients lie within what others reach needs no closer look.
+    A polynomial stays between its smallest and largest Bernstein coefficient b_i = sum_k C(i, k) / C(d, k) c_k, and
+    takes b_0 and b_d at the ends. If its coefficients lie within the values that others reach, it holds no extremum.
     """
     pieces, columns, size = coefficients.shape
     b = (bernstein_basis(size - 1) @ coefficients.reshape(-1, size).T).reshape(size, pieces, columns)
@@ -114,13 +125,13 @@ def bernstein_basis(degree: int) -> Array:
 
 
 def rising_root(coefficients: Array) -> Array:
-    """The root in [0, 1] of each of N polynomials (N, d + 1) that rise from below 0 to above it: (N,)."""
+    """Return the root in [0, 1] of each of N polynomials (N, d + 1) that rise from below 0 to above it: (N,)."""
     count = len(coefficients)
     return _solve(coefficients, np.zeros(count), np.ones(count), np.ones(count, bool)) if count else np.zeros(0)
 
 
 def _clip(x: Array) -> Array:
-    """Into [0, 1]; what is not finite (no root at all) goes to an end."""
+    """Clip to [0, 1]; a value that is not finite (no root at all) becomes an end."""
     found = x if np.isfinite(x).all() else np.nan_to_num(x)
     return np.minimum(np.maximum(found, 0.0), 1.0)
 

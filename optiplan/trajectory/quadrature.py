@@ -1,4 +1,4 @@
-"""Integrals over the time of a motion: to an accuracy, or at points that depend on nothing but its breakpoints."""
+"""Integrals over the time of a motion: to an accuracy, or at points that depend on its breakpoints only."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -50,7 +50,7 @@ def gauss_points(trajectory: Trajectory) -> Points:
 
 
 def integral(f: Callable[[Array], Array], trajectory: Trajectory) -> Array:
-    """Integral over the whole motion of f, which maps times (m, s) to values (m, s, k) >= 0: array (k,).
+    """Return the integral over the whole motion of f, which maps times (m, s) to values (m, s, k) >= 0: array (k,).
 
     Times of a row are of one panel. Panels begin and end at breakpoints, where f may jump. By Gauss-Kronrod: a panel
     is halved until the rules of four and of nine points differ by less than its share of 1e-6 of the whole.

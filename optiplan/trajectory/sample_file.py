@@ -16,7 +16,7 @@ from optiplan.trajectory.pieces import json_array
 from optiplan.trajectory.trajectory import Trajectory
 
 _KINDS = ("q", "v", "a")
-_HEADER = "t, then NAME or q_NAME of each joint, and if you like v_NAME and a_NAME"
+_HEADER = "t, then NAME or q_NAME of each joint, and optionally v_NAME and a_NAME"
 
 
 @dataclass(frozen=True, eq=False)

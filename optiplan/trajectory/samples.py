@@ -1,4 +1,4 @@
-"""When to look at a motion for what has no exact extrema: torques, and the speed of the tool."""
+"""Samples of a motion for quantities without exact extrema: torques, and the speed of the tool."""
 
 from itertools import pairwise
 
@@ -13,9 +13,10 @@ _MOST = 20_000  # samples in all, but for the least: a long motion is slow, so w
 
 
 def sample_times(trajectory: Trajectory) -> Array:
-    """Times (k,), s: at most 1 ms apart (in motions of up to 20 s), both ends of every polynomial piece, three within.
+    """Return times (k,), s, at most 1 ms apart (in motions of up to 20 s), at least 256 in all.
 
-    256 in all at least. The end of a piece is just before it, because there the acceleration may jump.
+    Every polynomial piece has both of its ends, and at least three within. The end of a piece is just before it,
+    because there the acceleration may jump.
     """
     step = max(_STEP, trajectory.duration / _MOST)
     least = max(_LEAST, _LEAST_IN_ALL // len(trajectory.coefficients))

@@ -15,9 +15,6 @@ from optiplan.trajectory.pieces import defect, read_pieces
 from optiplan.trajectory.segments import Segment, read_segments, segment_data
 from optiplan.trajectory.state import State
 
-SAME_TIME = 1e-12
-"""Share of the duration: breakpoints that are nearer in time are one."""
-
 _OUTSIDE = 1e-9  # s; how far outside [0, duration] rounding may put a time
 
 _MOST_SAMPLES = 60_000  # in a dictionary
@@ -50,7 +47,7 @@ class Extrema:
 
 
 class _Refused(InputError, ValueError):
-    """What a trajectory cannot be asked for."""
+    """An invalid argument of a trajectory's method."""
 
     @classmethod
     def of(cls, argument: str, found: str, expected: str) -> "_Refused":
@@ -96,7 +93,7 @@ class Trajectory:
             object.__setattr__(self, name, array)
         problem = defect(self.joint_names, self.breakpoints, self.coefficients)
         if problem is not None:
-            raise ValueError(f"{problem[0]}: found {problem[1]}; expected {problem[2]}")
+            raise ValueError(f"{problem.field}: found {problem.found}; expected {problem.expected}")
 
     def __repr__(self) -> str:
         """Duration, joints and pieces in one line."""
@@ -299,8 +296,8 @@ class Trajectory:
         """JSON-ready form that `from_dict` reproduces without loss.
 
         Args:
-            rate: if given, samples `t`, `q`, `v`, `a` at least this often, Hz, are added for other programs to read;
-                60 000 at most, so fewer of a motion that takes hours.
+            rate: if given, samples `t`, `q`, `v`, `a` at least this often, Hz, are added for other programs. There are
+                60 000 at most, so fewer for a motion of hours.
         """
         pieces = {"breakpoints": self.breakpoints.tolist(), "coefficients": self.coefficients.tolist()}
         data: dict[str, Any] = {"joint_names": list(self.joint_names), "pieces": pieces}

@@ -10,7 +10,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
-from optiplan.trajectory.obstacle_columns import with_obstacles
+from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof

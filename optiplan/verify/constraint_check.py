@@ -24,7 +24,7 @@ from optiplan.problem.constraints.statements import PathConstraint, frame_of
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 from optiplan.trajectory import polynomial
-from optiplan.trajectory.obstacle_columns import with_obstacles
+from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion

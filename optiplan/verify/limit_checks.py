@@ -10,7 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal
 from optiplan.robot.limits import ORDERS
-from optiplan.trajectory.pieces import defect
+from optiplan.trajectory.pieces import Defect, defect
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.report import Check, VerifyPolicy
@@ -40,10 +40,11 @@ def form(trajectory: Trajectory) -> Check:
         return Check("finite", "exact", False, detail=f"not a trajectory: {error}")
     kinds = {array.dtype for array in (trajectory.breakpoints, trajectory.coefficients)}
     if problem is None and kinds != {np.dtype(np.float64)}:
-        problem = "coefficients", f"numbers of type {', '.join(sorted(map(str, kinds)))}", "float64"
+        problem = Defect("coefficients", f"numbers of type {', '.join(sorted(map(str, kinds)))}", "float64")
     if problem is None:
         return Check("finite", "exact", True, detail="shapes fit, numbers are finite, time increases")
-    return Check("finite", "exact", False, place=problem[0], detail=f"found {problem[1]}; expected {problem[2]}")
+    detail = f"found {problem.found}; expected {problem.expected}"
+    return Check("finite", "exact", False, place=problem.field, detail=detail)
 
 
 def joints(problem: Problem, trajectory: Trajectory) -> Check:

@@ -17,8 +17,7 @@ from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLin
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
 from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.cut import cut_trajectory
-from optiplan.trajectory.joining import standstill
+from optiplan.trajectory.joining import cut_trajectory, standstill
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import collision

@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan._core import variants
+from optiplan.cache import MostRecent
 from optiplan.collision import native_model
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel, not_in_core, planning_model
@@ -178,9 +179,9 @@ def test_all_builds_give_the_same_bits(models, monkeypatch) -> None:
     Q, answers = configurations(native, 30, seed=7), []
     for variant in variants()[:-1]:
         built = import_module(f"optiplan._core._core_{variant}")
-        for module in ("collision.native_model", "collision.native_shapes", "robot.native_tree"):
+        for module in ("collision.native_model", "robot.native_tree"):
             monkeypatch.setattr(import_module(f"optiplan.{module}"), "core", built)
-        monkeypatch.setattr(import_module("optiplan.collision.native_shapes"), "_made", {})
+        monkeypatch.setattr(native_model, "_made", MostRecent(512))
         monkeypatch.setattr(native_model, "_links", {})
         for name in ("_link_shapes", "_clusters"):  # anew, by this build
             monkeypatch.setattr(native_model, name, once_for_each_robot(getattr(native_model, name).__wrapped__))

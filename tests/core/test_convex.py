@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from optiplan._core import core, variants
 from optiplan.arrays import Array
-from optiplan.geometry import coal_priming as _primed  # noqa: F401
+from optiplan.geometry import coal_queries as _primed  # noqa: F401
 from optiplan.geometry import shapes
 from optiplan.geometry.convex_hulls import convex_hull
 from optiplan.geometry.file_shapes import triangle_mesh

@@ -8,12 +8,12 @@ import trimesh
 
 from optiplan.collision.clearance_test import PairMargins
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.pair_queries import HULL_DISTANCE_ENOUGH
 from optiplan.geometry import convex_pieces
 from optiplan.geometry.convex import cover_of, faces_of, hull_of, mesh_vertices, protrusion
 from optiplan.geometry.convex_hulls import covering_hull
 from optiplan.geometry.convex_pieces import PieceOptions, cut, measured
 from optiplan.geometry.enclosure import winding_number
-from optiplan.geometry.mesh_hulls import SETTLED
 from optiplan.geometry.over_cover import MeshSolid
 from optiplan.geometry.scene import Mesh, Obstacle, Scene
 from optiplan.robot.robot import load_robot
@@ -235,7 +235,7 @@ def configurations(model, count):
 
 
 def test_hulls_stand_for_meshes_where_they_are_far_apart(bent_scene):
-    """Distances are the meshes' where hulls are within `SETTLED`, else lower bounds; touching, hulls show the way."""
+    """Distances are the meshes' where hulls are near, else lower bounds; where bodies touch, hulls show the way."""
     model, kinds = bent_scene, set()
     Q = configurations(model, 2000)
     found = model.near(Q, 0.1)
@@ -245,13 +245,13 @@ def test_hulls_stand_for_meshes_where_they_are_far_apart(bent_scene):
         for pair in meshes:
             exact, hull = model.pair_distance(pair).distance, model.outline.query(pair).min_distance
             near = found.distance[(found.rows == row) & (found.pairs == pair)]
-            told = hull if hull > SETTLED or exact <= 0.0 else exact
+            told = hull if hull > HULL_DISTANCE_ENOUGH or exact <= 0.0 else exact
             assert near.tolist() == ([told] if told < 0.1 else [])
             assert told <= exact + 1e-6
             gap = model.pair_gap(pair)
             assert gap <= exact + 1e-6
-            assert gap == exact or gap > SETTLED - 1e-5
-            kinds.add("hull" if hull > SETTLED else "touch" if exact <= 0.0 else "mesh")
+            assert gap == exact or gap > HULL_DISTANCE_ENOUGH - 1e-5
+            kinds.add("hull" if hull > HULL_DISTANCE_ENOUGH else "touch" if exact <= 0.0 else "mesh")
     assert kinds == {"hull", "touch", "mesh"}
 
 

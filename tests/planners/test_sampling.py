@@ -9,8 +9,8 @@ import pytest
 
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.path_timing import timed_path
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import rrt_connect
 from optiplan.planners.sampling.sample_path import SamplingOptions, path_check, sample_path

@@ -18,7 +18,7 @@ from optiplan.simulation.plants.imperfections import DelayLine, Imperfections, S
 from optiplan.simulation.plants.rigid_body import RigidBodyPlant
 from optiplan.simulation.references.joints import StepReference, TrajectoryReference
 from optiplan.simulation.step_response import step_response
-from optiplan.trajectory.cut import cut_trajectory
+from optiplan.trajectory.joining import cut_trajectory
 from tests.simulation.conftest import READY, swing
 
 BY = np.array([0.4, 0.2, -0.3, 0.3, 0.2, 0.4, -0.5])

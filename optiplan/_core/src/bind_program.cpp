@@ -120,9 +120,7 @@ Samples make_samples(const Spline &spline, Vector u, Matrix position, Matrix vel
 
 SqpSettings make_settings(const std::map<std::string, double> &values) {
     const auto get = [&](const char *name) { return values.at(name); };
-    return {get("contact_penalty"), get("torque_penalty"), get("centimetre"), get("first_radius"), get("least_radius"),
-            get("shrink"),          get("stuck"),          get("halved"),     get("worse"), get("gap"),
-            static_cast<int>(get("stalled")), static_cast<int>(get("slow"))};
+    return {get("contact_penalty"), get("torque_penalty"), get("centimetre"), get("gap")};
 }
 
 // A descent among the bodies of a world.
@@ -161,41 +159,18 @@ std::unique_ptr<Sqp> among_others(std::shared_ptr<const Spline> spline, const Tr
     return std::make_unique<Sqp>(spline, std::move(ask), TorqueRows(tree, to_vector(torque)), make_settings(settings));
 }
 
-// Control points, duration, merit, violation of clearance (m), least value of a contact row (m), steps, log (m, 5), ending.
-using Descended = std::tuple<nb::ndarray<nb::numpy, double>, double, double, double, double, int,
-                             nb::ndarray<nb::numpy, double>, int>;
-
-using AskCurve = std::function<bool(nb::ndarray<nb::numpy, double>, double)>;
-
-Descended optimise(Sqp &sqp, Matrix control, int iterations, const std::function<bool()> &stop, double best,
-                   double longest, const std::optional<AskCurve> &go_on) {
+CurvePoint begin(Sqp &sqp, Matrix control) {
     const Spline &spline = sqp.spline();
     expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
     const double *start = control.data();
-    const std::function<bool()> polled = [&stop] {
-        nb::gil_scoped_acquire held;
-        return stop();
-    };
-    std::function<bool(const CurvePoint &)> asked;
-    if (go_on)
-        asked = [&](const CurvePoint &point) {
-            nb::gil_scoped_acquire held;
-            return (*go_on)(to_numpy(point.control, {spline.points, spline.joints}), point.duration);
-        };
-    Descent found;
-    {
-        nb::gil_scoped_release released;
-        found = sqp.optimise(start, iterations, polled, best, longest, asked);
-    }
-    double nearest = std::numeric_limits<double>::infinity();
-    for (double value : found.point.contacts.value) nearest = std::min(nearest, value);
-    const double violation = found.point.contacts.violation();
-    Vec log;
-    for (const Iteration &one : found.log)
-        log.insert(log.end(), {one.duration, one.merit, one.violation, one.radius, one.accepted});
-    return {to_numpy(std::move(found.point.control), {spline.points, spline.joints}), found.point.duration,
-            found.point.merit, violation, nearest, found.steps, to_numpy(std::move(log), {found.log.size(), 5}),
-            static_cast<int>(found.ended)};
+    nb::gil_scoped_release released;
+    return sqp.begin(start);
+}
+
+std::optional<Step> next_step(Sqp &sqp, const CurvePoint &point, double radius) {
+    nb::gil_scoped_release released;
+    Step step = sqp.solve(point, radius);
+    return step.solved ? std::optional<Step>(std::move(step)) : std::nullopt;
 }
 
 // Rows of a curve, for tests: contacts, then torques: sample, value, by_control (K, M n), by_duration.
@@ -274,6 +249,17 @@ void bind_program(nb::module_ &m) {
         .def(nb::init<const Tree &>(), "tree"_a)
         .def("torques", &torques, "Q"_a, "V"_a, "A"_a)
         .def("demand", &demand, "breakpoints"_a, "coefficients"_a, "allowed"_a, "times"_a);
+    nb::class_<CurvePoint>(m, "CurvePoint")
+        .def_prop_ro("control", [](const CurvePoint &point) {
+            const std::size_t n = point.joints;
+            return to_numpy(point.control, {point.control.size() / n, n});
+        }, nb::rv_policy::automatic)
+        .def_ro("duration", &CurvePoint::duration)
+        .def_ro("merit", &CurvePoint::merit)
+        .def_prop_ro("missing", &CurvePoint::missing)
+        .def_prop_ro("nearest", &CurvePoint::nearest)
+        .def_prop_ro("feasible", &CurvePoint::feasible);
+    nb::class_<Step>(m, "Step").def_ro("promise", &Step::promise);
     nb::class_<Sqp>(m, "Sqp")
         .def_static("among_bodies", &among_bodies, nb::keep_alive<0, 2>(), "spline"_a, "world"_a, "torque"_a, "cutoff"_a,
                     "margins"_a, "settings"_a)
@@ -284,8 +270,10 @@ void bind_program(nb::module_ &m) {
              },
              "u"_a, "position"_a, "velocity"_a, "acceleration"_a)
         .def("evaluate", &evaluate, "control"_a, "duration"_a)
-        .def("optimise", &optimise, "control"_a, "iterations"_a, "stop"_a, "best"_a, "longest"_a,
-             "go_on"_a = nb::none());
+        .def("begin", &begin, "control"_a)
+        .def("step", &next_step, "point"_a, "radius"_a)
+        .def("follow", &Sqp::follow, nb::call_guard<nb::gil_scoped_release>(), "point"_a, "step"_a)
+        .def("watch", &Sqp::watch, nb::call_guard<nb::gil_scoped_release>(), "point"_a, "trial"_a);
 }
 
 }  // namespace optiplan

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from optiplan.robot.robot import Robot
-from optiplan.robot.self_collision.often_touching import OFTEN, touching_pairs
+from optiplan.robot.self_collision.pair_survey import OFTEN
 from optiplan.robot.self_collision.pairs import count_reasons, reasons_in_words
 from optiplan.verify.report import jsonable
 
@@ -50,7 +50,7 @@ def describe(robot: Robot) -> dict[str, Any]:
             for links, reason in sorted(allowed.items())
         ],
         "collision_rates": [{"links": links, "collision_rate": rates[links]} for links in checked],
-        "touching_pairs": touching_pairs(robot),
+        "touching_pairs": robot.survey.often_touching(robot.allowed),
         "collision_samples": robot.survey.samples,
         "notes": robot.notes,
     }

@@ -1,13 +1,13 @@
 """Mesh files, point clouds and octrees as arrays.
 
-STL, OBJ, DAE, PLY and GLB are read by readers of our own, not by trimesh 5.2, although it is installed. A mesh is an
-obstacle, so what a reader passes over is never checked. Files cut off at sixty places and files with one byte changed
-were given to both:
+OptiPlan reads STL, OBJ, DAE, PLY and GLB itself, not by trimesh 5.2, although that is installed. A mesh is an obstacle:
+collision checks miss every part that a reader ignores. Both were tested with files truncated at sixty places and with
+files with one changed byte:
 
-    cut off     trimesh takes every binary and ASCII STL (whatever is left of it), half of the ASCII PLY and a third of
-                the OBJ; ours take what is still a whole surface.
-    changed     trimesh takes three times as many PLY and GLB, with indices, types or lengths that the format excludes.
-    passed over trimesh leaves out free-form surfaces of an OBJ without a word.
+    truncated   trimesh accepts every binary and ASCII STL, half of the ASCII PLY and a third of the OBJ; our readers
+                accept only files that still contain a whole surface.
+    changed     trimesh accepts three times as many PLY and GLB, with invalid indices, types or lengths.
+    ignored     trimesh omits free-form surfaces of an OBJ without a message.
     COLLADA     trimesh reads it with pycollada, one more dependency.
     cost        trimesh takes 0.4 s of processor time to import; the process that reads needs NumPy alone.
 """

@@ -1,4 +1,4 @@
-"""COLLADA files: the scene they show, in their unit and with their axis up (1 m and y where they name none)."""
+"""COLLADA files: their scene, with their unit and upward axis (by default 1 m and y)."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, strip
+from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, joined, strip
 from optiplan.geometry.meshes.triangles import MeshError, Soup, Triangles, floats, triangulate, whole_numbers
 
 
 def read_dae(content: bytes) -> Soup:
-    """The scene that a COLLADA document shows."""
+    """Return the scene of a COLLADA document."""
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise MeshError("a COLLADA file with entities of its own")
     try:
@@ -38,7 +38,7 @@ class _Collada:
         self.read: dict[str, MeshPart] = {}
 
     def scene(self) -> PlacedMesh:
-        """All that <scene> shows."""
+        """Return everything in <scene>."""
         shown = self.root.find("scene/instance_visual_scene")
         if shown is None:
             raise MeshError("a COLLADA file without a <scene>")
@@ -48,7 +48,7 @@ class _Collada:
         return found
 
     def place(self, root: ET.Element, found: PlacedMesh) -> None:
-        """Place what a node and those below it hold."""
+        """Place the geometries of a node and its descendants."""
         stack = [(root, np.eye(4), 0)]
         while stack:
             node, above, depth = stack.pop()
@@ -65,7 +65,7 @@ class _Collada:
                     raise MeshError("a COLLADA scene with <instance_controller>, a shape that moves")
 
     def target(self, item: ET.Element, tag: str) -> ET.Element:
-        """The element that an item refers to."""
+        """Return the element that an item refers to."""
         name = item.get("url", item.get("source", ""))
         element = self.ids.get(name.removeprefix("#"))
         if element is None or element.tag != tag or not name.startswith("#"):
@@ -73,7 +73,7 @@ class _Collada:
         return element
 
     def geometry(self, item: ET.Element) -> MeshPart:
-        """Triangles of the geometry that an instance refers to."""
+        """Return the triangles of the geometry that an instance refers to."""
         name = item.get("url", "")
         if name not in self.read:
             mesh = self.target(item, "geometry").find("mesh")
@@ -83,17 +83,16 @@ class _Collada:
         return self.read[name]
 
     def mesh(self, mesh: ET.Element) -> MeshPart:
-        """Triangles of a <mesh>."""
-        vertices, triangles = [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
+        """Return the triangles of a <mesh>."""
+        parts: list[MeshPart] = []
         for group in mesh:
             if group.tag in POLYGONS:
-                points, polygons = self.positions(group), POLYGONS[group.tag](group)
-                triangles.append(triangulate(points, polygons) + sum(map(len, vertices)))
-                vertices.append(points)
-        return np.concatenate(vertices), np.concatenate(triangles)
+                points = self.positions(group)
+                parts.append((points, triangulate(points, POLYGONS[group.tag](group))))
+        return joined(parts)
 
     def positions(self, group: ET.Element) -> Array:
-        """Points (k, 3) that the indices of a group of polygons mean."""
+        """Return the points (k, 3) that a group of polygons indexes."""
         for item in group.findall("input"):
             if item.get("semantic") == "VERTEX":
                 for inner in self.target(item, "vertices").findall("input"):
@@ -102,7 +101,7 @@ class _Collada:
         raise MeshError(f"<{group.tag}> without the positions of its vertices")
 
     def source(self, source: ET.Element) -> Array:
-        """Values (k, 3) of a <source> of points."""
+        """Return the values (k, 3) of a <source> of points."""
         accessor = source.find("technique_common/accessor")
         if accessor is None:
             raise MeshError("a <source> without an <accessor>")
@@ -117,7 +116,7 @@ _ACCESSOR = (("count", ""), ("stride", "1"), ("offset", "0"))
 
 
 def _collada_pose(node: ET.Element) -> Array:
-    """Pose of a node above its own transforms, (4, 4)."""
+    """Return the product (4, 4) of the transforms of a node."""
     X = np.eye(4)
     for item in node:
         if item.tag in ("skew", "lookat"):
@@ -139,7 +138,7 @@ def _collada_pose(node: ET.Element) -> Array:
 
 
 def _rotation(values: Array) -> Array:
-    """Rotation of an axis and an angle in degrees, by Rodrigues' formula."""
+    """Return the rotation of an axis and an angle in degrees, by Rodrigues' formula."""
     length = float(np.linalg.norm(values[:3]))
     if length == 0.0:
         return np.eye(3)
@@ -150,7 +149,7 @@ def _rotation(values: Array) -> Array:
 
 
 def _indices(group: ET.Element, item: ET.Element | None) -> Triangles:
-    """Vertex indices of a <p>, the other inputs of its corners left out."""
+    """Return the vertex indices of a <p>, without the other inputs of its corners."""
     offsets = {entry.get("semantic"): int(entry.get("offset", "0")) for entry in group.findall("input")}
     step, mine = max(offsets.values(), default=0) + 1, offsets.get("VERTEX", 0)
     values = whole_numbers(((item.text if item is not None else "") or "").split())

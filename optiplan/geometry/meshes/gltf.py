@@ -1,4 +1,4 @@
-"""Binary glTF 2.0 files: the scene they show, in m and with y up, by the specification."""
+"""Binary glTF 2.0 files: their scene, by the specification in m and with y up."""
 
 import json
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, strip
+from optiplan.geometry.meshes.scene_graph import TURNS, MeshPart, PlacedMesh, fan, joined, strip
 from optiplan.geometry.meshes.triangles import MeshError, Soup, floats, triangulate
 
 HARMLESS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp", "KHR_animation_")
@@ -16,7 +16,7 @@ COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5
 
 
 def read_glb(content: bytes) -> Soup:
-    """The scene that a binary glTF 2.0 file shows; its data must lie in the file itself."""
+    """Return the scene of a binary glTF 2.0 file; its data must be in the file itself."""
     if content[:4] != b"glTF" or int.from_bytes(content[4:8], "little") != 2:
         raise MeshError("no binary glTF of version 2")
     size, kind = int.from_bytes(content[12:16], "little"), content[16:20]
@@ -45,7 +45,7 @@ class _Gltf:
         self.read: dict[int, MeshPart] = {}
 
     def scene(self) -> PlacedMesh:
-        """All that the default scene shows."""
+        """Return everything in the default scene."""
         found = PlacedMesh()
         roots = self.entry("scenes", self.document.get("scene", 0)).get("nodes", ())
         stack = [(int(node), np.eye(4), 0) for node in reversed(roots)]
@@ -62,7 +62,7 @@ class _Gltf:
         return found
 
     def entry(self, kind: str, index: int) -> dict[str, Any]:
-        """Entry `index` of a list of the document."""
+        """Return entry `index` of a list of the document."""
         entries = self.document.get(kind, ())
         if not 0 <= index < len(entries):
             raise MeshError(f"{kind} of a GLB file: there is no number {index}")
@@ -70,19 +70,15 @@ class _Gltf:
         return found
 
     def mesh(self, index: int) -> MeshPart:
-        """Triangles of one mesh."""
+        """Return the triangles of one mesh."""
         if index not in self.read:
-            vertices, triangles = [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
-            for primitive in self.entry("meshes", index).get("primitives", ()):
-                if primitive.get("mode", 4) >= 4:  # below are points and lines
-                    points, corners = self.primitive(primitive)
-                    triangles.append(corners + sum(map(len, vertices)))
-                    vertices.append(points)
-            self.read[index] = np.concatenate(vertices), np.concatenate(triangles)
+            primitives = self.entry("meshes", index).get("primitives", ())
+            surfaces = (one for one in primitives if one.get("mode", 4) >= 4)  # the others are points and lines
+            self.read[index] = joined(map(self.primitive, surfaces))
         return self.read[index]
 
     def primitive(self, primitive: dict[str, Any]) -> MeshPart:
-        """Triangles, a strip or a fan."""
+        """Return the triangles of a list, strip or fan."""
         if primitive.get("targets"):
             raise MeshError("a GLB file with morph targets, a shape that moves")
         points = self.accessor(int(primitive["attributes"]["POSITION"]), "VEC3", 3).astype(np.float64)
@@ -100,7 +96,7 @@ class _Gltf:
         return points, triangulate(points, groups[mode]())
 
     def accessor(self, index: int, kind: str, width: int) -> Any:
-        """Values (count, width) of an accessor."""
+        """Return the values (count, width) of an accessor."""
         accessor = self.entry("accessors", index)
         if accessor.get("type") != kind or "sparse" in accessor or "bufferView" not in accessor:
             raise MeshError(f"an accessor of {accessor.get('type')} that is sparse, without data, or not {kind}")
@@ -119,7 +115,7 @@ class _Gltf:
 
 
 def _gltf_pose(node: dict[str, Any]) -> Array:
-    """Pose of a node in the one above it, (4, 4)."""
+    """Return the pose of a node in its parent, (4, 4)."""
     if "matrix" in node:
         return floats(map(str, node["matrix"])).reshape(4, 4).T
     X = np.eye(4)

@@ -1,9 +1,9 @@
-"""Files of OctoMap: the occupied cells of an octree, as the surface around them.
+"""Files of OctoMap: the surface around the occupied cells of an octree.
 
-A tree of depth 16 about the origin, whose smallest cells have edges of `res` m. A `.bt` file says of every cell whether
-it is free, occupied, divided or unknown; an `.ot` file holds its log-odds, and a leaf whose log-odds are not negative
-(probability 0.5) is occupied. Cells that are unknown are no obstacle.
-Source: Hornung et al., OctoMap, Autonomous Robots 34 (2013), and how the library itself reads its files.
+The tree has depth 16 and its centre at the origin; its smallest cells have edges of `res` m. A `.bt` file marks every
+cell as free, occupied, divided or unknown. An `.ot` file gives its log-odds: a leaf with log-odds >= 0, a probability
+of at least 0.5, is occupied. Unknown cells are no obstacle.
+Source: Hornung et al., OctoMap, Autonomous Robots 34 (2013), and the readers of the library itself.
 """
 
 import re
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from optiplan.geometry.meshes.box_surfaces import surface_of_cells
-from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup, soup_in_metres
+from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup
 
 DEPTH = 16
 """Levels of a tree below its root."""
@@ -29,13 +29,13 @@ _HEADER = re.compile(rb"(?:^|\n)data[ \t]*\r?\n")
 
 
 def read_bt(content: bytes) -> Soup:
-    """Surface of the occupied cells of a binary OctoMap file."""
+    """Return the surface of the occupied cells of a binary OctoMap file."""
     words, body = _header(content, b"# Octomap OcTree binary file")
     return _surface(words, body, lambda: _binary_tree(body))
 
 
 def read_ot(content: bytes) -> Soup:
-    """Surface of the occupied cells of an OctoMap file with log-odds."""
+    """Return the surface of the occupied cells of an OctoMap file with log-odds."""
     words, body = _header(content, b"# Octomap OcTree file")
     if words["id"] not in _COLOUR:
         raise MeshError(f"a tree of the kind {words['id'][:40]}; {' and '.join(_COLOUR)} are read")
@@ -43,7 +43,7 @@ def read_ot(content: bytes) -> Soup:
 
 
 def _header(content: bytes, first: bytes) -> tuple[dict[str, str], bytes]:
-    """The words of the header by their keys, and the data."""
+    """Return the values of the header by key, and the data."""
     end = _HEADER.search(content[:100_000])
     if not content.startswith(first) or end is None:
         raise MeshError(f"a file that does not begin with the header of its kind ('{first.decode()}', … data)")
@@ -60,7 +60,7 @@ Cells = list[tuple[int, int, int, int]]
 
 
 class ReadOctree(NamedTuple):
-    """The occupied cells of a tree, how many nodes it has, and how many bytes it takes."""
+    """The occupied cells of a tree, its number of nodes, and its size in bytes."""
 
     occupied: Cells
     nodes: int
@@ -68,7 +68,7 @@ class ReadOctree(NamedTuple):
 
 
 def _surface(words: dict[str, str], body: bytes, tree: Callable[[], ReadOctree]) -> Soup:
-    """The soup of the occupied cells, with the resolution that the header states; of the size that it states."""
+    """Return the surface of the occupied cells; resolution and size come from the header."""
     try:
         resolution = float(words["res"])
     except ValueError:
@@ -87,7 +87,7 @@ def _surface(words: dict[str, str], body: bytes, tree: Callable[[], ReadOctree])
     if len(found) == 0:
         raise MeshError("no occupied cell")
     corners, triangles = surface_of_cells(found[:, :3], found[:, 3])
-    return soup_in_metres(np.asarray(corners * resolution, dtype=np.float64), triangles)
+    return Soup(np.asarray(corners * resolution, dtype=np.float64), triangles)
 
 
 def _root() -> tuple[int, int, int, int]:
@@ -96,7 +96,7 @@ def _root() -> tuple[int, int, int, int]:
 
 
 def _child(cell: tuple[int, int, int, int], which: int) -> tuple[int, int, int, int]:
-    """One of the eight parts of a cell: bits 0, 1, 2 of `which` say the upper half in x, y, z."""
+    """Return one of the eight parts of a cell; bits 0, 1, 2 of `which` select the upper half in x, y, z."""
     x, y, z, edge = cell
     half = edge // 2
     if half == 0:
@@ -105,7 +105,7 @@ def _child(cell: tuple[int, int, int, int], which: int) -> tuple[int, int, int, 
 
 
 def _binary_tree(body: bytes) -> ReadOctree:
-    """Two bits for each child, those of child 0 lowest; then the divided children in their order."""
+    """Read two bits for each child, child 0 in the lowest; the divided children follow in their order."""
     occupied: Cells = []
     waiting, at, nodes = [_root()], 0, 1
     while waiting:
@@ -126,7 +126,7 @@ def _binary_tree(body: bytes) -> ReadOctree:
 
 
 def _full_tree(body: bytes, colour: int) -> ReadOctree:
-    """Log-odds (and colour) of a cell, a byte whose bits tell which children there are, then these in their order."""
+    """Read log-odds (and colour) of a cell and a byte with a bit for each child; the children follow in their order."""
     occupied: Cells = []
     waiting, at, nodes = [_root()], 0, 0
     while waiting:

@@ -12,7 +12,6 @@ from optiplan.geometry.meshes.triangles import (
     MeshError,
     Soup,
     check_numbers,
-    soup_in_metres,
     triangulate,
 )
 
@@ -31,7 +30,7 @@ PLY_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"
 
 @dataclass(frozen=True)
 class _Property:
-    """A property of PLY: its type, and for lists the type of their length."""
+    """A property of PLY: its type and, for a list, the type of its length."""
 
     name: str
     kind: str
@@ -42,11 +41,11 @@ class _Property:
 class _Element:
     name: str
     count: int
-    properties: tuple[_Property, ...]
+    properties: list[_Property]
 
 
 def read_ply(content: bytes) -> Soup:
-    """Polygons of a PLY file, ASCII or binary of either byte order."""
+    """Return the polygons of a PLY file, ASCII or binary of either byte order."""
     tables = ply_tables(content)
     vertex, face = tables.get("vertex"), tables.get("face")
     if vertex is None or face is None or not {"x", "y", "z"} <= vertex.keys():
@@ -55,11 +54,11 @@ def read_ply(content: bytes) -> Soup:
     corners = face.get("vertex_indices", face.get("vertex_index"))
     if corners is None or "tristrips" in tables:
         raise MeshError("a PLY file whose faces have no vertex_indices")
-    return soup_in_metres(vertices, triangulate(vertices, [[int(index) for index in polygon] for polygon in corners]))
+    return Soup(vertices, triangulate(vertices, [[int(index) for index in polygon] for polygon in corners]))
 
 
 def ply_tables(content: bytes) -> "dict[str, Table]":
-    """The elements of a PLY file by name, each as columns by name."""
+    """Return the elements of a PLY file by name, each as columns by name."""
     end = re.search(rb"(?:^|\n)end_header\r?\n", content[:100_000])
     if not content.startswith(b"ply") or end is None:
         raise MeshError("a PLY file without its header")
@@ -76,11 +75,11 @@ def _ply_header(lines: Sequence[str]) -> tuple[str, list[_Element]]:
             case ["format", name, "1.0"] if name in PLY_ORDERS:
                 order = PLY_ORDERS[name]
             case ["element", name, count] if count.isdecimal() and len(count) < 10:
-                elements.append(_Element(name, int(count), ()))
+                elements.append(_Element(name, int(count), []))
             case ["property", "list", length, kind, name] if elements and {length, kind} <= PLY_TYPES.keys():
-                elements[-1] = _with(elements[-1], _Property(name, PLY_TYPES[kind], PLY_TYPES[length]))
+                elements[-1].properties.append(_Property(name, PLY_TYPES[kind], PLY_TYPES[length]))
             case ["property", kind, name] if elements and kind in PLY_TYPES:
-                elements[-1] = _with(elements[-1], _Property(name, PLY_TYPES[kind]))
+                elements[-1].properties.append(_Property(name, PLY_TYPES[kind]))
             case [] | ["comment" | "obj_info", *_]:
                 pass
             case _:
@@ -88,10 +87,6 @@ def _ply_header(lines: Sequence[str]) -> tuple[str, list[_Element]]:
     if order is None:
         raise MeshError("a PLY file of no known format")
     return order, elements
-
-
-def _with(element: _Element, item: _Property) -> _Element:
-    return _Element(element.name, element.count, (*element.properties, item))
 
 
 Table = dict[str, Any]
@@ -147,7 +142,7 @@ def _ply_table(body: bytes, place: int, element: _Element, order: str) -> tuple[
 
 
 def _ply_lists(body: bytes, place: int, element: _Element, order: str) -> tuple[Table, int]:
-    """An element with lists: as one table where all lists have as many values as those of the first row."""
+    """Read an element with lists, as one table if all lists have the length of those in the first row."""
     first, row = _ply_row(body, place, element, order)
     fields = [(f"#{item.name}", order + item.length) for item in element.properties if item.length]
     record = np.dtype([field for item in element.properties for field in _ply_fields(item, first, order)])
@@ -171,7 +166,7 @@ def _ply_fields(item: _Property, first: dict[str, list[float]], order: str) -> l
 
 
 def _ply_row(body: bytes, place: int, element: _Element, order: str) -> tuple[dict[str, list[float]], int]:
-    """Values of one row, and its size in bytes."""
+    """Return the values of one row, and its size in bytes."""
     found: dict[str, list[float]] = {}
     start = place
     for item in element.properties:

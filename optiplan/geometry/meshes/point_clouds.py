@@ -14,7 +14,7 @@ MOST_POINTS = 5_000_000
 """Points of one file."""
 
 _NPY_HEADER = 4096
-"""Bytes: as many as the header of an array of numbers can fill, and more."""
+"""Bytes, more than the header of an array of numbers takes."""
 
 _PCD_TYPES = {
     ("F", 4): "<f4",
@@ -31,7 +31,7 @@ _PCD_TYPES = {
 
 
 def read_points_ply(content: bytes) -> Soup:
-    """Vertices of a PLY file; its faces, if there are any, are passed over."""
+    """Return the vertices of a PLY file; faces are ignored."""
     vertex = ply_tables(content).get("vertex")
     if vertex is None or not {"x", "y", "z"} <= vertex.keys():
         raise MeshError("a PLY file without vertices x, y, z")
@@ -39,7 +39,7 @@ def read_points_ply(content: bytes) -> Soup:
 
 
 def read_points_npz(content: bytes) -> Soup:
-    """The array `points` (N, 3) of an NPZ file, or its only array."""
+    """Return the array `points` (N, 3) of an NPZ file, or its only array."""
     if not content.startswith(b"PK"):
         raise MeshError("no NPZ file, which is a ZIP archive of arrays")
     try:
@@ -58,7 +58,7 @@ def read_points_npz(content: bytes) -> Soup:
 
 
 def _check_header(archive: zipfile.ZipFile, name: str) -> None:
-    """Refuse an array for what its header says of it: 2 MB can hold 2 GB of zeros, which nobody wants unpacked."""
+    """Check the header of an array before it is unpacked: 2 MB can hold 2 GB of zeros."""
     member = f"{name}.npy" if f"{name}.npy" in archive.namelist() else name
     with archive.open(member) as file:
         head = io.BytesIO(file.read(_NPY_HEADER))
@@ -75,7 +75,7 @@ def _check_header(archive: zipfile.ZipFile, name: str) -> None:
 
 
 def read_pcd(content: bytes) -> Soup:
-    """Fields x, y, z of a PCD file, up to version 0.7; points that are not finite, as sensors write them, left out.
+    """Return the fields x, y, z of a PCD file, up to version 0.7, without points that are not finite.
 
     Source: the format's description in the documentation of the Point Cloud Library.
     """
@@ -113,7 +113,7 @@ _Fields = list[tuple[str, str, tuple[int, ...]]]
 
 
 def _pcd_columns(form: str, body: bytes, fields: _Fields, many: int) -> dict[str, Array]:
-    """Columns x, y, z of the data of a PCD file."""
+    """Return the columns x, y, z of the data of a PCD file."""
     if form == "ascii":
         check_numbers(body)
         widths = [count for _, _, (count,) in fields]
@@ -157,7 +157,7 @@ def _numbers(header: dict[str, list[str]], key: str) -> list[int]:
 
 
 def _lzf(packed: bytes, size: int) -> bytes:
-    """What LibLZF packed: literal runs (a byte below 32: its length less 1) and copies of what came before."""
+    """Unpack LibLZF data: literal runs (a byte below 32: its length less 1) and copies of earlier output."""
     out, at, short = bytearray(), 0, "compressed data that ends in the middle"
     while at < len(packed):
         control = packed[at]
@@ -188,11 +188,11 @@ def _byte(data: bytes, at: int, short: str) -> int:
 
 
 def _cloud(points: Array) -> Soup:
-    """Points without triangles, each once, in a fixed order."""
+    """Return points without triangles, each once, in a fixed order."""
     if len(points) > MOST_POINTS:
         raise MeshError(f"{len(points)} points; at most {MOST_POINTS} are read")
     if not np.isfinite(points).all():
         raise MeshError("a coordinate that is not a finite number")
     if len(points) == 0:
         raise MeshError("no points")
-    return Soup(np.unique(points + 0.0, axis=0), np.empty((0, 3), np.int64), np.eye(3))
+    return Soup(np.unique(points + 0.0, axis=0), np.empty((0, 3), np.int64))

@@ -1,7 +1,7 @@
-"""Files of meshes, point clouds and octrees as arrays, known by what is in them: read once, apart, and kept.
+"""Files of meshes, point clouds and octrees as arrays, identified by content: read once in a process, then cached.
 
-A mesh is looked up by the SHA-256 of its content: in memory, then in the cache on disk, and only a content that was
-never seen goes to the process of `mesh_worker`. So a file that changes is another mesh, whatever its name.
+A mesh is looked up by the SHA-256 of its content: in memory, then in the cache on disk. Only unknown content goes to
+`reading_process`. So a changed file is another mesh, whatever its name.
 """
 
 import os
@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import optiplan
 from optiplan import cache, files
@@ -25,31 +25,39 @@ OCTREE_FORMATS = "BT or OT, of OctoMap"
 
 Kind = Literal["mesh", "point cloud", "octree"]
 
-_KINDS: dict[Kind, tuple[str, str, str]] = {
-    "mesh": (FORMATS, "", ".stl .obj .dae .ply .glb"),
-    "point cloud": (POINT_FORMATS, "points", ".ply .pcd .npz"),
-    "octree": (OCTREE_FORMATS, "", ".bt .ot"),
+
+class _Formats(NamedTuple):
+    """Formats of a kind of file: in words, their suffixes, and what precedes a suffix among `READERS`."""
+
+    words: str
+    suffixes: tuple[str, ...]
+    prefix: str = ""
+
+
+_KINDS: dict[Kind, _Formats] = {
+    "mesh": _Formats(FORMATS, (".stl", ".obj", ".dae", ".ply", ".glb")),
+    "point cloud": _Formats(POINT_FORMATS, (".ply", ".pcd", ".npz"), "points"),
+    "octree": _Formats(OCTREE_FORMATS, (".bt", ".ot")),
 }
-"""What is read of each kind: the formats in words, what precedes the suffix among `READERS`, and the suffixes."""
 
 VERSION = 2
-"""Counted up when a file is read to other arrays than before, or refused."""
+"""Increase it when a reader returns other arrays for the same file, or refuses it."""
 
 SECONDS, MEMORY = 5, 3 * 2**30
-"""What reading one mesh may take: s of processor time, and bytes of address space of the process."""
+"""Limits of reading one mesh: s of processor time, and bytes of address space of the process."""
 
 WAIT = 60.0
-"""Time, s, after which a process of mesh reading that does not even use its processor time is ended."""
+"""s; a reading process that does not use its processor time is ended after this time."""
 
 MOST_KEPT = 512 * 2**20
-"""Size of the arrays kept in memory, bytes."""
+"""Bytes of arrays kept in memory."""
 
 _CPU = signal.SIGXCPU
 
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A file as it was read: `key` is the digest of its content and of what reads it."""
+    """A file and its content; `key` is the digest of the content and of its reader."""
 
     path: Path
     key: str
@@ -58,33 +66,32 @@ class MeshFile:
 
     @property
     def reader(self) -> str:
-        """What reads it: one of `reading_process.READERS`."""
-        return _KINDS[self.kind][1] + self.path.suffix.lower()
+        """Its key in `reading_process.READERS`."""
+        return _KINDS[self.kind].prefix + self.path.suffix.lower()
 
 
 def open_mesh(path: Path, kind: Kind = "mesh") -> MeshFile:
-    """A file with its content, not looked into.
+    """Return a file with its content, which is not parsed.
 
     Raises:
-        MeshError: no file that may be opened, or of a format that is not read.
+        MeshError: the file cannot be opened, or has an unknown format.
     """
     try:
         content = files.read_bytes(path)
     except OSError as error:
         raise MeshError(f"cannot read {kind} {path}: {(error.strerror or str(error)).lower()}") from error
-    suffix = path.suffix.lower()
-    formats, prefix, suffixes = _KINDS[kind]
-    if suffix not in suffixes.split():
-        raise MeshError(f"cannot read {kind} {path}: '{suffix}' is none of {formats}")
-    reader = prefix + suffix
+    suffix, formats = path.suffix.lower(), _KINDS[kind]
+    if suffix not in formats.suffixes:
+        raise MeshError(f"cannot read {kind} {path}: '{suffix}' is none of {formats.words}")
+    reader = formats.prefix + suffix
     return MeshFile(path, cache.digest([str(VERSION).encode(), reader.encode(), content]), content, kind)
 
 
 def read_mesh(file: MeshFile) -> Soup:
-    """Triangles of one mesh file.
+    """Return the triangles of one mesh file.
 
     Raises:
-        MeshError: names the file and what is wrong with it.
+        MeshError: the file cannot be used; the message names it and the fault.
     """
     read_together([file])
     with _lock:
@@ -95,7 +102,7 @@ def read_mesh(file: MeshFile) -> Soup:
 
 
 def known(key: str) -> Soup | None:
-    """The mesh of that key, if it was read before and is still in memory or on disk."""
+    """Return the mesh of a key from memory or disk; None if there is none."""
     with _lock:
         found = _kept.get(key)
         if found is None and (stored := cache.load(_name(key))) is not None:
@@ -105,11 +112,11 @@ def known(key: str) -> Soup | None:
 
 _lock = Lock()
 _kept: "OrderedDict[str, Soup | str]" = OrderedDict()
-"""Meshes by key, or why there is none; what was used longest ago goes first."""
+"""Meshes, or the reason why there is none, by key; the least recently used is dropped first."""
 
 
 def read_together(meshes: Iterable[MeshFile]) -> None:
-    """Read several mesh files at once, so that those unknown share one process."""
+    """Read several mesh files at once, so that unknown ones share one process."""
     wanted = {mesh.key: mesh for mesh in meshes}
     with _lock:
         for key in wanted.keys() & _kept.keys():
@@ -154,7 +161,7 @@ def _read_apart(meshes: Sequence[MeshFile]) -> Iterator[Soup | str]:
 
 
 def _run_worker(meshes: Sequence[MeshFile]) -> tuple[list[Soup | str], str]:
-    """Answers as far as they came, and why no more did; empty if all did."""
+    """Return the answers received, and the reason why some are missing; empty if none is."""
     jobs = b"".join(f"{mesh.reader} {len(mesh.content)}\n".encode() + mesh.content for mesh in meshes)
     # An editable install is found by a hook that a process without `site` does not have, so the package is named too.
     package = str(Path(optiplan.__file__).parents[1])
@@ -186,7 +193,7 @@ def _run_worker(meshes: Sequence[MeshFile]) -> tuple[list[Soup | str], str]:
 
 
 def _answers(output: bytes) -> Iterator[Soup | str]:
-    """The answers that are whole."""
+    """Yield the complete answers."""
     place = 0
     while (end := output.find(b"\n", place)) >= 0:
         kind, size = output[place:end].split()

@@ -1,10 +1,10 @@
 """The process that reads meshes, point clouds and octrees: contents in, arrays out, with limits of memory and time.
 
-Standard input holds jobs: a line `SUFFIX SIZE`, then the content. Standard output holds as many answers, in their
-order: a line `mesh SIZE` and a packed `Soup`, or a line `error SIZE` and the reason. Whatever ends the process was the
-first job without an answer. A job names no file: there is nothing here that opens one.
+Standard input holds jobs: a line `SUFFIX SIZE`, then the content. Standard output holds as many answers in the same
+order: a line `mesh SIZE` and a packed `Soup`, or a line `error SIZE` and the reason. If the process ends early, the
+first job without an answer is the cause. A job names no file, and this process opens none.
 
-SUFFIX is that of the file, behind `points` where the points of a cloud are meant: a PLY file may hold either.
+SUFFIX is that of the file, with the prefix `points` for point clouds: a PLY file may hold either.
 """
 
 import math
@@ -24,7 +24,7 @@ from optiplan.geometry.meshes.triangles import MeshError, Soup, pack_soup
 
 
 def _reader(form: str, read: Callable[[bytes], Soup]) -> Callable[[bytes], Soup]:
-    """Return a reader from which a broken file brings out a `MeshError`, in whatever way the fault shows."""
+    """Return a reader that turns every exception of a broken file into a `MeshError`."""
 
     def reading(content: bytes) -> Soup:
         try:
@@ -54,11 +54,11 @@ READERS: Mapping[str, Callable[[bytes], Soup]] = {
         ".ot": read_ot,
     }.items()
 }
-"""What reads a content, by the suffix of its file, behind `points` of a cloud.
+"""Readers by suffix, with the prefix `points` for point clouds.
 
 Each raises:
-    MeshError: the content is not in the form of the suffix.
-    MemoryError: it needs more than there is.
+    MeshError: the content does not have the format of the suffix.
+    MemoryError: not enough memory.
 """
 
 
@@ -93,10 +93,10 @@ def _answer(suffix: str, content: bytes) -> tuple[str, bytes]:
 
 
 def _settled(soup: Soup) -> Soup:
-    """Vertices at the same place as one, in the order of the file; triangles that are a point or a line left out.
+    """Merge vertices at the same place, in the order of the file, and drop triangles that are a point or a line.
 
     Raises:
-        MeshError: no triangles, or what is no array of numbers.
+        MeshError: no triangles, or coordinates that are not finite.
     """
     vertices, triangles = np.asarray(soup.vertices, np.float64) + 0.0, soup.triangles  # + 0.0: -0.0 and 0.0 are one
     if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.isfinite(vertices).all():

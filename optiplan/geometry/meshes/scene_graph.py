@@ -1,28 +1,39 @@
 """Scene graphs of mesh files: nodes that place geometries, and the upward axis."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup, Triangles
 
 MOST_NODES = 100_000
-"""Nodes of a scene, instances counted."""
+"""Nodes of a scene, each instance counted."""
 
 DEEPEST = 200
-"""Nodes within nodes."""
+"""Levels of nested nodes."""
 
 TURNS = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
     "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "Z_UP": np.eye(3),
 }
-"""From axes with that one up (right, up and inward as COLLADA has them) to those with z up, x right and y inward."""
+"""Rotations from the axes of COLLADA (right, up, inward) by upward axis to z up, x right and y inward."""
 
 MeshPart = tuple[Array, Triangles]
 
 
+def joined(parts: Iterable[MeshPart]) -> MeshPart:
+    """Return several geometries as one."""
+    vertices, triangles = [np.empty((0, 3))], [np.empty((0, 3), np.int64)]
+    for points, corners in parts:
+        triangles.append(corners + sum(map(len, vertices)))
+        vertices.append(points)
+    return np.concatenate(vertices), np.concatenate(triangles)
+
+
 class PlacedMesh:
-    """Placed geometries of a scene, with the limits of how much there may be."""
+    """Placed geometries of a scene, with limits of their number."""
 
     def __init__(self) -> None:
         self.parts: list[MeshPart] = []
@@ -45,16 +56,15 @@ class PlacedMesh:
         self.parts.append((vertices @ X[:3, :3].T + X[:3, 3], turned))
 
     def soup(self, scale: float, turn: Array) -> Soup:
-        """All of it, times `scale`."""
+        """Return the whole scene, times `scale`."""
         if not self.parts:
             raise MeshError("a scene without triangles")
-        offsets = np.cumsum([0, *(len(vertices) for vertices, _ in self.parts)])
-        triangles = [triangles + k for (_, triangles), k in zip(self.parts, offsets, strict=False)]
-        return Soup(scale * np.concatenate([vertices for vertices, _ in self.parts]), np.concatenate(triangles), turn)
+        vertices, triangles = joined(self.parts)
+        return Soup(scale * vertices, triangles, turn)
 
 
 def strip(indices: Triangles) -> list[list[int]]:
-    """Triangles of a strip, all seen from the same side."""
+    """Return the triangles of a strip, all wound alike."""
     names = [int(index) for index in indices]
     return [
         [names[i], names[i + 1], names[i + 2]] if i % 2 == 0 else [names[i + 1], names[i], names[i + 2]]
@@ -63,6 +73,6 @@ def strip(indices: Triangles) -> list[list[int]]:
 
 
 def fan(indices: Triangles) -> list[list[int]]:
-    """Triangles of a fan about its first vertex."""
+    """Return the triangles of a fan about its first vertex."""
     names = [int(index) for index in indices]
     return [[names[0], names[i], names[i + 1]] for i in range(1, len(names) - 1)]

@@ -1,7 +1,7 @@
-"""Mesh files that are lists of triangles or polygons: STL and OBJ. Bytes in, arrays out, nothing guessed.
+"""Mesh files that are lists of triangles or polygons: STL and OBJ.
 
-These readers are strict: what they do not understand is an error, since what is passed over would never be checked.
-They run in a process of their own (`mesh_reading`) and import nothing but NumPy.
+These readers are strict: an unknown statement is an error, because collision checks would miss an ignored part. They
+run in a process of their own (`reading_process`) and import NumPy alone.
 """
 
 import re
@@ -10,19 +10,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.geometry.meshes.triangles import MeshError, Soup, floats, is_ended, soup_in_metres, triangulate
+from optiplan.geometry.meshes.triangles import MeshError, Soup, floats, is_ended, triangulate
 
 FREE_FORM = frozenset("bevel call cstype csh curv curv2 deg end hole parm scrv sp step surf trim vp".split())
-"""Statements of OBJ files that make surfaces of another kind than polygons."""
+"""Statements of OBJ files for surfaces that are not polygons."""
 
 SKIPPED = frozenset(
     "c_interp con ctech d_interp g lod maplib mg mtllib o s shadow_obj stech trace_obj usemap usemtl vn vt".split()
 )
-"""Statements of OBJ files that do not change which polygons there are."""
+"""Statements of OBJ files without effect on the polygons."""
 
 
 def read_stl(content: bytes) -> Soup:
-    """Binary or ASCII STL; corners at the same place are one vertex."""
+    """Return the triangles of a binary or ASCII STL."""
     count = int.from_bytes(content[80:84], "little")
     if len(content) == 84 + 50 * count and count > 0:
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -30,7 +30,7 @@ def read_stl(content: bytes) -> Soup:
     else:
         corners = _ascii_corners(content, count)
     vertices = corners.reshape(-1, 3).astype(np.float64)
-    return soup_in_metres(vertices, np.arange(len(vertices)).reshape(-1, 3))
+    return Soup(vertices, np.arange(len(vertices)).reshape(-1, 3))
 
 
 def _ascii_corners(content: bytes, count: int) -> Array:
@@ -67,7 +67,7 @@ _AFTER = {
     b"endfacet": (b"facet", b"endsolid"),
     b"endsolid": (b"solid",),
 }
-"""What follows the lines of an ASCII STL, by their first words; three lines `vertex` follow `outer`."""
+"""First words of the next line of an ASCII STL, by the first word of a line; three `vertex` lines follow `outer`."""
 
 
 def _named(keywords: Sequence[bytes]) -> str:
@@ -75,10 +75,10 @@ def _named(keywords: Sequence[bytes]) -> str:
 
 
 def read_obj(content: bytes) -> Soup:
-    """Polygons of a Wavefront OBJ; materials, normals, lines and points are passed over.
+    """Return the polygons of a Wavefront OBJ; materials, normals, lines and points are ignored.
 
-    The format states no count and has no end. A file whose last line does not end, or that has vertices which nothing
-    uses, is taken as cut off where its surface has an open edge: of a closed one nothing is missing.
+    The format has no count and no end mark. A file with an open surface counts as truncated if its last line does not
+    end, or if it has unused vertices. A closed surface is complete.
     """
     points: list[list[bytes]] = []
     polygons: list[list[int]] = []
@@ -100,7 +100,7 @@ def read_obj(content: bytes) -> Soup:
         elif keyword not in SKIPPED:
             raise MeshError(f"line {number}: '{_shown(line)}', which is no statement of an OBJ file")
     vertices = floats([word for point in points for word in point]).reshape(-1, 3)
-    soup = soup_in_metres(vertices, triangulate(vertices, polygons))
+    soup = Soup(vertices, triangulate(vertices, polygons))
     unused = len(vertices) - len(others.union(*polygons))
     if (unused > 0 or not is_ended(content)) and _is_open(soup):
         signs = f"{unused} vertices that no polygon uses" if unused > 0 else "a last line without a line break"

@@ -1,7 +1,7 @@
 """Triangle meshes: the content of a mesh file, the error for an unusable one, and triangulation of polygons."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
@@ -13,11 +13,11 @@ Triangles = npt.NDArray[np.int64]
 Number = TypeVar("Number", int, float)
 
 MOST_TRIANGLES = 2_000_000
-"""Triangles of one file, instances counted."""
+"""Triangles of one file, each instance counted."""
 
 
 class MeshError(ValueError):
-    """A mesh file that cannot be used; the message says what was found in it."""
+    """A mesh file that cannot be used; the message names what was found in it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,29 +27,24 @@ class Soup:
     Attributes:
         vertices: (k, 3), m, in the axes of the file.
         triangles: (m, 3) indices of vertices.
-        turn: (3, 3) rotation from the axes of the file to those whose z points up; the identity where it names none.
+        turn: (3, 3) rotation from the axes of the file to axes with z up; the identity if the file names none.
     """
 
     vertices: Array
     triangles: Triangles
-    turn: Array
-
-
-def soup_in_metres(vertices: Array, triangles: Triangles) -> Soup:
-    """Triangles of a file that names neither unit nor axes: m, and z is up."""
-    return Soup(vertices, triangles, np.eye(3))
+    turn: Array = field(default_factory=lambda: np.eye(3))
 
 
 def is_ended(text: bytes) -> bool:
-    """Return whether the last line ends, so that no digits of its last number can be missing."""
+    """Return whether the last line ends, so that its last number is complete."""
     return not text or text.rstrip(b" \t\0").endswith((b"\n", b"\r"))
 
 
 def check_numbers(text: bytes) -> None:
-    """Require a text of numbers that ends with its last line, without `_`: Python reads 1_000 as a number.
+    """Require a text of numbers whose last line ends, without `_`: Python reads 1_000 as a number.
 
     Raises:
-        MeshError: it is cut off, or holds a `_`.
+        MeshError: it is truncated, or holds a `_`.
     """
     if not is_ended(text):
         raise MeshError("a last line without a line break: a file that is cut off? If it is whole, end that line")
@@ -58,10 +53,10 @@ def check_numbers(text: bytes) -> None:
 
 
 def floats(words: Iterable[bytes] | Iterable[str]) -> Array:
-    """Finite numbers.
+    """Return words as finite numbers.
 
     Raises:
-        MeshError: a word that is none.
+        MeshError: a word that is not a finite number.
     """
     values = np.array([_read(float, word) for word in words], dtype=np.float64)
     if not np.isfinite(values).all():
@@ -70,10 +65,10 @@ def floats(words: Iterable[bytes] | Iterable[str]) -> Array:
 
 
 def whole_numbers(words: Iterable[bytes] | Iterable[str]) -> Triangles:
-    """Whole numbers below 2^31.
+    """Return words as whole numbers below 2^31.
 
     Raises:
-        MeshError: a word that is none.
+        MeshError: a word that is no such number.
     """
     values = [_read(int, word) for word in words]
     if any(abs(value) >= 2**31 for value in values):
@@ -90,7 +85,7 @@ def _read(kind: Callable[[str], Number], word: bytes | str) -> Number:
 
 
 def triangulate(vertices: Array, polygons: Sequence[Sequence[int]]) -> Triangles:
-    """Triangles (m, 3) of polygons given by vertex indices: convex ones as fans, others by cutting off ears."""
+    """Return the triangles (m, 3) of polygons given by vertex indices, by ear clipping."""
     total = sum(max(len(polygon) - 2, 0) for polygon in polygons)
     if total > MOST_TRIANGLES:
         raise MeshError(f"{total} triangles; at most {MOST_TRIANGLES} are read")
@@ -103,7 +98,7 @@ def triangulate(vertices: Array, polygons: Sequence[Sequence[int]]) -> Triangles
 
 
 def _cut(corners: Array, names: list[int]) -> list[Sequence[int]]:
-    """Triangles of one polygon with corners (k, 3), by the names of its corners."""
+    """Return the triangles of one polygon with corners (k, 3), by the indices `names` of its corners."""
     following = np.roll(corners, -1, axis=0)
     normal = 0.5 * np.cross(corners, following).sum(axis=0)  # Newell: its length is the polygon's area
     axis = int(np.abs(normal).argmax())
@@ -120,7 +115,7 @@ def _cut(corners: Array, names: list[int]) -> list[Sequence[int]]:
 
 
 def _is_ear(flat: Array, ring: list[int], i: int, sign: float) -> bool:
-    """Whether the triangle about corner i of a polygon in a plane lies inside the polygon."""
+    """Return whether the triangle about corner i of a plane polygon lies inside the polygon."""
     a, b, c = (flat[ring[k % len(ring)]] for k in (i - 1, i, i + 1))
     if sign * _turn(a, b, c) <= 0.0:
         return False
@@ -135,14 +130,14 @@ def _turn(a: Array, b: Array, c: Array) -> float:
 
 
 def pack_soup(soup: Soup) -> bytes:
-    """A soup as bytes: its sizes, then its numbers."""
+    """Return a soup as bytes: its sizes, then its numbers."""
     sizes = np.array([len(soup.vertices), len(soup.triangles)], "<i8")
     arrays = (sizes, soup.turn.astype("<f8"), soup.vertices.astype("<f8"), soup.triangles.astype("<i4"))
     return b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
 
 
 def unpack_soup(data: bytes) -> Soup:
-    """Unpack the arrays of `pack_soup`; they are read-only."""
+    """Return the soup that `pack_soup` wrote; its arrays are read-only."""
     k, m = (int(size) for size in np.frombuffer(data, "<i8", 2))
     turn: Array = np.frombuffer(data, "<f8", 9, 16).reshape(3, 3)
     vertices: Array = np.frombuffer(data, "<f8", 3 * k, 88).reshape(k, 3)

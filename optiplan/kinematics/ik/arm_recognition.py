@@ -1,4 +1,4 @@
-"""Recognise arms whose inverse kinematics has a closed form, from nothing but the lines of their joint axes.
+"""Recognise arms whose inverse kinematics has a closed form, by the lines of their joint axes.
 
 Two families, both with joint 2 parallel to joint 3 and square to joint 1:
 
@@ -19,7 +19,7 @@ from optiplan.arrays import Array
 from optiplan.robot.batched.kinematics import BatchKinematics
 
 TOLERANCE = 1e-6
-"""How far axes may be from parallel or square (rad) and from meeting (m) to be taken as such."""
+"""Deviation from parallel or square axes, rad, and from intersecting axes, m, below which they count as such."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class ArmGeometry:
 
 
 def recognise(model: pin.Model, frame: str) -> ArmGeometry | None:
-    """The geometry of a model with six revolute joints in a row and a frame that the last one carries, or None."""
+    """Return the geometry of a chain of six revolute joints and a frame on the last one; None for other arms."""
     if model.nv != 6 or model.njoints != 7 or any(int(model.parents[j]) != j - 1 for j in range(1, 7)):
         return None
     kinematics = BatchKinematics(model)
@@ -131,7 +131,7 @@ def _square(a: Array, b: Array) -> bool:
 
 
 def _meeting(directions: Array, points: Array) -> tuple[Array, float]:
-    """The point nearest to some lines (k, 3), in least squares, and its distance from the farthest of them, m."""
+    """Return the least-squares nearest point of lines (k, 3), and its distance from the farthest of them, m."""
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
     middle = np.linalg.lstsq(across.sum(0), np.einsum("kij,kj->i", across, points), rcond=None)[0]
     return middle, float(np.linalg.norm(np.einsum("kij,kj->ki", across, middle - points), axis=1).max())

@@ -6,13 +6,14 @@ The branches are shoulder x elbow x wrist. With the wrist point (c, in the arm f
     D = exp(i q2) (upper + exp(i q3) fore);  cos beta = (|D|^2 - |upper|^2 - |fore|^2) / (2 |upper| |fore|)
     q3 = ± beta - arg fore + arg upper;  q2 = arg D - arg(upper + exp(i q3) fore)
 
-with D the way from axis 2 to P, or, with three parallel axes, to axis 4, whose place follows from q1, q5 and q6. Every
-angle is found from those already chosen, so that what rounding does to one the later ones make good; even at
-singularities the pose is met. Sources: Pieper 1968; Hawkins, "Analytic inverse kinematics for the Universal Robots
+with D the vector from axis 2 to P or, with three parallel axes, to axis 4, whose place follows from q1, q5 and q6.
+Every angle is computed from the angles before it, so that later angles compensate their rounding. So the pose is met
+even at singularities. Sources: Pieper 1968; Hawkins, "Analytic inverse kinematics for the Universal Robots
 UR-5/UR-10 arms", 2013.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,11 +27,16 @@ from optiplan.robot.robot import Robot
 ACCURACY = 1e-9
 """A branch is valid when forward kinematics meets the pose this well, m and rad."""
 
-_BLOCK = 2048  # poses at a time, so that the work arrays stay in the cache
-_EXACT = 1e-13
-_NEARLY = 1e-5
-_ROUNDS = 4
+_BLOCK = 2048
+"""Poses at a time: their work arrays stay in the processor's cache."""
+
+_EXACT_ERROR, _REFINED_ERROR = 1e-13, 1e-5
+"""m and rad; branches with an error between these are refined."""
+
+_REFINEMENTS = 4
+
 _SINGULAR = 1e-6
+"""Measure below which shoulder, elbow or wrist is singular."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +44,12 @@ class Solutions:
     """All branches of N poses.
 
     Attributes:
-        q: (N, 8, 6), rad, in (-pi, pi]; limits are not looked at. An invalid branch holds its nearest miss: the wrist
+        q: (N, 8, 6), rad, in (-pi, pi], without regard to limits. An invalid branch holds its nearest miss: the wrist
             point moved to the edge of the reach, the orientation kept.
         valid: (N, 8), whether the pose is met within `ACCURACY`.
         error: (N, 8, 2), distance (m) and angle (rad) by forward kinematics.
-        singular: (N, 8, 3), whether the shoulder, the elbow, the wrist is singular: two branches meet there, or a joint
-            is free and q is one representative.
+        singular: (N, 8, 3), whether shoulder, elbow and wrist are singular: two branches meet, or a joint is free and
+            q is one representative.
         branches: names of the eight branches.
     """
 
@@ -52,6 +58,19 @@ class Solutions:
     error: Array
     singular: Flags
     branches: tuple[str, ...]
+
+
+class _Branches(NamedTuple):
+    """Angles (N, 8, 6), errors (N, 8, 2) and measures of singularity (N, 8, 3) of N poses, or of chosen branches."""
+
+    q: Array
+    error: Array
+    measures: Array
+
+    def put(self, place: slice | tuple[Index, Index], found: "_Branches") -> None:
+        """Write branches at `place`."""
+        for whole, part in zip(self, found, strict=True):
+            whole[place] = part
 
 
 class ClosedForm:
@@ -64,7 +83,7 @@ class ClosedForm:
         self._X_6T = np.array(model.frames[model.getFrameId(frame)].placement.homogeneous)
 
     def solve(self, X_WT: Array) -> Solutions:
-        """All branches of poses X_WT (N, 4, 4) of the frame in the robot's base frame (the root of the model).
+        """Return all branches of poses X_WT (N, 4, 4) of the frame in the robot's base frame (the root of the model).
 
         Raises:
             ValueError: another shape, or a rotation that is not orthonormal to 1e-9.
@@ -76,42 +95,41 @@ class ClosedForm:
         if not np.abs(R.transpose(0, 2, 1) @ R - np.eye(3)).max(initial=0.0) <= ACCURACY:
             raise ValueError("found a rotation matrix that is not orthonormal; expected R^T R = I to 1e-9")
         N = len(X_WT)
-        q, error, measures = np.empty((N, 8, 6)), np.empty((N, 8, 2)), np.empty((N, 8, 3))
+        found = _Branches(np.empty((N, 8, 6)), np.empty((N, 8, 2)), np.empty((N, 8, 3)))
         for k in range(0, N, _BLOCK):
-            block = slice(k, k + _BLOCK)
-            q[block], error[block], measures[block] = self._block(X_WT[block])
-        return Solutions(q, error.max(-1) <= ACCURACY, error, measures < _SINGULAR, self.branches)
+            found.put(slice(k, k + _BLOCK), self._block(X_WT[k : k + _BLOCK]))
+        valid, singular = found.error.max(-1) <= ACCURACY, found.measures < _SINGULAR
+        return Solutions(found.q, valid, found.error, singular, self.branches)
 
-    def _block(self, X: Array) -> tuple[Array, Array, Array]:
+    def _block(self, X: Array) -> _Branches:
         q, measures = self._angles(X[:, None], SIGNS)
         placed = self.forward(q.reshape(-1, 6)).reshape(*q.shape[:2], 4, 4)
-        error = _errors(placed, X[:, None])
-        worst = error.max(-1)
-        rows, columns = np.nonzero((worst > _EXACT) & (worst < _NEARLY))
+        found = _Branches(q, _errors(placed, X[:, None]), measures)
+        worst = found.error.max(-1)
+        rows, columns = np.nonzero((worst > _EXACT_ERROR) & (worst < _REFINED_ERROR))
         if len(rows):
-            self._refine(X[rows], SIGNS[:, columns], (q, error, measures), (rows, columns))
-        return q, error, measures
+            self._refine(X[rows], SIGNS[:, columns], found, (rows, columns))
+        return found
 
-    def _refine(self, X: Array, signs: Array, result: tuple[Array, Array, Array], at: tuple[Index, Index]) -> None:
-        """Aim beside the pose by what the true arm differs from the ideal one, on the same branch.
+    def _refine(self, X: Array, signs: Array, result: _Branches, at: tuple[Index, Index]) -> None:
+        """Correct branches for the deviation of the true arm from the ideal one.
 
-        A robot file gives its angles with so many digits, so F(q) = F_ideal(q) E(q) with E near the identity. Solving
-        F_ideal(q) = Y and then Y := X E(q)^-1 = X F(q)^-1 Y converges at once, at singularities too, where steps by the
-        Jacobian would not.
+        The angles in a robot file are rounded, so F(q) = F_ideal(q) E(q) with E near the identity. Solving
+        F_ideal(q) = Y and then setting Y := X E(q)^-1 = X F(q)^-1 Y converges at once. It also converges at
+        singularities, where steps by the Jacobian do not.
         """
-        q, error, measures = result
-        aim = X @ _inverse(self.forward(q[at])) @ X
-        for _ in range(_ROUNDS):
+        aim = X @ _inverse(self.forward(result.q[at])) @ X
+        for _ in range(_REFINEMENTS):
             new, new_measures = self._angles(aim, signs)
             placed = self.forward(new)
             new_error = _errors(placed, X)
-            better = new_error.max(-1) < error[at].max(-1)
-            where = at[0][better], at[1][better]
-            q[where], error[where], measures[where] = new[better], new_error[better], new_measures[better]
+            better = new_error.max(-1) < result.error[at].max(-1)
+            chosen = _Branches(new[better], new_error[better], new_measures[better])
+            result.put((at[0][better], at[1][better]), chosen)
             aim = X @ _inverse(placed) @ aim
 
     def _angles(self, X: Array, signs: Array) -> tuple[Array, Array]:
-        """Joint angles (..., 6) and how far from singular (..., 3) on branches `signs` (3, ...) of poses X."""
+        """Return angles (..., 6) and measures of singularity (..., 3) on branches `signs` (3, ...) of poses X."""
         g = self.geometry
         seen = g.R_WA.T @ X[..., :3, :3] @ g.in_tool
         point = seen[..., 3] + (X[..., :3, 3] - g.p_WA) @ g.R_WA
@@ -119,12 +137,12 @@ class ClosedForm:
         return (spherical_wrist if g.spherical else three_parallel)(g, places, signs)
 
     def forward(self, Q: Array) -> Array:
-        """X_WT at configurations Q (N, 6): (N, 4, 4)."""
+        """Return X_WT (N, 4, 4) at configurations Q (N, 6)."""
         return np.asarray(self._kinematics.poses(Q)[:, 6] @ self._X_6T)
 
 
 def closed_form(robot: Robot, frame: str | None = None) -> ClosedForm | None:
-    """The closed form of a frame (the tool's by default), or None when the planned joints are no such arm."""
+    """Return the closed form of a frame, by default the tool; None for an arm without a closed form."""
     return closed_form_of(robot.model, frame or robot.tool_frame)
 
 
@@ -143,7 +161,7 @@ def _inverse(X: Array) -> Array:
 
 
 def _errors(X: Array, X_goal: Array) -> Array:
-    """Distance, m, and angle, rad, between poses: (..., 2). For rotations |R - S|_F = 2 sqrt(2) sin(angle / 2)."""
+    """Return distance, m, and angle, rad, between poses, (..., 2), by |R - S|_F = 2 sqrt(2) sin(angle / 2)."""
     difference = X[..., :3, :] - X_goal[..., :3, :]
     squares = np.einsum("...ij,...ij->...j", difference, difference)
     chord = np.sqrt(squares[..., :3].sum(-1)) / np.sqrt(8.0)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +16,11 @@ Complex = npt.NDArray[np.complex128]
 SIGNS: Array = np.array(list(product((1.0, -1.0), repeat=3))).T
 """(3, 8): the sign that shoulder, elbow and wrist take on each branch."""
 
-_NOISE = 1e-10  # a direction whose length is below this is rounding: the joint about it is free
-_LOOSE = 1e-6  # below this, a shift of q6 by as much as rounding may have put into it costs less than 1e-9
+_FREE_LENGTH = 1e-10
+"""m or 1; a shorter direction is rounding: the joint about it is free."""
+
+_PARALLEL_SINE = 1e-6
+"""Sine between axes 4 and 6 below which a shift of q6 by its rounding changes the pose by less than 1e-9."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +41,12 @@ class Places:
 
 
 def branch_names(geometry: ArmGeometry) -> tuple[str, ...]:
-    """Names in the order of `SIGNS`.
+    """Return the names of the branches in the order of `SIGNS`.
 
-    Seen from axis 1 towards the wrist point: left and right say on which side of axis 1 the arm's plane lies, front and
-    back which way it turned when that plane holds axis 1; up means that the elbow is above the line from axis 2 to the
-    wrist point (three parallel axes: to axis 4, where that lies on the same side of axis 2 as the wrist point);
-    no flip that sin(q5 + zero) < 0, which is what it means for a PUMA.
+    The view is from axis 1 towards the wrist point. Left and right: the side of axis 1 on which the arm's plane lies.
+    Front and back: the direction of the arm if that plane contains axis 1. Up: the elbow is above the line from axis 2
+    to the wrist point. With three parallel axes that line ends at axis 4, if that is on the same side of axis 2 as the
+    wrist point. No flip: sin(q5 + zero) < 0, as for a PUMA.
     """
     sides = ("front", "back")
     if abs(geometry.lateral) > TOLERANCE:
@@ -52,10 +56,10 @@ def branch_names(geometry: ArmGeometry) -> tuple[str, ...]:
 
 
 def spherical_wrist(g: ArmGeometry, places: Places, signs: Array) -> tuple[Array, Array]:
-    """Angles (..., 6) and measures (..., 3): zero where shoulder, elbow, wrist are singular.
+    """Return angles (..., 6) and measures (..., 3), which are 0 where shoulder, elbow, wrist are singular.
 
-    In the basis (5 x 4, 5, 4) the forearm sees axis 6 at v = Rz(q4) (sin t, 0, cos t) with t = q5 + zero:
-    t = atan2(± hypot(v_x, v_y), v_z), q4 = atan2(± v_y, ± v_x); q6 from where axis 5 went.
+    In the basis (5 x 4, 5, 4) of the forearm, axis 6 is v = Rz(q4) (sin t, 0, cos t) with t = q5 + zero. So
+    t = atan2(± hypot(v_x, v_y), v_z) and q4 = atan2(± v_y, ± v_x). The direction of axis 5 gives q6.
     """
     pan, r = _pan(g, places.point, signs[0])
     way = places.point[..., 2] + 1j * r - g.shoulder
@@ -65,7 +69,7 @@ def spherical_wrist(g: ArmGeometry, places: Places, signs: Array) -> tuple[Array
     m = _turned(places.five, pan, forward) @ g.wrist
     across = np.hypot(v[..., 0], v[..., 1])
     t = np.arctan2(signs[2] * across, v[..., 2])
-    q4 = np.where(across > _NOISE, np.arctan2(signs[2] * v[..., 1], signs[2] * v[..., 0]), 0.0)
+    q4 = np.where(across > _FREE_LENGTH, np.arctan2(signs[2] * v[..., 1], signs[2] * v[..., 0]), 0.0)
     c4, s4 = np.cos(q4), np.sin(q4)
     along = c4 * m[..., 0] + s4 * m[..., 1]
     q6 = np.arctan2(np.sin(t) * m[..., 2] - np.cos(t) * along, c4 * m[..., 1] - s4 * m[..., 0])
@@ -74,10 +78,11 @@ def spherical_wrist(g: ArmGeometry, places: Places, signs: Array) -> tuple[Array
 
 
 def three_parallel(g: ArmGeometry, places: Places, signs: Array) -> tuple[Array, Array]:
-    """Angles (..., 6) and measures (..., 3): zero where shoulder, elbow, wrist are singular.
+    """Return angles (..., 6) and measures (..., 3), which are 0 where shoulder, elbow, wrist are singular.
 
-    Joints 2, 3, 4 keep what lies along y: axis 6 has cos t there, t = q5 + zero = ± atan2(sqrt(v_x^2 + v_z^2), v_y);
-    q6 turns axis 5 into the x-z plane; then q2 + q3 + q4 is the angle of axis 5 about y.
+    Joints 2, 3, 4 do not change components along y. That of axis 6 is cos t with
+    t = q5 + zero = ± atan2(sqrt(v_x^2 + v_z^2), v_y). Then q6 turns axis 5 into the x-z plane, and q2 + q3 + q4 is the
+    angle of axis 5 about y.
     """
     pan, r = _pan(g, places.point, signs[0])
     v, a, b = (_turned(u, pan, None) for u in (places.six, places.five, places.cross))
@@ -87,8 +92,8 @@ def three_parallel(g: ArmGeometry, places: Places, signs: Array) -> tuple[Array,
     q6 = np.arctan2(signs[2] * a[..., 1], -signs[2] * b[..., 1])
     axis = np.cos(q6)[..., None] * a + np.sin(q6)[..., None] * b
     total = np.angle(axis[..., 2] + 1j * axis[..., 0]) - g.five
-    shift = _shift(g, way, total, np.where(across > _NOISE, np.nan, signs[2]))
-    shift = np.where(across < _LOOSE, shift, 0.0)
+    shift = _shift(g, way, total, np.where(across > _FREE_LENGTH, np.nan, signs[2]))
+    shift = np.where(across < _PARALLEL_SINE, shift, 0.0)
     total, q6 = total + shift, q6 - np.sign(v[..., 1]) * shift
     lift, elbow, sine = _two_links(g, way - np.exp(1j * total) * g.hand, signs[0] * signs[1])
     q = _wrap([pan, lift, g.signs[0] * elbow, g.signs[1] * (total - lift - elbow), t - g.zero, q6])
@@ -99,17 +104,25 @@ def _pan(g: ArmGeometry, point: Array, sign: Array) -> tuple[Array, Array]:
     """q1, and the x coordinate r that the wrist point has in the arm turned by it (0 when it lies too close)."""
     square = point[..., 0] ** 2 + point[..., 1] ** 2
     r = sign * np.sqrt(np.maximum(square - g.lateral**2, 0.0))
-    heading = np.where(square > _NOISE**2, np.arctan2(point[..., 1], point[..., 0]), 0.0)
+    heading = np.where(square > _FREE_LENGTH**2, np.arctan2(point[..., 1], point[..., 0]), 0.0)
     return heading - np.arctan2(g.lateral, r), r
 
 
-def _two_links(g: ArmGeometry, way: Complex, sign: Array) -> tuple[Array, Array, Array]:
-    """Angles of joints 2 and 3 (both about y) that span `way`, or come nearest to it, and |sin beta|."""
+class _Elbow(NamedTuple):
+    """Angles of joints 2 and 3, rad, and |sin beta|, which is 0 for a stretched or folded arm."""
+
+    lift: Array
+    elbow: Array
+    sine: Array
+
+
+def _two_links(g: ArmGeometry, way: Complex, sign: Array) -> _Elbow:
+    """Return the angles of joints 2 and 3, both about y, that span `way`, or come nearest to it."""
     upper, fore = abs(g.upper), abs(g.fore)
     cosine = (way.real**2 + way.imag**2 - upper**2 - fore**2) / (2.0 * upper * fore)
     beta = np.arccos(np.clip(cosine, -1.0, 1.0))
     elbow = sign * beta - np.angle(g.fore) + np.angle(g.upper)
-    return np.angle(way) - np.angle(g.upper + np.exp(1j * elbow) * g.fore), elbow, np.sin(beta)
+    return _Elbow(np.angle(way) - np.angle(g.upper + np.exp(1j * elbow) * g.fore), elbow, np.sin(beta))
 
 
 def _shift(g: ArmGeometry, way: Complex, total: Array, side: Array) -> Array:
@@ -119,7 +132,7 @@ def _shift(g: ArmGeometry, way: Complex, total: Array, side: Array) -> Array:
     errors put axis 4. `side` is NaN there: the least turn is taken. Elsewhere q6 is free: axis 4 is put where it suits
     the links best, on that side of the line from axis 2 to P.
     """
-    reach, hand, upper, fore = np.maximum(np.abs(way), _NOISE), abs(g.hand), abs(g.upper), abs(g.fore)
+    reach, hand, upper, fore = np.maximum(np.abs(way), _FREE_LENGTH), abs(g.hand), abs(g.upper), abs(g.fore)
     now = np.abs(way - np.exp(1j * total) * g.hand)
     wanted = np.where(np.isnan(side), np.clip(now, abs(upper - fore), upper + fore), np.hypot(upper, fore))
     wanted = np.clip(wanted, np.abs(reach - hand), reach + hand)

@@ -10,32 +10,32 @@ from optiplan.robot.robot import Robot
 _TURN = 2.0 * np.pi
 
 MOST_TURNS = 100.0
-"""Turns from the nearest image within which others are listed: files know limits of 1e30 rad."""
+"""Images within so many turns of the nearest one are listed: some files have limits of 1e30 rad."""
 
 
 def images(robot: Robot, q: Array, near: Array) -> list[Array]:
-    """For each joint, all values within its limits that equal that of q (n,) up to whole turns, the nearest first.
+    """Return for each joint all values within its limits that equal that of q (n,) up to whole turns, nearest first.
 
-    Every combination reaches the same pose. A joint without limits has the image nearest to `near` (n,) and those one
-    turn from it; one that cannot come within its limits, and a sliding joint outside, have none.
-    A joint that another follows at a broken number of turns has no other image.
+    Every combination reaches the same pose. A joint without limits has the image nearest to `near` (n,) and the images
+    one turn from it. A joint has no image if none is within its limits. A prismatic joint, or the leader of a
+    fractional follower, has no other image than q.
     """
     return [_of_joint(robot, j, float(q[j]), float(near[j])) for j in range(robot.n)]
 
 
 def whole_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:
-    """Up to `count` configurations that equal q (n,) up to whole turns, the soonest reached from `near` (n,) first.
+    """Return up to `count` configurations equal to q (n,) up to whole turns, the soonest from `near` (n,) first.
 
-    Of each joint the two images nearest to `near`; q itself stays for a joint that has none.
+    Each joint takes its two images nearest to `near`; a joint without images keeps its value in q.
     """
     every = [values[:2] if len(values) else q[j : j + 1] for j, values in enumerate(images(robot, q, near))]
     return _soonest(robot, every, near)[:count]
 
 
 def endless_turns(robot: Robot, q: Array, near: Array) -> list[Array]:
-    """Configurations that equal q (n,) up to whole turns of joints without limits, the soonest from `near` (n,) first.
+    """Return configurations equal to q (n,) up to whole turns of endless joints, the soonest from `near` (n,) first.
 
-    Of each such joint the two images nearest to `near`; the others stay as they are.
+    Each endless joint takes its two images nearest to `near`; the others keep their values.
     """
     endless = robot.endless
     if not endless.any():

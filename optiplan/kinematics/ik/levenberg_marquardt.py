@@ -8,12 +8,19 @@ from eigenpy import LDLT  # three times as quick as NumPy on such matrices, and 
 from optiplan.arrays import Array
 from optiplan.robot.robot import Robot
 
-_CONVERGED = 1e-9  # m and rad
-_DAMPING = 0.05
-_LEAST_DAMPING = 1e-12
-_LONGEST = 0.8  # rad or m, of a joint in one step
-_PATIENCE = 5  # steps after which the error must have fallen …
-GAIN = 0.3  # … by this share, or a fresh start is the better use of time
+_CONVERGED_ERROR = 1e-9
+"""m and rad; a descent ends below this error."""
+
+_DAMPING, _LEAST_DAMPING = 0.05, 1e-12
+
+_LONGEST_STEP = 0.8
+"""rad or m, of any joint."""
+
+_PATIENCE = 5
+"""Steps after which the error must have fallen by `GAIN`."""
+
+GAIN = 0.3
+"""Share by which the error must fall within `_PATIENCE` steps; else a fresh start is the better use of time."""
 
 
 class Descent:
@@ -24,7 +31,7 @@ class Descent:
     """
 
     def __init__(self, robot: Robot, frame: str, orientation: bool = True) -> None:
-        """With `orientation` false the position of the frame alone counts."""
+        """Prepare; without `orientation` only the position of the frame counts."""
         self._model, self._data = robot.model, robot.model.createData()
         self._frame = robot.model.getFrameId(frame)
         self._low, self._high = robot.limits.lower, robot.limits.upper
@@ -46,7 +53,7 @@ class Descent:
         return self._data.oMf[self._frame]
 
     def jacobian(self, q: Array) -> Array:
-        """The rows that count of the frame's Jacobian in world axes, linear first: (6, n) or (3, n)."""
+        """Return the frame's Jacobian in world axes, linear rows first: (6, n), or (3, n) for the position alone."""
         J = pin.computeFrameJacobian(self._model, self._data, q, self._frame, pin.LOCAL_WORLD_ALIGNED)
         return np.asarray(J.reshape(6, -1)[: self._rows])  # of one joint it is (6,)
 
@@ -55,7 +62,7 @@ class Descent:
         return np.asarray(np.minimum(np.maximum(q, self._low), self._high))
 
     def held(self, q: Array, step: Array, slack: float = 0.0) -> npt.NDArray[np.bool_]:
-        """Which joints stand at a limit, or within `slack` of it, and would be pushed through it: (n,) of bool."""
+        """Return which joints (n,) are at a limit, or within `slack` of it, and would pass it by `step`."""
         low, high = self._low + slack, self._high - slack
         return np.asarray(((q <= low) & (step < 0.0)) | ((q >= high) & (step > 0.0)))
 
@@ -77,7 +84,7 @@ class Descent:
             error = float(e @ e)  # squared
             if error < best_error:
                 best, best_error = q, error
-            if error < _CONVERGED**2:
+            if error < _CONVERGED_ERROR**2:
                 break
             if k % _PATIENCE == 0:
                 if best_error > (1.0 - gain) ** 2 * milestone:
@@ -87,9 +94,9 @@ class Descent:
         return best
 
     def settle(self, q: Array, position: float, orientation: float, iterations: int = 4) -> Array | None:
-        """The nearest configuration, nearly, whose error is at most `position` (m) and `orientation` (rad).
+        """Return nearly the nearest configuration whose error is at most `position`, m, and `orientation`, rad.
 
-        Each step takes away the error in excess of them; None where the last of `iterations` does not get there.
+        Each step removes the excess error; None if `iterations` steps are not enough.
         """
         for _ in range(iterations):
             e, J = self._linearise(q)
@@ -105,8 +112,8 @@ class Descent:
         return e.copy(), J
 
     def reached(self, q: Array) -> bool:
-        """Whether q (n,) puts the frame at the target, to ten times what `descend` aims for."""
-        return float(np.linalg.norm(self._linearise(q)[0])) < 10.0 * _CONVERGED
+        """Return whether q (n,) puts the frame at the target, to ten times what `descend` aims for."""
+        return float(np.linalg.norm(self._linearise(q)[0])) < 10.0 * _CONVERGED_ERROR
 
     def _linearise(self, q: Array) -> tuple[Array, Array]:
         J = self.jacobian(q)
@@ -129,7 +136,7 @@ class Descent:
                 break
             held |= pushed
         largest = float(np.abs(step).max())
-        return self.inside(q + step * (_LONGEST / largest) if largest > _LONGEST else q + step)
+        return self.inside(q + step * (_LONGEST_STEP / largest) if largest > _LONGEST_STEP else q + step)
 
     def _least_squares(self, J: Array, e: Array, damping: float) -> Array:
         """J^T (J J^T + damping I)^-1 e, (n,)."""

@@ -1,4 +1,4 @@
-"""Which of the infinitely many solutions of a redundant arm: descent in the null space, with the pose kept."""
+"""Choose among the solutions of a redundant arm: descent in the null space, at a constant pose."""
 
 from dataclasses import dataclass
 
@@ -12,15 +12,23 @@ from optiplan.robot.limits import Limits
 AIMS = ("middle", "reference", "manipulability")
 
 _STEPS = 60
-_FIRST, _LONGEST, _SHORTEST = 0.2, 0.5, 1e-4  # rad or m, of one step
-_RANK = 1e-6  # of the largest singular value: what is below does not move the frame
-_AT_LIMIT = 1e-6  # rad or m
-_CORRECTIONS = 8  # iterations that bring the frame back after a step
+
+_FIRST_STEP, _LONGEST_STEP, _SHORTEST_STEP = 0.2, 0.5, 1e-4
+"""rad or m."""
+
+_LEAST_SINGULAR_VALUE = 1e-6
+"""Share of the largest singular value; directions below it do not move the frame."""
+
+_LIMIT_SLACK = 1e-6
+"""rad or m; a joint nearer to its limit is at the limit."""
+
+_CORRECTIONS = 8
+"""Iterations that restore the pose after a step."""
 
 
 @dataclass(frozen=True, eq=False)
 class Preference:
-    """Preference among solutions of the same pose; `cost` falls as it is met.
+    """Preference among solutions of the same pose, as a cost to minimise.
 
     `middle`: 1/2 sum ((q_i - m_i) / h_i)^2, with m_i the middle and h_i half the range of joint i; a joint without
     bounds does not count. `reference`: 1/2 |q - reference|^2. `manipulability`: -log sqrt(det(J J^T)) of the frame.
@@ -57,19 +65,18 @@ class Preference:
 
 
 def improve(descent: Descent, limits: Limits, q: Array, preference: Preference) -> Array:
-    """A configuration (n,) with the pose that q (n,) has, within the limits, where the preference is met best nearby.
+    """Return a configuration (n,) with the pose of q (n,), within the limits, at a local minimum of the cost.
 
-    Steps lie in the null space of the frame's Jacobian, along the projected negative gradient; each is followed by a
-    few steps of `descent`, whose target is the pose, and taken back if the cost does not fall. A robot without a null
-    space stays at q.
+    Steps lie in the null space of the frame's Jacobian, along the projected negative gradient. After each, a few steps
+    of `descent` restore the pose. A step that does not lower the cost is undone. Without a null space q is returned.
     """
-    length = _FIRST
+    length = _FIRST_STEP
     J = descent.jacobian(q)
     cost, gradient = preference.cost(q, J, limits)
     for _ in range(_STEPS):
         direction = _downhill(descent, q, J, gradient)
         norm = float(np.linalg.norm(direction))
-        if norm < 1e-9 or length < _SHORTEST:
+        if norm < 1e-9 or length < _SHORTEST_STEP:
             break
         # A quadratic cost asks for a step as long as its gradient at most; this saves the last, futile ones.
         step = min(length, norm * 2.0) if preference.aim == "reference" else length
@@ -79,7 +86,7 @@ def improve(descent: Descent, limits: Limits, q: Array, preference: Preference) 
         trial_cost, trial_gradient = preference.cost(trial, J_trial, limits)
         if trial_cost < cost and descent.reached(trial):
             q, J, cost, gradient = trial, J_trial, trial_cost, trial_gradient
-            length = min(length * 1.5, _LONGEST)
+            length = min(length * 1.5, _LONGEST_STEP)
         else:
             length *= 0.4
     return q
@@ -91,11 +98,11 @@ def _downhill(descent: Descent, q: Array, J: Array, gradient: Array) -> Array:
     direction = -gradient
     for _ in range(len(q)):
         _, s, V = np.linalg.svd(np.where(rest, 0.0, J))
-        N = V[int((s > _RANK * s[0]).sum()) :]
+        N = V[int((s > _LEAST_SINGULAR_VALUE * s[0]).sum()) :]
         # What rests is in the null space of the zeroed columns too, and must not come back.
         free = np.where(rest, 0.0, N)
         direction = free.T @ (free @ -gradient)
-        pushed = descent.held(q, direction, _AT_LIMIT) & (np.abs(direction) > 1e-12)
+        pushed = descent.held(q, direction, _LIMIT_SLACK) & (np.abs(direction) > 1e-12)
         if not pushed.any():
             break
         rest |= pushed

@@ -14,8 +14,10 @@ from optiplan.robot.batched.kinematics import carrying_joints
 from optiplan.robot.mimic_joints import coupling
 from optiplan.robot.robot import Robot
 
-_PATIENT = 1e-4  # gain below which a descent for the nearest miss ends
-_POOL = 5000
+_PATIENT_GAIN = 1e-4
+"""Gain (see `GAIN`) below which the descent for the nearest miss ends."""
+
+_POOL_SIZE = 5000
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class IkOptions:
         iterations: steps from one start, at most.
         distinct: solutions differ when some joint differs by more than this, rad or m.
         stop: polled between starts.
-        prefer: which solution of a redundant arm: each one found moves, with its pose kept, to where this is met best.
+        prefer: among solutions of a redundant arm; each solution moves to a local minimum of this cost at its pose.
     """
 
     position: float = 1e-8
@@ -76,7 +78,7 @@ class IkBatch:
 class SeedPool:
     """Configurations within the limits with the poses that they have, so that a descent can start near its target."""
 
-    def __init__(self, robot: Robot, frame: str, rng: np.random.Generator, size: int = _POOL) -> None:
+    def __init__(self, robot: Robot, frame: str, rng: np.random.Generator, size: int = _POOL_SIZE) -> None:
         self.frame = frame
         self._Q = np.array(random_seeds(robot, np.zeros(robot.n), rng, size))
         self._features = np.empty((size, 12))
@@ -97,7 +99,7 @@ class SeedPool:
 
 
 def solve_ik(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[Array], options: IkOptions) -> IkResult:
-    """Configurations within the joint limits that put `frame` at X_WG, one attempt a seed (n,) until `count` are found.
+    """Find configurations within the joint limits that put `frame` at X_WG, by one descent from each seed (n,).
 
     Raises:
         ValueError: there is no seed.
@@ -108,7 +110,7 @@ def solve_ik(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[Array], op
 def solve_ik_batch(
     robot: Robot, X_WG: Array, pool: SeedPool, options: IkOptions | None = None, starts: int = 50
 ) -> IkBatch:
-    """One solution for each of many poses X_WG (N, 4, 4), from the `starts` configurations of `pool` nearest to each.
+    """Find one solution for each of many poses X_WG (N, 4, 4), from the `starts` nearest configurations of `pool`.
 
     The frame is that of the pool; `count` and `distinct` of the options have no meaning here.
     """
@@ -127,7 +129,7 @@ def solve_ik_batch(
 def _solve(robot: Robot, descent: Descent, X_WG: pin.SE3, seeds: Iterable[Array], options: IkOptions) -> IkResult:
     descent.aim(X_WG)
     solutions: list[Array] = []
-    nearest: tuple[float, float, Array] | None = None
+    nearest: IkResult | None = None
     for seed in seeds:
         q = descent.descend(seed, options.iterations)
         position, orientation = pose_error(descent.place(q), X_WG)
@@ -135,27 +137,27 @@ def _solve(robot: Robot, descent: Descent, X_WG: pin.SE3, seeds: Iterable[Array]
             q = q if options.prefer is None else improve(descent, robot.limits, q, options.prefer)
             if all(np.abs(q - other).max() > options.distinct for other in solutions):
                 solutions.append(q)
-        if nearest is None or position + orientation < nearest[0] + nearest[1]:
-            nearest = position, orientation, q
+        if nearest is None or position + orientation < nearest.position_error + nearest.orientation_error:
+            nearest = IkResult(solutions, q, position, orientation)
         if len(solutions) >= options.count or options.stop():
             break
     if nearest is None:
         raise ValueError("inverse kinematics needs at least one seed")
     if solutions:
-        return IkResult(solutions, nearest[2], nearest[0], nearest[1])
-    # Patience, so that the miss reported is the least in its surroundings.
-    q = descent.descend(nearest[2], options.iterations, _PATIENT)
+        return nearest
+    # With patience, so that the reported miss is a local minimum.
+    q = descent.descend(nearest.nearest, options.iterations, _PATIENT_GAIN)
     return IkResult([], q, *pose_error(descent.place(q), X_WG))
 
 
 def pose_error(X_WF: pin.SE3, X_WG: pin.SE3) -> tuple[float, float]:
-    """Distance of the origins (m) and angle of the rotation (rad) between two poses."""
+    """Return the distance of the origins, m, and the angle of the rotation, rad, between two poses."""
     angle = np.linalg.norm(pin.log3(X_WF.rotation.T @ X_WG.rotation))
     return float(np.linalg.norm(X_WG.translation - X_WF.translation)), float(angle)
 
 
 def random_seeds(robot: Robot, near: Array, rng: np.random.Generator, count: int, frame: str = "") -> list[Array]:
-    """Uniform configurations within the limits; a joint without bounds is drawn within pi of `near` (n,).
+    """Draw uniform configurations within the limits; a joint without bounds is within pi of `near` (n,).
 
     With a `frame`, joints that do not move it stay at `near`.
     """
@@ -166,9 +168,9 @@ def random_seeds(robot: Robot, near: Array, rng: np.random.Generator, count: int
 
 
 def joints_that_move(robot: Robot, frame: str) -> npt.NDArray[np.bool_]:
-    """Which joints, or joints that follow them, lie between the base and a frame, (n,).
+    """Return which joints (n,), or their followers, are between the base and a frame.
 
-    All other columns of its Jacobian are zero everywhere.
+    The other columns of its Jacobian are zero everywhere.
     """
     model = robot.model
     carrying = carrying_joints(model)[model.frames[model.getFrameId(frame)].parentJoint]

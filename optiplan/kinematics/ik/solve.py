@@ -11,10 +11,13 @@ from optiplan.arrays import Array
 from optiplan.kinematics.ik.closed_form import Solutions, closed_form
 from optiplan.kinematics.ik.joint_wraps import images, whole_turns
 from optiplan.kinematics.ik.numeric import IkOptions, IkResult, pose_error, random_seeds, solve_ik
+from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 
 MEASURES = ("shoulder", "elbow", "wrist")
-_BRANCH_TOLERANCE = 1e-7  # rad: branches that differ by less have merged
+_BRANCH_TOLERANCE = 1e-7
+"""rad; branches that differ by less have merged."""
+
 _STARTS = 200
 _NUMERIC = "numeric"
 
@@ -56,9 +59,10 @@ class Answer:
 
 
 def inverse_kinematics(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[Array], options: IkOptions) -> IkResult:
-    """`solve_ik`, with the branches of the closed form before the seeds (or, where it says all, in their place).
+    """Return `solve_ik` from the branches of the closed form, and then from the seeds.
 
-    The first of the seeds, each (n,), chooses among whole turns.
+    The seeds are not used if a branch is within the limits and none is singular. The first seed (n,) chooses among
+    whole turns.
 
     Raises:
         ValueError: there is no seed.
@@ -77,13 +81,16 @@ def inverse_kinematics(robot: Robot, frame: str, X_WG: pin.SE3, seeds: Iterable[
 
 
 def answer(robot: Robot, frame: str, X_WG: pin.SE3, near: Array, options: IkOptions | None = None) -> Answer:
-    """Every branch of the closed form, or what many starts find; and the nearest miss when nothing is within limits."""
+    """Find every branch of the closed form, or solutions from many starts; else the nearest miss within limits."""
     closed = closed_form(robot, frame)
     seeds = [near, *robot.configurations.values()]
     seeds += random_seeds(robot, near, np.random.default_rng(0), _STARTS)
     if closed is None:
         numeric = solve_ik(robot, frame, X_WG, seeds, options or IkOptions())
-        found = [_solution(robot, q, near, _NUMERIC, _error(robot, frame, X_WG, q)) for q in numeric.solutions]
+        found = [
+            _solution(robot, q, near, _NUMERIC, pose_error(frame_pose(robot, q, frame), X_WG))
+            for q in numeric.solutions
+        ]
     else:
         found = _branches(robot, near, closed.solve(X_WG.homogeneous[None]))
     found.sort(key=lambda s: (not s.within_limits, float(np.abs(s.q - near).max())))
@@ -94,14 +101,14 @@ def answer(robot: Robot, frame: str, X_WG: pin.SE3, near: Array, options: IkOpti
 
 
 def wanted_configuration(robot: Robot) -> Array:
-    """The configuration `ready` (n,), else the first that has a name, else zero moved into the limits."""
+    """Return the configuration `ready` (n,), else the first named one, else zero moved into the limits."""
     zero = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
     first = next(iter(robot.configurations.values()), zero)
     return robot.configurations.get("ready", first)
 
 
 def _branches(robot: Robot, near: Array, all_of: Solutions) -> list[Solution]:
-    """The valid branches; of those that have merged at a singularity, the first."""
+    """Return the valid branches; of branches that merge at a singularity, the first."""
     result: list[Solution] = []
     for k in np.flatnonzero(all_of.valid[0]):
         q = all_of.q[0, k]
@@ -117,12 +124,6 @@ def _branches(robot: Robot, near: Array, all_of: Solutions) -> list[Solution]:
 def _solution(robot: Robot, q: Array, near: Array, branch: str, error: tuple[float, float]) -> Solution:
     best = whole_turns(robot, q, near, 1)[0]
     return Solution(best, branch, _within(robot, best), error, (), images(robot, q, near))
-
-
-def _error(robot: Robot, frame: str, X_WG: pin.SE3, q: Array) -> tuple[float, float]:
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    return pose_error(data.oMf[robot.model.getFrameId(frame)], X_WG)
 
 
 def _within(robot: Robot, q: Array) -> bool:

@@ -14,9 +14,16 @@ from optiplan import cache
 
 FLAGS = ("-O2", "-shared", "-fPIC")
 MOST_INSTRUCTIONS = 2000
-"""Of a function that is compiled on the way: gcc takes about a second for a thousand."""
+"""Instructions of a function that is compiled while planning: gcc takes about a second for a thousand."""
 
 _VERSION = "1"  # counted up when code is generated in another way
+
+
+def load_casadi() -> Any:
+    """Return the module CasADi, which takes a while to import and ships no types."""
+    import casadi
+
+    return casadi
 
 
 def compiler() -> list[str] | None:
@@ -30,10 +37,9 @@ def compiler() -> list[str] | None:
 def compiled(name: str, parts: list[bytes], build: Callable[[], Any]) -> Any:
     """The function that `build` returns, with its Jacobian, as machine code.
 
-    The library lies in the cache, under a hash of `name`, `parts` and the version of CasADi; only if it is not there
-    `build` is called and its result compiled. Without a compiler, or where nothing can be kept, what `build` returns is
-    returned itself, to be run by CasADi's virtual machine. Both give the same numbers up to rounding, and both can be
-    mapped and differentiated.
+    The library is cached under a hash of `name`, `parts` and the version of CasADi. If it is missing, the result of
+    `build` is compiled. Without a compiler or a cache, the result of `build` itself is returned, which CasADi's virtual
+    machine runs. Both give the same numbers up to rounding, and both can be mapped and differentiated.
 
     Args:
         name: a C identifier, and the name of the function built.
@@ -43,9 +49,7 @@ def compiled(name: str, parts: list[bytes], build: Callable[[], Any]) -> Any:
     command = compiler()
     if command is None:
         return build()
-    import casadi
-
-    tags = [_VERSION, casadi.CasadiMeta.version(), platform.machine(), name, *FLAGS]
+    tags = [_VERSION, load_casadi().CasadiMeta.version(), platform.machine(), name, *FLAGS]
     file = f"twin/{name}-{cache.digest([*(tag.encode() for tag in tags), *parts])}.so"
     found = _open(name, file)
     if found is not None:
@@ -59,10 +63,10 @@ def compiled(name: str, parts: list[bytes], build: Callable[[], Any]) -> Any:
 
 
 def as_machine_code(function: Any) -> Any:
-    """Return a function as machine code, without derivatives of its own; itself where that is not to be had.
+    """Return a function as machine code without derivatives, or the function itself where it cannot be compiled.
 
-    The library lies in the cache under a hash of the function's own content. One of more than `MOST_INSTRUCTIONS` is
-    returned itself, if no library is there: the compiler would take seconds.
+    The library is cached under a hash of the function's content. A function of more than `MOST_INSTRUCTIONS` without a
+    cached library is returned itself: the compiler would take seconds.
     """
     command = compiler()
     if command is None:
@@ -82,19 +86,15 @@ def as_machine_code(function: Any) -> Any:
 
 def _open(name: str, file: str) -> Any | None:
     """The function of a cached library; None if there is none, or if it cannot be loaded and has to be made again."""
-    import casadi
-
     try:
-        return None if cache.load(file) is None else casadi.external(name, str(cache.cache_dir() / file))
+        return None if cache.load(file) is None else load_casadi().external(name, str(cache.cache_dir() / file))
     except RuntimeError:
         return None
 
 
 def _compile(function: Any, command: list[str], derivative: bool = True) -> bytes | None:
     """Shared library of a function, and its Jacobian if wanted; None if the compiler refuses or the disk does."""
-    import casadi
-
-    code = casadi.CodeGenerator(f"{function.name()}.c")
+    code = load_casadi().CodeGenerator(f"{function.name()}.c")
     code.add(function)
     if derivative:
         code.add(function.jacobian())

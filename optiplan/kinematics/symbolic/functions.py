@@ -11,7 +11,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.errors import UnknownChoiceError
 from optiplan.kinematics.symbolic import tree as expressions
-from optiplan.kinematics.symbolic.compiled import compiled
+from optiplan.kinematics.symbolic.compiled import compiled, load_casadi
 from optiplan.robot.mimic_joints import Unfolded, unfold
 
 REFERENCES = ("local_world_aligned", "local")
@@ -43,7 +43,7 @@ class SymbolicRobot:
     _made: dict[tuple[str, ...], Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self._tree  # noqa: B018 — a joint that is not supported is told at once
+        self._tree  # noqa: B018 — reports an unsupported joint at once
 
     def pose(self, frame: str) -> Any:
         """Pose of a frame: q -> X_WF (4, 4), homogeneous."""
@@ -87,7 +87,7 @@ class SymbolicRobot:
         """Mass matrix: q -> M (nv, nv) = d tau / d a of the inverse dynamics, kg m², kg m or kg."""
 
         def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
-            casadi = _casadi()
+            casadi = load_casadi()
             tau = self.torque_expression(q, casadi.SX.zeros(self.model.nv), a, np.zeros(3))
             return [q], [casadi.densify(casadi.jacobian(tau, a))]
 
@@ -111,15 +111,15 @@ class SymbolicRobot:
         J = self.jacobian_expression(q, frame)[list(rows), :]
         gram = J @ J.T if J.shape[0] <= J.shape[1] else J.T @ J
         # Rounding may leave a singular determinant below zero, where the root is no number; at zero its slope is none.
-        return _casadi().sqrt(_casadi().fmax(expressions.determinant(gram), SINGULAR))
+        return load_casadi().sqrt(load_casadi().fmax(expressions.determinant(gram), SINGULAR))
 
     def tangent(self) -> Any:
         """Rate of the configuration: q -> G (nq, nv) with dq/dt = G(q) v (angles may be kept as cos, sin)."""
 
         def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
             if self._follows:  # every joint of such a model has one degree of freedom
-                return [q], [_casadi().SX(np.eye(self.model.nv))]
-            return [q], [_casadi().densify(expressions.tangent(self._tree, q, self.model.nv))]
+                return [q], [load_casadi().SX(np.eye(self.model.nv))]
+            return [q], [load_casadi().densify(expressions.tangent(self._tree, q, self.model.nv))]
 
         return self._function("tangent", None, build)
 
@@ -155,7 +155,7 @@ class SymbolicRobot:
             parts = [*self._content] if frame is None else [*self._content, _frame_bytes(self._find(frame))]
 
             def make() -> Any:
-                casadi = _casadi()
+                casadi = load_casadi()
                 q, v, a = (casadi.SX.sym(*sized) for sized in zip("qva", self._sizes(), strict=True))
                 inputs, outputs = build(q, v, a)
                 return casadi.Function(name, inputs, outputs, list("qva")[: len(inputs)], ["value"], {"cse": True})
@@ -173,7 +173,7 @@ class SymbolicRobot:
         return model.frames[model.getFrameId(frame)]
 
     def _poses(self, q: Any) -> list[expressions.Placement]:
-        """X_WJ of the world and of all joints, where those that follow others stand at A q + b."""
+        """Return X_WJ of the world and of all joints, followers included, at positions A q + b."""
         positions = self._plain.A @ q + self._plain.b if self._follows else q
         return expressions.world_poses(self._tree, positions)
 
@@ -195,20 +195,14 @@ class SymbolicRobot:
         J = expressions.frame_jacobian(self._tree, poses, int(self._find(frame).parentJoint), p)
         if self._follows:
             J = J @ self._plain.A
-        casadi = _casadi()
+        casadi = load_casadi()
         return casadi.densify(casadi.vertcat(R.T @ J[:3, :], R.T @ J[3:, :]) if local else J)
 
 
 def _homogeneous(R: Any, p: Any) -> Any:
-    casadi = _casadi()
+    casadi = load_casadi()
     return casadi.densify(casadi.vertcat(casadi.horzcat(R, p), casadi.SX([[0.0, 0.0, 0.0, 1.0]])))
 
 
 def _frame_bytes(frame: pin.Frame) -> bytes:
     return repr(int(frame.parentJoint)).encode() + np.ascontiguousarray(frame.placement.homogeneous).tobytes()
-
-
-def _casadi() -> Any:
-    import casadi
-
-    return casadi

@@ -8,7 +8,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import UnknownChoiceError
-from optiplan.kinematics.symbolic.compiled import as_machine_code
+from optiplan.kinematics.symbolic.compiled import as_machine_code, load_casadi
 from optiplan.kinematics.symbolic.functions import ALL_ROWS, SymbolicRobot
 from optiplan.robot.robot import Robot
 
@@ -41,7 +41,7 @@ class SymbolicState:
     """
 
     def __init__(self, robot: Robot) -> None:
-        casadi = _casadi()
+        casadi = load_casadi()
         self.robot, self._twin = robot, SymbolicRobot(robot.model, machine_code=False)
         self.q, self.v, self.a = (casadi.SX.sym(name, robot.n) for name in "qva")
         self._constants: list[tuple[Any, Array]] = []
@@ -72,7 +72,7 @@ class SymbolicState:
 
     def acceleration(self, frame: str) -> SymbolicMotion:
         """Return the acceleration of a frame's origin, m/s², and its angular acceleration, rad/s²."""
-        rate = _casadi().jtimes(self._twist(frame), self.q, self.v)
+        rate = load_casadi().jtimes(self._twist(frame), self.q, self.v)
         return self._split(self._twin.jacobian_expression(self.q, self._named(frame)) @ self.a + rate)
 
     def torque(self) -> Any:
@@ -87,25 +87,25 @@ class SymbolicState:
     def constant(self, value: Any) -> Any:
         """Return a number, (k,) or (k, l) as an expression whose values are no part of the compiled function."""
         array = np.asarray(value, float)
-        symbol = _casadi().SX.sym(f"p{len(self._constants)}", *array.shape)
+        symbol = load_casadi().SX.sym(f"p{len(self._constants)}", *array.shape)
         self._constants.append((symbol, array))
         return symbol
 
     def sin(self, x: Any) -> Any:
         """Return the sine of an expression, rad."""
-        return _casadi().sin(x)
+        return load_casadi().sin(x)
 
     def cos(self, x: Any) -> Any:
         """Return the cosine of an expression, rad."""
-        return _casadi().cos(x)
+        return load_casadi().cos(x)
 
     def atan2(self, y: Any, x: Any) -> Any:
         """Return the angle of the point (x, y), rad."""
-        return _casadi().atan2(y, x)
+        return load_casadi().atan2(y, x)
 
     def norm(self, x: Any) -> Any:
         """Return the length of a vector (k,); it has no derivative at 0."""
-        return _casadi().norm_2(x)
+        return load_casadi().norm_2(x)
 
     def _named(self, frame: str) -> str:
         return self.robot.tool_frame if frame == "tool" else frame
@@ -135,7 +135,7 @@ class BatchedExpression:
         Raises:
             ValueError: it steps: it rounds, compares or takes a sign.
         """
-        casadi = _casadi()
+        casadi = load_casadi()
         state = SymbolicState(robot)
         value = casadi.vec(casadi.densify(casadi.SX(build(state))))
         if smooth:
@@ -176,7 +176,7 @@ class BatchedExpression:
 
 
 def _require_no_steps(value: Any, inputs: list[Any]) -> None:
-    casadi = _casadi()
+    casadi = load_casadi()
     steps = {
         casadi.OP_FLOOR: "floor",
         casadi.OP_CEIL: "ceil",
@@ -197,9 +197,3 @@ def _require_no_steps(value: Any, inputs: list[Any]) -> None:
     found = {steps[code] for k in range(function.n_instructions()) if (code := function.instruction_id(k)) in steps}
     if found:
         raise ValueError(f"it is not smooth: it uses {', '.join(sorted(found))}")
-
-
-def _casadi() -> Any:
-    import casadi
-
-    return casadi

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.kinematics.symbolic.compiled import load_casadi
 
 KINDS = {
     "JointModelR": "revolute",
@@ -93,7 +94,7 @@ def joint_transforms(tree: tuple[Joint, ...], q: Expression) -> list[Placement]:
 
 def world_poses(tree: tuple[Joint, ...], q: Expression) -> list[Placement]:
     """X_WJ of the world (first) and of each joint, as (R, p): X_WJ = X_WP X_PJ(q)."""
-    casadi = _casadi()
+    casadi = load_casadi()
     poses: list[Placement] = [(casadi.SX.eye(3), casadi.SX.zeros(3))]
     for joint, (R, p) in zip(tree, joint_transforms(tree, q), strict=True):
         R_WP, p_WP = poses[joint.parent]
@@ -112,7 +113,7 @@ def frame_jacobian(tree: tuple[Joint, ...], poses: list[Placement], joint: int, 
 
     The column of a unit screw (l, w) given in the frame of joint j is (R l + R w x (p_F - p_j), R w), R = R_Wj.
     """
-    casadi = _casadi()
+    casadi = load_casadi()
     J = casadi.SX.zeros(6, sum(item.screws.shape[1] for item in tree))
     while joint > 0:
         R, p = poses[joint]
@@ -138,7 +139,7 @@ def symbolic_inverse_dynamics(
     `gravity` (3,) is the linear acceleration of free fall in the world, m/s². As in pinocchio, armature counts and
     friction does not.
     """
-    casadi = _casadi()
+    casadi = load_casadi()
     still = casadi.SX.zeros(3)
     transforms = joint_transforms(tree, q)
     velocities: list[Placement] = [(still, still)]
@@ -163,7 +164,7 @@ def symbolic_inverse_dynamics(
 
 def tangent(tree: tuple[Joint, ...], q: Expression, nv: int) -> Expression:
     """G (nq, nv) with dq/dt = G(q) v: the identity, but for joints that keep their angle as (cos, sin)."""
-    casadi = _casadi()
+    casadi = load_casadi()
     G = casadi.SX.zeros(q.shape[0], nv)
     for joint in tree:
         if joint.kind in ("revolute", "prismatic"):
@@ -181,7 +182,7 @@ def tangent(tree: tuple[Joint, ...], q: Expression, nv: int) -> Expression:
 def determinant(A: Expression) -> Expression:
     """Determinant of a square matrix without division, from the minors of its first rows: k 2^(k-1) products."""
     size = A.shape[0]
-    minors: dict[int, Expression] = {0: _casadi().SX(1.0)}
+    minors: dict[int, Expression] = {0: load_casadi().SX(1.0)}
     for row in range(size):
         grown: dict[int, Expression] = {}
         for columns, minor in minors.items():
@@ -196,7 +197,7 @@ def determinant(A: Expression) -> Expression:
 
 def _transform(joint: Joint, q: Expression) -> Placement:
     """X_PJ(q) = X_PJ(0) exp([S] q), as (R, p)."""
-    casadi = _casadi()
+    casadi = load_casadi()
     if joint.kind == "prismatic":
         return casadi.SX(joint.R), joint.p + joint.R @ (joint.screws[:3, 0] * q)
     if joint.kind == "revolute":
@@ -213,19 +214,19 @@ def _transform(joint: Joint, q: Expression) -> Placement:
 def _to_child(X: Placement, motion: Placement) -> Placement:
     """A motion of the parent's frame, seen from the child's: (R^T (l + w x p), R^T w)."""
     R, p = X
-    return R.T @ (motion[0] + _casadi().cross(motion[1], p)), R.T @ motion[1]
+    return R.T @ (motion[0] + load_casadi().cross(motion[1], p)), R.T @ motion[1]
 
 
 def _force_to_parent(X: Placement, force: Placement) -> Placement:
     """A force of the child's frame, seen from the parent's: (R f, R n + p x R f)."""
     R, p = X
     push = R @ force[0]
-    return push, R @ force[1] + _casadi().cross(p, push)
+    return push, R @ force[1] + load_casadi().cross(p, push)
 
 
 def _momentum(joint: Joint, motion: Placement) -> Placement:
     """I (l, w) = (f, I_C w + c x f) with f = m (l - c x w)."""
-    casadi = _casadi()
+    casadi = load_casadi()
     lever = casadi.SX(_clean(joint.lever))
     push = joint.mass * (motion[0] - casadi.cross(lever, motion[1]))
     return push, _clean(joint.inertia) @ motion[1] + casadi.cross(lever, push)
@@ -233,7 +234,7 @@ def _momentum(joint: Joint, motion: Placement) -> Placement:
 
 def _cross_force(motion: Placement, force: Placement) -> Placement:
     """(l, w) x* (f, n) = (w x f, w x n + l x f)."""
-    casadi = _casadi()
+    casadi = load_casadi()
     return casadi.cross(motion[1], force[0]), casadi.cross(motion[1], force[1]) + casadi.cross(motion[0], force[0])
 
 
@@ -248,9 +249,3 @@ def _split(vector: Expression) -> Placement:
 def _clean(values: Array) -> Array:
     values = np.array(values)
     return np.where(np.abs(values) < _NOISE, 0.0, values)
-
-
-def _casadi() -> Any:
-    import casadi
-
-    return casadi

@@ -1,18 +1,20 @@
 """`arc` (moveC): the tool moves along a circle to the goal's position, through a point or about a centre."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.errors import InputError, Issue
 from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
 from optiplan.planners.cartesian.tool_path import ToolPath, angle_about, arc, circle_through
-from optiplan.planners.option_schema import OptionError, option
+from optiplan.planners.option_schema import OptionError, option, option_error
 
-_OFF = 1e-3  # m or rad: how far what is given may be from what fits exactly
+_OFF = 1e-3  # m or rad: largest deviation of a given centre, normal or angle from one that fits exactly
 _SHORTEST = 1e-6  # m: ends of an arc that are nearer are one point
+
+_error = partial(option_error, "arc")
 
 
 @dataclass(frozen=True)
@@ -52,17 +54,17 @@ class Arc(ToolMotion[ArcOptions]):
         """
         a, b = start.translation, goal.translation
         if np.linalg.norm(b - a) < _SHORTEST:
-            raise _issue(
+            raise _error(
                 "goal", "the start's position", "another position; the planner 'circle' goes all the way round"
             )
         if self.options.through is None:
             return arc(start, goal, *self._about(a, b))
         point = np.array(self.options.through)
         if min(np.linalg.norm(point - a), np.linalg.norm(point - b)) < _SHORTEST:
-            raise _issue("through", f"{point.tolist()}, an end of the arc", "a point between start and goal")
+            raise _error("through", f"{point.tolist()}, an end of the arc", "a point between start and goal")
         found = circle_through(a, point, b)
         if found is None:
-            raise _issue("through", f"{point.tolist()}, in line with start and goal", "a point beside that line")
+            raise _error("through", f"{point.tolist()}, in line with start and goal", "a point beside that line")
         return arc(start, goal, *found)
 
     def _about(self, a: Array, b: Array) -> tuple[Array, Array]:
@@ -74,7 +76,7 @@ class Arc(ToolMotion[ArcOptions]):
             found = (
                 f"{np.linalg.norm(given - a):.6g} m from the start and {np.linalg.norm(given - b):.6g} m from the goal"
             )
-            raise _issue("centre", found, f"a point as far from both, such as {np.round(centre, 6).tolist()}")
+            raise _error("centre", found, f"a point as far from both, such as {np.round(centre, 6).tolist()}")
         return centre, normal * self._angle(angle_about(normal, a - centre, b - centre))
 
     def _normal(self, to_a: Array, to_b: Array, chord: Array) -> Array:
@@ -82,7 +84,7 @@ class Arc(ToolMotion[ArcOptions]):
         if self.options.normal is None:
             normal = np.cross(to_a, to_b)
             if np.linalg.norm(normal) < _OFF * np.linalg.norm(to_a) * np.linalg.norm(to_b):
-                raise _issue("normal", "nothing, with start, centre and goal in line", "the direction to turn about")
+                raise _error("normal", "nothing, with start, centre and goal in line", "the direction to turn about")
             return np.asarray(normal / np.linalg.norm(normal))
         normal = np.array(self.options.normal) / np.linalg.norm(self.options.normal)
         across = normal - chord * (normal @ chord)
@@ -90,7 +92,7 @@ class Arc(ToolMotion[ArcOptions]):
             other = np.cross(chord, np.eye(3)[np.abs(chord).argmin()])
             fits = np.round(across if np.linalg.norm(across) > 0.1 else other, 6) + 0.0
             expected = f"one across the way to the goal, such as {fits.tolist()}"
-            raise _issue("normal", f"{list(self.options.normal)}", expected)
+            raise _error("normal", f"{list(self.options.normal)}", expected)
         return np.asarray(across / np.linalg.norm(across))
 
     def _angle(self, short: float) -> float:
@@ -102,9 +104,5 @@ class Arc(ToolMotion[ArcOptions]):
         if abs(exact - self.options.angle) > _OFF:
             fits = sorted(short + 2.0 * np.pi * k for k in (-1, 0, 1))
             words = ", ".join(f"{angle:.6g}" for angle in fits)
-            raise _issue("angle", f"{self.options.angle:.6g} rad, which does not lead to the goal", f"one of {words}")
+            raise _error("angle", f"{self.options.angle:.6g} rad, which does not lead to the goal", f"one of {words}")
         return exact
-
-
-def _issue(field: str, found: str, expected: str) -> InputError:
-    return InputError([Issue.of_option("arc", field, found, expected)])

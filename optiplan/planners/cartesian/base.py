@@ -12,11 +12,11 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.cartesian.branch_change import Branch, other_branches
-from optiplan.planners.cartesian.differential_ik import Aim, Tracker, gone_together
+from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim, Tracker, coupled_frames
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import ToolPath
-from optiplan.planners.common.context import Work
-from optiplan.planners.common.failures import out_of_time, too_heavy
+from optiplan.planners.common.context import PlanContext
+from optiplan.planners.common.failures import out_of_time, path_too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.region_poses import single_ends, with_poses
 from optiplan.planners.option_schema import PlannerOptions, option
@@ -26,9 +26,7 @@ from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.timing.time_path import Method, TimingOptions, ToolLimits, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
-_AVOIDANCES = (4.0, 20.0)  # of limits, by arms with more joints than they need; tried in this order
 _METHODS: dict[str, Method] = {"trapezoid": "toppra", "jerk": "jerk", "uniform": "uniform"}
-_SAMPLES = 200  # of a path, where gravity is looked for
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class _Task:
 class ToolMotion(Planner[Options]):
     """A planner is this class and its `path`.
 
-    Path constraints are held where the path does by itself; the verifier tells.
+    It holds only path constraints that the tool path meets by itself; the verifier decides.
     """
 
     holds_constraints = True
@@ -104,7 +102,7 @@ class ToolMotion(Planner[Options]):
             InputError: the options do not go with the start and any of the goals.
         """
         problem = with_poses(problem)
-        work = Work.on(problem, budget)
+        work = PlanContext.of(problem, budget)
         seconds = work.watch.seconds
         with work.watch.stage("goals"):
             goals = ranked_goals(problem, work.model, budget, self.options.goals, nearer=False)
@@ -125,8 +123,8 @@ class ToolMotion(Planner[Options]):
             return PlanResult(None, out_of_time(budget, "following tool paths"), seconds)
         return PlanResult(None, _reason(goals, failures), seconds)
 
-    def _attempt(self, work: Work, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:
-        """The motion on one branch, or why there is none."""
+    def _attempt(self, work: PlanContext, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:
+        """Return the motion on one branch, or why there is none."""
         with work.watch.stage("following"):
             followed = follow(work.model, task.path, task.frame, branch.q, work.budget, aim)
         if isinstance(followed, Failure):
@@ -139,7 +137,7 @@ class ToolMotion(Planner[Options]):
             return branch.before(work.problem, timed, work.budget)
 
     def _tasks(self, problem: Problem) -> list[_Task]:
-        """The alternatives of the goal that the options go with."""
+        """Return the alternatives of the goal that fit the options."""
         tasks, refused, robot = [], [], problem.robot
         for goal in single_ends(problem):
             frame = goal.frame if isinstance(goal, PoseGoal) else robot.tool_frame
@@ -158,9 +156,9 @@ class ToolMotion(Planner[Options]):
         return tasks
 
     def _attempts(
-        self, work: Work, tasks: list[_Task], goals: list[Array] | Failure
+        self, work: PlanContext, tasks: list[_Task], goals: list[Array] | Failure
     ) -> Iterator[tuple[Branch, _Task, Aim]]:
-        """The start's own branch for every task, then, if asked, the others."""
+        """Yield the start's own branch for every task, then, with `change_branch`, the others."""
         ends = [] if isinstance(goals, Failure) else goals
         for task in tasks:
             for aim in self._aims(work.problem, task, ends):
@@ -173,19 +171,19 @@ class ToolMotion(Planner[Options]):
                 yield branch, task, self._plain(work.problem, task)
 
     def _plain(self, problem: Problem, task: _Task) -> Aim:
-        return Aim(task.goal, _AVOIDANCES[0], task.orientation, gone_together(problem, task.frame))
+        return Aim(task.goal, LIMIT_AVOIDANCES[0], task.orientation, coupled_frames(problem, task.frame))
 
     def _aims(self, problem: Problem, task: _Task, ends: list[Array]) -> Iterator[Aim]:
-        """Anywhere, or at the goal's configuration; a redundant arm may then avoid limits more, or aim at an end."""
+        """Yield the plain aim; for a redundant arm also aims that avoid limits more, or end in a goal configuration."""
         plain = self._plain(problem, task)
         yield plain
         tracker = Tracker(problem.robot, task.frame, task.path, plain)
         if tracker.redundant:
-            yield replace(plain, avoidance=_AVOIDANCES[1])
+            yield replace(plain, avoidance=LIMIT_AVOIDANCES[1])
             exact = [] if task.goal is not None else [tracker.correct(1.0, q) for q in ends]
             yield from (replace(plain, goal=q) for q in exact if q is not None)
 
-    def _timed(self, work: Work, followed: Trajectory, frame: str) -> Trajectory | Failure:
+    def _timed(self, work: PlanContext, followed: Trajectory, frame: str) -> Trajectory | Failure:
         o = self.options
         given = {"linear": o.speed, "angular": o.angular_speed, "linear_acceleration": o.acceleration}
         limits = {name: value for name, value in given.items() if value is not None}
@@ -198,8 +196,7 @@ class ToolMotion(Planner[Options]):
         robot, joint_limits = work.problem.robot, work.problem.limits
         timed = time_path(followed, robot, joint_limits, TimingOptions(method, tool, stop=lambda: work.budget.over))
         if timed is None:
-            samples = followed(np.linspace(0.0, followed.duration, _SAMPLES))
-            return too_heavy(robot, joint_limits, samples)
+            return path_too_heavy(robot, joint_limits, followed)
         if o.duration is None:
             return timed
         if o.duration < timed.duration:
@@ -211,7 +208,7 @@ class ToolMotion(Planner[Options]):
 
 
 def _reason(goals: list[Array] | Failure, failures: list[Failure]) -> Failure:
-    """The failure that came farthest along its path; what is known of the goal comes first."""
+    """Return the failure farthest along its path, after that of the goal if there is one."""
     farthest = max(failures, key=lambda failure: float(failure.witness.get("fraction", 1.0)))
     if not isinstance(goals, Failure):
         return farthest

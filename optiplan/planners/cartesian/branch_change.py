@@ -11,7 +11,7 @@ from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.point_to_point.quintic import Quintic
-from optiplan.planners.sampling.rrtconnect import RrtConnect
+from optiplan.planners.sampling.tree_planners import RrtConnect
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem, derived
 from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.joining import join_trajectories
@@ -22,13 +22,13 @@ _OTHER = 1e-3  # rad or m: configurations that differ by less are one
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A configuration q (n,) that has the tool where the start has it; `changed` if it is not the start."""
+    """A configuration q (n,) with the tool at its start pose; `changed` if it is not the start."""
 
     q: Array
     changed: bool = False
 
     def before(self, problem: Problem, motion: Trajectory, budget: Budget) -> Trajectory | Failure:
-        """The motion, after that from the problem's start to q, with rest in between; or why there is no way to q."""
+        """Return the motion from the problem's start to q and then the given one, or why there is no way to q."""
         if not self.changed:
             return motion
         there = derived(problem, goal=(JointGoal(self.q, 1e-9),), vias=())
@@ -44,9 +44,9 @@ class Branch:
 def other_branches(
     problem: Problem, frame: str, model: CollisionModel, budget: Budget, count: int, end: Array | None = None
 ) -> list[Branch]:
-    """Other free configurations with the frame where the start has it, those reached soonest first.
+    """Return other free configurations with the frame at its start pose, the soonest reached first.
 
-    Where the path is to end in a configuration `end` (n,), those nearest to it come first: they are on its branch.
+    With a prescribed configuration `end` (n,), the nearest to it come first: they are on its branch.
     """
     X = frame_pose(problem.robot, problem.start, frame)
     near = problem.start if end is None else end

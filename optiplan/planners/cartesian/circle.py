@@ -1,21 +1,23 @@
 """`circle`: the tool goes round and ends where it started; the goal is the start's own configuration or pose."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.errors import InputError, Issue
 from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
 from optiplan.planners.cartesian.tool_path import ToolPath, circle
-from optiplan.planners.option_schema import OptionError, option
+from optiplan.planners.option_schema import OptionError, option, option_error
 
 _PLANES = {"xy": (0, 1), "yz": (1, 2), "xz": (0, 2)}
 """The two axes that span a plane; the second points to the circle's top."""
 _OFF = 1e-3  # m: how far a centre may be from the plane through the start
+
+_error = partial(option_error, "circle")
 
 
 @dataclass(frozen=True)
@@ -62,12 +64,12 @@ class Circle(ToolMotion[CircleOptions]):
         distance, angle = pose_error(start, goal)
         if distance > tolerance[0] or angle > tolerance[1]:
             found = f"a pose {distance:.4g} m and {angle:.4g} rad from the start's"
-            raise _issue("goal", found, "the start's own configuration or pose: a circle ends where it begins")
+            raise _error("goal", found, "the start's own configuration or pose: a circle ends where it begins")
         centre, normal = self._axis(start.translation)
         off = normal @ (start.translation - centre)
         if abs(off) > _OFF:
             fits = np.round(centre + off * normal, 6).tolist()
-            raise _issue("centre", f"{abs(off):.4g} m off the plane through the start", f"a point such as {fits}")
+            raise _error("centre", f"{abs(off):.4g} m off the plane through the start", f"a point such as {fits}")
         rotation = 2.0 * np.pi * self.options.turns * normal
         return circle(start, centre, rotation, rotation if self.options.orientation == "following" else np.zeros(3))
 
@@ -78,7 +80,3 @@ class Circle(ToolMotion[CircleOptions]):
             return np.array(o.centre), np.array(o.normal) / np.linalg.norm(o.normal)
         across, up = (np.eye(3)[i] for i in _PLANES[o.plane or "xy"])
         return start - (o.radius or 0.0) * up, np.cross(across, up)
-
-
-def _issue(field: str, found: str, expected: str) -> InputError:
-    return InputError([Issue.of_option("circle", field, found, expected)])

@@ -18,18 +18,18 @@ from optiplan.planners.cartesian.differential_ik import Tracker
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness
 from optiplan.planners.common.refused_path import refused_path
+from optiplan.planners.common.tolerances import LIMIT_ROUNDING
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 
-_SLACK = 1e-9  # rad or m: rounding that does not count as beyond a limit
-_NEAR = 0.05  # as a sine: a singularity nearer than this has a part in a path that ends
-_BEYOND = 1e-3  # of s: where to look whether the pose can be reached at all
-_SINGULAR = 1e-3  # smallest singular value, 1 or m: above it, a path does not end for it
-_SEEDS = 60
+_NEAR = 0.05  # as a sine: a nearer singularity may end a path
+_BEYOND = 1e-3  # of s: distance beyond the end at which the reach is checked
+_SINGULAR = 1e-3  # smallest singular value, 1 or m, above which a path does not end
+_SEEDS = 60  # of the inverse kinematics, for the reach
 _GOAL_TOLERANCE = 1e-6  # rad or m
-_OUT_OF_RANGE = 1e-6  # share of the twist: what joints leave out of it beyond that is no rounding
+_OUT_OF_RANGE = 1e-6  # share of the twist: a larger part outside the joints' range is no rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Ending:
     more: dict[str, Any]
 
     def failure(self, pose: pin.SE3) -> Failure:
-        """With the `fraction` s, the `pose` of the tool there, `q` and the `cause` as witness."""
+        """Return the failure; its witness has the `fraction` s, the `pose` of the tool, `q` and the `cause`."""
         x, y, z = pose.translation
         place = f"{100.0 * self.s:.1f} % along the tool's path, at [{x:.4f}, {y:.4f}, {z:.4f}] m"
         witness = {"fraction": self.s, "pose": pose_to_data(pose), "q": self.q.tolist(), "cause": self.cause}
@@ -52,10 +52,10 @@ class Ending:
 
 
 def first_ending(model: CollisionModel, tracker: Tracker, followed: Trajectory, budget: Budget) -> Failure | None:
-    """The first thing on the way that keeps a robot from following a path to its end, or None.
+    """Return the first obstacle, limit or singularity that ends a tool path early, or None.
 
-    Its witness has the path as it was followed, as a `motion`, where that can be shown (`refused_path`).
-    Once the budget is over the answer means nothing.
+    Its witness has the followed path as a `motion`, where `refused_path` can time it. Once the budget is over, the
+    answer means nothing.
 
     Args:
         model: of the robot in its scene.
@@ -83,7 +83,7 @@ def stuck(tracker: Tracker, s: float, q: Array) -> Failure:
 
 def limit_crossing(path: Trajectory, limits: Limits) -> tuple[float, int] | None:
     """The first parameter at which a joint leaves its limits, and the joint's index; exact up to bisection."""
-    low, high, h = limits.lower - _SLACK, limits.upper + _SLACK, np.diff(path.breakpoints)
+    low, high, h = limits.lower - LIMIT_ROUNDING, limits.upper + LIMIT_ROUNDING, np.diff(path.breakpoints)
     m, size, n = path.coefficients.shape
     unit = np.swapaxes(path.coefficients, 1, 2) * h[:, None, None] ** np.arange(size)
     ends = polynomial.unit_extrema(unit.reshape(m * n, size))
@@ -124,7 +124,7 @@ def _obstacle(model: CollisionModel, path: Trajectory, budget: Budget) -> Ending
 
 
 def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:
-    """Singular, out of reach, or a path that this arm lacks the joints for."""
+    """Return why the path ends: a singularity, the reach, or too few joints."""
     J = tracker.jacobian(q) / tracker.scale
     twist = tracker.twist(s)
     smallest = float(manipulability_measures(J[None]).smallest[0])

@@ -1,12 +1,12 @@
-"""Joint rates that keep a frame on a tool path, and the correction of what has gone astray.
+"""Joint rates that keep a frame on a tool path, and the correction of deviations.
 
 All norms of joint motion are in z = q / velocity limit, so that rad and m, and slow and fast joints, can be compared:
 J_z = J diag(limits). With the pseudo-inverse J_z^+ and N = I - J_z^+ J_z, the motion over the path's parameter s is
 
     dz/ds = J_z^+ V(s) + N d(s, z),
 
-where V is the twist of the path and d where the redundancy should drift: away from limits and, if there is one, towards
-a goal configuration. The second derivative keeps J_z z'' = V' - J' q', so that the tool stays on its path whatever d.
+where V is the twist of the path and d the drift of the redundancy: away from limits and, if there is one, towards a
+goal configuration. The second derivative keeps J_z z'' = V' - J' q', so that the tool stays on its path whatever d.
 """
 
 from dataclasses import dataclass
@@ -20,10 +20,13 @@ from optiplan.problem.constraints.poses import RelativePose
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 
-_RANK = 1e-9  # of the largest singular value: what is below does not move the frame
+LIMIT_AVOIDANCES = (4.0, 20.0)
+"""Values of `Aim.avoidance` that redundant arms try, in this order."""
+
+_RANK = 1e-9  # share of the largest singular value: smaller ones do not move the frame
 _CLOSE = 1e-9  # m and rad: from here one more step of Newton's method leaves rounding only
-_STEPS = 8
-_DIFFERENCE = 1e-4  # of s
+_STEPS = 8  # of Newton's method
+_DIFFERENCE = 1e-4  # step in s of finite differences
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,19 +35,19 @@ class Aim:
 
     Attributes:
         goal: (n,) configuration to end at, rad or m; None: anywhere.
-        avoidance: speed of the drift away from limits, relative to what the path asks of the joints.
+        avoidance: speed of the drift away from limits, relative to the joint speed along the path.
         orientation: whether the path's orientation counts; its position always does.
-        together: other frames that keep the pose in the tool's frame that they have at the start.
+        coupled: other frames, which keep their pose in the tool's frame as at the start.
     """
 
     goal: Array | None = None
     avoidance: float = 4.0
     orientation: bool = True
-    together: "tuple[Together, ...]" = ()
+    coupled: "tuple[CoupledFrame, ...]" = ()
 
 
 @dataclass(frozen=True, eq=False)
-class Together:
+class CoupledFrame:
     """A frame G that keeps its pose X_FG in the frame F that follows the path."""
 
     frame: str
@@ -52,16 +55,16 @@ class Together:
 
 
 class Tracker:
-    """A robot's frame and the tool path that it shall follow; one object a thread."""
+    """Kinematics of a robot's frame along a tool path; one object a thread."""
 
     def __init__(self, robot: Robot, frame: str, path: FollowedPath, aim: Aim) -> None:
         self.robot, self.frame, self.path, self.aim = robot, frame, path, aim
         self.scale = robot.limits.velocity
         own = np.arange(6 if aim.orientation else 3)
-        self.rows = np.concatenate([own, np.arange(6, 6 + 6 * len(aim.together))])
+        self.rows = np.concatenate([own, np.arange(6, 6 + 6 * len(aim.coupled))])
         self.redundant = robot.n > len(self.rows)
         self._model, self._data, self._frame = robot.model, robot.model.createData(), robot.frame_id(frame)
-        self._together = [(robot.frame_id(one.frame), one.X_FG) for one in aim.together]
+        self._coupled = [(robot.frame_id(one.frame), one.X_FG) for one in aim.coupled]
         limits = robot.limits
         self._bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper) & (limits.upper > limits.lower)
         low, high = np.where(self._bounded, limits.lower, -1.0), np.where(self._bounded, limits.upper, 1.0)
@@ -70,19 +73,19 @@ class Tracker:
     def error(self, s: float, q: Array) -> Array:
         """(6,): p(s) - p(q), m, and the rotation vector from R(q) to R(s), rad, both in world axes; 0 if left free.
 
-        Of every frame that goes together with it six rows more.
+        Every coupled frame adds six rows.
         """
         pin.framesForwardKinematics(self._model, self._data, q)
         X, target = self._data.oMf[self._frame], self.path.pose(s)
         angle = pin.log3(target.rotation @ X.rotation.T) if self.aim.orientation else np.zeros(3)
         rows = [target.translation - X.translation, angle]
-        for frame, X_FG in self._together:
+        for frame, X_FG in self._coupled:
             X, wanted = self._data.oMf[frame], target * X_FG
             rows += [wanted.translation - X.translation, pin.log3(wanted.rotation @ X.rotation.T)]
         return np.concatenate(rows)
 
     def twist(self, s: float) -> Array:
-        """dX/ds of the path, and of the frames that go with it, the rows that count."""
+        """dX/ds of the path and of the coupled frames, without the free rows."""
         own = self.path.twist(s)
         velocity, turning = own[:3], own[3:]
         rows = [own]
@@ -91,20 +94,20 @@ class Tracker:
         return np.asarray(np.concatenate(rows)[self.rows])
 
     def jacobian(self, q: Array) -> Array:
-        """J_z (rows, n): twist of the frame, and of those that go with it, for dz, in world axes, m or rad."""
+        """J_z (rows, n): twist of the frame and its coupled frames for dz, in world axes, m or rad."""
         reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         pin.computeJointJacobians(self._model, self._data, q)
         pin.updateFramePlacements(self._model, self._data)
-        frames = [self._frame, *(frame for frame, _ in self._together)]
+        frames = [self._frame, *(frame for frame, _ in self._coupled)]
         found = [pin.getFrameJacobian(self._model, self._data, frame, reference).reshape(6, -1) for frame in frames]
         return np.asarray(np.concatenate(found)[self.rows] * self.scale)
 
     def _arms(self, s: float) -> list[Array]:
-        """From the origin of F to those of the frames that go with it, in world axes, m."""
-        return [self.path.pose(s).rotation @ X_FG.translation for _, X_FG in self._together]
+        """Vectors from the origin of F to those of the coupled frames, in world axes, m."""
+        return [self.path.pose(s).rotation @ X_FG.translation for _, X_FG in self._coupled]
 
     def _twist_rate(self, s: float) -> Array:
-        """d/ds of `twist`: w x (w x r) more at an arm r that turns with w."""
+        """d/ds of `twist`; an arm r that turns with w adds w x (w x r)."""
         own, turning = self.path.twist_rate(s), self.path.twist(s)[3:]
         rows = [own]
         for r in self._arms(s):
@@ -122,7 +125,7 @@ class Tracker:
     def joint_curvature(self, s: float, q: Array, dq: Array) -> Array:
         """d²q/ds² (n,) along the flow of `rate`, whose value at q is dq (n,).
 
-        What the tool asks for is exact; the drift of a redundant arm is differenced along the flow.
+        The part of the tool is exact; the drift of a redundant arm is differenced along the flow.
         """
         inverse, free = self._inverse(q)
         missing = self._twist_rate(s) - self._acceleration(q, dq)
@@ -162,15 +165,15 @@ class Tracker:
         """J' q': how the twist of the frame changes at constant joint rates, in world axes."""
         pin.forwardKinematics(self._model, self._data, q, dq, np.zeros(len(q)))
         reference = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        frames = [self._frame, *(frame for frame, _ in self._together)]
+        frames = [self._frame, *(frame for frame, _ in self._coupled)]
         bias = [pin.getFrameClassicalAcceleration(self._model, self._data, one, reference).vector for one in frames]
         return np.asarray(np.concatenate(bias)[self.rows])
 
     def _drift(self, s: float, q: Array, speed: float) -> Array:
-        """Return what N projects, (n,): -speed * avoidance * x^5 with x = ±1 at the limits, and way left over 1 - s.
+        """Return the drift (n,): -speed * avoidance * x^5 with x = ±1 at the limits, and the remaining way over 1 - s.
 
-        The first is the negative gradient in z of sum_j (h_j / v_j) x_j^6 / 6, h half the range, v the velocity limit.
-        It fades out as the goal comes near.
+        The first part is the negative gradient in z of sum_j (h_j / v_j) x_j^6 / 6, h half the range, v the velocity
+        limit. It fades out as the goal comes near.
         """
         x = np.where(self._bounded, np.clip((q - self._middle) / self._half, -1.0, 1.0), 0.0)
         away = -speed * self.aim.avoidance * x**5
@@ -180,8 +183,8 @@ class Tracker:
         return np.asarray((self.aim.goal - q) / (self.scale * left) + left**2 * away)
 
 
-def gone_together(problem: Problem, frame: str) -> tuple[Together, ...]:
-    """Return the frames that path constraints let keep their pose in a frame, as it is at the start."""
+def coupled_frames(problem: Problem, frame: str) -> tuple[CoupledFrame, ...]:
+    """Return the frames whose start pose in a frame is held by path constraints."""
     model, found = problem.robot.model, []
     data = model.createData()
     pin.framesForwardKinematics(model, data, problem.start)
@@ -189,5 +192,5 @@ def gone_together(problem: Problem, frame: str) -> tuple[Together, ...]:
     for one in problem.path_constraints:
         if isinstance(one, RelativePose) and frame in (one.frame, one.to):
             other = one.to if frame == one.frame else one.frame
-            found.append(Together(other, X_WF.actInv(data.oMf[problem.robot.frame_id(other)])))
+            found.append(CoupledFrame(other, X_WF.actInv(data.oMf[problem.robot.frame_id(other)])))
     return tuple(found)

@@ -1,9 +1,9 @@
 """A tool path as a joint path: one branch of the inverse kinematics, followed step by step.
 
-A step predicts the next knot (Runge-Kutta on the joint rates), puts the tool exactly on its path there (Newton) and
-joins the knots by the polynomial of degree five with the exact first and second derivatives at both. It stands if the
-polynomial keeps the tool on the path between the knots too; otherwise it is made shorter. So the joint path is twice
-continuously differentiable, and it cannot jump to another branch: between two branches the tool would leave its path.
+A step predicts the next knot (Runge-Kutta on the joint rates) and puts the tool exactly on its path there (Newton). A
+polynomial of degree five joins the two knots with their exact first and second derivatives. The step is accepted if the
+polynomial keeps the tool on the path between the knots; otherwise it is made shorter. So the joint path is twice
+continuously differentiable. It cannot jump to another branch: between two branches the tool would leave its path.
 """
 
 from dataclasses import dataclass
@@ -17,19 +17,19 @@ from optiplan.planners.cartesian.diagnosis import first_ending, stuck
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import FollowedPath
 from optiplan.planners.common.failures import out_of_time
+from optiplan.planners.common.tolerances import NO_MOTION
 from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.trajectory import Trajectory
 
 _TOLERANCE = 1e-6  # m and rad: the tool's error between knots
-_SHARE = 0.3  # of the tolerance that may be used up at the points looked at
+_SHARE = 0.3  # of the tolerance that the error may reach at the points checked
 _BETWEEN = (0.15, 0.3, 0.5, 0.7, 0.85)  # the error of the polynomial is largest near the middle
 _LONGEST, _SHORTEST = 0.125, 1e-7  # of s, a step
-_FARTHEST = 0.3  # rad or m: a joint in one step
-_ASTRAY = 0.05  # rad or m: a joint, by the correction
+_FARTHEST = 0.3  # rad or m: largest motion of a joint in one step
+_ASTRAY = 0.05  # rad or m: largest correction of a joint
 _MOST_KNOTS = 3000
 _DOING = "following the tool's path"
-_NO_MOTION = 1e-9  # rad or m: rounding, which is not to be timed as a motion
 
 
 @dataclass
@@ -47,7 +47,7 @@ class _Knots:
 def follow(
     model: CollisionModel, path: FollowedPath, frame: str, start: Array, budget: Budget, aim: Aim | None = None
 ) -> Trajectory | Failure:
-    """Joint path q(s), s from 0 to 1, with the frame within 1e-6 m and 1e-6 rad of path(s) for all s.
+    """Return the joint path q(s), s from 0 to 1, with the frame within 1e-6 m and 1e-6 rad of path(s) for all s.
 
     Twice continuously differentiable; within the joint limits and free for all s.
 
@@ -61,8 +61,8 @@ def follow(
 
     Returns:
         A Failure where the path cannot be followed to its end: `limits`, `collision`, `singularity`, `reach`,
-        `no-path` (another configuration at the end than the aim's goal), `unsupported` (fewer joints than the path
-        needs), `budget`, `cancelled`. Its witness has the `fraction` (s), `pose`, `q` and the `cause`.
+        `budget`, `cancelled`. `no-path`: it ends in another configuration than the aim's goal. `unsupported`: the robot
+        has too few joints. Its witness has the `fraction` (s), `pose`, `q` and the `cause`.
 
     Raises:
         ValueError: the start does not have the frame at path(0), within 1e-6 m and rad.
@@ -77,7 +77,7 @@ def follow(
     ending = first_ending(model, tracker, followed, budget)
     if ending is not None:
         return out_of_time(budget, _DOING) if budget.over else ending
-    still = max(np.abs(bound - start).max() for bound in followed.extrema(0)) < _NO_MOTION
+    still = max(np.abs(bound - start).max() for bound in followed.extrema(0)) < NO_MOTION
     return standstill(followed.joint_names, start, 1.0) if still else followed
 
 
@@ -99,7 +99,7 @@ def _march(tracker: Tracker, q: Array, budget: Budget) -> _Knots:
 
 
 def _step(tracker: Tracker, s: float, state: Array, end: float) -> tuple[Array | None, float]:
-    """State at `end`, and the largest error between the knots over what is allowed; infinite if there is no state."""
+    """Return the state at `end`, and the largest error between the knots over its bound; infinite without a state."""
     h = end - s
     if h * np.abs(state[1]).max() > _FARTHEST:
         return None, np.inf
@@ -128,7 +128,7 @@ def _predict(tracker: Tracker, s: float, state: Array, end: float) -> Array:
 
 
 def _aimed(tracker: Tracker, end: float) -> bool:
-    """Whether a redundant arm is about to arrive at the configuration that it aims at."""
+    """Whether a redundant arm arrives at its goal configuration at `end`."""
     return end == 1.0 and tracker.redundant and tracker.aim.goal is not None
 
 

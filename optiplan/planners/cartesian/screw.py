@@ -5,12 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from optiplan.errors import InputError, Issue
 from optiplan.geometry.poses import pose_to_data
 from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
 from optiplan.planners.cartesian.tool_path import ToolPath, screw, screw_about
-from optiplan.planners.option_schema import OptionError, option
+from optiplan.planners.option_schema import OptionError, option, option_error
 
 
 @dataclass(frozen=True)
@@ -58,5 +57,5 @@ class Screw(ToolMotion[ScrewOptions]):
         if distance > tolerance[0] or angle > tolerance[1]:
             end = {key: np.round(value, 6).tolist() for key, value in pose_to_data(path.end).items()}
             found = f"a pose {distance:.4g} m and {angle:.4g} rad from where the screw ends"
-            raise InputError([Issue.of_option("screw", "goal", found, f"pose {end}")])
+            raise option_error("screw", "goal", found, f"pose {end}")
         return path

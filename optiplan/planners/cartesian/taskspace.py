@@ -1,8 +1,7 @@
 """`taskspace`: the controller's own motion to the goal, rolled out, joined by polynomials and slowed to fit.
 
-First without a search: what the task-space controller does about obstacles and limits is all that is done, so it may
-end at the nearest configuration instead of the goal. Where it does, it is led along a sampled path, if `lead` allows
-that: a configuration that moves ahead of it, which it follows by its own limits and clearance.
+First the task-space controller moves alone. It has no search, so it may end at the nearest configuration instead of the
+goal. Then, if `lead` allows it, it follows a configuration that runs ahead of it along a sampled path.
 """
 
 from collections.abc import Iterator
@@ -22,7 +21,7 @@ from optiplan.control.tasks.frame_tasks import PoseTask
 from optiplan.control.tasks.joint_tasks import PostureTask
 from optiplan.control.tasks.tool_abilities import default_gain
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.planners.common.context import Work
+from optiplan.planners.common.context import PlanContext
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import end_collides, out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
@@ -44,24 +43,25 @@ _KNOTS = 5
 _INSIDE = 1e-4
 """rad or m: how far the roll-out keeps from the ends of joints, for the polynomials between its samples."""
 _STALLED, _GAIN = 1.5, 0.02
-"""s of simulated motion within which what is left, of the path or to the goal, has to shrink by this share."""
+"""s of simulated motion within which the remaining distance must shrink by this share."""
 _AHEAD = (0.05, 0.02)
-"""s at the velocity limits: how far ahead of the robot the configuration runs that leads it; the nearer, the truer."""
+"""s at the velocity limits: how far the leading configuration runs ahead; a shorter lead follows more closely."""
 _SPEED = 0.7
-"""Share of the velocity limits at which it leads first, as far ahead as the gains need for that."""
+"""Share of the velocity limits that the first lead aims at; the gains determine how far ahead it is."""
 _SEARCH = 0.3
 """Share of the remaining budget for a path."""
 _ROOM = (0.02, 0.008, 0.004)
-"""m; how far paths keep from obstacles, the first that leads to the goal is taken."""
+"""m: clearances of sampled paths, tried in this order."""
 _PATHS = 3
-"""Paths of each such distance."""
+"""Paths for each clearance."""
 _GOALS = 4
 """Goal configurations to which a path is sought."""
 _CLOSE = 0.3
 """Share of the goal's tolerances within which the roll-out may end."""
 _CLOSE_LED = 0.02
-"""The same of the configuration at the end of a path, which may itself be at the end of a pose's tolerances."""
+"""The same for the end of a sampled path, which may itself lie at the end of a pose's tolerances."""
 _FITS = 8
+"""Times that a motion is slowed down to its limits, at most."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        work = Work.on(with_poses(problem), budget)
+        work = PlanContext.of(with_poses(problem), budget)
         problem, watch = work.problem, work.watch
         with watch.stage("goals"):
             if work.model.collides(problem.start):
@@ -97,9 +97,9 @@ class TaskSpace(Planner[TaskSpaceOptions]):
             return PlanResult(None, found, watch.seconds)
         return PlanResult(found, None, watch.seconds, info)
 
-    def _alone(self, work: Work, progress: Progress) -> tuple[Trajectory | Failure, dict[str, int]]:
-        """The controller's own motion to one of the goals, or why there is none to the first."""
-        first: Failure | None = None
+    def _alone(self, work: PlanContext, progress: Progress) -> tuple[Trajectory | Failure, dict[str, int]]:
+        """Return the controller's own motion to a goal, or why there is none to the first."""
+        failures: list[Failure] = []
         ends = single_ends(work.problem)
         for k, goal in enumerate(ends):
             progress("roll-out", 0.5 * k / len(ends))
@@ -107,16 +107,15 @@ class TaskSpace(Planner[TaskSpaceOptions]):
                 found = self._attempt(work, goal)
             if isinstance(found, Trajectory):
                 return found, {"goal": k}
-            first = found if first is None else first
+            failures.append(found)
             if work.budget.over:
                 return out_of_time(work.budget, "rolling out"), {}
-        assert first is not None
-        return first, {}
+        return failures[0], {}
 
     def _led(
-        self, work: Work, goals: list[Array], progress: Progress
+        self, work: PlanContext, goals: list[Array], progress: Progress
     ) -> tuple[Trajectory | Failure | None, dict[str, int]]:
-        """The motion along a path to one of the goals, or why it ends before; None without a path."""
+        """Return the motion along a path to one of the goals, or why it ends early; None without a path."""
         failure: Failure | None = None
         attempts = [(seed, room) for seed in range(_PATHS) for room in _ROOM]
         for k, (seed, room) in enumerate(attempts):
@@ -133,8 +132,8 @@ class TaskSpace(Planner[TaskSpaceOptions]):
             failure = replace(found, detail=f"led along a path of {len(path)} points: {found.detail}")
         return failure, {}
 
-    def _along(self, work: Work, path: Array) -> Trajectory | Failure:
-        """The motion along a path: far behind what leads it, for speed; where that cuts a corner too much, close."""
+    def _along(self, work: PlanContext, path: Array) -> Trajectory | Failure:
+        """Return the motion along a path: first far behind the lead, for speed, then closer where that cuts corners."""
         found: Trajectory | Failure = Failure("no-path", "it was not tried", {})
         goal, velocity = JointGoal(path[-1]), work.problem.limits.velocity
         for ahead in sorted({_SPEED / default_gain(work.problem.robot), *_AHEAD}, reverse=True):
@@ -144,7 +143,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
                 break
         return found
 
-    def _path(self, work: Work, goals: list[Array], room: float, seed: int) -> Array | Failure:
+    def _path(self, work: PlanContext, goals: list[Array], room: float, seed: int) -> Array | Failure:
         """Waypoints (k, n) to one of the goals, among obstacles thicker by `room`, m."""
         problem = work.problem
         model = planning_model(problem.robot, thinned(problem.scene, -room)) if room > 0.0 else work.model
@@ -152,8 +151,10 @@ class TaskSpace(Planner[TaskSpaceOptions]):
         found = sample_path(path_check(model, problem.limits), problem.start, goals, options)
         return found if isinstance(found, Failure) else found.waypoints
 
-    def _attempt(self, work: Work, goal: JointGoal | PoseGoal, lead: "_Lead | None" = None) -> Trajectory | Failure:
-        """The motion to one goal, within limits and free, or why there is none."""
+    def _attempt(
+        self, work: PlanContext, goal: JointGoal | PoseGoal, lead: "_Lead | None" = None
+    ) -> Trajectory | Failure:
+        """Return the motion to one goal, within limits and free, or why there is none."""
         problem, limits, model = work.problem, work.problem.limits, work.model
         states = [State(problem.start)]
         last: ControlStep | None = None
@@ -179,7 +180,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
     def _steps(
         self, problem: Problem, goal: JointGoal | PoseGoal, state: State, lead: "_Lead | None"
     ) -> Iterator[ControlStep]:
-        """Steps until the robot stands at the goal, or comes no nearer to it."""
+        """Yield steps until the robot stands at the goal, or comes no nearer to it."""
         controller = self._controller(problem, goal)
         dt, arrived = self.options.dt, False
         least, since, led = np.inf, 0.0, lead is not None
@@ -220,7 +221,7 @@ class _Lead:
     """A configuration that runs along a path (k, n), never farther ahead of the robot than `ahead`, s.
 
     Attributes:
-        left: s at the velocity limits that are left of the path.
+        left: remaining time on the path at the velocity limits, s.
     """
 
     def __init__(self, path: Array, velocity: Array, ahead: float) -> None:
@@ -285,7 +286,7 @@ def _fitted(motion: Trajectory, problem: Problem) -> Trajectory:
 
 
 def _ended(q: Array, last: ControlStep | None, off: float) -> Failure:
-    """Where the roll-out ended instead of the goal."""
+    """Return the failure of a roll-out that ends at q (n,) instead of the goal."""
     reason = "it did not move" if last is None else last.reason
     near = (
         ""

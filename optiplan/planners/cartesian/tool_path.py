@@ -130,8 +130,8 @@ def arc(start: pin.SE3, end: pin.SE3, centre: Array, rotation: Array) -> ToolPat
 def circle_through(a: Array, b: Array, c: Array) -> tuple[Array, Array] | None:
     """Centre (3,) and rotation vector (3,), rad, of the arc from point a by way of b to c; None if they are in line.
 
-    With u = b - a, v = c - a and n = u x v: centre = a + (|u|^2 v x n - |v|^2 u x n) / (2 |n|^2), and the
-    rotation from a to c is about n, by an angle in (0, 2 pi).
+    With u = b - a, v = c - a and n = u x v: centre = a + (|u|^2 v x n - |v|^2 u x n) / (2 |n|^2).
+    The rotation from a to c is about n, by an angle in (0, 2 pi).
     """
     u, v = b - a, c - a
     n = np.cross(u, v)

@@ -1,7 +1,7 @@
 """Continuous collision checking of curves for planners; only `optiplan.verify` calls a motion *verified*.
 
-An interval of the curve is free for a pair when the distance at its middle exceeds the bound on how far the pair can
-travel to both ends. Where it does not, the interval is subdivided into as many parts as the ratio of the two requires.
+An interval of the curve is free for a pair when the distance at its middle exceeds a bound on the pair's travel to both
+ends. Otherwise the interval is subdivided into as many parts as the ratio of the two requires.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,24 +15,20 @@ from optiplan.arrays import Array, Index
 from optiplan.collision.contacts import Contact
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel
-from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
+from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.planners.common.failures import contact_witness
-from optiplan.trajectory.obstacle_columns import with_obstacles
+from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import World
 
-Curve = Callable[[Array, Array], tuple[Array, Array]]
-"""(middles (N,), half widths (N,)) of intervals -> (Q (N, n), D (N, n)): the middle configurations and bounds on how
-far every joint moves away from them within the interval."""
-
 _MARGIN = 2 * DISTANCE_ERROR  # m; subtracted from every distance
-_MOST_CUTS = 12
+_MOST_CUTS = 12  # parts of an interval that is subdivided
 _FIRST_STEP = 0.1  # rad or m, summed over joints: length of the initial intervals
-_RESOLUTION = 1e-6  # s
+_RESOLUTION = 1e-6  # s: smaller intervals are not subdivided
 _CHUNK = 256  # intervals proved together: bounds the memory
-_LOOK = 24  # intervals looked at together: who asks for the first contact only need not wait for the others
+_LOOK = 24  # intervals checked together: few, so that the first contact is found soon
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +58,7 @@ def contacts_along(
     """Return contacts along a trajectory, one for each stretch of time in contact; empty: it is free.
 
     Holds at: everywhere; an empty list is a proof up to coal's tolerance. An interval below 1e-6 s that is neither
-    proved free nor found in contact counts as a contact, and so does any interval left when `stop` returns True:
+    proved free nor found in contact counts as a contact. So does any remaining interval when `stop` returns True:
     callers check their budget before they rely on a contact.
     """
     for touch in _contacts(model, with_obstacles(trajectory, model.motions), stop):
@@ -70,15 +66,16 @@ def contacts_along(
 
 
 def _contacts(model: CollisionModel, trajectory: Trajectory, stop: Callable[[], bool]) -> Iterator[Touch]:
-    """Look for contacts of a motion of all joints, also those of obstacles."""
+    """Yield contacts of a motion whose columns include those of dynamic obstacles."""
     if isinstance(model, NativeCollisionModel) and model.world is not None:
         yield from _natively(model, model.world, trajectory, stop)
         return
-    curve, edges = trajectory_curve(trajectory), trajectory.breakpoints
-    _, D = curve(0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
+    edges = trajectory.breakpoints
+    _, D = motion_about(trajectory, 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges))
     middle, half = _subdivide(edges, np.ceil(2.0 * D.sum(axis=1) / _FIRST_STEP))
     seen = before = False
-    for t, q in zip(middle, curve(middle, half)[0], strict=True):  # ten times cheaper than a proof: refuse early
+    Q, _ = motion_about(trajectory, middle, half)
+    for t, q in zip(middle, Q, strict=True):  # ten times cheaper than a proof: refuse early
         stopped = stop()
         touching = stopped or model.collides(q)
         contact = model.clearance(q) if touching and not before else None
@@ -92,7 +89,7 @@ def _contacts(model: CollisionModel, trajectory: Trajectory, stop: Callable[[], 
         return
     for k in range(0, len(middle), _CHUNK):
         part = slice(k, k + _CHUNK)
-        touch = _prove(model, curve, (middle[part], half[part]), stop)
+        touch = _prove(model, trajectory, (middle[part], half[part]), stop)
         if touch is not None:
             yield touch
 
@@ -100,7 +97,7 @@ def _contacts(model: CollisionModel, trajectory: Trajectory, stop: Callable[[], 
 def _natively(
     model: CollisionModel, world: "World", trajectory: Trajectory, stop: Callable[[], bool]
 ) -> Iterator[Touch]:
-    """Do the same in the native core, some intervals between two looks at `stop`."""
+    """Do the same in the native core; `stop` is polled every few intervals."""
     rules = np.array([_FIRST_STEP, _MARGIN, _RESOLUTION, _MOST_CUTS])
     edges, coefficients = trajectory.breakpoints, np.ascontiguousarray(trajectory.coefficients)
     sweep = core.Sweep(world, np.ascontiguousarray(edges), coefficients, rules)
@@ -122,36 +119,35 @@ def _natively(
 def _touches(
     model: CollisionModel, trajectory: Trajectory, t: float, pair: int | None, stopped: bool = False
 ) -> Iterator[Touch]:
-    """The contact of a pair at t, or of the nearest one if that touches or the work has been `stopped`."""
-    q = trajectory_curve(trajectory)(np.array([t]), np.zeros(1))[0][0]
+    """Yield the contact of a pair at t, or of the nearest one if it touches or the work was `stopped`."""
+    q = motion_about(trajectory, np.array([t]), np.zeros(1))[0][0]
     contact = model.clearance(q) if pair is None else model.distance(q, pair)
     if contact is not None and (stopped or pair is not None or contact.distance <= 0.0):
         yield Touch(t, q, contact)
 
 
-def trajectory_curve(trajectory: Trajectory) -> Curve:
-    """Return a trajectory as a curve over time, for intervals in one piece: D = sum_k |c_k| h^k about the middle."""
+def motion_about(trajectory: Trajectory, middle: Array, half: Array) -> tuple[Array, Array]:
+    """Return configurations Q (N, n) at times `middle` (N,), and bounds D (N, n) on motion away from them.
 
-    def curve(middle: Array, half: Array) -> tuple[Array, Array]:
-        piece = np.searchsorted(trajectory.breakpoints[1:-1], middle, side="right")
-        c = trajectory.coefficients[piece].copy()  # (N, degree + 1, n)
-        local = (middle - trajectory.breakpoints[piece])[:, None]
-        degree = c.shape[1] - 1
-        for low in range(degree):  # Taylor shift by repeated Horner steps
-            for k in range(degree - 1, low - 1, -1):
-                c[:, k] += local * c[:, k + 1]
-        powers = half[:, None] ** np.arange(1, degree + 1)
-        return c[:, 0], np.einsum("nk,nkj->nj", powers, np.abs(c[:, 1:]))
-
-    return curve
+    The intervals, of half widths `half` (N,), are each within one piece: D = sum_k |c_k| h^k about the middle.
+    """
+    piece = np.searchsorted(trajectory.breakpoints[1:-1], middle, side="right")
+    c = trajectory.coefficients[piece].copy()  # (N, degree + 1, n)
+    local = (middle - trajectory.breakpoints[piece])[:, None]
+    degree = c.shape[1] - 1
+    for low in range(degree):  # Taylor shift by repeated Horner steps
+        for k in range(degree - 1, low - 1, -1):
+            c[:, k] += local * c[:, k + 1]
+    powers = half[:, None] ** np.arange(1, degree + 1)
+    return c[:, 0], np.einsum("nk,nkj->nj", powers, np.abs(c[:, 1:]))
 
 
 def _prove(
-    model: CollisionModel, curve: Curve, intervals: tuple[Array, Array], stop: Callable[[], bool]
+    model: CollisionModel, trajectory: Trajectory, intervals: tuple[Array, Array], stop: Callable[[], bool]
 ) -> Touch | None:
     """Subdivide intervals (middles (N,), half widths (N,)) until each is proved free, one touches or is too small."""
     middle, half = intervals
-    Q, D = curve(middle, half)
+    Q, D = motion_about(trajectory, middle, half)
     bounds, travel = model.lower_bounds(Q), model.travel(Q, D)
     rows, pairs = np.nonzero(bounds <= travel)
     travel = travel[rows, pairs]
@@ -168,7 +164,7 @@ def _prove(
             row, pair = int(rows[too_small][0]), int(pairs[too_small][0])
             return Touch(float(middle[row]), Q[row], model.distance(Q[row], pair))
         middle, half, rows, pairs = _cut(middle, half, rows, pairs, ratio)
-        Q, D = curve(middle, half)
+        Q, D = motion_about(trajectory, middle, half)
         travel = model.bounds.travel_of(Q, D, rows, pairs)
     return None
 

@@ -1,4 +1,4 @@
-"""Obstacles that move: a motion among those that stand still waits, or goes slower, until the others have passed."""
+"""Dynamic obstacles: a motion among static ones waits, or slows down, until the dynamic ones have passed."""
 
 from collections.abc import Iterator, Sequence
 from itertools import product
@@ -16,14 +16,14 @@ from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.trajectory import Trajectory
 
 _STATIC = 0.6
-"""Share of the budget for the motion among what stands still."""
+"""Share of the budget for the motion among static obstacles."""
 
 _HORIZON = 10.0
 """s: longest wait where an obstacle's motion never ends."""
 
-_WAITS = 60
-_SLOWER = (1.0, 1.3, 1.7, 2.2, 3.0)
-_HALVINGS = 6
+_WAITS = 60  # waits that are tried
+_SLOWER = (1.0, 1.3, 1.7, 2.2, 3.0)  # factors on the duration that are tried
+_HALVINGS = 6  # of the interval in which the wait lies
 
 
 class Delayed(NamedTuple):
@@ -35,9 +35,9 @@ class Delayed(NamedTuple):
 
 
 def wait_for_obstacles(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
-    """Plan among what stands still, then wait or slow down until nothing that moves is met.
+    """Plan among static obstacles, then wait or slow down until the motion meets no dynamic one.
 
-    A robot that moves at the start cannot wait, nor one that moves at either end be slowed down.
+    A robot that moves at the start cannot wait. A motion that moves at either end cannot be slowed down.
     """
     found = planner.plan(without_dynamic_obstacles(problem), budget.share(_STATIC), stages_of(progress))
     if found.trajectory is None:
@@ -51,14 +51,14 @@ def wait_for_obstacles(planner: Planner[Any], problem: Problem, budget: Budget, 
 
 
 def without_dynamic_obstacles(problem: Problem) -> Problem:
-    """The problem among what stands still."""
+    """Return the problem without its dynamic obstacles."""
     return derived(problem, scene=problem.scene.standing)
 
 
 def delayed(
     problem: Problem, motions: Sequence[Trajectory], model: CollisionModel, budget: Budget
 ) -> Delayed | Failure:
-    """Return the motion that arrives first of these, waiting or slower, or the contact of the first without delay."""
+    """Return the motion that arrives first, waiting or slower; otherwise the contact of the first one, not delayed."""
     touch: Touch | None = None
     for one in _in_order(problem, motions):
         met = first_contact(model, one.motion, lambda: budget.over)
@@ -78,7 +78,7 @@ def delayed(
 
 
 def _in_order(problem: Problem, motions: Sequence[Trajectory]) -> Iterator[Delayed]:
-    """All motions with all delays that the ends allow, the one that arrives first at first."""
+    """Yield all motions with all delays that the ends allow, by their time of arrival."""
     waits = [0.0] if problem.moving_start else np.linspace(0.0, _horizon(problem), _WAITS).tolist()
     slower = (1.0,) if problem.nonzero_ends else _SLOWER
     ways = [
@@ -103,7 +103,7 @@ def _sooner(problem: Problem, good: Delayed, motions: Sequence[Trajectory], mode
 
 
 def _delay(problem: Problem, motion: Trajectory, wait: float, slower: float) -> Delayed:
-    """The motion, slower, after a wait."""
+    """Return the motion, slowed down, after a wait."""
     scaled = motion if slower == 1.0 else motion.scaled(slower * motion.duration)
     scaled = (within_torque(problem.robot, problem.limits, scaled) or scaled) if slower != 1.0 else scaled
     if wait == 0.0:
@@ -113,6 +113,6 @@ def _delay(problem: Problem, motion: Trajectory, wait: float, slower: float) -> 
 
 
 def _horizon(problem: Problem) -> float:
-    """The longest wait, s: until nothing moves any more."""
+    """Return the longest wait, s: until no obstacle moves any more."""
     ends = [body.motion.until for body in problem.scene.dynamic_obstacles if body.motion is not None]
     return min(_HORIZON, max(ends))

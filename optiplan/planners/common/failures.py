@@ -11,6 +11,10 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, FailureKind
 from optiplan.planners.common.gravity import Gravity
 from optiplan.robot.robot import Limits, Robot
+from optiplan.trajectory.trajectory import Trajectory
+
+_PATH_SAMPLES = 200
+"""Configurations of a path at which gravity is evaluated."""
 
 
 def contact_witness(q: Array, contact: Contact) -> dict[str, Any]:
@@ -42,6 +46,11 @@ def too_heavy(robot: Robot, limits: Limits, waypoints: Array) -> Failure:
             return end_too_heavy(gravity, q[None], end)
     Q = np.vstack([waypoints[:1], *(np.linspace(a, b, 50) for a, b in pairwise(waypoints))])
     return _heavy("limits", gravity, Q, "on the free path that was found")
+
+
+def path_too_heavy(robot: Robot, limits: Limits, path: Trajectory) -> Failure:
+    """Return the failure for a free path q(s) on which gravity exceeds the torque limits."""
+    return too_heavy(robot, limits, path(np.linspace(0.0, path.duration, _PATH_SAMPLES)))
 
 
 def end_too_heavy(gravity: Gravity, Q: Array, end: str) -> Failure:

@@ -23,22 +23,20 @@ from optiplan.problem.regions.sampling import RegionSampler
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.timing.lower_bound import joint_times
 
-_LOOKING = 0.25  # share of the budget after which colliding goal configurations only are a failure
+_LOOKING = 0.25  # share of the budget after which it is a failure that all goal configurations collide
 _STARTS = 40  # inverse kinematics runs for each configuration requested of `more`, at most
-_DISTINCT, _NEARLY = (
-    0.1,
-    0.02,
-)  # rad or m: least difference of sampled configurations, and of those moved towards the start
-_ITERATIONS = 60
+_DISTINCT = 0.1  # rad or m: least difference of sampled configurations
+_DISTINCT_MOVED = 0.02  # rad or m: the same of configurations moved towards the start
+_ITERATIONS = 60  # of one run of the inverse kinematics
 Box: TypeAlias = tuple[Array, Array]
 """Lower and upper bounds (n,) of configurations, within the limits, rad or m."""
 _APART = 0.1
 """s at full speed of some joint: ends that are nearer to each other are one."""
 
 _DRAWS, _IN_VAIN = 300, 15
-"""Configurations drawn for ends within some time of the start, at most, and those in a row that bring none after which
-the chance that another one does is small: 1 / 17, by Laplace's rule of succession."""
-_FINE = 1e-3, 1e-2  # m and rad: within a tolerance that small all configurations collide if one does
+"""Configurations drawn for ends within some time of the start, at most, and the number of failures in a row that ends
+it: the chance of another end is 1 / 17 then, by Laplace's rule of succession."""
+_FINE = 1e-3, 1e-2  # m and rad: within smaller tolerances all configurations collide if one does
 
 
 def ranked_goals(
@@ -148,10 +146,10 @@ class GoalSampler:
     def nearest_ends(self, soonest: float, stop: Callable[[], bool] = lambda: False) -> list[Array]:
         """Return the ends (n,) that may be reached sooner than in `soonest` s: one of each branch, by their bounds.
 
-        An end of a branch is where the bound has a local minimum among the free configurations of a goal: what was
-        found slides along obstacles, limits and the redundancy until none is nearer. Other branches are drawn from
-        configurations of which every joint is within reach of the start in that time: outside of them is no such end.
-        They come from one stream of numbers whatever the seed. All that is found joins `configurations`.
+        An end of a branch is a local minimum of the bound among the free configurations of a goal. Configurations
+        slide along obstacles, limits and the redundancy until none is nearer. Other branches are drawn from the
+        configurations that each joint alone can reach in that time; no such end lies outside of them. They come from
+        one stream of numbers, whatever the seed. All that are found join `configurations`.
         """
         new = [end for q in list(self.configurations) if not stop() for end in self._branch_of(q)]
         box, vain = self._reach(soonest), 0
@@ -206,7 +204,7 @@ class GoalSampler:
         return np.maximum(limits.lower, start - far), np.minimum(limits.upper, start + far)
 
     def add(self, q: Array) -> None:
-        """Take a configuration (n,) that was found elsewhere, in the goal and free, where gravity allows it."""
+        """Add a free configuration (n,) in the goal from elsewhere, if gravity allows it."""
         if not self._gravity.too_much(q):
             self._add([q])
 
@@ -214,7 +212,7 @@ class GoalSampler:
         """Insert new configurations by rank."""
         new: list[Array] = []
         for q in found:
-            if all(np.abs(q - other).max() > _NEARLY for other in (*self.configurations, *new)):
+            if all(np.abs(q - other).max() > _DISTINCT_MOVED for other in (*self.configurations, *new)):
                 new.append(q)
         self.configurations = self._ranked([*self.configurations, *new])
         return self._ranked(new)

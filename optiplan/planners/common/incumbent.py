@@ -1,4 +1,4 @@
-"""The incumbent of a search: the best motion found so far, and those that were the best before it."""
+"""The incumbent of a search: the best motion found so far, and the earlier best ones."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ import numpy as np
 
 from optiplan.libraries import clock
 from optiplan.planners.base import Candidate, Failure, PlanResult, Progress, announce
-from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.common.context import Stopwatch
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -21,12 +21,12 @@ class Incumbent:
     """The best motion found so far; every motion that can be an answer is offered to it.
 
     Attributes:
-        problem: that is planned.
-        progress: is told of each better motion.
-        watch: of the run's stages; telling of a motion is part of none.
+        problem: to plan.
+        progress: receives each better motion.
+        watch: of the run's stages; the report of a motion is part of none.
         began: start of the run, by `libraries.clock`, s.
-        candidates: the best motion and those before it, the best last.
-        cost: of the best one; infinite where there is none.
+        candidates: the best motions so far, each better than the one before it.
+        cost: of the last; infinite without any.
         soonest: lower bound on the durations of all motions, s.
     """
 

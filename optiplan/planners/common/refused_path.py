@@ -1,4 +1,4 @@
-"""Show a path that was refused before it was timed: as a motion at a constant rate, for people to look at."""
+"""Show a path that was refused before it was timed, as a motion at a constant rate."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,15 +8,15 @@ from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.trajectory.trajectory import Trajectory
 
-_LONGEST = 60.0  # s; a path that needs longer is one whose rates grow without bound, at a singularity
-_MOST_PIECES = 400  # of a path: what is kept with a failure stays below a megabyte
+_LONGEST = 60.0  # s; a path takes longer only where its rates grow without bound, at a singularity
+_MOST_PIECES = 400  # of a path: the record of a failure stays below a megabyte
 
 
 def refused_path(sections: Sequence[Trajectory], section: int, s: float, limits: Limits) -> dict[str, Any]:
-    """Return what a `Failure.witness` tells of a path: it as a `motion`, and when that is at the place refused, `t`.
+    """Return entries of a `Failure.witness`: the path as a `motion`, and its time `t` at the refused place.
 
-    Each section q(s) runs at the constant rate ds/dt at which its tightest limit of velocity, acceleration or jerk is
-    just met between its ends. At its ends it does not rest: nobody timed it. Its shape is that of the path, exactly.
+    Each section q(s) runs at the constant rate ds/dt that just meets its tightest limit of velocity, acceleration or
+    jerk between its ends. It does not rest at its ends, since it has no time law. Its shape is exactly the path's.
 
     Args:
         sections: of the path, each beginning where the one before ends; s from 0 up.

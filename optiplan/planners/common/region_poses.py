@@ -10,14 +10,14 @@ from optiplan.problem.regions.sampling import RegionSampler
 from optiplan.robot.frames import frame_pose
 
 _TRIED, _KEPT = 24, 4
-"""Configurations looked at, and poses of free ones kept."""
+"""Configurations tried, and poses of free ones kept."""
 
 _SHARE = 0.2
-"""Of the narrowest width of a region, m or rad: the tolerance of a pose in it."""
+"""Tolerance of a pose in a region, as a share of the region's narrowest width, m or rad."""
 
 
 def with_poses(problem: Problem) -> Problem:
-    """Return the problem with each goal region as poses in it: that nearest to the start's, then some drawn at random.
+    """Return the problem with poses in the place of each goal region: the nearest to the start, then random ones.
 
     All are poses of free configurations within the limits, where any was found.
     """

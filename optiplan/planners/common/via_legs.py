@@ -15,20 +15,20 @@ from optiplan.trajectory.trajectory import Trajectory
 def plan_through(
     planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress, earlier: Trajectory | None = None
 ) -> PlanResult:
-    """Plan the problem, or leg by leg between vias; where there is an `earlier` motion, from that.
+    """Plan the problem at once or leg by leg between vias, from an `earlier` motion if there is one.
 
     A planner that `passes_vias` plans the whole problem; for any other, see `leg_by_leg`. Path constraints are
-    `unsupported` by planners that do not say `holds_constraints`, motion at the ends by those that do not say
-    have too few `end_derivatives`. Where obstacles move, see `dynamic_obstacles`, unless the planner `times_obstacles`.
+    `unsupported` by planners without `holds_constraints`, and motion at the ends by planners with too few
+    `end_derivatives`. For dynamic obstacles see `dynamic_obstacles`, unless the planner `times_obstacles`.
 
     Raises:
-        PlannerAnswerError: a planner from outside returns what is no answer.
+        PlannerAnswerError: a third-party planner returns no valid result.
     """
     if problem.path_constraints and not planner.holds_constraints:
         kinds = ", ".join(dict.fromkeys(one.KEY for one in problem.path_constraints))
         detail = f"this planner does not hold path constraints ({kinds})"
         return PlanResult(None, Failure("unsupported", detail))
-    if problem.nonzero_ends and (refused := _too_lively(planner, problem)):
+    if problem.nonzero_ends and (refused := _unsupported_ends(planner, problem)):
         return PlanResult(None, refused)
     if problem.scene.dynamic_obstacles and not planner.times_obstacles:
         return wait_for_obstacles(planner, problem, budget, progress)
@@ -37,8 +37,8 @@ def plan_through(
     return leg_by_leg(planner, problem, budget, progress)
 
 
-def _too_lively(planner: Planner[Any], problem: Problem) -> Failure | None:
-    """What the problem states of the motion at its ends that the planner does not handle."""
+def _unsupported_ends(planner: Planner[Any], problem: Problem) -> Failure | None:
+    """Return the failure for motion at the ends that the planner does not handle; None if it handles all."""
     goals = [goal.state for goal in problem.goal if isinstance(goal, JointGoal)]
     for where, states in (("start", [problem.start_state]), ("goal", goals)):
         for order, name in ((1, "a velocity"), (2, "an acceleration")):
@@ -58,7 +58,7 @@ def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress
     has its share of the remaining time. A failure names its leg, counted from 1, in words and as `leg` of the witness.
 
     Raises:
-        PlannerAnswerError: a planner from outside returns what is no answer.
+        PlannerAnswerError: a third-party planner returns no valid result.
     """
     ends = [*((via.at,) for via in problem.vias), problem.goal]
     legs: list[Trajectory] = []
@@ -81,7 +81,7 @@ def leg_by_leg(planner: Planner[Any], problem: Problem, budget: Budget, progress
 def _answer(
     planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress, earlier: Trajectory | None = None
 ) -> PlanResult:
-    """What the planner answers, if it is an answer."""
+    """Return the planner's result, if it is valid."""
     result: Any
     if earlier is None:
         result = planner.plan(problem, budget, progress)

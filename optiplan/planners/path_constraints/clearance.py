@@ -1,4 +1,4 @@
-"""Pairs of bodies that are asked to stay apart."""
+"""Pairs of bodies with a required clearance."""
 
 from collections.abc import Sequence
 
@@ -10,15 +10,15 @@ from optiplan.problem.constraints.motions import PairClearance
 from optiplan.problem.problem import Problem
 
 _FAR = 0.01
-"""m beyond the clearance asked for at which pairs are not looked at."""
+"""Distance beyond the required clearance, m, from which pairs are ignored."""
 
 
 class PairsApart:
     """The inequality d >= at_least of a few pairs.
 
     Attributes:
-        wanted: the pairs, and how far apart.
-        model: that measures them.
+        wanted: the pairs and their least distance.
+        model: measures the distances.
         depends_on_rates: False.
     """
 
@@ -29,7 +29,7 @@ class PairsApart:
         self.model = NamedPairs(problem.robot, problem.scene, wanted.pairs)
 
     def least(self, motion: Sequence[Array]) -> Array:
-        """Return the least clearance beyond that asked for, m, of each state (N, n): (N,), at most a centimetre."""
+        """Return the least clearance beyond the required one, m, of each state (N, n): (N,), at most 1 cm."""
         found = self.model.near(motion[0], self.wanted.at_least + _FAR)
         least = np.full(len(motion[0]), _FAR)
         np.minimum.at(least, found.rows, found.distance - self.wanted.at_least)

@@ -1,18 +1,18 @@
-"""Goal configurations moved onto the path constraints, where none that was found holds them.
+"""Project goal configurations onto the path constraints where none holds them.
 
-Two hands on one box: inverse kinematics puts one hand at its goal pose and leaves the other arm where it was.
+Two hands on one box: inverse kinematics moves one hand to its goal pose and leaves the other arm in place.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.planners.common.goal_ranking import GoalSampler
-from optiplan.planners.path_constraints.goals import goal_inequalities
+from optiplan.planners.path_constraints.goals import goal_inequalities, in_goal
 from optiplan.planners.path_constraints.inequality import CompiledInequality
 from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.problem.constraints.measures import FramePoses
@@ -21,7 +21,7 @@ from optiplan.problem.problem import Problem
 from optiplan.problem.regions.region import RegionGoal
 
 _TRIED = 8
-"""Configurations, the nearest first, from which each goal is looked for."""
+"""Number of configurations, the nearest first, projected onto each goal."""
 
 _ITERATIONS = 40
 _DAMPING = 1e-9  # of the squares of the rows' slopes, so that rows that say the same twice do no harm
@@ -41,7 +41,7 @@ def hold_goals(
 ) -> list[Array]:
     """Return the configurations (n,) of a sampler that hold the path constraints; where none does, project some.
 
-    What is projected, is free and within the torque limits becomes one of the sampler's.
+    A projected configuration that is free and within the torque limits is added to the sampler.
     """
     held = [q for q in sampler.configurations if constraints.end_holds(q)]
     if held or not sampler.configurations or not problem.path_constraints:
@@ -76,33 +76,34 @@ class _GoalProjection:
     def __call__(self, q: Array) -> Array | None:
         """Return a configuration (n,) near q in the goal and on the constraints; None if none was found."""
         for _ in range(_ITERATIONS):
-            value, slopes, inside = self._evaluated(q)
-            if (value >= 0.0).all():
-                return q if self._reached(q) else None
-            step = _step(value, slopes, inside)
+            rows = self._rows_at(q)
+            if (rows.value >= 0.0).all():
+                return q if in_goal(self._goal, self._poses.at(q)) else None
+            step = _step(rows)
             largest = float(np.abs(step).max())
             q = np.clip(q + step * min(1.0, _LONGEST / max(largest, 1e-12)), self._limits.lower, self._limits.upper)
         return None
 
-    def _evaluated(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return g (m,) less a part of its reserve, its slopes (m, n), and where the former is aimed (m,)."""
+    def _rows_at(self, q: Array) -> "_Rows":
         motion = [np.ascontiguousarray(q)[None], self._still, self._still]
         found = [one(motion) for one in self._rows]
         inside = [np.full(one.size, _INSIDE * one.stated.unit) for one in self._rows]
         slopes = np.vstack([slopes[0][0] for _, slopes in found])
         value = [g[0] - _KEPT * one.stated.reserve for (g, _), one in zip(found, self._rows, strict=True)]
-        return np.concatenate(value), slopes, np.concatenate(inside)
-
-    def _reached(self, q: Array) -> bool:
-        X_WF = self._poses.at(q)
-        if isinstance(self._goal, RegionGoal):
-            return self._goal.contains(X_WF)
-        position, angle = pose_error(X_WF, self._goal.X_WG)
-        return bool(position <= self._goal.position and angle <= self._goal.orientation)
+        return _Rows(np.concatenate(value), slopes, np.concatenate(inside))
 
 
-def _step(value: Array, slopes: Array, inside: Array) -> Array:
+class _Rows(NamedTuple):
+    """Rows at a configuration: g (m,) less a part of its reserve, its slopes (m, n), and the target of g (m,)."""
+
+    value: Array
+    slopes: Array
+    inside: Array
+
+
+def _step(rows: _Rows) -> Array:
     """Return the shortest step (n,) that brings violated rows g (m,) inside, and no other out of it, to first order."""
+    value, slopes, inside = rows
     wrong = value < 0.0
     step = np.zeros(slopes.shape[1])
     for _ in range(_SETS):
@@ -118,5 +119,5 @@ def _step(value: Array, slopes: Array, inside: Array) -> Array:
 
 
 def _eased(angle: float) -> float:
-    """Return what is aimed at of a tolerance of orientation; half a turn and more is no tolerance."""
+    """Return the target of an orientation tolerance; half a turn and more is no tolerance."""
     return angle if angle >= np.pi else _AIMED * angle

@@ -4,8 +4,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.kinematics.symbolic.state import SymbolicState
 from optiplan.planners.path_constraints.inequality import Inequality
 from optiplan.planners.path_constraints.parts import ANGLE, LENGTH, TINY, held_to, stacked, turned_within, within_ball
@@ -20,6 +22,14 @@ def goal_inequalities(goal: PoseGoal | RegionGoal) -> list[Inequality]:
     """Return the expressions that hold a goal at the end of a motion: position, and orientation where that counts."""
     found = _region(goal.inner(_OF_GOAL)) if isinstance(goal, RegionGoal) else _pose(goal)
     return [replace(one, during=(1.0, 1.0), reserve=0.0) for one in found]
+
+
+def in_goal(goal: PoseGoal | RegionGoal, X_WF: pin.SE3) -> bool:
+    """Return whether a pose of the goal's frame is in the goal."""
+    if isinstance(goal, RegionGoal):
+        return goal.contains(X_WF)
+    position, angle = pose_error(X_WF, goal.X_WG)
+    return bool(position <= goal.position and angle <= goal.orientation)
 
 
 def _region(goal: RegionGoal) -> list[Inequality]:

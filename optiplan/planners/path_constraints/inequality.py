@@ -11,10 +11,10 @@ from optiplan.kinematics.symbolic.state import BatchedExpression, SymbolicState
 from optiplan.robot.robot import Robot
 
 KEPT = 0.6
-"""Share of g at an end of a motion that is aimed at near this end, where there is less than the reserve."""
+"""Share of g, or of a clearance, at an end of a motion that is the aim near this end, if that is below the reserve."""
 
 _SLOWEST, _CLOSE = 100.0, 1e-3
-"""Largest factor on a duration that is tried, and how near to the least that holds, as a share of it."""
+"""Largest factor on a duration, and relative precision of the least one."""
 
 Rate = Literal[0, 1, 2]
 
@@ -28,8 +28,8 @@ class Inequality:
         build: makes the expression (m,), from the robot's state.
         unit: of g: a violation by it weighs as much as a missing centimetre of clearance.
         reserve: what a planner keeps of g between samples, where both ends have it.
-        rate: 1 or 2 where g = (1 - r²) / 2 with a speed or an acceleration r, as a share of its limit: such a
-            constraint is always held by a motion that is slow enough.
+        rate: 1 or 2 where g = (1 - r²) / 2 with a speed or an acceleration r, as a share of its limit. A motion that is
+            slow enough holds such a constraint.
         during: fractions of the motion.
         finite: raises where values (N, m) or derivatives (N, m, n) at configurations (N, n) are not finite.
     """

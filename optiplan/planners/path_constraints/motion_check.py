@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
 _INSTANTS = 400
-"""At which a motion is looked at; the proof is the verifier's."""
+"""Number of instants at which a motion is checked; the proof is the verifier's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +42,26 @@ class Broken:
     share: float
 
 
-class Kept:
-    """One path constraint: its inequalities, and its own measures at poses of its frame where it has some.
+class WorstViolation(NamedTuple):
+    """The largest violation of a path constraint.
 
-    Inequalities are made so that their rows are nearly linear, and hold less than the constraint allows; measures are
-    exact.
+    Attributes:
+        by: at most 0 without a violation.
+        state: number of the state.
+        words: quantity and limit.
+        name: of the constraint, for people.
+    """
+
+    by: float
+    state: int
+    words: str
+    name: str
+
+
+class Kept:
+    """One path constraint: its inequalities, and its measures at poses of its frame if it has any.
+
+    The rows of the inequalities are nearly linear and stricter than the constraint; the measures are exact.
     """
 
     def __init__(self, problem: Problem, one: PathConstraint) -> None:
@@ -63,12 +79,12 @@ class Kept:
         """Name of the constraint, for people."""
         return constraint_name(self.one)
 
-    def worst(self, motion: Sequence[Array]) -> tuple[float, int, str]:
-        """Return the largest violation among states (N, n), at most 0 where there is none, where, and in words."""
+    def worst(self, motion: Sequence[Array]) -> "WorstViolation":
+        """Return the largest violation among states (N, n)."""
         if self._poses is None:
             least = np.min([each.least(motion) for each in self.inequalities], axis=0)
             k = int(np.argmin(least))
-            return -float(least[k]), k, f"{self.name} violated by {-least[k]:.3g}"
+            return WorstViolation(-float(least[k]), k, f"{self.name} violated by {-least[k]:.3g}", self.name)
         X = self._poses(motion[0])
         found = []
         for measure in self._measures:
@@ -76,7 +92,7 @@ class Kept:
             k = int(np.argmax(value))
             told, limit = measure.told(float(value[k])), measure.told(measure.limit)
             words = f"{measure.quantity} by {told:.4g} {measure.unit} of {limit:.4g} {measure.unit} allowed"
-            found.append((float(value[k]) - measure.limit, k, words))
+            found.append(WorstViolation(float(value[k]) - measure.limit, k, words, self.name))
         return max(found)
 
 
@@ -94,27 +110,23 @@ class PathConstraints:
 
     def end_holds(self, q: Array) -> bool:
         """Return whether a motion can end, at rest, in a configuration (n,)."""
-        return all(violation <= ROUNDING for violation, *_ in self._at_the_end(q))
+        return all(found.by <= ROUNDING for found in self._at_the_end(q))
 
     def no_end(self, goals: Sequence[Array]) -> Failure:
-        """Return the failure of goal configurations (n,) of which none holds all constraints: the one nearest to it."""
-        worst = [max(self._at_the_end(q), key=lambda found: found[0]) for q in goals]
-        nearest = int(np.argmin([violation for violation, *_ in worst]))
-        _, words, name = worst[nearest]
+        """Return the failure of goal configurations (n,) that all violate a constraint: the least violation."""
+        worst = [max(self._at_the_end(q), key=lambda found: found.by) for q in goals]
+        nearest = int(np.argmin([found.by for found in worst]))
+        words, name = worst[nearest].words, worst[nearest].name
         detail = f"no goal configuration found holds the path constraints; the nearest is {words} ({name})"
         return Failure("constraint", detail, {"constraint": name, "q": goals[nearest].tolist()})
 
-    def _at_the_end(self, q: Array) -> list[tuple[float, str, str]]:
-        """Return the violation, in words too, of each constraint that holds at the end, by a configuration (n,)."""
-        found, still = [], np.zeros((1, len(q)))
-        for kept in self.all:
-            if kept.one.during[1] == 1.0:
-                violation, _, words = kept.worst([q[None], still, still])
-                found.append((violation, words, kept.name))
-        return found
+    def _at_the_end(self, q: Array) -> list["WorstViolation"]:
+        """Return the violation of each constraint at the end of a motion, by a configuration (n,)."""
+        still = np.zeros((1, len(q)))
+        return [kept.worst([q[None], still, still]) for kept in self.all if kept.one.during[1] == 1.0]
 
     def slowed(self, trajectory: Trajectory) -> Trajectory:
-        """Return the motion, slowed down as far as constraints of speed and acceleration ask for it."""
+        """Return the motion, slowed down as far as constraints of speed and acceleration require."""
         factor = 1.0
         for kept in self.all:
             timed = [each for each in kept.inequalities if each.depends_on_rates]
@@ -127,9 +139,10 @@ class PathConstraints:
         found = []
         for kept in self.all:
             u, motion = _states(trajectory, kept.one)
-            by, k, words = kept.worst(motion)
-            if not by <= ROUNDING:
-                found.append(Broken(kept, words, by, float(u[k]) * trajectory.duration, float(u[k])))
+            worst = kept.worst(motion)
+            if not worst.by <= ROUNDING:
+                share = float(u[worst.state])
+                found.append(Broken(kept, worst.words, worst.by, share * trajectory.duration, share))
         return found
 
 

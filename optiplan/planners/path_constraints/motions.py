@@ -18,7 +18,7 @@ from optiplan.problem.constraints.motions import (
 )
 
 _SPEED_RESERVE = 0.003
-"""Share of a speed or acceleration that is kept between samples."""
+"""Share of a speed or acceleration reserved for the motion between samples."""
 
 
 def _tool_speed(one: ToolSpeed) -> list[Inequality]:

@@ -1,4 +1,4 @@
-"""Parts that inequalities of constraints are made of."""
+"""Building blocks of the inequalities of constraints."""
 
 from collections.abc import Callable
 from typing import Any
@@ -15,7 +15,7 @@ _FINE = 5.0
 """Times its tolerance that the unit of a constraint is at most, if that is less."""
 
 RESERVE = 0.1
-"""Share of a tolerance kept for what happens between samples …"""
+"""Share of a tolerance reserved for the motion between samples …"""
 
 _MOST_RESERVE = 0.1
 """… but no more than this share of `LENGTH` and `ANGLE`."""

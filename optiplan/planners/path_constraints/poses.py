@@ -23,7 +23,7 @@ from optiplan.problem.constraints.points import OnArc, OnCircle, OnLine, OnPlane
 from optiplan.problem.constraints.poses import FixedOrientation, LookAt, OnScrew, OrientationCone, RelativePose
 
 _ACROSS, _BEYOND = 0.8, 0.6
-"""Shares of a tolerance that a point may be off a segment to the side, and beyond its ends: 0.8² + 0.6² = 1."""
+"""Shares of a tolerance to the side of a segment and beyond its ends: 0.8² + 0.6² = 1."""
 
 
 def _cone(one: OrientationCone) -> list[Inequality]:
@@ -114,11 +114,15 @@ def _off_circle(k: SymbolicState, p: Any, centre: Array, normal: Array, radius: 
 
 
 def _screw(one: OnScrew) -> list[Inequality]:
-    """The frame turns about the axis alone, is where that puts it, and slides as far, of several turns the nearest."""
+    """The frame turns about the axis alone and slides along it by the pitch, modulo whole turns."""
     R, p = np.asarray(one.X_WF.rotation), np.asarray(one.X_WF.translation) - one.point
     sides = np.linalg.svd(one.axis[None])[2][1:]
 
-    def parts(k: SymbolicState) -> tuple[Any, Any, Any]:
+    def turned(k: SymbolicState) -> Any:
+        D = k.pose(one.frame).R @ k.constant(R.T)
+        return within_box(k, k.constant(sides) @ (D @ k.constant(one.axis)), one.orientation)
+
+    def slid(k: SymbolicState) -> Any:
         X, axis = k.pose(one.frame), k.constant(one.axis)
         D = X.R @ k.constant(R.T)
         skew = stacked(D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1])
@@ -126,19 +130,11 @@ def _screw(one: OnScrew) -> list[Inequality]:
         cosine, sine = (turn[i] / k.norm(turn) for i in range(2))
         along, across = k.constant(one.axis * (one.axis @ p)), k.constant(np.cross(one.axis, p))
         off = X.p - k.constant(one.point) - along - cosine * (k.constant(p) - along) - sine * across
-        return D, off, turn
-
-    def turned(k: SymbolicState) -> Any:
-        D, _, _ = parts(k)
-        return within_box(k, k.constant(sides) @ (D @ k.constant(one.axis)), one.orientation)
-
-    def slid(k: SymbolicState) -> Any:
-        _, off, turn = parts(k)
-        along = k.constant(one.axis).T @ off
+        shift = axis.T @ off
         if one.pitch != 0.0:
-            left = along / k.constant(one.pitch) - k.atan2(turn[1], turn[0])
-            along = k.constant(one.pitch) * k.atan2(k.sin(left), k.cos(left))
-        return within_box(k, stacked(k.constant(sides) @ off, along), one.position)
+            left = shift / k.constant(one.pitch) - k.atan2(turn[1], turn[0])
+            shift = k.constant(one.pitch) * k.atan2(k.sin(left), k.cos(left))
+        return within_box(k, stacked(k.constant(sides) @ off, shift), one.position)
 
     return [
         held_to("screw", slid, one.position / np.sqrt(3.0), LENGTH),

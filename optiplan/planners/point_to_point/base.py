@@ -11,7 +11,7 @@ from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.planners.common.context import Work
+from optiplan.planners.common.context import PlanContext
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
@@ -20,7 +20,7 @@ from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.option_schema import PlannerOptions, option
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Limits
-from optiplan.trajectory.profiles.synchronisation import How
+from optiplan.trajectory.profiles.synchronisation import Synchronisation
 from optiplan.trajectory.trajectory import Trajectory
 
 STEPS = "the acceleration jumps, which a finite jerk limit forbids; `limits: {jerk: none}` in the problem allows it"
@@ -42,7 +42,7 @@ class MotionOptions(PlannerOptions):
 class ProfileOptions(MotionOptions):
     """Also how the joints share the time."""
 
-    motion: How = option(
+    motion: Synchronisation = option(
         "synchronised", "all joints share one law; or each is as fast as it can; or one moves after another."
     )
 
@@ -57,12 +57,12 @@ class Profile(Protocol):
 
     @property
     def stretchable(self) -> bool:
-        """Whether it is still what was asked for when it is slowed down as a whole."""
+        """Whether it may be slowed down as a whole."""
         ...
 
     @property
     def shortest(self) -> float:
-        """Shortest duration within all limits but torque, s, or the one that comes nearest."""
+        """Shortest duration within all limits but torque, s, or the nearest to it."""
         ...
 
     def trajectory(self, duration: float | None = None) -> Trajectory:
@@ -110,7 +110,7 @@ class PointToPoint(Planner[Options]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        work = Work.on(problem, budget)
+        work = PlanContext.of(problem, budget)
         watch = work.watch
         with watch.stage("goals"):
             goals = self.targets(problem, work.model, budget)
@@ -136,8 +136,8 @@ class PointToPoint(Planner[Options]):
             raise refused[0]
         return PlanResult(None, refused[0], watch.seconds)
 
-    def _attempt(self, work: Work, profile: Profile) -> Trajectory | Failure:
-        """The motion to one goal, proved free and within limits, or why it is not."""
+    def _attempt(self, work: PlanContext, profile: Profile) -> Trajectory | Failure:
+        """Return the motion to one goal, proved free and within limits, or why it is not."""
         model, limits, watch = work.model, work.problem.limits, work.watch
         with watch.stage("motion"):
             motion = profile.trajectory(self.options.duration)
@@ -159,7 +159,7 @@ class PointToPoint(Planner[Options]):
         return beyond_torque(model.robot, limits, motion, self._shortest(model, profile))
 
     def _shortest(self, model: CollisionModel, profile: Profile) -> float | None:
-        """The shortest duration of this motion within all limits, torque included, s; None when there is none."""
+        """Return the shortest duration of this motion within all limits, torque included, s; None without one."""
         fastest = profile.trajectory()
         if excess(fastest, profile.limits) is not None:
             return None

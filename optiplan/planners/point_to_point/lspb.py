@@ -44,7 +44,7 @@ class LspbOptions(ProfileOptions):
             raise OptionError("velocity", str(self.velocity), f"a speed of {SIZE['least']:g} to {SIZE['most']:g}")
 
     def shape(self) -> dict[str, float | None]:
-        """The three of which one may be given."""
+        """Return the three options; at most one of them is set."""
         return {"velocity": self.velocity, "blend_time": self.blend_time, "acceleration": self.acceleration}
 
 
@@ -87,13 +87,13 @@ class Lspb(PointToPoint[LspbOptions]):
         )
 
     def _issue(self, part: JointMove, robot: Robot) -> Issue | None:
-        """Return what conflicts with the move's distance and duration, or with its direction."""
+        """Return the option that conflicts with the move's distance, duration or direction."""
         o, D, T = self.options, part.distance, part.duration
         length, speed, rate = (robot.unit(quantity, part.joint) for quantity in ORDERS[:3])
         speeds = f"more than {D / T:.3g} and at most {2.0 * D / T:.3g} {speed} (D/T < |V| <= 2 D/T)"
         if o.velocity is not None and o.velocity < 0.0 < part.step[part.joint]:
             field, unit, expected = "velocity", speed, f"a positive one, as the motion: {speeds}"
-        elif o.duration is None:  # the shortest has what was asked for
+        elif o.duration is None:  # the shortest duration fits the option
             return None
         elif o.velocity is not None and not D / T * _ABOVE < abs(o.velocity) <= 2.0 * D / T * _ABOVE:
             field, unit, expected = "velocity", speed, speeds

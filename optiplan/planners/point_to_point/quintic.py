@@ -9,31 +9,20 @@ which starts and ends at rest with no acceleration. Its largest velocity is 1.87
 With accelerations at the ends it is the one polynomial of degree five that has them.
 """
 
-from dataclasses import dataclass
-
 from optiplan.arrays import Array
-from optiplan.planners.option_schema import option
 from optiplan.planners.point_to_point.base import PointToPoint, Profile
-from optiplan.planners.point_to_point.polynomials import EndOptions, Family, polynomial_profile
+from optiplan.planners.point_to_point.polynomials import AccelerationOptions, Family, polynomial_profile
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.profiles.laws import QUINTIC
 
 
-@dataclass(frozen=True)
-class QuinticOptions(EndOptions):
-    """Also accelerations at the ends."""
-
-    start_acceleration: tuple[float, ...] | None = option(None, "rad/s² or m/s², one a joint; None is none.")
-    end_acceleration: tuple[float, ...] | None = option(None, "the same at the goal.")
-
-
-class Quintic(PointToPoint[QuinticOptions]):
+class Quintic(PointToPoint[AccelerationOptions]):
     """The polynomial above to every goal, until one is good: `PointToPoint.plan` tries them.
 
     A planner of your own returns a profile of its own: anything with `shortest` and `trajectory(duration)`.
     """
 
-    Options = QuinticOptions
+    Options = AccelerationOptions
 
     end_derivatives = 2
 

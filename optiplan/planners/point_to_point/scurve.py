@@ -6,7 +6,7 @@ Where the problem states a motion at its ends: each joint's own profile between 
 """
 
 from optiplan.arrays import Array
-from optiplan.errors import InputError, Issue
+from optiplan.planners.option_schema import option_error
 from optiplan.planners.point_to_point.base import PointToPoint, Profile, ProfileOptions
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.profiles.laws import SCurve
@@ -32,6 +32,6 @@ class SCurvePlanner(PointToPoint[ProfileOptions]):
         if problem.moving_start or end.v.any() or end.a.any():
             if self.options.motion != "synchronised":
                 expected = "synchronised, where the ends are not at rest"
-                raise InputError([Issue.of_option("scurve", "motion", self.options.motion, expected)])
+                raise option_error("scurve", "motion", self.options.motion, expected)
             return BetweenStates(problem.start_state, end, problem.limits, names)
         return RestToRest(problem.start, goal, problem.limits, names, lambda _: SCurve(), self.options.motion)

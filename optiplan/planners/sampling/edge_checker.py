@@ -8,14 +8,13 @@ from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from optiplan._core import core
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.collision.clearance_test import PairMargins
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel
-from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
+from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.planners.common.gravity import Gravity
 from optiplan.robot.robot import Limits
 
@@ -31,36 +30,33 @@ _UNIT, _SHORT_LEVER = 1.5, 0.1  # m; unit of `by_moment_arms`, and least moment 
 _UNBOUNDED = 1e6  # m, the stroke of a prismatic joint without bounds
 
 
-Joints = npt.NDArray[np.bool_]
-
-
 class MotionCheck:
     """Prove straight segments between configurations free: the distance of every pair exceeds its travel.
 
-    Half a part of the motion, of length |d| per joint, moves the bodies of pair p against each other by at most
-    t_p = sum_j moment_arms[p, j] |d_j|. The part is free when every pair is farther apart than t_p in the middle of it
-    (`PairMargins.near`, one query); else the part is cut in two, unless its middle is seen to collide. There is no
-    fixed step. With `gravity`, configurations in which the motors cannot hold the arm count as blocked too.
+    Within half a part of the motion, joint j moves by |d_j|. So the bodies of pair p move against each other by at most
+    t_p = sum_j moment_arms[p, j] |d_j|. The part is free when every pair is farther apart than t_p in its middle
+    (`PairMargins.near`, one query). Else it is cut in two, unless its middle collides. There is no fixed step. With
+    `gravity`, configurations in which the motors cannot hold the arm count as blocked too.
 
     Source: Schwarzer, Saha and Latombe, "Adaptive dynamic collision checking for single and multiple articulated
-    robots in complex environments", IEEE T-RO 21(3), 2005, with one radius a pair instead of the least distance.
+    robots in complex environments", IEEE T-RO 21(3), 2005. Here each pair has a radius of its own.
 
     Attributes:
         model: of the robot in its scene.
         limits: of its joints; `moment_arms` hold within the position limits.
         units: (n,) rad or m, scale of a search's coordinates: the way of each joint in a second at full speed.
-        native: the same check in the native core; None where the model has none. There a part that is cut is asked
-            again for those pairs only that kept it from being proved free.
+        native: the same check in the native core; None where the model has none. It checks a part that is cut again
+            only for the pairs that are not proved free.
         searched: configuration (n,) of the joints that stand still, and which joints (n,) do not.
-        least: duration, s, of motions at rest at both ends that the native core's searches begin with: they draw
-            configurations through which such a one can pass, and ever longer ones; infinite: everywhere.
+        least: s. The native core's searches first draw configurations on motions of this duration between rests, then
+            on longer ones; infinite: everywhere.
     """
 
     def __init__(self, model: CollisionModel, limits: Limits, gravity: Gravity | None = None) -> None:
         self.model, self.limits, self._gravity = model, limits, gravity
         self.units = limits.velocity
         n = len(self.units)
-        self.searched: tuple[Array, Joints] = np.zeros(n), np.ones(n, dtype=bool)
+        self.searched: tuple[Array, Flags] = np.zeros(n), np.ones(n, dtype=bool)
         self.least = inf
         stroke = np.minimum(np.maximum(np.abs(limits.lower), np.abs(limits.upper)), _UNBOUNDED)
         self._moment_arms = model.bounds.moment_arms(stroke)
@@ -158,15 +154,15 @@ class PartialCheck(MotionCheck):
         self,
         whole: MotionCheck,
         still: Array,
-        joints: Joints,
+        joints: Flags,
         box: tuple[Array, Array],
         least: float = inf,
     ) -> None:
         """Take box (n,), (n,) within the limits; `joints` (n,) says which are searched."""
         limits = whole.limits
-        fields = {name: getattr(limits, name)[joints] for name in ("velocity", "acceleration", "jerk", "torque")}
         self.model, self.units = whole.model, whole.units[joints]
-        self.limits = replace(limits, lower=box[0][joints], upper=box[1][joints], **fields)
+        searched = limits.of_joints(np.flatnonzero(joints).tolist())
+        self.limits = replace(searched, lower=box[0][joints], upper=box[1][joints])
         self.still, self._whole, self._joints = still, whole, joints
         self.native, self.searched, self.least = whole.native, (still, joints), least
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget
+from optiplan.planners.common.tolerances import LEAST_GAIN
 from optiplan.planners.sampling.edge_checker import MotionCheck, PartialCheck
 from optiplan.planners.sampling.search import Searcher
 from optiplan.planners.sampling.shortcutting import path_time, shorten
@@ -13,7 +14,7 @@ _PIECE = 0.2, 1.0  # shares of a path between two such points
 _SHORTER = 0.4, 0.9  # times the piece's cost in which the new one is to pass
 _PATIENCE = 1000  # iterations of a search
 _SHORTCUTS = 40  # of the new piece
-_STALE, _GAIN = 10, 0.01  # searches in a row that gain less than this share, after which no more are made
+_STALE = 10  # searches in a row that gain nothing, after which no more are made
 
 
 def improved_path(
@@ -26,10 +27,9 @@ def improved_path(
 ) -> Array:
     """Return a path (m, n) with the same ends as `waypoints` (k, n), at no higher cost.
 
-    Two points of the path are drawn at random, and a path between them is searched for where only a shorter one can
-    pass; shortened, it takes the place of the piece between them if it is cheaper. A search between near points in a
-    small box is short, whether it finds something or not. Shortcuts keep a path in its class of homotopy or nearly so;
-    this does not.
+    Two points of the path are drawn at random, and a path between them is searched where only a shorter one can pass.
+    After shortcuts, it replaces the piece between them if it is cheaper. A search between near points in a small box is
+    short, with or without a result. Shortcuts nearly always keep a path in its homotopy class; this does not.
 
     Args:
         check: proves edges.
@@ -46,15 +46,15 @@ def improved_path(
             break
         path = _with_new_piece(check, path, searcher, budget, rng)
         before, cost = cost, float(path_time(path, velocity).sum())
-        stale = stale + 1 if cost > (1.0 - _GAIN) * before else 0
+        stale = stale + 1 if cost > (1.0 - LEAST_GAIN) * before else 0
     return path
 
 
 def box_of_paths(start: Array, goals: Array, longest: Array, limits: Limits) -> tuple[Array, Array]:
     """Return the box (n,), (n,) through which paths from start (n,) to goal k of (g, n) in longest[k], s, can pass.
 
-    Through q a path takes at least max_j (|q_j - start_j| + |goal_j - q_j|) / v_j: what is left is a box for each goal.
-    A slow joint can go only a little beyond its ends there, and one that need not move stands still.
+    Through q a path takes at least max_j (|q_j - start_j| + |goal_j - q_j|) / v_j: this bounds a box for each goal. In
+    it a slow joint goes only a little beyond its ends, and one that need not move stands still.
     """
     slack = np.maximum(0.5 * (longest[:, None] * limits.velocity - np.abs(goals - start)), 0.0)
     low = np.maximum((np.minimum(start, goals) - slack).min(axis=0), limits.lower)

@@ -32,9 +32,11 @@ def search(
     """Connect the start (n,) with one of the goals (k, n) = `ends`, in coordinates q / velocity limit (s).
 
     Without a path after `patience` iterations the search ends (`impatient`), so that another one can be tried. Same
-    arguments, same result, unless the budget cut it. Sources: Kuffner and LaValle, "RRT-Connect", ICRA 2000;
-    Karaman and Frazzoli, "Sampling-based algorithms for optimal motion planning", IJRR 2011 (RRT*); Gammell et al.,
-    "Informed RRT*", IROS 2014, and "Batch informed trees", IJRR 2020; Sucan and Kavraki, "KPIECE", WAFR 2008.
+    arguments, same result, unless the budget cut it.
+
+    Sources: Kuffner and LaValle, "RRT-Connect", ICRA 2000. Karaman and Frazzoli, "Sampling-based algorithms for optimal
+    motion planning", IJRR 2011 (RRT*). Gammell et al., "Informed RRT*", IROS 2014. Gammell et al., "Batch informed
+    trees", IJRR 2020. Sucan and Kavraki, "KPIECE", WAFR 2008.
     """
     if options.kind == "rrtconnect" and check.native is not None:
         return native_rrt_connect(check, ends, budget, seed, options.reach, patience=patience)
@@ -108,7 +110,7 @@ def seeded(seed: int, budget: Budget) -> Iterator[bool]:
 
 
 Made = tuple[Any, Callable[[Budget], bool]]
-"""A planner of OMPL, and whether its path is good enough, now that so much is left of the time to improve it."""
+"""A planner of OMPL, and whether its path is good enough, given the remaining time for improvement."""
 
 
 def _connect(space: SearchSpace, problem: Any, options: SearchOptions) -> Made:

@@ -5,15 +5,14 @@ from dataclasses import dataclass
 from math import inf
 
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.planners.base import Budget
 from optiplan.planners.option_schema import option
-from optiplan.planners.sampling.base import PlanTask, SampledOptions, SearchSetup, plan_sampled
+from optiplan.planners.sampling.base import SampledOptions, SamplingPlanner, SearchSetup
 from optiplan.planners.sampling.constrained.planner import ConstrainedSearch
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends, search_bounds
 from optiplan.planners.sampling.roadmap import Roadmap
 from optiplan.planners.sampling.search import Search
-from optiplan.problem.problem import Problem
 
 _KEPT = 4  # roadmaps kept: those of the latest scenes
 
@@ -30,7 +29,7 @@ class PrmOptions(SampledOptions):
     most_vertices: int = option(4000, "where that ends; bounds the memory, some 50 MB.", above=0)
 
 
-class Prm(Planner[PrmOptions]):
+class Prm(SamplingPlanner[PrmOptions]):
     """Planner by probabilistic roadmaps; use one object for many queries, in one thread: roadmaps grow with each.
 
     The first query of a scene answers as every other planner does: the same for the same problem and seed. The answer
@@ -48,11 +47,10 @@ class Prm(Planner[PrmOptions]):
         super().__init__(options)
         self.roadmaps: OrderedDict[tuple[object, ...], Roadmap] = OrderedDict()
 
-    def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
-        """Plan within the budget; see `planners.base.Planner`."""
+    def setup(self) -> SearchSetup:
+        """Return the search on the roadmap of the scene."""
         constrained = ConstrainedSearch(roadmap=True, vertices=max(1, self.options.vertices // 4))
-        setup = SearchSetup(self.search, detour=inf, constrained=constrained)
-        return plan_sampled(PlanTask(problem, budget, progress), self.options, setup)
+        return SearchSetup(self.search, detour=inf, constrained=constrained)
 
     def search(self, check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
         """Query the roadmap of this scene and grow it until it connects the ends; a `search.Searcher`.

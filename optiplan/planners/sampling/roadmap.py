@@ -69,7 +69,7 @@ class Roadmap:
             goal = goals[int(np.argmin(reached[goals]))]
             if not np.isfinite(reached[goal]):
                 break
-            path = _walk(before, start, goal)
+            path = _trace(before, start, goal)
             blocked = self._first_blocked(check, path)
             if blocked is None:
                 return Search(points[path], points[[start]], points[goals], (len(points), len(goals)))
@@ -131,7 +131,7 @@ def _shortest(count: int, edges: Edges, cost: Array, start: int) -> tuple[Array,
     return reached, before
 
 
-def _walk(before: Edges, start: int, goal: int) -> list[int]:
+def _trace(before: Edges, start: int, goal: int) -> list[int]:
     path = [goal]
     while path[-1] != start:
         path.append(int(before[path[-1]]))

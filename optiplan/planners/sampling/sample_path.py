@@ -14,6 +14,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import contact_witness, end_collides, out_of_time
 from optiplan.planners.common.gravity import Gravity
+from optiplan.planners.common.tolerances import LEAST_GAIN, NO_MOTION
 from optiplan.planners.sampling.edge_checker import MotionCheck, PartialCheck
 from optiplan.planners.sampling.local_searches import box_of_paths
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
@@ -28,11 +29,10 @@ _BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line
 _NEAR, _PATIENCE, _GROWTH = 500, 1500, 3.0  # iterations near the ends, of the round after, and factor to each later one
 _LATE, _RELAXED = 2, 90e3  # round of the searcher, from 0, before which `relaxed` has one; its iterations
 _FRESH = 4  # new goals requested between two rounds
-_FEW = 20  # shortcuts before a path is told `early`
+_FEW = 20  # shortcuts before a path is reported to `early`
 _SHORT = 0.5  # s: least distance of the ends assumed for the detour
-_STALE, _GAIN = 3, 0.01  # rounds that gain less than this share end the search for shorter paths
+_STALE = 3  # rounds in a row that gain nothing end the search for shorter paths
 _IMPROVING = 0.7  # share of the budget for it; the rest is for timing
-_POINT_TOLERANCE = 1e-9  # rad or m
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,13 @@ class SamplingOptions:
             is the native core's there is no such turn: the first searcher gets out of narrow places by itself there.
         detour: the first round samples only configurations through which a path can take at most this factor of
             the straight line's time; infinite: everywhere.
-        longest: time at full speed, s, that paths of later rounds may take: they sample only configurations through
-            which such a one can pass, those of short motions first.
+        longest: longest time at full speed, s, of paths of later rounds: they sample only configurations on such
+            paths, those on short motions first.
         improve: searcher for shorter paths, each time where only such can pass, until it gains nothing more.
         more_goals: returns up to this many new goals between rounds; polls its second argument.
         relaxed: third searcher, in later rounds; None: none.
-        begun: rounds of the schedule that earlier calls have made, which are left out; 0 begins near the ends.
-        early: is told the waypoints (k, n) that a search has found after a few of the shortcuts; None: nobody.
+        begun: rounds of the schedule to skip, since earlier calls have made them; 0 begins near the ends.
+        early: receives the waypoints (k, n) of a first path after a few shortcuts.
     """
 
     budget: Budget
@@ -79,7 +79,7 @@ class SampledPath:
         waypoints: (k, n), rad or m; k >= 2.
         goal_index: which of the goals it ends in; -1 for one that was drawn while searching.
         cost: sum over segments of max_j |dq_j| / v_j, s, plus a tenth of the 2-norm (see `shortcutting.path_time`).
-        info: number of `states` the search looked at, and whether it was `cut_short` by the clock; JSON-ready.
+        info: number of `states` of the search, and whether the clock `cut_short` it; JSON-ready.
     """
 
     waypoints: Array
@@ -127,12 +127,12 @@ def sample_path(
             path, more = _improved(check, path, (start, free_goals), improving, rng)
             info = {"states": info["states"] + more["states"], "cut_short": info["cut_short"] or more["cut_short"]}
     distances = [np.abs(q - path[-1]).max() for q in goals]
-    index = int(np.argmin(distances)) if min(distances) < _POINT_TOLERANCE else -1
+    index = int(np.argmin(distances)) if min(distances) < NO_MOTION else -1
     return SampledPath(path, index, float(path_time(path, limits.velocity).sum()), info)
 
 
 def path_check(model: CollisionModel, limits: Limits) -> MotionCheck:
-    """Return what proves the edges of paths for `sample_path`."""
+    """Return the check of edges for `sample_path`."""
     return MotionCheck(model, limits, Gravity(model.robot, limits.torque, _RESERVE))
 
 
@@ -147,8 +147,8 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
     """Search in rounds of growing patience, the first one near the ends alone, each later one with fresh goals.
 
     The goals take turns at being the first, since OMPL roots a tree in another one only when it has grown in those
-    before it. A search that has not met a path is begun anew, because the time that random trees take is heavy-tailed:
-    a few take very long (Gomes, Selman and Kautz, "Boosting combinatorial search through randomization", AAAI 1998).
+    before it. A search without a path is started anew, because the time that random trees take is heavy-tailed.
+    Source: Gomes, Selman and Kautz, "Boosting combinatorial search through randomization", AAAI 1998.
     """
     start, goals = ends
     schedule, near = _schedule(check, options), bool(np.isfinite(options.detour)) and not options.begun
@@ -214,7 +214,7 @@ def _improved(
         states, cut_short = states + sum(found.sizes), cut_short or found.cut_short
         shorter = _shorter(check, [path, found.path], draws, options.budget)
         gained = cost - float(path_time(shorter, velocity).sum())
-        stale = stale + 1 if gained < _GAIN * cost else 0
+        stale = stale + 1 if gained < LEAST_GAIN * cost else 0
         path, cost = shorter, cost - gained
     return path, {"states": states, "cut_short": cut_short or late.over}
 
@@ -223,7 +223,7 @@ def _near_the_ends(check: MotionCheck, ends: Ends, longest: Array, options: Samp
     """Search where paths to goal k can pass in at most longest[k], s; a first path, with the joints that must move."""
     start, goals = ends
     box = box_of_paths(start, goals, longest, check.limits)
-    joints = (np.abs(goals - start).max(axis=0) > _POINT_TOLERANCE) | (options.improve is not None)
+    joints = (np.abs(goals - start).max(axis=0) > NO_MOTION) | (options.improve is not None)
     part = PartialCheck(check, start, joints, box)
     within = (start[joints], goals[:, joints])
     found = options.searcher(part, within, options.budget, seed, patience=_NEAR)

@@ -1,4 +1,4 @@
-"""What a search for a path is given and gives back; RRT-Connect in the native core."""
+"""Options and results of a search for a path; RRT-Connect in the native core."""
 
 from dataclasses import dataclass
 from math import ceil, inf
@@ -49,9 +49,8 @@ class SearchOptions:
     Attributes:
         kind: which of OMPL's planners.
         reach: longest tree edge, s at full joint speed (2-norm over joints).
-        effort: where the path improves with time, the iterations (batches of samples for `bitstar`) after which it
-            is good enough; a search that has no path by then goes on until it has one. When most of the budget is
-            gone, any path is good enough.
+        effort: iterations (batches of samples for `bitstar`) after which an improving path is good enough. A search
+            without a path goes on until it has one. When most of the budget is gone, any path is good enough.
     """
 
     kind: Kind
@@ -70,7 +69,7 @@ class Searcher(Protocol):
 def native_rrt_connect(
     check: MotionCheck, ends: Ends, budget: Budget, seed: int, reach: float, *, patience: float = inf
 ) -> Search:
-    """Run RRT-Connect of the native core, for a check that it makes; see `ompl_search.search`."""
+    """Run RRT-Connect of the native core; see `ompl_search.search`."""
     assert check.native is not None
     still, joints = check.searched
     (start, goals), n = ends, len(still)

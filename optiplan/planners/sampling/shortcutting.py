@@ -21,8 +21,8 @@ _TOGETHER = 40  # attempts of the native core
 def path_times(start: Array, end: Array, velocity: Array) -> Array:
     """Return the cost of each motion from start (k, n) to end (k, n): (k,) in s.
 
-    max_j |dq_j| / v_j + 0.1 ||dq / v||: the time at full speed, plus a little of the 2-norm, because many paths share
-    the same largest joint and the straight one among them is preferred.
+    max_j |dq_j| / v_j + 0.1 ||dq / v||: the time at full speed, plus a little of the 2-norm. Many paths share the same
+    largest joint; the 2-norm prefers the straight one among them.
     """
     x = np.abs(end - start) / velocity
     cost: Array = x.max(axis=1) + TWO_NORM_SHARE * np.linalg.norm(x, axis=1)
@@ -37,8 +37,8 @@ def path_time(waypoints: Array, velocity: Array) -> Array:
 def shorten(check: MotionCheck, waypoints: Array, velocity: Array, draws: Array, budget: Budget) -> Array:
     """Return a path with the same ends at no higher cost; every new segment passes `check`. Shapes (k, n) -> (m, n).
 
-    Each row of `draws` (attempts, 3), uniform in [0, 1), is one attempt: where it begins and ends along the path, and
-    whether it straightens all joints (third number below one half) or which single one.
+    Each row of `draws` (attempts, 3), uniform in [0, 1), is one attempt: two numbers for its begin and end along the
+    path, one for the joints that it straightens. Below one half these are all joints, else a single one.
     """
     if check.native is not None:
         return _shorten_natively(check.native, waypoints, velocity, draws, budget)
@@ -51,7 +51,7 @@ def shorten(check: MotionCheck, waypoints: Array, velocity: Array, draws: Array,
 
 
 def _shorten_natively(check: "EdgeChecker", path: Array, velocity: Array, draws: Array, budget: Budget) -> Array:
-    """Do the same in the native core, a few attempts between two looks at the budget."""
+    """Do the same in the native core; the budget is polled every few attempts."""
     path = np.ascontiguousarray(path)
     for k in range(0, max(len(draws), 1), _TOGETHER):
         if budget.over:

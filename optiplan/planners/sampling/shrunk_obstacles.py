@@ -1,4 +1,4 @@
-"""A path between obstacles made thinner: not free yet, but near one that is, where the free ones are hard to find."""
+"""A path between thinner obstacles: not free yet, but near a free one, where free ones are hard to find."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,12 +17,12 @@ from optiplan.planners.sampling.search import Search, Searcher
 from optiplan.planners.sampling.shortcutting import shorten
 
 _DEPTH = 0.02  # m; an optimiser moves a path out of obstacles that deep
-_LEAST = 1e-3  # m, what is left of a thickness
+_LEAST = 1e-3  # m: least thickness that remains
 _ATTEMPTS, _LOCAL = 60, 12  # shortcuts and local searches
 
 
 def thinned(scene: Scene, depth: float = _DEPTH) -> Scene:
-    """The scene with every obstacle that is no mesh or half-space smaller by `depth`, m, on all sides."""
+    """Return the scene with every obstacle smaller by `depth`, m, on all sides; meshes and half-spaces stay."""
     obstacles = (replace(body, shape=_thinned(body.shape, depth)) for body in scene.obstacles)
     return replace(scene, obstacles=tuple(obstacles))
 
@@ -42,14 +42,13 @@ def _thinned(shape: Shape, depth: float) -> Shape:
 
 
 def through_thinner(repair: Callable[[Array], Array | None]) -> Searcher:
-    """The `Searcher` that looks for a path between thinner obstacles and has it repaired.
+    """Return a `Searcher` that finds a path between thinner obstacles and repairs it.
 
     A narrow place that is wider by a few centimetres is found soon. Source: Saha, Latombe, Chang and Prinz, "Finding
     narrow passages with probabilistic roadmaps: the small-step retraction method", Autonomous Robots 19, 2005.
 
     Args:
-        repair: moves waypoints (k, n) that touch out of the obstacles; None when it cannot. What comes of it is
-            proved here.
+        repair: moves waypoints (k, n) out of the obstacles; None when it cannot. The result is proved here.
     """
 
     def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
@@ -65,9 +64,7 @@ def through_thinner(repair: Callable[[Array], Array | None]) -> Searcher:
         shortened = shorten(thinner, found.path, check.limits.velocity, rng.uniform(size=(_ATTEMPTS, 3)), budget)
         improved = improved_path(thinner, shortened, rrt_connect, budget, rng, _LOCAL)
         cheaper = not np.array_equal(improved, shortened)
-        for path in (
-            (improved, shortened) if cheaper else (shortened,)
-        ):  # a cheaper way may be too deep in the obstacles
+        for path in (improved, shortened) if cheaper else (shortened,):  # a cheaper one may be too deep in obstacles
             if check.polyline_free(path):
                 return replace(found, path=path)
             repaired = repair(path)

@@ -8,12 +8,12 @@ _ROUNDING = 1e-12  # of the gradient
 
 
 def bounded_least_squares(A: Array, b: Array, bounds: tuple[Array, Array], towards: Array, weight: float) -> Array:
-    """The x that minimises |A x - b|² + weight |x - towards|² subject to low <= x <= high.
+    """Return the x that minimises |A x - b|² + weight |x - towards|² subject to low <= x <= high.
 
-    A primal active-set method. From a point within the bounds it goes to the optimum over the components that are not
-    held, or as far as the first bound on the way, where that component is held from then on; at such an optimum the
-    component that gains most by leaving its bound is let go. The cost never rises and no set of held components
-    returns with it, so this ends; the program is strictly convex, so where it ends is the one solution.
+    A primal active-set method. From a point within the bounds it steps to the optimum over the free components, or to
+    the first bound on the way; that component is then held. At an optimum, the held component with the largest gain is
+    freed. The cost never rises and no set of held components recurs, so the method ends. The program is strictly
+    convex, so the result is the only solution.
 
     Args:
         A: (m, n).

@@ -12,7 +12,7 @@ from optiplan.planners.sclerp.qp_stepping import ScrewStepper, SteppedPath
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 
-_TOLERANCE = 5e-7  # m and rad, at the points looked at: half of what is promised everywhere
+_TOLERANCE = 5e-7  # m and rad, at the checked points: half of the tolerance promised everywhere
 _BETWEEN = (0.2, 0.5, 0.8)
 _ROUNDS = 12
 _MOST_KNOTS = 2000
@@ -29,13 +29,14 @@ def spline(joint_names: tuple[str, ...], s: Array, Q: Array) -> Trajectory:
 
 
 def on_screw(stepper: ScrewStepper, stepped: SteppedPath, stop: Callable[[], bool] = lambda: False) -> Trajectory:
-    """Joint path q(s) along steps that keep the tool within 1e-6 m and rad of X(s), and within limits.
+    """Return a joint path q(s) along steps, within limits, with the tool within 1e-6 m and rad of X(s).
 
-    It goes through some of the stepped points. Where it is farther off, or beyond a limit, the screw's point nearest
-    to it becomes a knot too: so it does not repeat the unevenness of the steps. All knots are on the screw, so between
-    them the error is that of a cubic spline, which falls with the fourth power of their distance. Holds at: everywhere
-    for the limits (exact extrema), three points between knots for the tool, with a reserve of a half; both as far as
-    2,000 knots can do it, and until `stop` says so.
+    The path passes through some of the stepped points. Where it violates the tolerance or a limit, the nearest point
+    on the screw becomes a knot too; so it does not repeat the unevenness of the steps. All knots are on the screw.
+    Between them the error is that of a cubic spline, which falls with the fourth power of their distance.
+
+    Holds at: everywhere for the limits (exact extrema), three points between knots for the tool, with a reserve of a
+    half. Both end with 2,000 knots, or when `stop` returns True.
     """
     names = stepper.tool.robot.joint_names
     kept = _spaced(stepped.Q, _ANCHORS)

@@ -1,4 +1,4 @@
-"""`sclerp`: goal by goal, the joint path of the chosen scheme, looked at for obstacles, then timed."""
+"""`sclerp`: for each goal, the joint path of the chosen scheme, checked for collisions, then timed."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,10 +9,10 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.failures import out_of_time, too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.region_poses import single_ends, with_poses
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.planners.sclerp.screw_motion import ScrewTask, attempt
@@ -21,9 +21,9 @@ from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
-_SAMPLES = 200  # of a path, where gravity is looked for
-_NEEDED = 6  # joints, for a screw; an arm with more of them can be led
-_CLOSE = 0.01  # share above its lower bound at which a motion is not compared with other ways of the arm
+_GRAVITY_SAMPLES = 200  # of a path
+_NEEDED = 6  # joints, for a screw; an arm with more of them is redundant
+_NEAR_BOUND = 1.01  # duration / lower bound up to which a motion is not compared with others
 
 
 class Sclerp(Planner[SclerpOptions]):
@@ -31,7 +31,7 @@ class Sclerp(Planner[SclerpOptions]):
 
     Options = SclerpOptions
 
-    holds_constraints = True  # where the screw does; the verifier tells
+    holds_constraints = True  # where the screw does; the verifier decides
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
@@ -67,12 +67,12 @@ class Sclerp(Planner[SclerpOptions]):
         return PlanResult(None, late or _reason(goals, failures), watch.seconds)
 
     def _enough(self, problem: Problem, motion: Trajectory) -> bool:
-        """Whether no other way of the arm is compared: none is asked for, or the motion is close to its bound."""
+        """Return whether the comparison ends: the options exclude it, or the motion is close to its bound."""
         o = self.options
         if o.scheme != "qp" or o.redundancy != "best" or problem.robot.n <= _NEEDED:
             return True
         least = lower_bound(problem.start, motion(motion.duration), problem.limits)
-        return motion.duration <= (1.0 + _CLOSE) * least
+        return motion.duration <= _NEAR_BOUND * least
 
     def _tasks(self, problem: Problem, ends: list[Array]) -> Iterator[ScrewTask]:
         """Return every alternative of the goal, as the joints move least and led to each goal configuration.
@@ -100,11 +100,11 @@ def _pose(tool: Tool, goal: PoseGoal, q: Array) -> pin.SE3:
 
 
 def _heavy(problem: Problem, path: Trajectory) -> Failure:
-    return too_heavy(problem.robot, problem.limits, path(np.linspace(0.0, path.duration, _SAMPLES)))
+    return too_heavy(problem.robot, problem.limits, path(np.linspace(0.0, path.duration, _GRAVITY_SAMPLES)))
 
 
 def _reason(goals: list[Array] | Failure, failures: list[Failure]) -> Failure:
-    """The failure that came farthest along its screw; what is known of the goal comes first."""
+    """Return the failure farthest along its screw, after the failure of the goal."""
     farthest = max(failures, key=lambda failure: float(failure.witness.get("fraction", 1.0)))
     if not isinstance(goals, Failure):
         return farthest

@@ -64,7 +64,7 @@ class SteppedPath:
 
 
 class ScrewStepper:
-    """Steps along one screw; `goal` (n,) is where a redundant arm is led to."""
+    """Steps along one screw; a redundant arm is led to `goal` (n,)."""
 
     def __init__(self, tool: Tool, screw: ScrewMotion, options: SclerpOptions, goal: Array | None = None) -> None:
         self.tool, self.screw, self.goal, self.tau = tool, screw, goal, options.tau
@@ -74,7 +74,7 @@ class ScrewStepper:
         self.programs = 0
 
     def step_along(self, start: Array, most: int, stop: Callable[[], bool] = lambda: False) -> SteppedPath:
-        """From start (n,), at X(0), as far as at most so many steps lead; half as far a step where one fails."""
+        """Step from start (n,), at X(0), at most so many times; a failed step is repeated with half its length."""
         s, ds, S, Q = 0.0, self.tau, [0.0], [np.array(start, float)]
         while s < 1.0 and ds >= _SHORTEST and len(S) <= most and not stop():
             end = 1.0 if s + 1.001 * ds >= 1.0 else s + ds
@@ -90,11 +90,11 @@ class ScrewStepper:
         return SteppedPath(np.array(S), np.array(Q), self.programs, blocked)
 
     def reach(self, s: float, q: Array, bounds: tuple[Array, Array], pull: Array | None = None) -> Array | None:
-        """The configuration near q (n,) within `bounds` with the tool at X(s); None if there is none so near.
+        """Return the configuration near q (n,) within `bounds` with the tool at X(s); None if there is none so near.
 
-        Each correction dq is the best within what is left of the bounds, minimal in |J_s dq - e|² + 1e-8 |dq - pull|²,
-        e the spatial twist that is missing, log(X(s) X_WT⁻¹). The `pull` counts in the first alone, hence in directions
-        only that do not move the tool.
+        Each correction dq minimises |J_s dq - e|² + 1e-8 |dq - pull|² within the bounds, with the missing spatial twist
+        e = log(X(s) X_WT⁻¹). Only the first correction has a `pull`, so it acts only in directions that keep the tool
+        in place.
         """
         low, high = bounds
         target = self.screw.pose(s)
@@ -146,7 +146,7 @@ class ScrewStepper:
         return np.maximum(low, q - self.longest), np.minimum(high, q + self.longest)
 
     def _blocking(self, q: Array, s: float) -> int | None:
-        """The joint that the next step would carry farthest past its limit if there were none."""
+        """Return the joint that the next step, without limits, would carry farthest past its limit."""
         free = np.full(len(q), 0.5)
         X_WT, J = self.tool.at(q)
         e = pin.log6(self.screw.pose(min(1.0, s + _SHORTEST)) * X_WT.inverse()).vector

@@ -1,9 +1,9 @@
-"""The report's resolved-rate scheme for screw motion, put right: a baseline of the comparison.
+"""The report's resolved-rate scheme for screw motion, corrected: a baseline of the comparison.
 
-At every step the pose C is looked up that lies the share τ along the screw from the tool's pose A to the goal; the
-change of position and quaternion from A to C becomes a twist, the twist joint rates, and β of these are taken.
+Every step has an aim C, the share τ along the screw from the tool's pose A to the goal. The change of position and
+quaternion from A to C gives a twist, the twist gives joint rates, and the step is β times these.
 
-Source: a course report on screw linear interpolation for Baxter; what is wrong in it: docs/theory/reports.md.
+Source: a course report on screw linear interpolation for Baxter; its errors: docs/theory/reports.md.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ _LEAST_MOTION = 1e-10  # weight of |dq|² beside the squared error of the twist,
 
 @dataclass(frozen=True, eq=False)
 class SchemeResult:
-    """What a scheme did.
+    """Result of a scheme.
 
     Attributes:
         Q: (k + 1, n), configurations from the start on, rad or m.
@@ -112,19 +112,13 @@ def reflected(q: Array, low: Array, high: Array) -> Array:
     return np.where(q <= low, q + REFLECTION * (low - q), q)
 
 
-def step_bounds(tool: Tool, q: Array, options: SclerpOptions) -> tuple[Array, Array]:
-    """Least and largest change (n,) of the joints in one step from q (n,), by position and velocity limits."""
-    limits = tool.robot.limits
-    longest = options.step * limits.velocity / limits.velocity.max()
-    return np.maximum(limits.lower - q, -longest), np.minimum(limits.upper - q, longest)
-
-
 def _joint_step(tool: Tool, q: Array, J: Array, twist: Array, options: SclerpOptions) -> Array:
     """Change of the joints (n,) for a twist: Jᵀ (J Jᵀ + λ² I)⁻¹ twist, or the best within limits."""
     damping = options.damping**2 if options.scheme == "damped" else 0.0
     if options.joint_limits == "qp":
-        low, high = step_bounds(tool, q, options)
-        bounds = np.minimum(low, 0.0), np.maximum(high, 0.0)
+        limits = tool.robot.limits
+        longest = options.step * limits.velocity / limits.velocity.max()
+        bounds = np.clip(limits.lower - q, -longest, 0.0), np.clip(limits.upper - q, 0.0, longest)
         return bounded_least_squares(J, twist, bounds, np.zeros(len(q)), max(damping, _LEAST_MOTION))
     return _least_motion(J, twist, damping)
 

@@ -21,10 +21,10 @@ class Tool:
         return pin.SE3(self._data.oMf[self._frame])
 
     def at(self, q: Array) -> tuple[pin.SE3, Array]:
-        """X_WT and the spatial Jacobian J_s (6, n) at q: dX_WT/dt = [J_s q̇] X_WT.
+        """Return X_WT and the spatial Jacobian J_s (6, n) at q: dX_WT/dt = [J_s q̇] X_WT.
 
-        The twist J_s q̇ = (v, w) holds the velocity of the point of the tool's body that is in the world's origin, m/s,
-        and its angular velocity, rad/s; a revolute joint about the unit axis z through p has the column (p x z, z).
+        The twist J_s q̇ = (v, w) has the angular velocity w, rad/s, and the velocity v, m/s, of the body point at the
+        world's origin. A revolute joint about the unit axis z through p has the column (p x z, z).
         """
         J = pin.computeFrameJacobian(self._model, self._data, q, self._frame, pin.ReferenceFrame.WORLD)
         X_WT = pin.SE3(pin.updateFramePlacement(self._model, self._data, self._frame))

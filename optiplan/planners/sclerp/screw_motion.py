@@ -1,4 +1,4 @@
-"""One screw: the joint path that the chosen scheme finds for it, or the place where it fails."""
+"""Find the joint path of the chosen scheme along one screw, or the place of its failure."""
 
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -61,9 +61,9 @@ class ScrewTask:
 
 
 def attempt(model: CollisionModel, task: ScrewTask, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
-    """Free joint path q(s) within limits, twice continuously differentiable, or where and why there is none.
+    """Return a free joint path q(s) within limits, twice continuously differentiable, or the failure.
 
-    Under `qp` the tool is within 1e-6 m and rad of its screw for all s; the other schemes go where they go.
+    Under `qp` the tool is within 1e-6 m and rad of its screw for all s; other schemes promise no tolerance.
     """
     find = _by_quadratic_programs if options.scheme == "qp" else _by_iteration
     path = find(task, options, budget)

@@ -1,10 +1,10 @@
-"""Corners of two lines that are rounded off, so that the tool passes them without stopping.
+"""Rounded corners of two lines, which the tool passes without stopping.
 
-In a corner C the line before, with direction a per metre, and the one after, with b, overlap: with sigma, m, the way
-from the corner along both, p = C + a f(sigma) + b g(sigma) for |sigma| <= r. f slows down from slope 1 to a stop, g
-runs up, as polynomials of degree five whose second derivatives vanish at both ends: the tool leaves one line and joins
-the other twice continuously differentiably, f' + g' = 1, and it stays within r of the corner. Rotations about the axes
-of both lines overlap in the same way.
+In a corner C the line before, with direction a per metre, and the one after, with b, overlap. Sigma, m, is the way from
+the corner along both: p = C + a f(sigma) + b g(sigma) for |sigma| <= r. Of these, f slows down from slope 1 to a stop,
+and g runs up. Both are polynomials of degree five whose second derivatives vanish at both ends. So the tool leaves one
+line and joins the other twice continuously differentiably, f' + g' = 1, and stays within r of the corner. Rotations
+about the axes of both lines overlap in the same way.
 """
 
 from dataclasses import dataclass
@@ -25,14 +25,14 @@ _SLOWING = np.array([-1.0, -0.6, -0.2, 0.0, 0.0, 0.0])
 """Control points of f over r, a Bézier curve of degree five; those of g are the same reversed, with the other sign."""
 
 _WITHIN = 0.98
-"""Share of the radius that is used: what is said is proved with room for rounding."""
+"""Share of the radius that is used: the rest is room for rounding in the proof."""
 
 _OF_LINE = 0.45
 """Share of the length of a line that a corner may take, at most."""
 
 
 @dataclass(frozen=True, eq=False)
-class StraightWay:
+class LineSegment:
     """A line from corner to corner: X(lambda) = (p + lambda d, exp(lambda w) R), lambda in [0, length], m."""
 
     start: pin.SE3
@@ -41,7 +41,7 @@ class StraightWay:
     turning: Array
 
     @classmethod
-    def between(cls, start: pin.SE3, end: pin.SE3) -> "StraightWay | None":
+    def between(cls, start: pin.SE3, end: pin.SE3) -> "LineSegment | None":
         """Return the line between two poses; None where it has no length to measure by."""
         path = line(start, end)
         if path.length < _LEAST:
@@ -54,13 +54,13 @@ class Corner:
     """Where one line ends and the next begins, rounded off within a radius, m."""
 
     X_WC: pin.SE3
-    before: StraightWay
-    after: StraightWay
+    before: LineSegment
+    after: LineSegment
     radius: float
 
     @classmethod
-    def of(cls, before: StraightWay | None, after: StraightWay | None, wanted: float) -> "Corner | None":
-        """Return the corner with a radius as large as is wanted and as the lines allow; None where it must be exact."""
+    def of(cls, before: LineSegment | None, after: LineSegment | None, wanted: float) -> "Corner | None":
+        """Return the corner with the wanted radius, or with that of the lines; None where it must be exact."""
         if before is None or after is None or before.direction @ after.direction < _TURN_BACK:
             return None
         radius = min(_WITHIN * wanted, _OF_LINE * before.length, _OF_LINE * after.length)
@@ -85,7 +85,7 @@ class BlendedLine:
     To `path_following.follow` it is a path over s = lambda / length.
     """
 
-    def __init__(self, way: StraightWay, begins: Corner | None, ends: Corner | None) -> None:
+    def __init__(self, way: LineSegment, begins: Corner | None, ends: Corner | None) -> None:
         self.way, self.begins, self.ends = way, begins, ends
 
     def pose(self, s: float) -> pin.SE3:

@@ -1,4 +1,4 @@
-"""Do the steps that follow a move and leave no choice: lines, grippers, what is held, dwelling."""
+"""Do the steps that follow a move and leave no choice: lines, grippers, attaching, detaching, dwelling."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,13 +12,14 @@ from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.planners.base import Budget, Failure
-from optiplan.planners.cartesian.differential_ik import Aim, gone_together
+from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim, coupled_frames
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import FollowedPath, ToolPath, line
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import end_collides, line_too_heavy
 from optiplan.planners.common.gravity import Gravity
-from optiplan.planners.task.blends import BlendedLine, Corner, StraightWay
+from optiplan.planners.task.blends import BlendedLine, Corner, LineSegment
+from optiplan.planners.task.planned_steps import PlannedMotion, PlannedStep
 from optiplan.planners.task.stages import Stage, Stages, WorldState
 from optiplan.problem.problem import JointGoal
 from optiplan.problem.task.scene_change import scene_after
@@ -28,66 +29,42 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
-_AVOIDANCES = (4.0, 20.0)  # of limits, by arms with more joints than they need; tried in this order
-
 _SAMPLES = 50
-"""Configurations along a line at which the arm is asked whether it can hold itself and its load."""
+"""Configurations along a line at which gravity is checked."""
 
 _STANDING = 1e-4
-"""m: what is held stands on what is nearer to it than this when it is lifted."""
+"""m: a lifted object stands on a body that is nearer than this."""
 
 _ROUNDED = (1.0, 0.4, 0.0)
 """Shares of the blends of lines that are tried, in this order."""
 
 
 @dataclass(frozen=True, eq=False)
-class PlannedStep:
-    """A step that can be done.
-
-    Attributes:
-        step: the step.
-        before: state in which it begins.
-        after: state in which it ends.
-        stage: of the joints that move; None where none does.
-        curve: their motion: timed, or of a line its path over s from 0 to 1; None where none moves.
-        corner: at the end of a line, rounded off: it ends, and the next one begins, in its middle.
-    """
-
-    step: TaskStep
-    before: WorldState
-    after: WorldState
-    stage: Stage | None = None
-    curve: Trajectory | None = None
-    corner: Corner | None = None
-
-    @property
-    def is_line(self) -> bool:
-        """Whether `curve` is the path of a line."""
-        return isinstance(self.step.action, StraightLine)
-
-
-@dataclass(frozen=True, eq=False)
 class Chain:
     """Steps done one after another, and why the next cannot be, if it cannot."""
 
-    done: tuple[PlannedStep, ...]
+    steps: tuple[PlannedStep, ...]
     failure: Failure | None = None
 
+    def after(self, before: WorldState) -> WorldState:
+        """Return the state after the steps, from the state before them."""
+        return self.steps[-1].after if self.steps else before
+
     def far(self) -> tuple[int, float]:
-        """How far it came: steps, and the share of the one that failed."""
+        """Return how far it came: steps, and the share of the one that failed."""
         share = 1.0 if self.failure is None else float(self.failure.witness.get("fraction", 0.0))
-        return len(self.done), share
+        return len(self.steps), share
 
 
 def is_chained(step: TaskStep) -> bool:
-    """Whether a step leaves nothing to be chosen: anything but a move that is not a gripper's."""
+    """Whether a step leaves no choice: any but a move of the arm."""
     return not isinstance(step.action, Move) or step.kind == "gripper"
 
 
 def do_chain(stages: Stages, state: WorldState, steps: Sequence[TaskStep], budget: Budget) -> Chain:
     """Do steps without choice from a state, as far as they can be done.
 
-    Corners are rounded off as far as the steps say, less where that cannot be done, or not at all.
+    Corners are rounded by the radii of the steps, or less, or not at all where that fails.
     """
     blends = any(isinstance(step.action, StraightLine) and step.action.blend for step in steps)
     for share in _ROUNDED if blends else (0.0,):
@@ -98,7 +75,7 @@ def do_chain(stages: Stages, state: WorldState, steps: Sequence[TaskStep], budge
 
 
 def _do_all(stages: Stages, state: WorldState, steps: Sequence[TaskStep], budget: Budget, rounded: float) -> Chain:
-    """Do them with corners rounded off by a share of what steps allow."""
+    """Do them with corners rounded by a share of the radii of the steps."""
     done: list[PlannedStep] = []
     corner: Corner | None = None
     for step, after in zip_longest(steps, steps[1:]):
@@ -106,7 +83,7 @@ def _do_all(stages: Stages, state: WorldState, steps: Sequence[TaskStep], budget
         if isinstance(found, Failure):
             return Chain(tuple(done), of_step(found, step, state, stages.problem.robot))
         done.append(found)
-        state, corner = found.after, found.corner
+        state, corner = found.after, found.corner if isinstance(found, PlannedMotion) else None
     return Chain(tuple(done))
 
 
@@ -119,13 +96,13 @@ class _LineEnds:
     rounded: float
 
     def of(self, action: StraightLine, X: pin.SE3) -> tuple[ToolPath | BlendedLine, Corner | None]:
-        """Return the path of a line of which the frame is at X, and the corner in which it ends."""
+        """Return the path of a line from the frame's pose X, and the corner in which it ends."""
         start = X if self.begins is None else self.begins.X_WC
         end = line_end(action, start)
         if not action.blend * self.rounded or not isinstance(self.after, StraightLine):
             corner = None
         else:
-            ways = StraightWay.between(start, end), StraightWay.between(end, line_end(self.after, end))
+            ways = LineSegment.between(start, end), LineSegment.between(end, line_end(self.after, end))
             corner = Corner.of(*ways, action.blend * self.rounded)
         way = self.begins.after if self.begins is not None else None if corner is None else corner.before
         return (line(start, end) if way is None else BlendedLine(way, self.begins, corner)), corner
@@ -145,7 +122,7 @@ def of_step(failure: Failure, step: TaskStep, state: WorldState, robot: Robot, s
 
 
 def _remedy(failure: Failure, step: TaskStep, state: WorldState, robot: Robot) -> str:
-    """Return what to write where an object touches what it is lifted from; empty for any other failure."""
+    """Return a remedy where an object touches the body that it stands on; empty for any other failure."""
     pair = list(failure.witness.get("pair", ()))
     taken = [step.action.body] if isinstance(step.action, Attach) else [one.name for one in state.scene.attached]
     body = next((name for name in taken if name in pair), None)
@@ -185,7 +162,8 @@ def _do(stages: Stages, state: WorldState, step: TaskStep, budget: Budget, ends:
             q_all = stage.all_joints(np.asarray(q, float), state).tolist()
             return replace(curve, witness={**curve.witness, "q": q_all})
         return curve
-    return PlannedStep(step, state, WorldState(stage.all_joints(curve.end, state), state.scene), stage, curve, corner)
+    after = WorldState(stage.all_joints(curve.end, state), state.scene)
+    return PlannedMotion(step, state, after, stage, curve, corner)
 
 
 def _event(stages: Stages, state: WorldState, step: TaskStep, action: Attach | Detach) -> PlannedStep | Failure:
@@ -195,15 +173,15 @@ def _event(stages: Stages, state: WorldState, step: TaskStep, action: Attach | D
     if stage.model.collides(state.q):
         failure = end_collides(stage.model, state.q, "goal")
         words = failure.detail.removeprefix("goal configuration: ")
-        return replace(failure, detail=f"as soon as '{action.body}' is {_PAST[type(action)]}, {words}")
+        return replace(failure, detail=f"as soon as '{action.body}' is {_PAST_TENSE[type(action)]}, {words}")
     return PlannedStep(step, state, after)
 
 
-_PAST = {Attach: "held", Detach: "released"}
+_PAST_TENSE = {Attach: "held", Detach: "released"}
 
 
 def _straight(stage: Stage, action: Move) -> Trajectory | Failure:
-    """Move the joints of a gripper straight to where they shall be."""
+    """Move the joints of a gripper straight to their goal."""
     goal = action.goal[0]
     assert isinstance(goal, JointGoal)
     problem = stage.problem
@@ -216,21 +194,20 @@ def _straight(stage: Stage, action: Move) -> Trajectory | Failure:
 
 
 def _line(stage: Stage, frame: str, path: FollowedPath, budget: Budget) -> Trajectory | Failure:
-    """Follow the line where the arm can hold its load; a redundant arm tries several ways to use its freedom."""
+    """Follow a line, and check gravity along it; a redundant arm tries several avoidances of limits."""
     problem = stage.problem
     gravity = Gravity(problem.robot, problem.limits.torque)
-    first: Failure | None = None
-    for avoidance in _AVOIDANCES[: 2 if problem.robot.n > 6 else 1]:
-        aim = Aim(None, avoidance, together=gone_together(problem, frame))
+    failures: list[Failure] = []
+    for avoidance in LIMIT_AVOIDANCES[: 2 if problem.robot.n > 6 else 1]:
+        aim = Aim(None, avoidance, coupled=coupled_frames(problem, frame))
         found = follow(stage.model, path, frame, problem.start, budget, aim)
         if isinstance(found, Trajectory):
             heavy = line_too_heavy(gravity, found(np.linspace(0.0, found.duration, _SAMPLES)))
             if heavy is None:
                 return found
             found = heavy
-        first = first or found
-    assert first is not None
-    return first
+        failures.append(found)
+    return failures[0]
 
 
 def line_end(action: StraightLine, start: pin.SE3) -> pin.SE3:

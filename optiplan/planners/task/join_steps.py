@@ -1,16 +1,15 @@
 """Join moves and lines so that the arm does not stop between them.
 
-A stretch of moves and lines without an event between them becomes one path: lines stay as they are, and moves leave
-them and arrive at them with the same direction and curvature. Where the path is free, it is run in one go within all
-limits; where that is quicker than stopping, it is kept.
+A stretch of moves and lines without an event between them becomes one path. Lines keep their shape. Moves leave them
+and arrive at them with the same direction and curvature. A free path is run in one go within all limits, and kept if
+that is quicker than stopping.
 
 The path is joined in a parameter p in which every joint moves at most at its speed limit for dp/dt = 1. Between a line
-and a move, a polynomial of degree five takes the place of the part of the move that is next to the line, and matches
-position and two derivatives at both of its ends; between two moves both parts are replaced, and meet where the first
-move ends.
+and a move, a polynomial of degree five replaces the part of the move next to the line. It matches position and two
+derivatives at both of its ends. Between two moves both parts are replaced, and meet at the end of the first move.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,104 +19,111 @@ from optiplan.arrays import Array
 from optiplan.libraries import loading
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.task.chains import PlannedStep
+from optiplan.planners.common.tolerances import LIMIT_ROUNDING, NO_MOTION
+from optiplan.planners.task.planned_steps import Group, Pause, PlannedMotion, Stretch, TaskPart
 from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
 from optiplan.planners.task.stops import why_stop
-from optiplan.planners.task.stretches import Stretch
-from optiplan.trajectory.cut import cut_trajectory
-from optiplan.trajectory.joining import join_trajectories
-from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.joining import cut_trajectory, join_trajectories
+from optiplan.trajectory.paths.hermite import hermite_trajectory
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path_by_law
 from optiplan.trajectory.trajectory import Trajectory
 
 _SHARES = (0.5, 0.25, 0.1)
-"""Of the length of a move, that are replaced at a junction; where both ends take a half, it is one polynomial."""
+"""Shares of a move's length that a junction replaces; if both ends take a half, the move is one polynomial."""
 
 _ENOUGH = 0.05
-"""Share of the time with stops that is to be gained; junctions of other sizes are tried as long as it is less."""
-
-_NOWHERE = 1e-9
-"""rad or m: a move of no joint by more than this goes nowhere."""
+"""Share of the time with stops: junctions of other sizes are tried until the gain is larger."""
 
 _HOPELESS = 0.02
-"""Share of the time with stops; a motion in one go that is slower by more is not tried with other junctions."""
+"""Share of the time with stops: a joined motion that is slower by more is not tried with other junctions."""
 
 _POINTS = 40
-"""Of the spline that stands for a move."""
+"""Points of the spline that represents a move."""
 
 _SAMPLES = 400
-"""Of a motion, from which its length is taken."""
+"""Samples of a motion, for its length."""
 
 _TURNED = 0.1
 """Length of the sum of two unit directions below which moves turn back: there the arm stops anyway."""
 
-_SLACK = 1e-9
-"""rad or m: rounding beyond the position limits."""
-
-_BISECTIONS = 60
+_BISECTIONS = 60  # of the time at which a law passes a share
 
 
-def join_steps(
-    stretches: Sequence[Stretch], budget: Budget, progress: Progress, thorough: bool = True
-) -> list[list[Stretch]]:
-    """Return the stretches, those joined that are quicker so, in groups between which the arm must stop.
+def join_steps(parts: Sequence[TaskPart], budget: Budget, progress: Progress, thorough: bool = True) -> list[Group]:
+    """Return the parts in groups between which the arm must stop; stretches are joined where that is quicker.
 
     Args:
-        stretches: steps, each from rest to rest.
-        budget: what is not joined when it is over stops.
+        parts: steps, each from rest to rest.
+        budget: stretches that are not joined when it is over stop.
         progress: called with the share of groups.
         thorough: whether junctions of other sizes are tried where the first free ones gain little.
     """
-    groups = _groups(stretches, _goes_on)
-    found: list[list[Stretch]] = []
+    groups = _stretches_and_pauses(parts)
+    found: list[Group] = []
     for k, group in enumerate(groups):
         progress("joining steps", k / len(groups))
-        found.append([one for part in _groups(group, _can_be_joined) for one in _joined(part, budget, thorough)])
+        if isinstance(group, list):
+            group = [one for own in _joinable(group) for one in _joined(own, budget, thorough)]
+        found.append(group)
     return found
 
 
-def _groups(stretches: Sequence[Stretch], go_on: Callable[[PlannedStep, PlannedStep], bool]) -> list[list[Stretch]]:
-    """Cut stretches where one does not go on in the next."""
-    groups: list[list[Stretch]] = []
-    for stretch in stretches:
-        if groups and go_on(groups[-1][-1].done[-1], stretch.done[0]):
-            groups[-1].append(stretch)
+def _stretches_and_pauses(parts: Sequence[TaskPart]) -> list[Group]:
+    """Return the parts in groups between which the arm must stop."""
+    groups: list[Group] = []
+    for part in parts:
+        last = groups[-1] if groups else None
+        if isinstance(part, Pause):
+            groups.append(part)
+        elif isinstance(last, list) and _can_continue(last[-1].steps[-1], part.steps[0]):
+            last.append(part)
         else:
-            groups.append([stretch])
+            groups.append([part])
     return groups
 
 
-def _goes_on(before: PlannedStep, after: PlannedStep) -> bool:
-    return why_stop(before, after) is None and not (_stands(before) or _stands(after))
+def _can_continue(before: PlannedMotion, after: PlannedMotion) -> bool:
+    return why_stop(before, after) is None and not (_is_standstill(before) or _is_standstill(after))
 
 
-def _stands(done: PlannedStep) -> bool:
+def _is_standstill(motion: PlannedMotion) -> bool:
     """Whether a move ends where it begins: it has no direction to leave or to arrive in."""
-    return bool(np.abs(done.after.q - done.before.q).max(initial=0.0) <= _NOWHERE)
+    return bool(np.abs(motion.after.q - motion.before.q).max(initial=0.0) <= NO_MOTION)
 
 
-def _can_be_joined(before: PlannedStep, after: PlannedStep) -> bool:
-    """Whether the curves of both may change without regard to constraints: those of lines do not."""
-    return all(one.is_line or (one.stage and not one.stage.problem.path_constraints) for one in (before, after))
+def _joinable(group: list[Stretch]) -> list[list[Stretch]]:
+    """Cut a group at moves with constraints: their curves must not change, and those of lines do not."""
+    found: list[list[Stretch]] = []
+    for stretch in group:
+        if found and _keeps_constraints(found[-1][-1].steps[-1]) and _keeps_constraints(stretch.steps[0]):
+            found[-1].append(stretch)
+        else:
+            found.append([stretch])
+    return found
+
+
+def _keeps_constraints(motion: PlannedMotion) -> bool:
+    """Whether joining a motion with others cannot break its path constraints."""
+    return motion.is_line or not motion.stage.problem.path_constraints
 
 
 def _joined(group: list[Stretch], budget: Budget, thorough: bool) -> list[Stretch]:
     """Return a group as one stretch, or as several where some junction is not free, or not quicker."""
     if len(group) == 1 or budget.over:
         return group
-    stopping = sum(stretch.ends[-1] for stretch in group)
+    stopping = sum(stretch.duration for stretch in group)
     best: Stretch | None = None
     for first in range(len(_SHARES)):
         found = _in_one_go(group, first, budget)
-        if found is not None and found.ends[-1] < (stopping if best is None else best.ends[-1]):
+        if found is not None and found.duration < (stopping if best is None else best.duration):
             best = found
-        slow = found is not None and found.ends[-1] > (1.0 + _HOPELESS) * stopping
-        gained = best is not None and best.ends[-1] < (1.0 - _ENOUGH) * stopping
+        slow = found is not None and found.duration > (1.0 + _HOPELESS) * stopping
+        gained = best is not None and best.duration < (1.0 - _ENOUGH) * stopping
         if budget.over or slow or gained or (found is not None and not thorough):
             break
     if best is not None:
         return [best]
-    counts = np.cumsum([0, *(len(run.done) for run in smooth_runs([stretch.done[0] for stretch in group]))]).tolist()
+    counts = np.cumsum([0, *(len(run.steps) for run in smooth_runs([stretch.steps[0] for stretch in group]))]).tolist()
     if len(counts) == 2:
         return group
     middle = counts[1] if len(counts) == 3 else counts[2]
@@ -126,7 +132,7 @@ def _joined(group: list[Stretch], budget: Budget, thorough: bool) -> list[Stretc
 
 def _in_one_go(group: list[Stretch], first: int, budget: Budget) -> Stretch | None:
     """Return a group as one motion, with junctions of the first free size from `first` on; None where one is not."""
-    runs = smooth_runs([stretch.done[0] for stretch in group])
+    runs = smooth_runs([stretch.steps[0] for stretch in group])
     sizes = [first] * (len(runs) - 1)
     while not budget.over and max(sizes, default=0) < len(_SHARES):
         path = _Path.of(runs, sizes)
@@ -147,9 +153,9 @@ class _PathElement:
     curve: Trajectory
 
     @property
-    def done(self) -> PlannedStep:
+    def step(self) -> PlannedMotion:
         """Its first step."""
-        return self.run.done[0]
+        return self.run.steps[0]
 
     def state(self, p: float) -> Array:
         """Return q, dq/dp, d²q/dp² (3, n)."""
@@ -178,7 +184,7 @@ class _Path:
         elements = [_element(run) for run in runs]
         parts = []
         for k, element in enumerate(elements):
-            if element.done.is_line:
+            if element.step.is_line:
                 parts.append(element.curve)
                 continue
             begin, end = None, None
@@ -197,16 +203,15 @@ class _Path:
     def junction_that_touches(self, budget: Budget) -> int | None:
         """Return the junction next to the first place at which the path is not free or outside limits."""
         for k, (element, part) in enumerate(zip(self.elements, self.parts, strict=True)):
-            stage = element.done.stage
-            assert stage is not None
-            if element.done.is_line:
+            if element.step.is_line:
                 continue
+            stage = element.step.stage
             limits = stage.problem.limits
             low, high = part.extrema(0)
             extrema = part.extrema_at(0)
             beyond = np.concatenate([limits.lower - low, high - limits.upper])
             where: float | None = None
-            if beyond.max() > _SLACK:
+            if beyond.max() > LIMIT_ROUNDING:
                 times = np.concatenate([extrema.t_low, extrema.t_high])
                 where = float(times[int(np.argmax(beyond))])
             else:
@@ -224,8 +229,7 @@ class _Path:
     def timed(self, budget: Budget) -> Stretch | None:
         """Run along the path in one go."""
         edges = np.concatenate([[0.0], np.cumsum([part.duration for part in self.parts])])
-        first = self.elements[0].done
-        assert first.stage is not None
+        first = self.elements[0].step
         path = join_trajectories(self.parts)
         shares = edges / edges[-1]
         places = list(zip(self.elements, pairwise(shares.tolist()), strict=True))
@@ -241,15 +245,13 @@ class _Path:
         motion, law = found
         ends = [low + edge * (high - low) for element, (low, high) in places for edge in element.run.edges[1:]]
         times = [time_of(law, share) for share in ends[:-1]]
-        done = tuple(one for element in self.elements for one in element.run.done)
-        return Stretch(done, motion, (*times, motion.duration))
+        steps = tuple(one for element in self.elements for one in element.run.steps)
+        return Stretch(steps, motion, (*times, motion.duration))
 
 
 def _element(run: SmoothRun) -> _PathElement:
     """Return a run's curve over a parameter in which the fastest joint runs about at its speed limit."""
-    stage, curve = run.done[0].stage, run.curve
-    assert stage is not None
-    speed = stage.problem.limits.velocity
+    curve, speed = run.curve, run.steps[0].stage.problem.limits.velocity
     t = np.linspace(0.0, curve.duration, _SAMPLES + 1)
     Q = curve(t)
     steps = np.linalg.norm(np.diff(Q, axis=0) / speed, axis=1)
@@ -274,13 +276,12 @@ def _cubic_spline(names: tuple[str, ...], length: float, points: Array) -> Traje
 
 def _meeting(before: _PathElement, after: _PathElement, share: float) -> Array | None:
     """Return the state (3, n) in which two elements meet: that of the line, or of two moves their mean direction."""
-    if before.done.is_line:
+    if before.step.is_line:
         return before.state(before.length)
-    if after.done.is_line:
+    if after.step.is_line:
         return after.state(0.0)
     a, b = before.state((1.0 - share) * before.length), after.state(share * after.length)
-    assert before.done.stage is not None
-    speed = before.done.stage.problem.limits.velocity
+    speed = before.step.stage.problem.limits.velocity
     point = after.state(0.0)[0]
     ways = [(point - a[0]) / speed, (b[0] - point) / speed]
     if min(np.linalg.norm(way) for way in ways) == 0.0:
@@ -294,8 +295,7 @@ def _meeting(before: _PathElement, after: _PathElement, share: float) -> Array |
 
 def _between(element: _PathElement, meets: tuple[Array | None, Array | None], cuts: tuple[float, float]) -> Trajectory:
     """Return the curve of a move with the parts next to its junctions replaced, over a parameter from 0."""
-    assert element.done.stage is not None
-    speed = element.done.stage.problem.limits.velocity
+    speed = element.step.stage.problem.limits.velocity
     names = element.curve.joint_names
     if meets[0] is not None and meets[1] is not None and sum(cuts) >= 1.0:
         return _gap(names, meets[0], meets[1], speed)
@@ -311,8 +311,7 @@ def _between(element: _PathElement, meets: tuple[Array | None, Array | None], cu
 def _gap(names: tuple[str, ...], a: Array, b: Array, speed: Array) -> Trajectory:
     """Return the polynomial of degree five between two states (3, n)."""
     width = max(float(np.linalg.norm((b[0] - a[0]) / speed)), 1e-6)
-    piece = hermite(a, b, np.array([width])) / width ** np.arange(6)[:, None]
-    return Trajectory(names, np.array([0.0, width]), piece)
+    return hermite_trajectory(names, np.array([0.0, width]), np.array([a, b]))
 
 
 def time_of(law: Trajectory, share: float) -> float:

@@ -8,25 +8,17 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.libraries import clock
-from optiplan.planners.base import (
-    Budget,
-    Failure,
-    Planner,
-    PlanResult,
-    Progress,
-    stages_of,
-)
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.dynamic_obstacles import without_dynamic_obstacles
-from optiplan.planners.common.failures import too_heavy
+from optiplan.planners.common.failures import path_too_heavy
 from optiplan.planners.common.incumbent import Incumbent
-from optiplan.planners.common.stopwatch import Stopwatch
-from optiplan.planners.task.chains import PlannedStep, of_step
+from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.join_steps import join_steps
-from optiplan.planners.task.line_timing import line_limits, timed_line
 from optiplan.planners.task.optimisation.stretch_optimiser import optimised
+from optiplan.planners.task.planned_steps import Group, Pause, PlannedMotion, PlannedStep, Stretch, TaskPart
 from optiplan.planners.task.search import TaskSearch
 from optiplan.planners.task.stops import stops_of
-from optiplan.planners.task.stretches import Stretch
 from optiplan.planners.task.via_moves import ViaMoves, unsupported
 from optiplan.planners.task.waiting import waiting
 from optiplan.planners.trajopt.options import TrajOptOptions
@@ -35,13 +27,15 @@ from optiplan.problem.task.steps import Attach, Detach, Dwell
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.segments import Segment
+from optiplan.trajectory.timing.time_path import TimingOptions, time_path
+from optiplan.trajectory.tolerances import SHORTEST_DURATION
 from optiplan.trajectory.trajectory import Trajectory
 
 _JOINING = 0.3
-"""Share of the time that is left for joining curves as they are; the rest is for optimising them together."""
+"""Share of the remaining time for joining curves; the rest is for optimising them together."""
 
 _PIECE, _LONG = 4, 6
-"""Steps that are optimised together at first, where there are more than so many between two stops."""
+"""Steps optimised together at first, where there are more than the second number between two stops."""
 
 
 def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
@@ -58,83 +52,90 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         return PlanResult(None, refused)
     began, watch, moves = clock(), Stopwatch(), ViaMoves.of(problem, planner)
     search = TaskSearch(without_dynamic_obstacles(moves.problem), planner, budget, stages_of(progress))
-    stretches = _stopping(search, budget, watch)
-    if isinstance(stretches, Failure):
-        return PlanResult(None, moves.failure(stretches), watch.seconds)
+    parts = _stopping(search, budget, watch)
+    if isinstance(parts, Failure):
+        return PlanResult(None, moves.failure(parts), watch.seconds)
     if problem.scene.dynamic_obstacles:
         with watch.stage("waiting"):
-            found = _wait_for_obstacles(moves, planner, stretches, budget, progress)
+            found = _wait_for_obstacles(moves, planner, parts, budget, progress)
         return replace(found, timings=watch.seconds, info={"moves": search.infos, **found.info})
     incumbent = Incumbent(problem, progress, watch, began)
 
-    def offer(way: Sequence[Stretch]) -> float:
-        """Offer a way to do the steps; return its duration, s."""
-        motion = moves.motion(joined_stretches(moves.problem, way))
+    def offer(way: Sequence[TaskPart]) -> float:
+        """Offer the motion of these parts; return its duration, s."""
+        motion = moves.motion(joined_parts(moves.problem, way))
         incumbent.offer(motion)
         return motion.duration
 
     info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
-    info["duration_with_stops"] = offer(stretches)
+    info["duration_with_stops"] = offer(parts)
     with watch.stage("flow"):
-        groups = join_steps(stretches, budget.share(_JOINING), progress, thorough=not _timed_only(problem))
-    info["duration_joined"] = offer([one for group in groups for one in group])
+        groups = join_steps(parts, budget.share(_JOINING), progress, thorough=not _timed_only(problem))
+    info["duration_joined"] = offer(_flat(groups))
     with watch.stage("optimisation"):
         for whole in _optimised(problem, planner, groups, budget, progress):
             offer(whole)
     info |= {"cut_short": search.cut_short or budget.over, "stops": stops_of(whole)}
-    info["stops_left_out"] = len(stretches) - len(whole)
+    info["stops_left_out"] = len(parts) - len(whole)
     return incumbent.result(info)
 
 
-def _stopping(search: TaskSearch, budget: Budget, watch: Stopwatch) -> list[Stretch] | Failure:
+def _stopping(search: TaskSearch, budget: Budget, watch: Stopwatch) -> list[TaskPart] | Failure:
     """Return all steps one by one, from rest to rest."""
     with watch.stage("steps"):
-        done = search.run()
-    if isinstance(done, Failure):
-        return done
+        steps = search.run()
+    if isinstance(steps, Failure):
+        return steps
+    parts: list[TaskPart] = []
     with watch.stage("timing"):
-        timed = [_timed(one, budget) for one in done]
-    failed = next((one for one in timed if isinstance(one, Failure)), None)
-    if failed is not None:
-        return failed
-    return [Stretch.of(a, b) for a, b in zip(done, timed, strict=True) if not isinstance(b, Failure)]
+        for step in steps:
+            timed = timed_step(step, budget)
+            if isinstance(timed, Failure):
+                return timed
+            parts.append(timed)
+    return parts
 
 
 def _optimised(
-    problem: Problem, planner: Planner[Any], groups: Sequence[list[Stretch]], budget: Budget, progress: Progress
-) -> Iterator[list[Stretch]]:
-    """Yield the stretches, what lies between two stops optimised as one where time is all that counts.
+    problem: Problem, planner: Planner[Any], groups: Sequence[Group], budget: Budget, progress: Progress
+) -> Iterator[list[TaskPart]]:
+    """Yield the parts, each group optimised as one motion where only time counts.
 
-    Long groups are optimised in pieces first: there is a better motion early, and the whole begins with it.
+    Long groups are optimised in pieces first: a better motion is there early, and the optimisation of the group
+    starts from it.
     """
     options = planner.options if isinstance(planner.options, TrajOptOptions) else TrajOptOptions()
-    ways = [list(group) for group in groups]
+    found = list(groups)
     for most in (_PIECE, None):
-        for k, way in enumerate(ways):
+        for k, group in enumerate(found):
             progress("optimising steps together", k / len(groups))
-            if not _timed_only(problem) or (most is not None and _steps(way) <= _LONG):
+            if isinstance(group, Pause) or not _timed_only(problem) or (most is not None and _count(group) <= _LONG):
                 continue
-            pieces = _pieces(way, most)
-            ways[k] = [
-                one
-                for piece in pieces
-                for one in (piece if budget.over or _steps(piece) == 1 else optimised(piece, options, budget))
-            ]
-        yield [one for way in ways for one in way]
+            better: list[Stretch] = []
+            for piece in _pieces(group, most):
+                better += piece if budget.over or _count(piece) == 1 else optimised(piece, options, budget)
+            found[k] = better
+        yield _flat(found)
+
+
+def _flat(groups: Sequence[Group]) -> list[TaskPart]:
+    """Return the parts of all groups."""
+    return [part for group in groups for part in (group if isinstance(group, list) else [group])]
 
 
 def _pieces(stretches: list[Stretch], most: int | None) -> list[list[Stretch]]:
     """Cut stretches into pieces of `most` steps, or more where one stretch has more; None: one piece."""
     pieces: list[list[Stretch]] = [[]]
     for stretch in stretches:
-        if most is not None and pieces[-1] and _steps([*pieces[-1], stretch]) > most:
+        if most is not None and pieces[-1] and _count([*pieces[-1], stretch]) > most:
             pieces.append([])
         pieces[-1].append(stretch)
     return pieces
 
 
-def _steps(stretches: Sequence[Stretch]) -> int:
-    return sum(len(stretch.done) for stretch in stretches)
+def _count(stretches: Sequence[Stretch]) -> int:
+    """Return the number of steps."""
+    return sum(len(stretch.steps) for stretch in stretches)
 
 
 def _timed_only(problem: Problem) -> bool:
@@ -143,70 +144,67 @@ def _timed_only(problem: Problem) -> bool:
 
 
 def _wait_for_obstacles(
-    moves: ViaMoves, planner: Planner[Any], stretches: list[Stretch], budget: Budget, progress: Progress
+    moves: ViaMoves, planner: Planner[Any], parts: list[TaskPart], budget: Budget, progress: Progress
 ) -> PlanResult:
-    """Let what moves pass: of the steps as one where that is quicker, or else of them one by one."""
+    """Delay the joined steps until dynamic obstacles have passed; if that fails, delay them one by one."""
     problem = moves.problem
-    groups = join_steps(stretches, budget, progress, thorough=not _timed_only(problem))
+    groups = join_steps(parts, budget, progress, thorough=not _timed_only(problem))
     failure: Failure | None = None
     *_, together = _optimised(problem, planner, groups, budget, progress)
-    for way in (together, stretches):
+    for way in (together, parts):
         passed = waiting(problem, way, budget)
         if not isinstance(passed, Failure):
-            waited = sum(b.ends[-1] - a.ends[-1] for a, b in zip(way, passed, strict=True))
-            motion = moves.motion(joined_stretches(problem, passed))
+            waited = sum(b.duration - a.duration for a, b in zip(way, passed, strict=True))
+            motion = moves.motion(joined_parts(problem, passed))
             return PlanResult(motion, None, {}, {"waited": waited, "stops": stops_of(passed)})
         failure = passed
     return PlanResult(None, moves.failure(failure))
 
 
-def _timed(done: PlannedStep, budget: Budget) -> "Trajectory | float | Failure":
-    """Return the motion of a step, of its joints; or how long it stands still, s."""
-    if isinstance(done.step.action, Dwell):
-        return done.step.action.seconds
-    if done.stage is None or done.curve is None:
-        return 0.0
-    if not done.is_line:
-        return done.curve
-    motion = timed_line(done.stage, done.curve, line_limits(done), budget)
+def timed_step(planned: PlannedStep, budget: Budget) -> TaskPart | Failure:
+    """Return a step from rest to rest; a line is timed within the limits of joints and tool."""
+    if not isinstance(planned, PlannedMotion):
+        action = planned.step.action
+        return Pause(planned, action.seconds if isinstance(action, Dwell) else 0.0)
+    if not planned.is_line:
+        return Stretch.of(planned, planned.curve)
+    problem, path = planned.stage.problem, planned.curve
+    options = TimingOptions(None, planned.tool_limits, stop=lambda: budget.over)
+    motion = time_path(path, problem.robot, problem.limits, options)
     if motion is None:
-        problem, curve = done.stage.problem, done.curve
-        heavy = too_heavy(problem.robot, problem.limits, curve(np.linspace(0.0, curve.duration, 200)))
-        return of_step(heavy, done.step, done.before, done.stage.problem.robot, done.stage)
-    return motion
+        heavy = path_too_heavy(problem.robot, problem.limits, path)
+        return of_step(heavy, planned.step, planned.before, problem.robot, planned.stage)
+    return Stretch.of(planned, motion)
 
 
-def joined_stretches(problem: Problem, stretches: Sequence[Stretch]) -> Trajectory:
-    """Join stretches, each at rest at both ends, to one motion of all joints, with its segments."""
-    parts: list[Trajectory] = []
+def joined_parts(problem: Problem, parts: Sequence[TaskPart]) -> Trajectory:
+    """Join parts, each at rest at both ends, to one motion of all joints, with its segments."""
+    motions: list[Trajectory] = []
     segments: list[Segment] = []
     begin = 0.0
-    for stretch in stretches:
-        first, motion = stretch.done[0], stretch.motion
-        if isinstance(motion, Trajectory):
-            assert first.stage is not None
-            parts.append(motion_of_all_joints(problem.robot, first.stage.columns, motion, first.before.q))
-        elif motion > 0.0:
-            parts.append(standstill(problem.robot.joint_names, first.before.q, motion))
+    for part in parts:
+        q = part.steps[0].before.q
+        if isinstance(part, Stretch):
+            motions.append(motion_of_all_joints(problem.robot, part.steps[0].stage.columns, part.motion, q))
+        elif part.duration > 0.0:
+            motions.append(standstill(problem.robot.joint_names, q, part.duration))
         since = begin
-        for one, end in zip(stretch.done, stretch.ends, strict=True):
-            step = one.step
-            segments.append(Segment(step.number, step.kind, step.name, since, begin + end, *_object_and_link(one)))
+        for planned, end in zip(part.steps, part.ends, strict=True):
+            step, held = planned.step, _object_and_link(planned)
+            segments.append(Segment(step.number, step.kind, step.name, since, begin + end, *held))
             since = begin + end
         begin = since
-    return replace(
-        join_trajectories(parts or [standstill(problem.robot.joint_names, problem.start, 1e-3)]),
-        segments=tuple(segments),
-    )
+    motion = join_trajectories(motions or [standstill(problem.robot.joint_names, problem.start, SHORTEST_DURATION)])
+    return replace(motion, segments=tuple(segments))
 
 
-def _object_and_link(done: PlannedStep) -> tuple[str, str]:
-    """Return what is taken or released, and the link that does it; empty of other steps."""
-    action = done.step.action
+def _object_and_link(planned: PlannedStep) -> tuple[str, str]:
+    """Return the object that is taken or released, and the link that holds it; empty for other steps."""
+    action = planned.step.action
     if isinstance(action, Attach):
         return action.body, action.link
     if isinstance(action, Detach):
-        return action.body, next(held.link for held in done.before.scene.attached if held.name == action.body)
+        return action.body, next(held.link for held in planned.before.scene.attached if held.name == action.body)
     return "", ""
 
 

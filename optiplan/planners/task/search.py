@@ -1,15 +1,15 @@
 """Choose the ends of moves so that the steps between them can be done, cheapest first, and plan the moves between.
 
 A leg is a move and the steps without choice that follow it. Its candidates are the configurations that reach the
-move's goal and from which those steps can be done. Over all legs they make a graph in layers, whose edges cost the
-lower bound of a move's duration until it is planned and its duration after that, or infinity where it cannot be: the
+move's goal and from which those steps can be done. Over all legs they make a graph in layers. An edge costs the lower
+bound of a move's duration; after the move is planned it costs the duration, or infinity if there is no motion. The
 cheapest path is planned, edge by edge, until one holds (Dellin and Srinivasa 2016, lazy shortest paths).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from optiplan.planners.base import Budget, Failure, Planner, Progress
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import goal_sampler
 from optiplan.planners.common.via_legs import plan_through
-from optiplan.planners.task.chains import Chain, PlannedStep, do_chain, is_chained, of_step
+from optiplan.planners.task.chains import Chain, do_chain, is_chained, of_step
+from optiplan.planners.task.planned_steps import PlannedMotion, PlannedStep
 from optiplan.planners.task.stages import Stages, WorldState
 from optiplan.planners.task.stops import ends_in_motion
 from optiplan.problem.problem import Goal, JointGoal, Problem
@@ -26,49 +27,61 @@ from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 
 _CANDIDATES, _MORE = 8, 24
-"""Configurations of a goal looked at first, and at most, where none of the first allows what follows."""
+"""Configurations of a goal tried first; and at most, where none of the first allows the next steps."""
 
 _KEPT = 6
 """Candidates of a layer that go on to the next."""
 
 _SEARCHING = 0.7
-"""Share of the time that is left for which looking ahead and planning moves are paced."""
+"""Share of the remaining time that candidates and moves share."""
 
 _PLANNING = 2, 0.5
-"""Layers that planning the moves counts for, where looking ahead is paced: at least, and for each leg."""
+"""Planning the moves counts as so many layers when time is shared: at least, and for each leg."""
 
 _SCENES = 3
-"""Different places of what is held or stands still for which a layer's candidates are looked for."""
+"""Different places of held objects and resting joints for which a layer's candidates are searched."""
 
-_SAME = 1e-6
-"""rad or m: joints that stand still nearer than this stand in one place."""
+_SAME_POSITION = 1e-6
+"""rad or m: resting joints that differ by less are in one place."""
 
-_ALIKE = 5e-3
-"""m and 1: what is held is in one place, nearer than this; the steps are done again exactly in the end."""
+_SAME_PLACE = 5e-3
+"""m and 1: objects that are nearer are in one place; in the end the steps are done again exactly."""
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A move, None for what comes before the first, and the steps without choice that follow it."""
+    """A move, as a step and as its action, and the steps without choice that follow it."""
 
-    move: TaskStep | None
+    step: TaskStep
+    move: Move
     chain: tuple[TaskStep, ...]
 
 
-def legs_of(task: Sequence[TaskStep]) -> list[Leg]:
-    """Cut a task into legs, the first of which has no move."""
-    moves = [k for k, step in enumerate(task) if not is_chained(step)]
-    legs = [Leg(None, tuple(task[: moves[0] if moves else len(task)]))]
-    ends = [*moves[1:], len(task)]
-    return legs + [Leg(task[k], tuple(task[k + 1 : end])) for k, end in zip(moves, ends, strict=False)]
+class TaskLegs(NamedTuple):
+    """The steps without choice before the first move, and the legs."""
+
+    opening: tuple[TaskStep, ...]
+    legs: list[Leg]
+
+
+def legs_of(task: Sequence[TaskStep]) -> TaskLegs:
+    """Divide a task into legs."""
+    moves = [(k, step.action) for k, step in enumerate(task) if isinstance(step.action, Move) and not is_chained(step)]
+    ends = [*(k for k, _ in moves[1:]), len(task)]
+    legs = [Leg(task[k], move, tuple(task[k + 1 : end])) for (k, move), end in zip(moves, ends, strict=False)]
+    return TaskLegs(tuple(task[: moves[0][0] if moves else len(task)]), legs)
 
 
 @dataclass(eq=False)
 class _Node:
-    """A candidate of a layer: where the move ends, the state after the leg, and what leads there.
+    """A candidate of a layer.
 
-    `seconds` is a bound of the duration of the chain, `edges` has the cost of coming from each node of the layer
-    before, s, infinite where one cannot, and `cost` that of the cheapest way from the start.
+    Attributes:
+        q: (n,) the candidate.
+        after: state after the leg.
+        seconds: lower bound on the duration of the chain, s.
+        edges: cost from each node of the layer before, s; infinite where there is no motion.
+        cost: of the cheapest path from the start, s.
     """
 
     q: Array
@@ -82,30 +95,30 @@ class _Node:
 class _PlannedLeg:
     """A leg done exactly: the move and the chain."""
 
-    done: tuple[PlannedStep, ...]
+    steps: tuple[PlannedStep, ...]
     info: dict[str, Any]
 
     @property
     def after(self) -> WorldState:
-        return self.done[-1].after
+        return self.steps[-1].after
 
 
 class TaskSearch:
     """One search; `run` returns all steps done one after another, or the failure of the step that cannot be.
 
-    Each layer has its part of seven tenths of the time to look ahead, and goes on with the candidates found by then if
-    there is one; so has each move. What is left of the budget is spent only where there is no motion yet.
+    Layers and moves share seven tenths of the budget. When the time of a layer ends, the search goes on with the
+    candidates found by then, if there is one. The rest of the budget is spent only if there is no motion yet.
 
     Attributes:
         infos: of the moves of the motion found.
         attempts: moves planned.
-        cut_short: whether with more time other candidates would have been looked at.
+        cut_short: whether more time would have allowed more candidates.
     """
 
     def __init__(self, problem: Problem, planner: Planner[Any], budget: Budget, progress: Progress) -> None:
         self.problem, self.planner, self.budget, self.progress = problem, planner, budget, progress
         self.stages = Stages(problem)
-        self.legs = legs_of(problem.task)
+        self.opening, self.legs = legs_of(problem.task)
         self.infos: list[dict[str, Any]] = []
         self.attempts = 0
         self._paced, self.cut_short = True, False
@@ -120,25 +133,25 @@ class TaskSearch:
 
     def _search(self) -> list[PlannedStep] | Failure:
         start = WorldState(self.problem.start, self.problem.scene)
-        first = do_chain(self.stages, start, self.legs[0].chain, self.budget)
+        first = do_chain(self.stages, start, self.opening, self.budget)
         if first.failure is not None:
             return self._late(first.failure)
-        after = first.done[-1].after if first.done else start
-        planning = max(_PLANNING[0], _PLANNING[1] * len(self.legs))
+        after, count = first.after(start), len(self.legs) + 1
+        planning = max(_PLANNING[0], _PLANNING[1] * count)
         layers = [[_Node(start.q, after, 0.0, [0.0])]]
-        for k, leg in enumerate(self.legs[1:], 1):
-            self.progress("looking ahead", k / len(self.legs))
-            found = self._layer(leg, layers[-1], self._pace(len(self.legs) - k + planning))
+        for k, leg in enumerate(self.legs, 1):
+            self.progress("looking ahead", k / count)
+            found = self._layer(leg, layers[-1], self._pace(count - k + planning))
             if isinstance(found, Failure):
                 return self._late(found)
             layers.append(found)
         found_steps = self._plan(layers, after)
         if isinstance(found_steps, Failure):
             return self._late(found_steps)
-        return [*first.done, *found_steps]
+        return [*first.steps, *found_steps]
 
     def _late(self, failure: Failure) -> Failure:
-        """Return a failure, which says so where the budget ended meanwhile: with more, the step may still be done."""
+        """Return a failure that mentions the budget if it ended: with more, the step may still be done."""
         if not self.budget.over:
             return failure
         late = out_of_time(self.budget, "planning the task")
@@ -151,13 +164,11 @@ class TaskSearch:
         return self.budget.share(_SEARCHING / parts if self._paced else 1.0)
 
     def _layer(self, leg: Leg, before: list[_Node], pace: Budget) -> list[_Node] | Failure:
-        """Return the candidates of a leg, the cheapest to reach first: one at least, then those that `pace` allows."""
-        assert leg.move is not None
-        assert isinstance(leg.move.action, Move)
+        """Return the candidates of a leg, the cheapest to reach first: at least one, and more while `pace` lasts."""
         costs = np.array([node.cost for node in before])
         kinds: list[list[int]] = []
         for i in np.argsort(costs, kind="stable").tolist():
-            others = [kind for kind in kinds if self._alike(before[kind[0]].after, before[i].after, leg.move.action)]
+            others = [kind for kind in kinds if self._alike(before[kind[0]].after, before[i].after, leg.move)]
             same = others[0] if others else None
             if same is not None:
                 same.append(i)
@@ -182,14 +193,10 @@ class TaskSearch:
         self, leg: Leg, state: WorldState, failures: list[tuple[tuple[int, float], Failure]], pace: Budget
     ) -> list[_Node]:
         """Return the configurations from which what follows a move can be done; see `_layer`."""
-        assert leg.move is not None
-        assert isinstance(leg.move.action, Move)
-        stage = self.stages.at(state, leg.move, leg.move.action.joints)
-        sampler = goal_sampler(
-            stage.to(leg.move.action.goal), stage.model, self.budget, _CANDIDATES, nearer=not leg.chain
-        )
+        stage = self.stages.at(state, leg.step, leg.move.joints)
+        sampler = goal_sampler(stage.to(leg.move.goal), stage.model, self.budget, _CANDIDATES, nearer=not leg.chain)
         if isinstance(sampler, Failure):
-            failures.append(((-1, 0.0), of_step(sampler, leg.move, state, self.stages.problem.robot, stage)))
+            failures.append(((-1, 0.0), of_step(sampler, leg.step, state, self.stages.problem.robot, stage)))
             return []
         good: list[_Node] = []
         tried = 0
@@ -200,8 +207,7 @@ class TaskSearch:
                 arrived = WorldState(stage.all_joints(q, state), state.scene)
                 chain = do_chain(self.stages, arrived, leg.chain, self.budget)
                 if chain.failure is None:
-                    after = chain.done[-1].after if chain.done else arrived
-                    good.append(_Node(arrived.q, after, self._seconds(chain)))
+                    good.append(_Node(arrived.q, chain.after(arrived), self._seconds(chain)))
                 else:
                     failures.append((chain.far(), chain.failure))
                 late = pace.over and len(good) > 0
@@ -214,20 +220,20 @@ class TaskSearch:
         return good
 
     def _alike(self, a: WorldState, b: WorldState, move: Move) -> bool:
-        """Whether what stands still in a step, what is held and what is not are in about the same place."""
+        """Whether resting joints, held objects and all others are in about the same place."""
         others = [k for k, name in enumerate(self.problem.robot.joint_names) if name not in move.joints]
-        if np.abs(a.q[others] - b.q[others]).max(initial=0.0) > _SAME:
+        if np.abs(a.q[others] - b.q[others]).max(initial=0.0) > _SAME_POSITION:
             return False
         places = [
             {one.name: one.X_LO.homogeneous for one in state.scene.attached}
             | {one.name: one.X_WO.homogeneous for one in state.scene.obstacles}
             for state in (a, b)
         ]
-        return all(np.abs(X - places[1][name]).max() < _ALIKE for name, X in places[0].items())
+        return all(np.abs(X - places[1][name]).max() < _SAME_PLACE for name, X in places[0].items())
 
     def _seconds(self, chain: Chain) -> float:
         """Return a lower bound of the duration of a chain, s."""
-        return sum(self._bound(done.before.q, done.after.q) for done in chain.done)
+        return sum(self._bound(done.before.q, done.after.q) for done in chain.steps)
 
     def _bound(self, q: Array, other: Array) -> float:
         return float(lower_bounds(q, other[None], self.problem.limits)[0])
@@ -243,8 +249,8 @@ class TaskSearch:
             found = self._along(layers, path, start, known)
             if not isinstance(found, Failure):
                 self.infos = [leg.info for leg in found]
-                return [done for leg in found for done in leg.done]
-            failure = found if failure is None else max(failure, found, key=_step_number)
+                return [step for leg in found for step in leg.steps]
+            failure = found if failure is None else max(failure, found, key=lambda one: int(one.witness.get("step", 0)))
         if failure is None and not self.budget.over:
             failure = Failure("no-path", "no ends of the moves were found from which every step leads to the next")
         return failure or out_of_time(self.budget, "planning the task")
@@ -275,37 +281,35 @@ class TaskSearch:
 
     def _planned(self, k: int, state: WorldState, node: _Node) -> _PlannedLeg | Failure:
         """Plan the move of a leg exactly, then do what follows it."""
-        leg = self.legs[k]
-        assert leg.move is not None
-        assert isinstance(leg.move.action, Move)
-        stage = self.stages.at(state, leg.move, leg.move.action.joints)
+        leg, count = self.legs[k - 1], len(self.legs) + 1
+        stage = self.stages.at(state, leg.step, leg.move.joints)
         q = node.q[stage.columns]
         goal: Goal = (JointGoal(q),)
-        if ends_in_motion(leg.move.action):
-            ends = stage.to(leg.move.action.goal).end_states(q)
+        if ends_in_motion(leg.move):
+            ends = stage.to(leg.move.goal).end_states(q)
             goal = tuple(JointGoal(q, velocity=end.v, acceleration=end.a) for end in ends)
         if k == 1 and self.problem.moving_start:
             stage = self.stages.moving(stage)
-        problem = stage.to(goal, leg.move.action.vias)
+        problem = stage.to(goal, leg.move.vias)
 
-        def told(what: str, part: float) -> None:
-            self.progress(f"{leg.move.words}: {what}" if leg.move else what, (k - 1 + part) / len(self.legs))
+        def progress(what: str, part: float) -> None:
+            self.progress(f"{leg.step.words}: {what}", (k - 1 + part) / count)
 
-        for parts in (len(self.legs) - k + 1, 1):  # where its own part is not enough, most of what is left
+        for parts in (count - k + 1, 1):  # where its own part is not enough, most of the rest
             share = self._pace(parts)
-            result = plan_through(self.planner, problem, share, told)
+            result = plan_through(self.planner, problem, share, progress)
             if result.trajectory is not None or not share.over or self.budget.over:
                 break
         if result.trajectory is None:
             self.cut_short |= share.over
             failure = result.failure or Failure("no-path", "no motion was found")
-            return of_step(failure, leg.move, state, self.stages.problem.robot, stage)
+            return of_step(failure, leg.step, state, self.stages.problem.robot, stage)
         arrived = WorldState(stage.all_joints(result.trajectory.end, state), state.scene)
         chain = do_chain(self.stages, arrived, leg.chain, self.budget)
         if chain.failure is not None:
             return chain.failure
-        move = PlannedStep(leg.move, state, arrived, stage, result.trajectory)
-        return _PlannedLeg((move, *chain.done), dict(result.info))
+        move = PlannedMotion(leg.step, state, arrived, stage, result.trajectory)
+        return _PlannedLeg((move, *chain.steps), dict(result.info))
 
 
 def _cheapest(layers: list[list[_Node]]) -> tuple[int, ...] | None:
@@ -322,7 +326,3 @@ def _cheapest(layers: list[list[_Node]]) -> tuple[int, ...] | None:
     for k in range(len(layers) - 1, 0, -1):
         path.append(int(came[k][path[-1]]))
     return tuple(reversed(path))
-
-
-def _step_number(failure: Failure) -> int:
-    return int(failure.witness.get("step", 0))

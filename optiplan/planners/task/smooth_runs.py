@@ -7,15 +7,14 @@ from itertools import pairwise
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.planners.task.chains import PlannedStep
-from optiplan.planners.task.line_timing import line_limits
+from optiplan.planners.task.planned_steps import PlannedMotion
 from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import ToolLimits
 from optiplan.trajectory.trajectory import Trajectory
 
 _SMOOTH = 1e-3
-"""Share by which slope and curvature of two paths may differ where they meet to be taken for one."""
+"""Largest share by which slope and curvature of two paths may differ where they meet smoothly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,33 +22,31 @@ class SmoothRun:
     """One or more steps, and their curve.
 
     Attributes:
-        done: the steps.
+        steps: the steps.
         curve: of a move, its motion; of lines, their path, from 0.
         edges: (N steps + 1,) where each step begins and ends, as shares of the curve's parameter, from 0 to 1.
     """
 
-    done: tuple[PlannedStep, ...]
+    steps: tuple[PlannedMotion, ...]
     curve: Trajectory
     edges: tuple[float, ...] = (0.0, 1.0)
 
     @property
     def is_line(self) -> bool:
-        """Whether `curve` is a path that must be kept."""
-        return self.done[0].is_line
+        """Whether `curve` is the path of lines, whose shape is fixed."""
+        return self.steps[0].is_line
 
     def slow_parts(self) -> Iterator[tuple[float, float, ToolLimits]]:
         """Yield the parts of a path on which the speed of the tool is limited, as shares of its parameter."""
-        for done, (begin, end) in zip(self.done, pairwise(self.edges), strict=True):
-            limits = line_limits(done) if done.is_line else None
-            if limits is not None:
-                yield begin, end, limits
+        for step, (begin, end) in zip(self.steps, pairwise(self.edges), strict=True):
+            if step.tool_limits is not None:
+                yield begin, end, step.tool_limits
 
 
-def smooth_runs(done: Sequence[PlannedStep]) -> list[SmoothRun]:
-    """Return moves and lines as smooth curves; lines that meet in a corner that is rounded off are one."""
+def smooth_runs(steps: Sequence[PlannedMotion]) -> list[SmoothRun]:
+    """Return moves and lines as smooth curves; lines that meet in a rounded corner are one."""
     found: list[SmoothRun] = []
-    for one in done:
-        assert one.curve is not None
+    for one in steps:
         if found and found[-1].is_line and one.is_line:
             found[-1] = _longer(found[-1], one)
         else:
@@ -57,9 +54,9 @@ def smooth_runs(done: Sequence[PlannedStep]) -> list[SmoothRun]:
     return found
 
 
-def is_rounded(before: PlannedStep, after: PlannedStep) -> bool:
-    """Whether two lines meet in a corner that is rounded off, with the same slope and curvature."""
-    if before.corner is None or before.curve is None or after.curve is None:
+def is_rounded(before: PlannedMotion, after: PlannedMotion) -> bool:
+    """Whether two lines meet in a rounded corner, with the same slope and curvature."""
+    if before.corner is None:
         return False
     first, second = before.curve.scaled(before.corner.before.length), after.curve.scaled(before.corner.after.length)
     a, b = _state(first, first.duration), _state(second, 0.0)
@@ -67,16 +64,14 @@ def is_rounded(before: PlannedStep, after: PlannedStep) -> bool:
     return bool((np.abs(a - b).max(axis=1) <= _SMOOTH * scale).all())
 
 
-def _longer(run: SmoothRun, after: PlannedStep) -> SmoothRun:
+def _longer(run: SmoothRun, after: PlannedMotion) -> SmoothRun:
     """Return a run with one line more, over the length of its lines, m."""
-    corners = [done.corner for done in run.done]
-    assert after.curve is not None
-    first = run.curve.scaled(sum(corner.before.length for corner in corners if corner is not None))
-    assert corners[-1] is not None
+    corners = [step.corner for step in run.steps if step.corner is not None]
+    first = run.curve.scaled(sum(corner.before.length for corner in corners))
     second = _beginning(after.curve.scaled(corners[-1].after.length), _state(first, first.duration))
     length = first.duration + second.duration
     edges = tuple(edge * first.duration / length for edge in run.edges)
-    return SmoothRun((*run.done, after), join_trajectories([first, second]), (*edges, 1.0))
+    return SmoothRun((*run.steps, after), join_trajectories([first, second]), (*edges, 1.0))
 
 
 def _state(path: Trajectory, at: float) -> Array:

@@ -1,4 +1,4 @@
-"""What a step of a task is planned with: a robot of the joints that move, in the scene of that moment."""
+"""Stages: a robot of the joints that move in a step, in the scene of that moment."""
 
 from dataclasses import dataclass, replace
 
@@ -12,13 +12,13 @@ from optiplan.problem.problem import Goal, Problem, Via, derived
 from optiplan.problem.task.scene_change import carrying, columns, scene_during, standing
 from optiplan.problem.task.steps import TaskStep
 
-_SAME = 1e-12
-"""rad or m: joints that stand still nearer than this stand in one place."""
+_SAME_POSITION = 1e-12
+"""rad or m: resting joints that differ by less are in one place."""
 
 
 @dataclass(frozen=True, eq=False)
 class WorldState:
-    """Where all joints stand, q (n,), and what the scene is then."""
+    """Configuration q (n,) of the whole robot, and the scene."""
 
     q: Array
     scene: Scene
@@ -50,14 +50,14 @@ class Stage:
 
 
 class Stages:
-    """Makes the stages of a task; models are made once for equal scenes and joints that stand where they stood."""
+    """Stages of a task; a model is made once for equal scenes and equal places of the resting joints."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self._known: list[tuple[tuple[object, ...], Array, Scene, Stage]] = []
 
     def moving(self, stage: Stage) -> Stage:
-        """Return the stage of the first step, in which the robot moves at the start as the task's problem says."""
+        """Return the stage of the first step, with the motion at the start that the task's problem states."""
         v, a = self.problem.start_velocity[stage.columns], self.problem.start_acceleration[stage.columns]
         return replace(stage, problem=derived(stage.problem, start_velocity=v, start_acceleration=a))
 
@@ -66,8 +66,8 @@ class Stages:
         own = columns(self.problem.robot, joints)
         others = np.delete(state.q, own)
         key = joints, step.allowed, step.constraints
-        for known, standing_at, scene, stage in self._known:
-            if known == key and scene is state.scene and np.abs(standing_at - others).max(initial=0.0) <= _SAME:
+        for known, place, scene, stage in self._known:
+            if known == key and scene is state.scene and np.abs(place - others).max(initial=0.0) <= _SAME_POSITION:
                 return replace(stage, problem=derived(stage.problem, start=state.q[own]))
         scene = scene_during(state.scene, step)
         robot = carrying(standing(self.problem.robot, joints, state.q), scene)

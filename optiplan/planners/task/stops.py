@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.planners.task.chains import PlannedStep
+from optiplan.planners.task.planned_steps import PlannedMotion, PlannedStep, TaskPart
 from optiplan.planners.task.smooth_runs import is_rounded
-from optiplan.planners.task.stretches import Stretch
 from optiplan.problem.problem import JointGoal
-from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine
+from optiplan.problem.task.steps import Action, Move, StraightLine
 
 NOT_QUICKER = "no motion without this stop was found that is free and quicker"
 CORNER = "an exact corner of two lines (`blend` rounds it off)"
@@ -24,12 +23,9 @@ _BACK = -0.99
 
 def why_stop(before: PlannedStep, after: PlannedStep) -> str | None:
     """Return why the arm must rest between two steps; None where it need not."""
-    for one in (before, after):
-        own = _why_rest(one)
-        if own is not None:
-            return own
-    assert before.stage is not None
-    assert after.stage is not None
+    own = _why_rest(before) or _why_rest(after)
+    if own or not isinstance(before, PlannedMotion) or not isinstance(after, PlannedMotion):
+        return own
     if before.stage.columns != after.stage.columns:
         return "other joints go on"
     if not (before.is_line and after.is_line) or is_rounded(before, after):
@@ -42,21 +38,19 @@ def why_stop(before: PlannedStep, after: PlannedStep) -> str | None:
     return NO_WAY if isinstance(action, StraightLine) and action.blend else CORNER
 
 
-def _why_rest(done: PlannedStep) -> str | None:
+def _why_rest(planned: PlannedStep) -> str | None:
     """Return why the arm rests before and after a step, whatever the others are."""
-    action = done.step.action
-    if isinstance(action, Attach | Detach | Dwell) or done.step.kind == "gripper":
-        return done.step.name
-    if done.stage is None or done.curve is None:
-        return done.step.name
-    if done.stage.problem.moving_start:
+    action, name = planned.step.action, planned.step.name
+    if not isinstance(planned, PlannedMotion) or planned.step.kind == "gripper":
+        return name
+    if planned.stage.problem.moving_start:
         return "the move that takes a motion over ends at rest"
     if ends_in_motion(action):
         return "the move that ends in motion begins at rest"
     if isinstance(action, Move) and action.vias:
         return "a move with via points begins and ends at rest"
-    still = not done.curve.coefficients[:, 1:].any()
-    return f"{done.step.name}: it is there already" if still else None
+    still = not planned.curve.coefficients[:, 1:].any()
+    return f"{name}: it is there already" if still else None
 
 
 def ends_in_motion(action: Action) -> bool:
@@ -64,23 +58,20 @@ def ends_in_motion(action: Action) -> bool:
     return isinstance(action, Move) and any(isinstance(end, JointGoal) and end.moving for end in action.goal)
 
 
-def _leads_back(before: PlannedStep, after: PlannedStep) -> bool:
-    """Whether a line goes back to where the one before came from, as far as the joints can tell."""
-    assert before.stage is not None
-    assert before.curve is not None
-    assert after.curve is not None
+def _leads_back(before: PlannedMotion, after: PlannedMotion) -> bool:
+    """Whether a line goes back along the one before it, in the joints' space."""
     speed = before.stage.problem.limits.velocity
     a, b = before.curve(before.curve.duration, 1) / speed, after.curve(0.0, 1) / speed
     return bool(a @ b < _BACK * np.linalg.norm(a) * np.linalg.norm(b))
 
 
-def stops_of(stretches: Sequence[Stretch]) -> list[dict[str, Any]]:
+def stops_of(parts: Sequence[TaskPart]) -> list[dict[str, Any]]:
     """Return the stops on the way: time `t`, s, the step that each comes `after`, and `why`."""
     found: list[dict[str, Any]] = []
     begin = 0.0
-    for before, after in pairwise(stretches):
-        begin += before.ends[-1]
-        a, b = before.done[-1], after.done[0]
+    for before, after in pairwise(parts):
+        begin += before.duration
+        a, b = before.steps[-1], after.steps[0]
         why = why_stop(a, b) or NOT_QUICKER
         if found and found[-1]["t"] == begin:
             found[-1]["why"] += f", {why}" if why not in found[-1]["why"] else ""

@@ -1,4 +1,4 @@
-"""Attempts of `trajopt`: an initial guess optimised, what comes of it kept, the best curve refined."""
+"""Attempts of `trajopt`: optimise an initial guess, keep the result, refine the best curve."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -8,11 +8,11 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Failure
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.continuous_collision import Touch
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.path_constraints.motion_check import Broken, broken_constraint
 from optiplan.planners.trajopt.incumbent import CurveIncumbent
-from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
+from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser, attempt_record
 from optiplan.planners.trajopt.program.iteration_log import IterationLog
 from optiplan.planners.trajopt.speculative_attempts import AttemptOutcome, SpeculativeAttempts
 from optiplan.planners.trajopt.stopping_rule import Patience
@@ -21,20 +21,22 @@ from optiplan.problem.problem import JointGoal
 from optiplan.trajectory.trajectory import Trajectory
 
 _CLOSE, _CLOSEST = 0.4, 0.2
-"""Shares of the option's margin with which the best curve is refined, and with which the best motion is in the end: the
-margin is a wish, and the smaller it is, the more often bodies touch between the samples and samples are added."""
+"""Shares of the option's margin: for refining the best curve, and for refining the best motion in the end.
+
+The smaller the margin, the more often bodies touch between the samples, and the more samples are added.
+"""
 
 _WORTH_CLOSE = 0.01
-"""Share of the cost to the bound below which the best curve is refined in the end only."""
+"""Gap to the bound, as a share of the cost, below which the best curve is refined in the end only."""
 
 _FAR = 1.1
-"""Factor to the bound beyond which the first curve waits for another attempt: its way may be better."""
+"""Cost / bound beyond which the first curve is not refined before another attempt: that may find a better way."""
 
 _CLOSE_STEPS = 60
-"""Steps that the budget is to leave for it."""
+"""Steps for which the budget reserves time to refine the waiting curve."""
 
 _END_STEPS = 80
-"""Steps of the attempt with a free end, at most; with half as many it often ends with a contact left."""
+"""Largest number of steps with a free end; with half as many, a contact often remains."""
 
 _FITTED = 300
 """Instants of the best curve at which one with more spans is fitted to it."""
@@ -52,10 +54,10 @@ class Attempts:
         incumbent: takes free motions; its record lists the attempts.
         patience: counts steps and outcomes.
         watch: of the run.
-        patient: whether a curve may take any time, see `Optimiser.run`.
+        patient: whether a curve may take any time, see `AttemptOptions`.
         ahead: attempts that other threads make.
         waiting: the best curve, if it is still to be refined.
-        refined: the best motion of those that were.
+        refined: the best refined motion.
     """
 
     optimiser: Optimiser
@@ -77,7 +79,7 @@ class Attempts:
     def attempt(
         self, kind: Kind, control: Array, budget: Budget, late: Callable[[], None] | None = None
     ) -> Attempt | None:
-        """Optimise from control points (K, n), and keep what is free; `late` as in `Optimiser.run`."""
+        """Optimise from control points (K, n), and keep a free result; `late` as in `AttemptOptions`."""
         attempt = self.optimised(kind, control, budget, late=late)
         self.keep(attempt)
         return attempt
@@ -85,7 +87,7 @@ class Attempts:
     def keep(self, attempt: Attempt | None) -> None:
         """Keep the result of an attempt, None without one, and refine the best curve.
 
-        The first curve waits for another attempt where the bound is far below it: its way is that of a single path.
+        A first curve far above the bound waits for another attempt: it follows a single path.
         """
         incumbent, alone = self.incumbent, not self.patience.costs
         better = attempt is not None and incumbent.offer_curve(attempt)
@@ -97,7 +99,7 @@ class Attempts:
             self.refine()
 
     def refine(self) -> None:
-        """Optimise the curve that waits for it again: twice the spans and, where that holds it up, less margin."""
+        """Refine the waiting curve: twice the spans and, where the margin is active, less margin."""
         waiting, self.waiting = self.waiting, None
         if waiting is not None and not self.budget.over:
             refined = self._refined("close", waiting, _CLOSE)
@@ -106,7 +108,7 @@ class Attempts:
 
     @property
     def before_refining(self) -> Budget:
-        """Return the budget, less what refining the curve that waits for it will take."""
+        """Return the budget, less the time to refine the waiting curve."""
         steps = self.optimiser.steps if self.waiting is not None else 0
         each = self.watch.seconds.get("optimisation", 0.0) / max(steps, 1)
         return self.budget.leaving(_CLOSE_STEPS * each) if steps else self.budget
@@ -133,7 +135,7 @@ class Attempts:
                 self.waiting = attempt
 
     def finest(self) -> None:
-        """Refine the best motion with the least margin where it is a curve's and not at its bound."""
+        """Refine the best motion with the least margin, if it is an optimised curve above its bound."""
         incumbent, curve = self.incumbent, self.incumbent.curve
         refined = self.refined is not None and incumbent.is_best(self.refined)
         best = self.refined if refined else curve
@@ -144,7 +146,7 @@ class Attempts:
         self._refined("finer", best, _CLOSEST)
 
     def _refined(self, kind: Kind, curve: Attempt, share: float) -> Attempt | None:
-        """Optimise a curve with twice the spans and, where the margin holds it up, this share of it; offer it."""
+        """Optimise a curve with twice the spans and, where the margin is active, this share of it; offer it."""
         rough, few = self.optimiser, self.optimiser.options
         if self._finer is None:
             self._finer = Optimiser(rough.problem, rough.model, replace(few, spans=2 * few.spans))
@@ -158,7 +160,7 @@ class Attempts:
         return attempt
 
     def _less(self, curve: Attempt, share: float) -> float | None:
-        """Return a share of the margin where a curve is held up by it, m; None elsewhere: all of it."""
+        """Return a share of the margin, m, where it is active; None (all of it) elsewhere."""
         return share * self.optimiser.options.margin if curve.close else None
 
     def optimised(
@@ -171,7 +173,7 @@ class Attempts:
         margin: float | None = None,
         late: Callable[[], None] | None = None,
     ) -> Attempt | None:
-        """Return the optimised motion of an initial guess (K, n), if it is free; arguments as of `Optimiser.run`."""
+        """Return the optimised motion of an initial guess (K, n), if it is free; see `Optimiser.run`."""
         incumbent, optimiser = self.incumbent, optimiser or self.optimiser
         incumbent.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
         with self.watch.stage("optimisation"):
@@ -181,10 +183,9 @@ class Attempts:
             if known is not None:
                 attempt, steps, log = self._made(known, late)
             else:
-                first, before = incumbent.offer_first, optimiser.steps
-                attempt = optimiser.run(
-                    control, budget, margin, incumbent.cost, patient=self.patient, first=first, late=late
-                )
+                before = optimiser.steps
+                options = AttemptOptions(margin, incumbent.cost, self.patient, incumbent.offer_first, late)
+                attempt = optimiser.run(control, budget, options)
                 steps, log = optimiser.steps - before, optimiser.log
         self.patience.work(steps=steps)
         incumbent.info["cut_short"] |= budget.over

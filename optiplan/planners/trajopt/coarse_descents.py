@@ -1,4 +1,4 @@
-"""Short descents of coarse curves, which tell what motions sampled paths lead to, before one is optimised."""
+"""Short descents of coarse curves: estimate the motion along a sampled path before it is optimised."""
 
 from dataclasses import dataclass, field, replace
 
@@ -7,24 +7,23 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
-from optiplan.planners.common.stopwatch import Stopwatch
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.sampling.sample_path import SampledPath
-from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.program.sqp import STUCK, WORSE, DescentOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
 
 _SPANS, _SAMPLES, _SPACING = 14, 40, 0.05
-"""Of a coarse curve: spans, least number of samples, and how far bodies may move between two of them, m."""
+"""Spans of a coarse curve, its least number of samples, and the largest motion of a body between two of them, m."""
 
 _STEPS = 50
-"""Steps of its descent, at most: after some thirty of them it is known how long it gets."""
+"""Largest number of steps of a coarse descent: after about thirty, its duration is known."""
 
 _SHARE = 0.5
-"""Work of such a step, in steps of the curves that are answers."""
+"""Work of a coarse step, in steps of a full curve."""
 
 _HOPELESS = 1.2
-"""Cost in that of the best motion known at which a coarse curve is given up after its first thirty steps."""
+"""Cost / cost of the best motion above which a coarse curve is given up after thirty steps."""
 
 _FITTED = 200
 """Instants of a coarse curve at which one with all spans is fitted to it."""
@@ -32,12 +31,12 @@ _FITTED = 200
 
 @dataclass(frozen=True, eq=False)
 class GuessPath:
-    """A sampled path, and what a coarse curve along it became.
+    """A sampled path, and the coarse curve optimised from it.
 
     Attributes:
         path: sampled.
-        control: (K, n) of the curve to optimise, rad or m; None, without a coarse descent: one along the path.
-        duration: of the coarse curve, s, touching what it may touch between its samples.
+        control: (K, n) of the curve to optimise, rad or m; None without a coarse descent.
+        duration: of the coarse curve, s; it may collide between its samples.
     """
 
     path: SampledPath
@@ -47,13 +46,13 @@ class GuessPath:
 
 @dataclass(eq=False)
 class CoarseDescents:
-    """Descends from paths with few spans and samples: each step takes half as long, and nothing is checked between.
+    """Descends from paths with few spans and samples: a step takes half as long, collisions between are not checked.
 
-    What a path costs tells little of the motion that it leads to; such a curve is within a tenth of it or so. The full
-    descent begins where the coarse one ended, and takes fewer steps for it.
+    The cost of a path is a poor estimate of the motion along it; the coarse curve is within about a tenth. The full
+    descent begins where the coarse one ended, and takes fewer steps.
 
     Attributes:
-        optimiser: of the problem, whose curves are the answers.
+        optimiser: of the problem, for the full curves.
         budget: of the run.
         patience: counts the work.
         watch: of the run.
@@ -66,15 +65,14 @@ class CoarseDescents:
     _coarse: dict[CollisionModel, Optimiser] = field(default_factory=dict)
 
     def descend(self, model: CollisionModel, path: SampledPath, best: float) -> GuessPath | None:
-        """Return the way of a path among the obstacles of a model; None where its curve stays in them.
+        """Return the guess from a path among the obstacles of a model; None where its curve stays in them.
 
         Args:
             model: of the robot, obstacles perhaps thinner.
             path: free there.
             best: cost of the best motion known, s.
         """
-        velocity = self.optimiser.problem.limits.velocity
-        found = self._descended(model, along_path(self._among(model).basis, path.waypoints, velocity), best)
+        found = self._descended(model, self._among(model).along(path.waypoints), best)
         return None if found is None else GuessPath(path, *found)
 
     def from_curve(self, control: Array, best: float) -> tuple[Array, float] | None:

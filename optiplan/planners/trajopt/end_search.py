@@ -11,7 +11,6 @@ from optiplan.planners.common.goal_ranking import GoalSampler, apart
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents
 from optiplan.planners.trajopt.incumbent import CurveIncumbent
-from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
 from optiplan.problem.problem import Problem
@@ -20,25 +19,25 @@ _SEARCH = 0.1
 """Work, s, of a search for a path to one end."""
 
 _PROMISING = 1.03
-"""Duration of a coarse curve in that of the best one up to which it is optimised: they tell it within some percent."""
+"""Duration / duration of the best coarse curve up to which a coarse curve is optimised: its error is a few percent."""
 
 
 @dataclass(eq=False)
 class EndSearch:
-    """Tries the ends of a goal that no motion has led to yet, those with the least bound first.
+    """Tries the ends of a goal without a motion yet, in the order of their bounds.
 
-    The configurations in a pose or a region are finitely many branches, each with its redundancy; of each the end that
-    is nearest to the start is a local minimum of the bound (`GoalSampler.nearest_ends`). The motion to an end begins as
-    the best one bent to that end, as the straight line, or as a sampled path: each descends as a coarse curve, and the
-    shortest of them is optimised where it promises a shorter motion than the best. An end whose bound is not below the
-    best motion is not tried: no motion to it is shorter.
+    The configurations of a pose or a region form finitely many branches, each with its redundancy. On each branch, the
+    end nearest to the start is a local minimum of the bound (`GoalSampler.nearest_ends`). There are three guesses for
+    an end: the best motion bent to it, the straight line, and a sampled path. Each descends as a coarse curve; the
+    shortest is optimised where it promises a shorter motion than the best. An end whose bound is not below the best
+    motion is not tried: no motion to it is shorter.
 
     Attributes:
         problem: that is planned.
         sampler: of its ends.
         attempts: optimise curves.
         paths: searches.
-        coarse: descents that tell what curves lead to.
+        coarse: short descents.
     """
 
     problem: Problem
@@ -52,9 +51,9 @@ class EndSearch:
     _record: EndsInVain = field(default_factory=EndsInVain)
 
     def run(self) -> None:
-        """Try ends until none is left whose bound makes it worth its work, or the budget is over.
+        """Try ends while one is worth its work and the budget lasts.
 
-        Not under path constraints, of which coarse curves know nothing.
+        Path constraints exclude it: coarse curves ignore them.
         """
         if self.problem.one_end or self.problem.path_constraints:
             return
@@ -81,7 +80,7 @@ class EndSearch:
         return self.attempts.before_refining.over
 
     def _next(self) -> Array | None:
-        """Return the end (n,) to try next: of those tried least the one with the least bound; None if not worth it."""
+        """Return the end (n,) to try next: the least bound among the least tried; None if none is worth it."""
         incumbent = self._incumbent
         if SAME * incumbent.cost < self._surveyed:
             self._surveyed = incumbent.cost
@@ -96,7 +95,7 @@ class EndSearch:
         return self._ends[min(worth)[1]] if worth else None
 
     def _survey(self) -> list[Array]:
-        """Return the ends (n,) that are below the best motion: those of branches, then others apart from them."""
+        """Return the ends (n,) with a bound below the best motion: the branches' ends, then others apart from them."""
         incumbent = self._incumbent
         nearest = self.sampler.nearest_ends(incumbent.longest, lambda: self._over)
         known = [*nearest, *self.paths.promising(self.sampler)]
@@ -121,11 +120,10 @@ class EndSearch:
                 self.attempts.free_end()
 
     def _curves(self, end: Array) -> Iterator[tuple[Array, float] | None]:
-        """Yield the curves (K, n) to an end that coarse ones became, with their durations, s."""
+        """Yield the optimised coarse curves (K, n) to an end, with their durations, s."""
         basis, start, rough = self.attempts.optimiser.basis, self.problem.start, self._incumbent.rough
         curve, still = self._incumbent.curve, np.zeros((2, len(start)))
-        line = along_path(basis, np.array([start, end]), self.problem.limits.velocity)
-        yield self.coarse.from_curve(line, rough)
+        yield self.coarse.from_curve(self.attempts.optimiser.along(np.array([start, end])), rough)
         if curve is not None:
             bent = basis.moved_ends(curve.control, np.vstack([[start], still]), np.vstack([[end], still]))
             yield self.coarse.from_curve(bent, rough)

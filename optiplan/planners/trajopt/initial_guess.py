@@ -15,8 +15,8 @@ _WIDTHS = 0.15, 0.5  # half widths of bumps, in shares of the motion
 def along_path(basis: SplineBasis, waypoints: Array, velocity: Array) -> Array:
     """Return control points (K, n) of a spline near straight segments between waypoints (k, n), at rest at both ends.
 
-    The path is measured in time at full joint speed, sum of max_j |dq_j| / velocity_j, and run through with constant
-    acceleration, constant speed and constant deceleration.
+    The length of the path is its time at full joint speed, the sum of max_j |dq_j| / velocity_j. The motion along it
+    has constant acceleration, constant speed and constant deceleration.
     """
     length = np.concatenate([[0.0], np.cumsum((np.abs(np.diff(waypoints, axis=0)) / velocity).max(axis=1))])
     u = np.linspace(0.0, 1.0, _POINTS)
@@ -30,8 +30,8 @@ def along_path(basis: SplineBasis, waypoints: Array, velocity: Array) -> Array:
 def with_bump(basis: SplineBasis, control: Array, duration: float, limits: Limits, rng: np.random.Generator) -> Array:
     """Return the curve with a random smooth bump: a seed away from a local optimum, perhaps beyond an obstacle.
 
-    Control points (K, n) move by cos²(pi (u - m) / 2 w) v_j r_j within w of m, u being their place along the curve:
-    middle m, half width w and amplitudes r_j, normal and of 15 % of the `duration` (s) that it takes, drawn at random.
+    Control points (K, n) at places u along the curve move by cos²(pi (u - m) / 2 w) v_j r_j within w of m. The middle
+    m, the half width w and the amplitudes r_j are random; r_j is normal, of 15 % of the curve's `duration` (s).
     """
     place = np.convolve(basis.knots[1:-1], np.full(4, 0.25), mode="valid")[: len(control)]
     middle, width = rng.uniform(0.1, 0.9), rng.uniform(*_WIDTHS)

@@ -1,4 +1,4 @@
-"""Optimise curves whose ends move: the first and last three control points depend on the duration."""
+"""Optimise curves with motion at their ends: the first and last three control points depend on the duration."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -7,9 +7,8 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget
-from optiplan.planners.common.continuous_collision import contacts_along
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis
-from optiplan.planners.trajopt.optimizer import ACTIVE, Attempt, Optimiser, around
+from optiplan.planners.trajopt.optimizer import ACTIVE, Attempt, Optimiser
 from optiplan.planners.trajopt.program.iteration_log import NOTHING
 from optiplan.planners.trajopt.program.sqp import MAX_VIOLATION, STUCK, Descended, Descender, DescentOptions
 from optiplan.problem.problem import Problem, derived
@@ -19,19 +18,19 @@ from optiplan.trajectory.timing.torque_scaling import RESERVE, torque_scale, tor
 from optiplan.trajectory.trajectory import Trajectory
 
 SETTLED = 5e-4
-"""Share of the duration by which two durations in a row may differ in the end."""
+"""Largest relative difference of two successive durations at convergence."""
 
 ROUNDS = 8
-"""Times that a curve is optimised with its ends as of the last duration."""
+"""Largest number of descents, each with the ends of the last duration."""
 
 EXACT = 1e-8
-"""Share by which a limit may be passed: rounding."""
+"""Relative excess of a limit that counts as rounding."""
 
 LONGEST = 10.0
-"""Times the descent's duration beyond which a curve is given up: between moving ends, slower may be farther round."""
+"""Multiple of the descent's duration beyond which a curve is given up: slower may mean a longer detour."""
 
 STRETCHES = 12
-"""Times that the duration of a curve is corrected until it keeps its limits."""
+"""Largest number of corrections of the duration until a curve keeps its limits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,29 +41,28 @@ class EndStates:
     end: State
 
     def by_share(self, duration: float) -> tuple[Array, Array]:
-        """q, dq/du = T v and d²q/du² = T² a at both ends of a curve that takes this duration, s: (3, n) each."""
+        """Return q, dq/du = T v and d²q/du² = T² a at both ends of a curve of this duration, s: (3, n) each."""
         scale = duration ** np.arange(3)[:, None]
         first, last = (np.array([state.q, state.v, state.a]) * scale for state in (self.start, self.end))
         return first, last
 
     def held(self, basis: SplineBasis, control: Array, duration: float) -> Array:
-        """The control points (K, n) of the curve bent to its ends as of this duration, s."""
+        """Return the control points (K, n) of the curve bent to its ends at this duration, s."""
         return basis.moved_ends(control, *self.by_share(duration))
 
 
 def with_reserve(problem: Problem) -> Problem:
-    """The problem with the torque limits that curves are optimised with: slowing them down is no cure afterwards."""
+    """Return the problem with reduced torque limits: curves with moving ends cannot be slowed down afterwards."""
     return derived(problem, limits=replace(problem.limits, torque=(1.0 - 2.0 * RESERVE) * problem.limits.torque))
 
 
 class NonzeroEndOptimiser:
     """Optimise curves between two states of motion, by the optimiser of curves between two configurations.
 
-    With the control points at the ends as of a duration T', the least duration of the others is g(T'), an ordinary
-    program. A duration T is possible exactly where T >= g(T), so that the least one is the fixed point T = g(T), which
-    the iteration T_{k+1} = g(T_k) finds: the motion at the ends makes up less of a longer motion, and g changes by at
-    most 2/3 of its argument. Its differences are extrapolated (Aitken). In the end the duration is corrected on the
-    exact extrema of the curve, its ends being those of the very duration.
+    With the ends of a duration T', the least duration is g(T'), the result of an ordinary program. A duration T is
+    possible exactly where T >= g(T); the least one is the fixed point T = g(T). The iteration T_{k+1} = g(T_k) finds
+    it: g changes by at most 2/3 of its argument, since the ends are a smaller part of a longer motion. Aitken's method
+    extrapolates the iterates. At last the duration is corrected on the exact extrema of the curve with its own ends.
     """
 
     def __init__(self, problem: Problem, optimiser: Optimiser, ends: EndStates) -> None:
@@ -72,7 +70,7 @@ class NonzeroEndOptimiser:
         self.basis = optimiser.basis
 
     def along(self, motion: Trajectory) -> Array:
-        """Control points (K, n) of the spline near a motion."""
+        """Return the control points (K, n) of the spline near a motion."""
         u = np.linspace(0.0, 1.0, 4 * self.basis.size)
         return self.basis.fit(u, motion(u * motion.duration), self.basis.ends(*self.ends.by_share(motion.duration)))
 
@@ -91,26 +89,19 @@ class NonzeroEndOptimiser:
             control, duration = found.control, found.duration
             if budget.cancelled or found.missing > MAX_VIOLATION:
                 return None
-            trajectory = self.timed(control, duration)
-            if trajectory is None:
+            checked, steps = own.checked(control, self.timed(control, duration), budget), own.steps - before
+            if checked is None or budget.cancelled:
                 return None
-            touches = tuple(contacts_along(own.model, trajectory, lambda: budget.cancelled))
-            broken, steps = tuple(own.constraints.broken(trajectory)), own.steps - before
-            close = found.nearest < ACTIVE
-            attempt = Attempt(control, trajectory, touches, broken, close, steps)
-            if budget.cancelled:
-                return None
-            if not (touches or broken) or steps >= options.iterations or budget.over or found.missing > STUCK:
+            attempt = replace(checked, close=found.nearest < ACTIVE, iterations=steps)
+            if attempt.free or steps >= options.iterations or budget.over or found.missing > STUCK:
                 break
-            own.constraint_terms.raise_prices(broken)
-            times = [touch.t / trajectory.duration for touch in touches] + [one.share for one in broken]
-            u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
+            u = own.more_instants(u, attempt)
         return attempt
 
     def _fixed_point(
         self, descender: Descender, control: Array, duration: float, most: int, stop: Callable[[], bool]
     ) -> Descended:
-        """Optimise again and again with the ends as of the last duration, until it stays."""
+        """Optimise with the ends of the last duration until the duration converges."""
         own, times = self.optimiser, [duration]
         for k in range(ROUNDS):
             control = self.ends.held(self.basis, control, times[-1])
@@ -125,13 +116,17 @@ class NonzeroEndOptimiser:
                 times.append(_extrapolated(*times[-3:]))
         return found
 
+    def curve(self, control: Array, duration: float) -> Trajectory:
+        """Return the curve with its ends at this duration, s."""
+        points = self.ends.held(self.basis, control, duration)
+        return Trajectory.from_bspline(self.problem.robot.joint_names, self.basis.knots * duration, points, DEGREE)
+
     def timed(self, control: Array, duration: float) -> Trajectory | None:
         """Return the curve in the least duration near this one within limits and torques; None where there is none."""
         problem, limits, T = self.problem, self.problem.limits, duration
         best: Trajectory | None = None
         for _ in range(STRETCHES):
-            points = self.ends.held(self.basis, control, T)
-            curve = Trajectory.from_bspline(problem.robot.joint_names, self.basis.knots * T, points, DEGREE)
+            curve = self.curve(control, T)
             speed, torque = speed_ratio(curve, limits), torque_ratio(problem, curve)
             good = max(speed, torque) <= 1.0 + EXACT and _inside(curve, limits.lower, limits.upper)
             if not np.isfinite(torque) or (best is not None and not good) or T > LONGEST * duration:
@@ -147,7 +142,7 @@ class NonzeroEndOptimiser:
 
 
 def torque_ratio(problem: Problem, motion: Trajectory) -> float:
-    """Return `torque_scale` of a motion, or 1 where it takes no more than its ends do, which are given.
+    """Return `torque_scale` of a motion, or 1 where it takes no more torque than its given ends.
 
     The states at the ends may be nearer to the limit than the reserve of the scale.
     """
@@ -161,13 +156,13 @@ def torque_ratio(problem: Problem, motion: Trajectory) -> float:
 
 
 def _inside(curve: Trajectory, lower: Array, upper: Array) -> bool:
-    """Whether the positions keep their limits, but for rounding."""
+    """Return whether the positions keep their limits, up to rounding."""
     low, high = curve.extrema(0)
     return bool((low >= lower - EXACT).all() and (high <= upper + EXACT).all())
 
 
 def _extrapolated(a: float, b: float, c: float) -> float:
-    """Aitken's limit of a sequence of which these are three, not far beyond the last."""
+    """Return Aitken's limit of three successive values, at most two differences beyond the last."""
     curvature = (c - b) - (b - a)
     limit = c if curvature == 0.0 else c - (c - b) ** 2 / curvature
     return float(np.clip(limit, c - 2.0 * abs(c - b), c + 2.0 * abs(c - b)))

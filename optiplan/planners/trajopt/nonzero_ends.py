@@ -1,4 +1,4 @@
-"""Plan between states of motion: curves that begin and end in them, or a stop, a way from rest to rest, a run-up."""
+"""Plan between states of motion: one curve between them, or a stop, a motion from rest to rest and a run-up."""
 
 from dataclasses import replace
 from typing import Any
@@ -8,12 +8,12 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.common.limit_violations import excess
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
@@ -26,7 +26,7 @@ from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
 
 _DIRECT, _DETOUR = 1.0 / 3.0, 0.7
-"""Share of the budget for curves from the direct profiles, and of what is left for the way from rest to rest."""
+"""Share of the budget for curves from the direct profiles, and of the rest for the motion from rest to rest."""
 
 
 def plan_nonzero_ends(
@@ -34,10 +34,10 @@ def plan_nonzero_ends(
 ) -> PlanResult:
     """Plan a problem that states motion at its start or at goals.
 
-    Each joint's fastest profile between the states is the motion itself where it is free, and the first guess of a
-    curve otherwise. Where these lead to nothing, the robot stops as soon as it can, goes to where a run-up to the goal
-    begins, as `planner` finds it, and runs up; that motion is an answer, and the first guess of another curve. Then
-    curves with a bump are tried while `Patience` allows.
+    The fastest profile of each joint is the answer where it is free, and the first guess of a curve otherwise. Where
+    no curve is free, the robot stops, moves from rest to the start of a run-up as `planner` finds it, and runs up to
+    the goal. That motion is an answer, and the first guess of another curve. Then curves with a bump are tried while
+    `Patience` allows.
     """
     return _NonzeroEndRun(planner, problem, budget, progress).result()
 
@@ -85,7 +85,7 @@ class _NonzeroEndRun:
         return None if self.incumbent.candidates else failure
 
     def _direct(self, end: State, budget: Budget) -> None:
-        """Try the profiles from state to state, and the curve that they lead to."""
+        """Try the profiles from state to state, and the curve optimised from them."""
         names, limits = self.problem.robot.joint_names, self.problem.limits
         start = self.problem.start_state
         profile = BetweenStates(start, end, limits, names).trajectory()
@@ -95,7 +95,7 @@ class _NonzeroEndRun:
             self._optimised("direct", profile, EndStates(start, end), budget)
 
     def _good(self, motion: Trajectory) -> Failure | None:
-        """Why a motion cannot be an answer."""
+        """Return why a motion cannot be an answer; None where it can."""
         over = excess(motion, self.problem.limits)
         if over is not None:
             joint = motion.joint_names[over.joint]
@@ -150,7 +150,7 @@ class _NonzeroEndRun:
         return None
 
     def _run_up(self, goal: JointGoal) -> Trajectory | Failure | None:
-        """Return the motion from rest into a goal; None where the goal is at rest but for rounding."""
+        """Return the motion from rest into a goal; None where the goal is at rest up to rounding."""
         try:
             motion = fastest_run_up(goal.state, self.problem.limits, self.problem.robot.joint_names)
         except NoProfile as error:
@@ -158,7 +158,7 @@ class _NonzeroEndRun:
         return None if motion is None else self._good(motion) or motion
 
     def _bumps(self) -> None:
-        """Optimise from the best curve with a bump, while that can be expected to gain."""
+        """Optimise from the best curve with a bump, while a gain is expected."""
         rng = np.random.default_rng(self.problem.seed)
         for _ in range(self.options.seeds):
             if self.curve is None or not self._should_continue():

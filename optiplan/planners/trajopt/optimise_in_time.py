@@ -1,4 +1,4 @@
-"""Curves among obstacles that move: contacts at sample u are those at the time u T, which T may change."""
+"""Optimise curves among dynamic obstacles: contacts at sample u are those at the time u T."""
 
 from dataclasses import replace
 from typing import Any
@@ -10,7 +10,6 @@ from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
 from optiplan.planners.common.dynamic_obstacles import delayed, without_dynamic_obstacles
 from optiplan.planners.common.incumbent import Incumbent
-from optiplan.planners.trajopt.bspline_basis import DEGREE
 from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.nonzero_end_optimiser import (
     EXACT,
@@ -27,24 +26,23 @@ from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.trajectory.trajectory import Trajectory
 
 _STATIC, _DELAYS = 0.3, 0.3
-"""Shares of the budget for the motion among what stands still, and of the rest for waiting and going slower."""
+"""Share of the budget for the motion among static obstacles, and of the rest for waiting and slowing down."""
 
 _BUMPS = 6
-"""Further curves, from the best with a bump."""
+"""Number of further curves, from the best with a bump."""
 
 _CLOSE = 1.01
-"""Cost to that of the motion among what stands still, up to which no further curve is tried."""
+"""Cost / cost of the motion among static obstacles up to which no further curve is tried."""
 
 
 class TimedOptimiser(NonzeroEndOptimiser):
-    """Optimise curves whose duration is part of the answer: they are not made faster afterwards."""
+    """Optimise curves whose duration is part of the answer: none is made faster afterwards."""
 
     def timed(self, control: Any, duration: float) -> Trajectory | None:
         """Return the curve in the least duration from this one on within limits and torques; None without one."""
         limits, T = self.problem.limits, duration
         for _ in range(STRETCHES):
-            points = self.ends.held(self.basis, control, T)
-            curve = Trajectory.from_bspline(self.problem.robot.joint_names, self.basis.knots * T, points, DEGREE)
+            curve = self.curve(control, T)
             ratio = max(speed_ratio(curve, limits), torque_ratio(self.problem, curve))
             if ratio <= 1.0 + EXACT:
                 return curve
@@ -57,9 +55,9 @@ class TimedOptimiser(NonzeroEndOptimiser):
 def optimise_in_time(
     planner: Planner[TrajOptOptions], problem: Problem, budget: Budget, progress: Progress
 ) -> PlanResult:
-    """Plan among what stands still, wait or slow down until nothing that moves is met, and optimise curves in time.
+    """Plan among static obstacles, wait or slow down for the dynamic ones, and optimise curves in time.
 
-    The curves begin at the motion among what stands still, at the one that waits, and at the best with a bump.
+    The guesses of these curves: the motion among static obstacles, the one that waits, and the best with a bump.
     """
     began, incumbent = clock(), Incumbent(problem, progress)
     static = planner.plan(without_dynamic_obstacles(problem), budget.share(_STATIC), stages_of(progress))
@@ -84,9 +82,9 @@ def optimise_in_time(
 def _curves(
     optimiser: Optimiser, seeds: list[Trajectory], incumbent: Incumbent, budget: Budget
 ) -> list[dict[str, Any]]:
-    """Optimise in time from these motions, then from the best with a bump; offer what is free, return the attempts.
+    """Optimise in time from these motions, then from the best with a bump; offer free ones, return the attempts.
 
-    It ends early with a curve that costs hardly more than the first motion.
+    A curve that costs hardly more than the first motion ends it early.
     """
     problem, attempts = incumbent.problem, list[dict[str, Any]]()
     enough = _CLOSE * problem.cost(seeds[0])

@@ -15,6 +15,7 @@ from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.path_constraints.motion_check import Broken, PathConstraints
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_basis
+from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.program.iteration_log import NOTHING, IterationLog
 from optiplan.planners.trajopt.program.native_sqp import NativeSqp
@@ -40,13 +41,13 @@ from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
 SPACING = 0.025
-"""How far bodies may move from sample to sample to begin with, m, roughly: edges must not slip through between two."""
+"""Initial bound on the motion of a body between two samples, m, roughly: no edge may pass between them."""
 
 _LONGER = 1.5
-"""Times the duration of a descent's last curve within which the cheapest one is looked for."""
+"""Multiple of the duration of a descent's last curve up to which the cheapest duration is searched."""
 
 LATE = 8
-"""Looks at the budget, about one a step, after which a curve that is not free yet is said to be late."""
+"""Checks of the budget, about one a step, after which a curve in collision counts as late."""
 
 ACTIVE = 1e-3
 """Clearance beyond its margin, m, below which a pair counts as held by it."""
@@ -78,14 +79,37 @@ class Attempt:
         return not (self.touches or self.broken)
 
 
-class Optimiser:
-    """Optimise curves of one problem from any seed; data that depend only on the problem are built once.
+@dataclass(frozen=True)
+class AttemptOptions:
+    """Options of one attempt.
 
     Attributes:
-        end: the set in which motions end; None: where they begin to.
+        margin: m; None: the planner's option.
+        best: cost, s, of the best motion so far: a curve that stays far above it is given up.
+        patient: whether a curve may take any time; else it is given up if it takes twice its initial time after 30
+            steps.
+        first: called with the first free curve.
+        late: called once, between two steps, if no curve is free after the first few steps.
+    """
+
+    margin: float | None = None
+    best: float = np.inf
+    patient: bool = False
+    first: Callable[[Attempt], None] | None = None
+    late: Callable[[], None] | None = None
+
+
+_DEFAULTS = AttemptOptions()
+
+
+class Optimiser:
+    """Optimise curves of one problem from any seed; data of the problem alone are built once.
+
+    Attributes:
+        end: the set in which motions end; None: the end of the initial curve.
         constraints: on the path.
         constraint_terms: the same as terms.
-        objective: what motions cost.
+        objective: parts of the cost.
         steps: taken so far, in all attempts.
         log: of the latest attempt.
     """
@@ -107,40 +131,30 @@ class Optimiser:
         self.steps = 0
         self.log: IterationLog = NOTHING
 
-    def run(
-        self,
-        control: Array,
-        budget: Budget,
-        margin: float | None = None,
-        best: float = np.inf,
-        *,
-        patient: bool = False,
-        first: Callable[[Attempt], None] | None = None,
-        late: Callable[[], None] | None = None,
-    ) -> Attempt | None:
+    def along(self, waypoints: Array) -> Array:
+        """Return the control points (K, n) of a curve near straight segments between waypoints (k, n)."""
+        return along_path(self.basis, waypoints, self.problem.limits.velocity)
+
+    def run(self, control: Array, budget: Budget, options: AttemptOptions = _DEFAULTS) -> Attempt | None:
         """Optimise from control points (K, n), check between the samples, add samples at contacts there, and repeat.
 
         None when bodies stay in deep penetration, gravity exceeds the torque limits, or the budget is cancelled. A
-        curve that is stuck is checked between the samples, but no samples are added to it. Where the initial curve
-        violates something, the first one that violates nothing at the samples is checked between them at once: a curve
-        is made free before it is made short.
+        stuck curve is checked between the samples, but gets no further samples. If the initial curve violates a
+        constraint, the first curve without violations at the samples is checked between them at once: feasibility
+        comes before duration.
 
         Args:
-            control: of the first curve; its ends stay as they are, but for a free one.
+            control: of the first curve; its ends are kept, except a free one.
             budget: polled at every step; once it is over, the current curve is timed and checked.
-            margin: m, instead of the option's.
-            best: cost, s, of the best motion so far: a curve that stays far from it is given up.
-            patient: whether a curve may take any time; else it is given up after 30 steps where it takes twice the time
-                that it began with.
-            first: called with the first curve that is free.
-            late: called once, between two steps, where no curve is free after the first few of them.
+            options: of this attempt.
         """
         control = self.within_limits(control)
         terms = self.constraint_terms.begin() + (() if self.end is None else self.end.terms)
-        descender, u = self.descender(control, margin, terms), self.instants(control)
+        descender, u = self.descender(control, options.margin, terms), self.instants(control)
         iterations, attempt, self.log = 0, None, NOTHING
         least = self.basis.shortest_duration(control, self.problem.limits.rates)
-        longest = np.inf if patient or terms or self._costs else GROWN * least
+        best, first, late = options.best, options.first, options.late
+        longest = np.inf if options.patient or terms or self._costs else GROWN * least
         looked: Attempt | None = None
         looks = 0
 
@@ -153,7 +167,7 @@ class Optimiser:
 
         def go_on(control: Array, duration: float) -> bool:
             nonlocal looked, first
-            looked = self._checked(control, duration, budget)
+            looked = self.checked(control, self.timed(control, duration), budget)
             if looked is not None and looked.free and first is not None and not budget.cancelled:
                 first(looked)
                 first = None
@@ -170,17 +184,14 @@ class Optimiser:
             if too_late or budget.cancelled or found.missing > MAX_VIOLATION:
                 return None
             if looked is None or not np.array_equal(looked.control, control):
-                looked = self._checked(control, found.duration, budget)
+                looked = self.checked(control, self.timed(control, found.duration), budget)
             if looked is None or budget.cancelled:
                 return None
             attempt = replace(looked, close=found.nearest < ACTIVE, iterations=iterations)
             enough = iterations >= self.options.iterations or (iterations >= SLOW and found.duration > longest)
             if attempt.free or enough or budget.over or found.missing > STUCK:
                 break
-            self.constraint_terms.raise_prices(attempt.broken)
-            times = [touch.t / attempt.trajectory.duration for touch in attempt.touches]
-            times += [one.share for one in attempt.broken]
-            u = np.concatenate([u, *(around(np.unique(u), share) for share in times)])
+            u = self.more_instants(u, attempt)
         return attempt
 
     def within_limits(self, control: Array) -> Array:
@@ -194,13 +205,19 @@ class Optimiser:
         self.steps += found.steps
         self.log = self.log.then(found.log)
 
-    def _checked(self, control: Array, duration: float, budget: Budget) -> Attempt | None:
-        """Return a curve timed and checked between the samples; None if gravity is too much."""
-        trajectory = self.timed(control, duration)
+    def checked(self, control: Array, trajectory: Trajectory | None, budget: Budget) -> Attempt | None:
+        """Return a timed curve checked between the samples; None without one."""
         if trajectory is None:
             return None
         touches = tuple(contacts_along(self.model, trajectory, lambda: budget.cancelled))
         return Attempt(control, trajectory, touches, tuple(self.constraints.broken(trajectory)))
+
+    def more_instants(self, u: Array, attempt: Attempt) -> Array:
+        """Return samples u (N,) with more around an attempt's violations; raise the prices of violated constraints."""
+        self.constraint_terms.raise_prices(attempt.broken)
+        shares = [touch.t / attempt.trajectory.duration for touch in attempt.touches]
+        shares += [one.share for one in attempt.broken]
+        return np.concatenate([u, *(around(np.unique(u), share) for share in shares)])
 
     def instants(self, control: Array, spacing: float = SPACING) -> Array:
         """Return the samples of a curve to begin with, at most about `spacing`, m, from one to the next."""
@@ -254,23 +271,23 @@ class Optimiser:
 
 
 def attempt_record(seed: str, attempt: Attempt | None, steps: int, log: IterationLog) -> dict[str, Any]:
-    """Return what a planner's `info["attempts"]` says of an attempt, JSON-ready.
+    """Return an attempt's entry in a planner's `info["attempts"]`, JSON-ready.
 
     Args:
-        seed: what it began at.
-        attempt: what it led to; None as of `Optimiser.run`.
+        seed: kind of the initial guess.
+        attempt: result of `Optimiser.run`.
         steps: taken.
         log: of its iterations.
     """
-    told: dict[str, Any] = {"seed": seed, "free": attempt is not None and attempt.free, "iterations": steps}
+    record: dict[str, Any] = {"seed": seed, "free": attempt is not None and attempt.free, "iterations": steps}
     if attempt is not None:
-        told["duration"] = attempt.trajectory.duration
+        record["duration"] = attempt.trajectory.duration
         if attempt.touches:
             pair = attempt.touches[0].contact.pair
-            told["touches"] = [pair.name_a, pair.name_b]
+            record["touches"] = [pair.name_a, pair.name_b]
         if attempt.broken:
-            told["breaks"] = attempt.broken[0].kept.name
-    return told | log.to_dict()
+            record["breaks"] = attempt.broken[0].kept.name
+    return record | log.to_dict()
 
 
 def _instants(basis: SplineBasis, count: int) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from optiplan.planners.option_schema import OptionError, PlannerOptions, option
 
 AUTO = "auto"
-"""The solver that is the native core where there is one."""
+"""The native core as solver, where it is built."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Sampled paths for `trajopt`: the searches, and the motions along a path that is not optimised."""
+"""Sampled paths for `trajopt`: the searches, and motions along a path without optimisation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,10 +9,10 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, Failure
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.common.path_timing import stopping, timed_path
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
@@ -26,32 +26,31 @@ from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.trajectory import Trajectory
 
 _QUICK, _ROUNDS = 0.065, 2
-"""Work, s, that a search may take that a late straight line waits for, and rounds that it makes in it: for a first
-motion, not for a hard problem."""
+"""Work, s, and rounds of a short search for a first motion, made while a straight line is late."""
 
 _COMPARED, _PROMISING = 3, 0.9
-"""Paths that are compared before one of them is optimised, and share of the best curve's cost below which the coarse
-curve of one ends the comparison."""
+"""Paths compared before one is optimised, and the cost / cost of the best curve of a coarse curve that ends it."""
 
 _SHORTCUTS, _FIRST_SHORTCUTS = 60, 120
-"""Shortcuts of a path that a coarse curve descends from, and of one that is itself a motion."""
+"""Shortcuts of a path for a coarse curve, and of a path that is itself a motion."""
 
 _DEPTHS = 0.015, 0.005, 0.0
-"""Thickness, m, by which obstacles are thinner there on all sides, of which the optimiser moves a path out; the next
-one where that has led to nothing."""
+"""Thickness, m, removed from all sides of obstacles; a failed attempt moves on to the next value."""
 
 _HARD = 2
-"""Attempts between thinner obstacles after which a first motion is looked for between the real ones."""
+"""Attempts between thinner obstacles before a first motion is searched between the real ones."""
 
 _FIRST, _TRIED = 1.5, 4
-"""Work, s, of a search between thinner obstacles for a first motion, and paths that are tried there until a coarse
-curve gets out of the obstacles: a search between the real ones takes longer, and so does its repair."""
+"""Work, s, of a search between thinner obstacles for a first motion, and the largest number of paths tried there.
+
+A search between the real obstacles takes longer, and so does its repair.
+"""
 
 _ONE = 0.3
-"""Work, s, of a search while there is a motion, and twice that for each such search in vain."""
+"""Work, s, of a search once there is a motion; doubled after each search in vain."""
 
 _SEARCH, _FIRST_SEARCH = 0.5, 0.8
-"""Share of what is left of the budget that one search for a path may take; while there is no motion at all."""
+"""Shares of the remaining budget for one path search: once there is a motion, and before."""
 
 
 @dataclass(eq=False)
@@ -59,18 +58,18 @@ class PathSearch:
     """Searches for paths, one seed after the other, and offers the motions along them.
 
     Attributes:
-        problem: that is planned.
+        problem: to plan.
         model: of its robot in its scene.
         budget: of the run.
-        patience: counts the work of searches, and says when they stop being worth it.
+        patience: counts the work of searches, and ends them.
         incumbent: takes the motions along paths.
         watch: of the run.
-        coarse: descents that tell what paths lead to.
+        coarse: short descents.
         searches: begun so far.
-        begun: rounds that the next search leaves out, since they have just been made in vain.
-        found: while a line was being optimised, and not optimised itself yet.
-        depth: number of the thickness by which obstacles are thinner in the next search between thinner ones.
-        in_vain: searches since then that found no path.
+        begun: rounds that the next search omits, as they just failed.
+        found: path found while a line was optimised, not optimised yet.
+        depth: index in `_DEPTHS` for the next search between thinner obstacles.
+        in_vain: searches since the last path found.
     """
 
     problem: Problem
@@ -101,7 +100,7 @@ class PathSearch:
         return [q for q, cost in zip(goals, costs, strict=True) if cost < incumbent.cost]
 
     def at_once(self, sampler: GoalSampler) -> None:
-        """Look for a path for a short while if there is no motion, and offer it with a stop at every corner."""
+        """Search briefly for a path if there is no motion, and offer it with a stop at every corner."""
         if self.incumbent.candidates or self.searches or self._on_constraints.apply:
             return
         path = self._sample(sampler, self._check(), self.patience.seconds + _QUICK, None)
@@ -111,13 +110,13 @@ class PathSearch:
             self.begun = _ROUNDS
 
     def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> GuessPath | Failure:
-        """Return the next way to optimise; `repair` as in `through_thinner`.
+        """Return the next guess to optimise; `repair` as in `through_thinner`.
 
-        Once there is a motion, several paths are sampled between thinner obstacles, where there are more ways and
-        searches are shorter, and between thicker ones where that has just led to nothing. A coarse curve descends from
-        each, and the way that promises the shortest motion comes first; the others wait for their turn. Where a short
-        search for a first motion was in vain, it is looked for there, too, until the coarse curve of one path gets out
-        of the obstacles, before a longer one is made. Searches end where they stop being worth their work.
+        Once there is a motion, several paths are sampled between thinner obstacles: there, more paths exist and
+        searches are shorter. After a failure, the obstacles are thicker. A coarse curve descends from each path, and
+        the shortest is returned first; the others are kept. After a short search in vain for a first motion, paths
+        between thinner obstacles come next, until one coarse curve leaves the obstacles; then a longer search. A
+        search ends when it is no longer worth its work.
         """
         found, self.found = self.found, None
         constrained, none = self._on_constraints.apply, not self.incumbent.candidates
@@ -136,7 +135,7 @@ class PathSearch:
         return self._compared(sampler, found, _COMPARED)
 
     def tell(self, free: bool) -> None:
-        """Take to account whether the last way was optimised to one that is free."""
+        """Record whether the last guess became a free motion."""
         self.depth = 0 if free else (self.depth + 1) % len(_DEPTHS)
         if not free:
             self._ways.clear()
@@ -144,10 +143,9 @@ class PathSearch:
     def _compared(
         self, sampler: GoalSampler, found: SampledPath | None, count: int, enough: float = np.inf
     ) -> GuessPath | Failure:
-        """Compare `found` and paths sampled anew by coarse descents; return the best way not optimised yet.
+        """Compare `found` and new paths by coarse descents; return the best guess not optimised yet.
 
-        At most `count` paths, none after `enough` ways, and none after one that promises a far shorter motion than the
-        best curve.
+        At most `count` paths are compared. `enough` guesses end it, and so does one far shorter than the best curve.
         """
         best = rough = self.incumbent.rough
         failure = Failure("no-path", "the curves along all paths stay in obstacles")
@@ -170,15 +168,15 @@ class PathSearch:
     def anew(
         self, problem: Problem, patience: Patience, incumbent: CurveIncumbent, coarse: CoarseDescents
     ) -> "PathSearch":
-        """Return searches that begin at the first seed again and share the models of thinner obstacles alone."""
+        """Return searches from the first seed that share only the models of thinner obstacles."""
         fresh = PathSearch(problem, self.model, self.budget, patience, incumbent, self.watch, coarse)
         fresh._checks = self._checks
         return fresh
 
     def toward(self, sampler: GoalSampler, goals: list[Array], most: float) -> GuessPath | None:
-        """Return the way along a path to one of some goals (n,), found within `most` of work, s; None without one.
+        """Return the guess along a path to one of some goals (n,), found within `most` of work, s; None without one.
 
-        The path is sampled between thinner obstacles, and between the real ones where the line to it is free there.
+        The path is sampled between thinner obstacles, or the real ones where the straight line is free there.
         """
         for depth in (_DEPTHS[0], _DEPTHS[-1]):
             check = self._check(depth)
@@ -190,7 +188,7 @@ class PathSearch:
         return None
 
     def _another(self, sampler: GoalSampler) -> SampledPath | Failure:
-        """Return a path between obstacles that are thin enough, but not so thin that the straight line is free."""
+        """Return a path between thinner obstacles; thicker ones where the straight line is free."""
         while True:
             one = _ONE * 2.0**self.in_vain if self.incumbent.candidates else _FIRST
             most = self.patience.seconds + min(self._worth, one)
@@ -201,12 +199,12 @@ class PathSearch:
 
     @property
     def _worth(self) -> float:
-        """Return the work without a gain that is still worth it, s."""
+        """Return the work, s, after which to stop without a gain."""
         incumbent = self.incumbent
         return self.patience.worth(incumbent.cost, incumbent.bound) if incumbent.candidates else np.inf
 
     def _check(self, depth: float = 0.0) -> MotionCheck:
-        """Return what proves paths free between obstacles that are thinner by `depth`, m."""
+        """Return the path check between obstacles thinner by `depth`, m."""
         if depth not in self._checks:
             robot, scene = self.problem.robot, self.problem.scene
             model = planning_model(robot, thinned(scene, depth)) if depth else self.model
@@ -221,11 +219,9 @@ class PathSearch:
         repair: Callable[[Array], Array | None] | None,
         aims: list[Array] | None = None,
     ) -> SampledPath | Failure:
-        """Return a path of the next seed to any of the promising goals, sampled within `most` of work in all, s.
+        """Return a path of the next seed to a promising goal, or to one of `aims` (n,), within `most` of total work, s.
 
-        To the goals `aims` (n,) alone, where they are given.
-
-        Between thinner obstacles the short rounds that others begin with are left out: a long one finds a path sooner.
+        Searches between thinner obstacles omit the short first rounds: a long round finds a path sooner.
         """
         number, begun = self.searches, _ROUNDS
         if real := check is self._check():
@@ -256,11 +252,11 @@ class PathSearch:
         return path
 
     def free(self, path: SampledPath) -> bool:
-        """Return whether a path is free between the obstacles as they are."""
+        """Return whether a path is free between the real obstacles."""
         return self._check().polyline_free(path.waypoints)
 
     def offer_first(self, path: SampledPath) -> Failure | None:
-        """Offer the motion along a path that is to be had soonest."""
+        """Offer the motion along a path that takes the least time to compute."""
         return self.offer_timed(path) if self._on_constraints.apply else self._stopping(path.waypoints)
 
     def offer_timed(self, path: SampledPath) -> Failure | None:
@@ -272,7 +268,7 @@ class PathSearch:
         return timed if isinstance(timed, Failure) else self._offer(path.waypoints, timed)
 
     def _stopping(self, waypoints: Array) -> Failure | None:
-        """Offer the motion along a path that stops at every corner; paths on constraints have too many of them."""
+        """Offer the motion along a path with a stop at every corner; paths on constraints have too many corners."""
         with self.watch.stage("timing of sampled paths"):
             timed = stopping(self.problem.robot, self.problem.limits, waypoints)
         return self._offer(waypoints, timed)

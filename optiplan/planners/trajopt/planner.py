@@ -1,4 +1,4 @@
-"""`trajopt`: optimise several initial guesses and return the best motion that is free at all times."""
+"""`trajopt`: optimise several initial guesses and return the best collision-free motion."""
 
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
@@ -12,18 +12,18 @@ from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.native_model import not_in_core
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.path_timing import within_torque
-from optiplan.planners.common.stopwatch import Stopwatch
 from optiplan.planners.path_constraints.goal_projection import hold_goals
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
 from optiplan.planners.trajopt.end_search import EndSearch
 from optiplan.planners.trajopt.incumbent import CurveIncumbent
-from optiplan.planners.trajopt.initial_guess import along_path, with_bump
+from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.nonzero_ends import plan_nonzero_ends
 from optiplan.planners.trajopt.optimise_in_time import optimise_in_time
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
@@ -39,28 +39,28 @@ from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
 _EARLY = 1.0 / 3.0
-"""Share of the budget after which straight lines that led to nothing must leave the rest to sampled paths."""
+"""Share of the budget for straight lines before the first motion; the rest is for sampled paths."""
 
 _SHORTER = 0.95
-"""Share of its cost to which shortcuts must bring a path on an optimised curve to be optimised again."""
+"""Cost after shortcuts / cost before, below which a path on an optimised curve is optimised again."""
 
 _IN_VAIN = 3
-"""Attempts in vain after which a sampled path is timed with its corners rounded, which takes as long as an attempt."""
+"""Attempts in vain before a sampled path is timed with rounded corners, which takes as long as an attempt."""
 
 _BUMPS = 4
-"""Rounds of attempts of which the last has the best curve with a bump."""
+"""Period, in rounds, of attempts from the best curve with a bump."""
 
 _DENSE = 300
-"""Waypoints on a curve whose chords are proved free in its place."""
+"""Waypoints on a curve; their chords are proved free instead of the curve."""
 
 
 class TrajOpt(Planner[TrajOptOptions]):
     """Minimum-time B-splines by sequential quadratic programming, from straight lines and sampled paths.
 
-    Everything that is proved free on the way is a candidate: straight lines timed exactly, sampled paths timed, every
-    optimised curve; the best of them is the answer. Attempts go on while they can be expected to gain (`Patience`),
-    in turn from a path sampled anew and improved, from a straight line with a bump and from the best curve with a bump;
-    the best curve is optimised once more with twice the spans.
+    Every motion proved free is a candidate: straight lines and sampled paths with exact timing, and optimised curves.
+    The best of them is the answer. Attempts continue while a gain is expected (`Patience`). They start in turn from a
+    new sampled path, a straight line with a bump and the best curve with a bump. The best curve is optimised once more
+    with twice the spans.
     """
 
     Options = TrajOptOptions
@@ -79,7 +79,7 @@ class TrajOpt(Planner[TrajOptOptions]):
         return _Run(problem, budget, progress, self.options).result()
 
     def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
-        """Plan from an earlier motion; look for another way where that leads to nothing as good. See `warm`."""
+        """Plan from an earlier motion; search for another way where the result is worse. See `warm`."""
         if problem.scene.dynamic_obstacles:
             return self.plan(problem, budget, progress)
         warm = WarmStart(problem, earlier, self.options, budget, progress)
@@ -150,11 +150,11 @@ class _Run:
             ):
                 break
             if len(tried) > 1:
-                self._precompute(self._along(np.array([start, other])) for other in tried[k:])
+                self._precompute(self.optimiser.along(np.array([start, other])) for other in tried[k:])
             self._straight(np.array([start, goal]))
             if self._should_continue():
                 within = self.budget if self.incumbent.candidates else early
-                control = self._along(np.array([start, goal]))
+                control = self.optimiser.along(np.array([start, goal]))
                 straight = self.attempts.attempt("straight", control, within, lambda: self.paths.at_once(sampler))
                 self.direct = straight is not None
         self.info["cut_short"] = early.over and not self.incumbent.candidates
@@ -163,8 +163,8 @@ class _Run:
     def _further(self, sampler: GoalSampler) -> Failure | None:
         """Try sampled paths, lines with a bump and the best curve with a bump in turn, while `Patience` allows.
 
-        Lines are skipped once one of them has failed, until a search has failed too. After every round, and before the
-        search stops, the ends are tried whose bounds make it worth it.
+        A failed line skips further lines until a path search fails too. After every round, and in the end, further
+        ends of the goal are tried where their bounds make it worthwhile.
         """
         failure: Failure | None = None
         rng = np.random.default_rng(self.problem.seed)
@@ -201,7 +201,7 @@ class _Run:
     def _coming(
         self, sampler: GoalSampler, number: int, rng: np.random.Generator, line: bool = True
     ) -> Iterator[Array]:
-        """Yield the curves with a bump that attempts begin with from round `number` on, should none of them gain."""
+        """Yield the curves with a bump for attempts from round `number` on, if none of them gains."""
         rng = deepcopy(rng)
         for k in count(number) if self.direct or self.incumbent.curve is not None else ():
             if self.direct and (line or k > number):
@@ -212,7 +212,7 @@ class _Run:
     def _line(self, sampler: GoalSampler, number: int) -> Array:
         """Return control points (K, n) of the straight line to one promising goal, a different one for each number."""
         goals = self.paths.promising(sampler)
-        return self._along(np.array([self.problem.start, goals[number % len(goals)]]))
+        return self.optimiser.along(np.array([self.problem.start, goals[number % len(goals)]]))
 
     def _with_bump(self, control: Array, rng: np.random.Generator) -> Array:
         """Return a curve with a bump."""
@@ -221,10 +221,10 @@ class _Run:
         return with_bump(self.optimiser.basis, control, duration, limits, rng)
 
     def _sampled(self, way: GuessPath) -> Failure | None:
-        """Optimise from a sampled path, and time the path itself where several attempts have led to nothing.
+        """Optimise from a sampled path, and time the path itself after several attempts in vain.
 
-        A path that lies on an optimised curve already, and that no shortcut has made shorter, is not optimised again;
-        one that takes far longer than the best motion even at full speed is left.
+        A path on an optimised curve is not optimised again unless a shortcut has made it shorter. A path that takes
+        far longer than the best motion, even at full speed, is skipped.
         """
         path, failure, attempt = way.path, None, None
         if not self.incumbent.candidates and (way.control is None or self.paths.free(path)):
@@ -236,7 +236,7 @@ class _Run:
         elif self._hopeless(way):
             self.attempts.keep(None)
         else:
-            control = self._along(path.waypoints) if way.control is None else way.control
+            control = self.optimiser.along(path.waypoints) if way.control is None else way.control
             attempt = self.attempts.attempt("sampled", control, self.attempts.before_refining)
             self.paths.tell(attempt is not None)
         longer = self.incumbent.cost > self.incumbent.cost_bound(path.cost)
@@ -245,15 +245,15 @@ class _Run:
         return failure
 
     def _hopeless(self, way: GuessPath) -> bool:
-        """Return whether a way promises nothing better than the best curve."""
+        """Return whether a guess promises no improvement of the best curve."""
         incumbent = self.incumbent
         if way.control is None or incumbent.curve is None:
             return incumbent.cost_bound(way.path.cost) > WORSE * incumbent.cost
         return incumbent.cost_bound(way.duration) > incumbent.rough
 
     def _repaired(self, waypoints: Array) -> Array | None:
-        """Waypoints on the curve that a path which touches is optimised to, if it is free."""
-        attempt = self.attempts.optimised("relaxed", self._along(waypoints), self.budget)
+        """Return waypoints on the optimised curve of a colliding path, if that is free."""
+        attempt = self.attempts.optimised("relaxed", self.optimiser.along(waypoints), self.budget)
         if attempt is None:
             return None
         self.incumbent.offer_curve(attempt)
@@ -272,11 +272,8 @@ class _Run:
                 if timed is not None:
                     self.incumbent.offer(timed)
 
-    def _along(self, waypoints: Array) -> Array:
-        return along_path(self.optimiser.basis, waypoints, self.problem.limits.velocity)
-
     def _precompute(self, curves: Iterable[Array]) -> None:
-        """Have other threads begin with curves that attempts are likely to begin with."""
+        """Let other threads begin likely attempts."""
         self.attempts.ahead.precompute(curves, self.incumbent.cost, self.attempts.patient)
 
     def _should_continue(self) -> bool:

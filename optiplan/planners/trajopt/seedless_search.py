@@ -1,4 +1,4 @@
-"""A search for ways to the ends of a goal that is a set, the same whatever the seed of the problem."""
+"""A search for motions to a set of goal configurations that does not depend on the seed of the problem."""
 
 from dataclasses import dataclass, field, replace
 
@@ -10,7 +10,6 @@ from optiplan.planners.common.goal_ranking import GoalSampler, apart, goal_sampl
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents
 from optiplan.planners.trajopt.incumbent import CurveIncumbent
-from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.optimizer import Attempt
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
@@ -20,27 +19,27 @@ _STREAM = 0
 """Seed of all its random numbers."""
 
 _SHARE = 0.4
-"""Share of the budget that its work may take; the rest is for what draws from the problem's seed, and for refining."""
+"""Share of the budget for this search; the rest is for searches with the problem's seed, and for refining."""
 
 _NEAR = 1.02
-"""Cost / bound of the best motion up to which there is no such search: no other way is much shorter."""
+"""Cost / bound of the best motion up to which this search is omitted: no other motion is much shorter."""
 
 _LINES, _SEARCH = 6, 0.4
-"""Ends that a round tries with a straight line, and work, s, of its search for one path."""
+"""Ends tried with a straight line in a round, and work, s, of the search for one path."""
 
 _PROMISING, _FREED = 1.1, 1.05
-"""Duration in that of the best curve up to which a coarse one is optimised, and an optimised one once more with its
-end free."""
+"""Duration / duration of the best curve up to which a coarse curve is optimised, and an optimised one gets a free
+end."""
 
 
 @dataclass(eq=False)
 class SeedlessSearch:
-    """Samples many ways to the ends of a goal, from one stream of numbers, and optimises those that promise most.
+    """Samples many paths to the ends of a goal, from one stream of numbers, and optimises the most promising.
 
-    Among obstacles the way decides as much as the end, and which ways a few searches find is a matter of luck. This one
-    knows nothing of the seed nor of what was found with it: its ends, paths and attempts are those of every seed, so no
-    seed's motion is longer than what they lead to. A round samples a path to the next end, one to whichever of all ends
-    it meets first, and tries straight lines to ends drawn anew; coarse curves tell which way is optimised next.
+    Among obstacles, the path matters as much as the end, and which paths a few searches find is a matter of luck. This
+    search ignores the seed and the results found with it. Its ends, paths and attempts are the same for every seed, so
+    no seed gives a longer motion than it finds. A round samples one path to the next end and one to any end, and tries
+    straight lines to new random ends. Coarse curves decide which guess is optimised next.
 
     Attributes:
         problem: that is planned.
@@ -64,7 +63,7 @@ class SeedlessSearch:
     _tried: list[Array] = field(default_factory=list)
 
     def run(self) -> None:
-        """Search once, as soon as there is a motion, where its cost is far above the bound; not on path constraints."""
+        """Search once, as soon as there is a motion far above the bound; not on path constraints."""
         found = self.attempts.incumbent
         if self._done or not found.candidates or self.problem.one_end or self.problem.path_constraints:
             return
@@ -116,7 +115,7 @@ class SeedlessSearch:
         return self.attempts.before_refining.over
 
     def _round(self, ends: list[Array], number: int) -> None:
-        """Find some ways to ends (n,), and optimise the most promising one that is apart from those tried before."""
+        """Find some guesses for ends (n,), and optimise the most promising one apart from earlier ones."""
         incumbent = self._own.incumbent
         single = [ends[number % len(ends)]]
         for goals in (single, ends):
@@ -125,16 +124,14 @@ class SeedlessSearch:
                 self._ways.append((way.duration, way.control))
         drawn = self._sampler.within(incumbent.longest, _LINES, lambda: self._over)
         for end in [*single, *drawn]:
-            line = along_path(
-                self.attempts.optimiser.basis, np.array([self.problem.start, end]), self.problem.limits.velocity
-            )
+            line = self.attempts.optimiser.along(np.array([self.problem.start, end]))
             found = self._descents.from_curve(line, incumbent.rough)
             if found is not None:
                 self._ways.append((found[1], found[0]))
         self._optimise_best()
 
     def _survey(self) -> list[Array]:
-        """Return the ends (n,) below the best motion, those with the least bound first, surveyed after every gain."""
+        """Return the ends (n,) with bounds below the best motion, the least first, surveyed after every gain."""
         incumbent = self._own.incumbent
         if SAME * incumbent.cost < self._surveyed or not self._ends:
             self._surveyed = incumbent.cost
@@ -147,7 +144,7 @@ class SeedlessSearch:
         return self._ends
 
     def _optimise_best(self) -> None:
-        """Optimise the shortest of the coarse curves that is apart from those tried, where it is short enough."""
+        """Optimise the shortest coarse curve apart from those tried, where it is short enough."""
         incumbent, limits = self._own.incumbent, self.problem.limits
         self._ways.sort(key=lambda way: way[0])
         while self._ways and incumbent.cost_bound(self._ways[0][0]) < _PROMISING * incumbent.rough:

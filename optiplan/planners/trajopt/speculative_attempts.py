@@ -1,4 +1,4 @@
-"""Attempts run side by side: threads work on those that are likely to come next."""
+"""Attempts in parallel: threads work on the likely next ones."""
 
 import threading
 from collections.abc import Iterable
@@ -11,24 +11,24 @@ from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget
-from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.program.iteration_log import IterationLog
 from optiplan.planners.trajopt.program.sqp import SLOW
 from optiplan.problem.problem import Problem
 
 _POLL = 0.02
-"""s between two looks at the budget while another thread works on the attempt that is waited for."""
+"""s between two checks of the budget while another thread finishes the attempt."""
 
 
 class AttemptOutcome(NamedTuple):
-    """What an attempt led to.
+    """Result of an attempt.
 
     Attributes:
         attempt: as `Optimiser.run` returns it.
         steps: taken.
         first: its first curve that was free; None without one.
-        late: whether it was late, see `Optimiser.run`.
+        late: whether it was late, see `AttemptOptions`.
         log: of its iterations.
     """
 
@@ -49,7 +49,7 @@ class _Begun:
     cancel: threading.Event = field(default_factory=threading.Event)
 
     def holds(self, best: float, patient: bool) -> bool:
-        """Return whether the outcome is the one that an attempt begun now has.
+        """Return whether an attempt begun now has the same outcome.
 
         The best cost and patience matter only to descents of `SLOW` steps or more.
         """
@@ -64,15 +64,14 @@ class _Begun:
 
 
 class SpeculativeAttempts:
-    """Runs attempts in `workers` - 1 threads before it is known whether they will be asked for.
+    """Runs attempts in `workers` - 1 threads before it is known whether they are needed.
 
-    The planner decides one attempt after the other, as it does alone. Before each it says which are likely to come
-    next (`expect`), and takes the outcome of one that came true (`take`). An attempt is a function of its initial curve
-    and of what is known of the best motion, so the result is the same for any number of threads, bit by bit, unless the
-    clock cut it.
+    The planner decides one attempt after the other, as without threads. Before each it names the likely next ones
+    (`precompute`), and takes the outcome of one that it needs (`take`). An attempt depends only on its initial curve
+    and the best motion so far. So any number of threads gives the same bits, unless the clock ends an attempt.
 
-    Threads gain only where the native core does the work. Path constraints and costs that CasADi evaluates do not
-    leave the interpreter to others for long; there, and without the core, no thread is begun.
+    Threads gain only where the native core does the work. CasADi's evaluation of path constraints and costs hardly
+    releases the interpreter; there, and without the core, no thread is begun.
     """
 
     def __init__(self, problem: Problem, options: TrajOptOptions, budget: Budget) -> None:
@@ -84,7 +83,7 @@ class SpeculativeAttempts:
         self.used = 0
 
     def precompute(self, curves: Iterable[Array], best: float, patient: bool) -> None:
-        """Begin with the first of these curves (K, n) that attempts are likely to begin with; end all others."""
+        """Begin attempts from the first of these curves (K, n); end all others."""
         if self._threads is None:
             return
         wanted = {control.tobytes(): control for control in islice(curves, self._options.workers)}
@@ -126,8 +125,7 @@ class SpeculativeAttempts:
             optimiser = self._own.optimiser = Optimiser(self._problem, model, self._options)
         before, free, late = optimiser.steps, list[Attempt](), list[bool]()
         budget = Budget(self._budget.remaining, cancel)
-        attempt = optimiser.run(
-            control, budget, None, best, patient=patient, first=free.append, late=lambda: late.append(True)
-        )
+        options = AttemptOptions(None, best, patient, free.append, lambda: late.append(True))
+        attempt = optimiser.run(control, budget, options)
         first = free[0] if free else None
         return AttemptOutcome(attempt, optimiser.steps - before, first, bool(late), optimiser.log)

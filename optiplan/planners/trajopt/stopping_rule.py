@@ -13,27 +13,27 @@ PRICE = 0.1
 """Share of the motion's cost that spending the whole budget must be expected to save: 10 %."""
 
 STEP, STATE, SHORTCUT = (0.02, 5e-4, 5e-3) if core is None else (0.003, 1e-5, 1e-4)
-"""What a step of the optimiser, a state of a search and a shortcut of a path take on an ordinary machine, s, in Python
-or the native core."""
+"""Time, s, of an optimiser step, a search state and a shortcut on an ordinary machine, in Python or the native core."""
 
 SAME = 1.005
-"""Costs within this factor are those of one local optimum."""
+"""Factor within which costs belong to one local optimum."""
 
 
 @dataclass(eq=False)
 class Patience:
     """Estimate the gain of another attempt from the gains of those made.
 
-    With n attempts made and the two best of them costing c_1 <= c_2, a further one is expected to gain
-    (c_2 - c_1) / n: that is what the last one gained, averaged over all orders in which they could have come (the
-    jackknife estimate for exchangeable draws). While few have been made this says little, so what is left to the bound
-    counts too: g² / n r, with g = 1 - bound / c_1 once for the chance that a better motion exists and once for its
-    gain, and r attempts that have found c_1 within 0.5 %. Either is divided by 1 + k after k attempts in a row that
-    gained less than that, for a chance that failed so often is as small as 1 / (k + 2) (Laplace's rule of succession).
-    Another attempt is worth making while the larger of the two, as a share of c_1 and for each second of work that
-    attempts have taken so far on average, exceeds `PRICE` / budget: somebody who gives 20 s waits one second more for
-    half a percent of the motion. The larger the budget, the longer the search. Work is counted in steps and states, not
-    read from a clock, so that the same problem always gets the same attempts.
+    After n attempts with best costs c_1 <= c_2, the next one is expected to gain (c_2 - c_1) / n. That is the gain of
+    the last one, averaged over all orders of the attempts (the jackknife estimate for exchangeable draws). After few
+    attempts this says little, so the gap to the bound counts too: g² / n r, with g = 1 - bound / c_1. One factor g
+    stands for the chance of a better motion, the other for its gain; r attempts have found c_1 within 0.5 %. Both
+    estimates are divided by 1 + k after k attempts in a row without such a gain: a chance that failed k times is about
+    1 / (k + 2) (Laplace's rule of succession).
+
+    Another attempt is made while the larger estimate, as a share of c_1 per second of the mean work of an attempt,
+    exceeds `PRICE` / budget. With a budget of 20 s, half a percent of the motion is worth one more second. The larger
+    the budget, the longer the search. Work is counted in steps and states, not read from a clock, so that the same
+    problem always gets the same attempts.
     """
 
     budget: Budget
@@ -74,9 +74,9 @@ class Patience:
     def worth_an_end(self, best: float, bound: float, tries: int, end_search: "EndsInVain") -> bool:
         """Return whether to try an end of the goal, to which no motion costs less than `bound`, once more.
 
-        It is expected to gain g² / (1 + k) (1 + t), with g = 1 - bound / best as in `worth`, k ends tried in vain since
-        the last gain and t tries of this end before; as a share of `best` for each second of the work of a try so far,
-        that must exceed `PRICE` / budget.
+        It is expected to gain g² / (1 + k) (1 + t), with g = 1 - bound / best as in `worth`. There were k tries in vain
+        since the last gain, t of them of this end. The gain, as a share of `best` per second of the mean work of a try,
+        must exceed `PRICE` / budget.
         """
         if self.good_enough * bound >= best:
             return False

@@ -15,30 +15,32 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser, torque_ratio, with_reserve
-from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
+from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
 from optiplan.problem.regions.sampling import RegionSampler
-from optiplan.trajectory.cut import cut_trajectory
+from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.trajectory import Trajectory
 
 MOST_STEPS = 40
-"""Of an attempt from the earlier motion: where it takes more, a search is the better use of the time."""
+"""Largest number of steps from the earlier motion: beyond that, a search is the better use of the time."""
 
 CLOSE = 0.2, 1.0
-"""Shares of the option's margin tried in turn: the earlier motion was near bodies where that saved time."""
+"""Shares of the option's margin tried in turn: the earlier motion may be close to bodies."""
 
 AS_GOOD = 1.1
-"""Cost of the new motion to that of the rest of the earlier one, with the time that the ends have moved by added, up to
-which no other way is looked for."""
+"""New cost / expected cost up to which the search ends.
+
+The expected cost is that of the rest of the earlier motion, plus the time to travel the shift of the ends.
+"""
 
 AT_BOUND = 1.01
-"""Duration of a motion to its lower bound up to which one that is still free is the answer as it stands."""
+"""Duration / lower bound up to which a motion that is still free is the answer unchanged."""
 
 _SHARE = 0.9
-"""Of a pose goal's tolerances, within which its configuration is found."""
+"""Share of a pose goal's tolerances for its configuration."""
 
 _SAMPLES, _ITERATIONS = 400, 60
 
@@ -53,8 +55,8 @@ class WarmStart:
     """A curve from an earlier motion.
 
     Attributes:
-        ahead: what is left of the earlier motion, where that is an answer as it stands; None elsewhere.
-        attempt: the free curve that it led to; None: none.
+        ahead: the rest of the earlier motion, where it is an answer unchanged; None elsewhere.
+        attempt: the free curve optimised from it; None without one.
         good: whether that is as good as the earlier motion was.
         info: as of an entry of `attempts` in a planner's `info`.
         seconds: taken.
@@ -93,7 +95,7 @@ class WarmStart:
 
     @property
     def best(self) -> Trajectory | None:
-        """The better of the curve and what is left of the earlier motion."""
+        """Return the better of the curve and the rest of the earlier motion."""
         found = [] if self.attempt is None else [self.attempt.trajectory]
         found += [] if self.ahead is None else [self.ahead]
         return min(found, key=self.problem.cost, default=None)
@@ -119,7 +121,7 @@ class WarmStart:
         return replace(found, earlier=(own, *better))
 
     def _optimised(self, end: State, margin: float) -> Attempt | None:
-        """Optimise the earlier motion, moved by what its start and, more and more, by what its end has moved by."""
+        """Optimise the earlier motion, shifted by its start's shift and, increasingly, by its end's."""
         start, earlier, basis = self.problem.start_state, self.earlier, self.optimiser.basis
         u = np.linspace(0.0, 1.0, _SAMPLES)
         curves = NonzeroEndOptimiser(self.problem, self.optimiser, EndStates(start, end))
@@ -129,10 +131,11 @@ class WarmStart:
         control = basis.fit(u, points, basis.ends(*ends.by_share(earlier.duration)))
         if any(rate.any() for rate in (start.v, start.a, end.v, end.a)):
             return curves.run(control, earlier.duration, self.budget, margin)
-        return self.optimiser.run(curves.ends.held(basis, control, earlier.duration), self.budget, margin)
+        control = curves.ends.held(basis, control, earlier.duration)
+        return self.optimiser.run(control, self.budget, AttemptOptions(margin))
 
     def _still_good(self, end: State) -> bool:
-        """Whether the rest of the earlier motion leads from the start to this end, and is free and within limits."""
+        """Return whether the rest of the earlier motion leads from the start to this end, free and within limits."""
         motion, limits = self.earlier, self.problem.limits
         here, there = motion.state(0.0), motion.state(motion.duration)
         same = [
@@ -147,14 +150,14 @@ class WarmStart:
         return not self.optimiser.constraints.broken(motion)
 
     def _at_bound(self, end: State) -> bool:
-        """Whether hardly any motion to this end can be shorter than what is left of the earlier one."""
+        """Return whether the rest of the earlier motion is near the lower bound to this end."""
         problem = self.problem
         if problem.nonzero_ends or not problem.objective.plain:
             return False
         return self.earlier.duration <= AT_BOUND * lower_bound(problem.start, end.q, problem.limits)
 
     def _end(self) -> State | None:
-        """The state at the goal's configuration nearest to the earlier end; None where none is free."""
+        """Return the state at the goal configuration nearest to the earlier end; None where none is free."""
         q0, speed = self.earlier.end, self.problem.limits.velocity
         ends = [q for goal in self.problem.goal if (q := self._configuration(goal, q0)) is not None]
         gravity = Gravity(self.problem.robot, self.problem.limits.torque)
@@ -175,16 +178,16 @@ class WarmStart:
 
 
 def _progress(motion: Trajectory, u: Array, speed: Array) -> Array:
-    """Share of the way that a motion has gone at shares u (N,) of its time, 0 to 1; joints as shares of their speed."""
+    """Return the share (N,) of a motion's length travelled at shares u (N,) of its time; joints in units of speed."""
     pace = np.linalg.norm(motion(u * motion.duration, 1) / speed, axis=1)
     way = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(u))])
     return np.asarray(way / way[-1]) if way[-1] > 0.0 else u
 
 
 def _ahead(problem: Problem, earlier: Trajectory) -> Trajectory:
-    """Return what is left of a motion from where it is nearest to the new start, in time.
+    """Return the rest of a motion from its state nearest to the new start, in time.
 
-    A robot at rest is nearest to where the motion rests: in the midst of it the velocity would have to be made up for.
+    The velocity counts too: a robot at rest is nearest to where the motion rests.
     """
     t = np.linspace(0.0, earlier.duration, _SAMPLES)[:-1]
     state, limits = problem.start_state, problem.limits

@@ -9,8 +9,8 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
 from optiplan.planners.option_schema import OptionError, option
 from optiplan.planners.point_to_point.base import SIZE, MotionOptions, Profile
-from optiplan.planners.vias.via_chains import ThroughVias, distinct, via_times
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.planners.vias.via_chains import ThroughVias, chain_tolerances, distinct, via_times
+from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.parabolic_blends import (
     Blends,
@@ -54,8 +54,7 @@ class Parabolic(ThroughVias[ParabolicOptions]):
         Raises:
             InputError: the duration ends before the last via's time.
         """
-        ats = [via.at for via in problem.vias]
-        tolerances = np.array([0.0, *(at.tolerance if isinstance(at, JointGoal) else 0.0 for at in ats), 0.0])
+        tolerances = chain_tolerances(problem)
         times = via_times(problem, "parabolic", self.options.duration)
         kept = distinct(goal, times)
         names = problem.robot.joint_names
@@ -106,10 +105,17 @@ class ParabolicMotion:
 
     def _chosen(self, factor: float) -> Trajectory:
         """The first motion within limits, else the first whose blends do not overlap."""
-        found = [self._blends(factor, share) for share in _SHARES]
-        fitting = [blends for blends in found if blends.overlap() is None]
+        fitting: list[Blends] = []
+        issues: list[Issue] = []
+        for share in _SHARES:
+            blends = self._blends(factor, share)
+            overlap = blends.overlap()
+            if overlap is None:
+                fitting.append(blends)
+            else:
+                issues.append(self._issue(blends.times, *overlap))
         if not fitting:
-            raise InputError([self._issue(found[-1])])
+            raise InputError(issues[-1:])
         kept = (blends for blends in fitting if blends.keeps(self.limits.velocity, self.limits.acceleration))
         return run_blends(self.points[0], next(kept, fitting[0]), self.joint_names)
 
@@ -136,11 +142,8 @@ class ParabolicMotion:
         acceleration = self.limits.acceleration if o.acceleration is None else np.full(points.shape[1], o.acceleration)
         return blends_by_acceleration(points, times, acceleration)
 
-    def _issue(self, blends: Blends) -> Issue:
-        found = blends.overlap()
-        assert found is not None  # that is why it is asked for
-        i, j, lack = found
-        where = f"'{self.joint_names[j]}' between {blends.times[i]:.4g} and {blends.times[i + 1]:.4g} s"
+    def _issue(self, times: Array, i: int, j: int, lack: float) -> Issue:
+        where = f"'{self.joint_names[j]}' between {times[i]:.4g} and {times[i + 1]:.4g} s"
         words = f"blends that overlap by {lack:.3g} s" if np.isfinite(lack) else "no blend strong enough"
         o = self.options
         name, value = ("acceleration", o.acceleration) if o.blend_time is None else ("blend_time", o.blend_time)

@@ -8,13 +8,13 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.planners.common.context import Work
+from optiplan.planners.common.context import PlanContext
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness, out_of_time, too_heavy
 from optiplan.planners.common.refused_path import refused_path
 from optiplan.planners.option_schema import PlannerOptions, option
-from optiplan.planners.vias.via_chains import distinct, ranked_chains
-from optiplan.problem.problem import JointGoal, Problem
+from optiplan.planners.vias.via_chains import chain_tolerances, distinct, ranked_chains
+from optiplan.problem.problem import Problem
 from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.paths.corners import bezier_corners, bspline_corners, reversals, through_corners
 from optiplan.trajectory.timing.stops import stop_at_corners
@@ -51,7 +51,7 @@ class Rounded(Planner[RoundedOptions]):
 
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
-        work = Work.on(problem, budget)
+        work = PlanContext.of(problem, budget)
         watch = work.watch
         with watch.stage("goals"):
             chains = ranked_chains(problem, work.model, budget, self.options.goals)
@@ -78,8 +78,8 @@ class Rounded(Planner[RoundedOptions]):
             refused.append(too_heavy(problem.robot, problem.limits, chain))
         return PlanResult(None, out_of_time(budget, _DOING) if budget.over else refused[0], watch.seconds)
 
-    def _free_sections(self, work: Work, chain: Array) -> list[Trajectory] | Failure:
-        """The path in sections from stop to stop, free everywhere, or what stands in the way."""
+    def _free_sections(self, work: PlanContext, chain: Array) -> list[Trajectory] | Failure:
+        """Return the free path in sections from stop to stop, or the failure."""
         deviation, refused = self.options.deviation, None
         for _ in range(_HALVINGS + 1):
             sections = self._sections(work.problem, chain, deviation)
@@ -91,10 +91,8 @@ class Rounded(Planner[RoundedOptions]):
 
     def _sections(self, problem: Problem, chain: Array, deviation: float) -> list[Trajectory]:
         limits, names = problem.limits, problem.robot.joint_names
-        ats = [via.at for via in problem.vias]
-        tolerances = np.array([0.0, *(at.tolerance if isinstance(at, JointGoal) else 0.0 for at in ats), 0.0])
         kept = distinct(chain, np.empty(0))
-        points, hit = chain[kept], tolerances[kept] < deviation
+        points, hit = chain[kept], chain_tolerances(problem)[kept] < deviation
         if len(points) == 1:
             return [stop_at_corners(points[[0, 0]], limits, names)]
         curve = bezier_corners if self.options.curve == "bezier" else bspline_corners
@@ -107,8 +105,8 @@ class Rounded(Planner[RoundedOptions]):
         return sections
 
 
-def _refused(work: Work, sections: list[Trajectory]) -> Failure | None:
-    """Report the first colliding pair of a path in sections; the path parameter is internal and not told."""
+def _refused(work: PlanContext, sections: list[Trajectory]) -> Failure | None:
+    """Report the first colliding pair of a path in sections; the path parameter is internal and omitted."""
     for k, section in enumerate(sections):
         touch = first_contact(work.model, section, lambda: work.budget.over)
         if touch is None:

@@ -1,4 +1,4 @@
-"""Configurations from the start through all vias to a goal, as planners that pass vias by themselves want them."""
+"""Chains of configurations from the start through all vias to a goal."""
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.point_to_point.base import Options, PointToPoint
 from optiplan.problem.goals import GoalOptions, goal_configurations
-from optiplan.problem.problem import Problem, derived
+from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 
 _POINT_TOLERANCE = 1e-9  # rad or m: points nearer than that are one
@@ -42,6 +42,12 @@ def via_times(problem: Problem, planner: str, duration: float | None) -> Array:
     return times
 
 
+def chain_tolerances(problem: Problem) -> Array:
+    """Return how far each point of a chain may be missed, (vias + 2,), rad or m; 0 at the ends and at pose vias."""
+    ats = [via.at for via in problem.vias]
+    return np.array([0.0, *(at.tolerance if isinstance(at, JointGoal) else 0.0 for at in ats), 0.0])
+
+
 def distinct(chain: Array, times: Array) -> npt.NDArray[np.bool_]:
     """Which points of a chain (k, n) to go through, (k,): equal neighbours are one, unless times tell them apart."""
     apart = np.abs(np.diff(chain, axis=0)).max(axis=1) > _POINT_TOLERANCE
@@ -49,10 +55,10 @@ def distinct(chain: Array, times: Array) -> npt.NDArray[np.bool_]:
 
 
 def ranked_chains(problem: Problem, model: CollisionModel, budget: Budget, count: int) -> list[Array] | Failure:
-    """Up to `count` chains (vias + 2, n), one a goal configuration, that with the smallest sum of lower bounds first.
+    """Return up to `count` chains (vias + 2, n), one per goal configuration, the smallest sum of lower bounds first.
 
-    Among the inverse kinematics' answers for each via, a chain has those that make the sum smallest, by dynamic
-    programming. Failure kinds are those of `ranked_goals`; the detail names the via.
+    Dynamic programming chooses among the configurations of each via so that the sum is smallest. Failure kinds are
+    those of `ranked_goals`; the detail names the via.
     """
     goals = ranked_goals(problem, model, budget, count)
     if isinstance(goals, Failure):

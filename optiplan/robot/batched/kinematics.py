@@ -1,11 +1,12 @@
 """Forward kinematics of many configurations at once, in NumPy: link poses and joint axes."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array, Index
-from optiplan.robot.batched.serial_chain import SerialChain
 from optiplan.robot.mimic_joints import coupling, screws
 
 
@@ -13,8 +14,8 @@ class BatchKinematics:
     """Poses of the J joints, revolute or prismatic, of a model with n planned ones, over N configurations.
 
     With X_PJ the fixed placement of joint j in its parent and [S] its unit screw, X_WJ = X_WP X_PJ exp([S] q_j). The
-    positions of all joints are A q + b: a planned joint has its own row of the identity there, a follower its leader's
-    times its multiplier, and its offset. Without followers J = n and A is the identity.
+    positions of all joints are A q + b. The row of a planned joint in A is that of the identity. The row of a follower
+    is that of its leader times the multiplier, and b has its offset. Without followers J = n and A is the identity.
 
     Attributes:
         coupling: A (J, n); `offset`: b (J,), rad or m.
@@ -52,7 +53,7 @@ class BatchKinematics:
         return D @ np.abs(self.coupling.T) if self.follows else D
 
     def joint_dependence(self, moved: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Which planned joints (..., n) take part where the joints `moved` (..., J) do."""
+        """Return which planned joints (..., n) take part where the joints `moved` (..., J) do."""
         return np.asarray((moved @ np.abs(self.coupling)) > 0.0) if self.follows else moved
 
     def planned_bound(self, moment_arms: Array) -> Array:
@@ -74,7 +75,7 @@ class BatchKinematics:
             np.matmul(result[:, self._parents[j]], local[j - 1], out=result[:, j])
         return result
 
-    def chain(self, joint: int, X_JF: Array) -> SerialChain:
+    def chain(self, joint: int, X_JF: Array) -> "SerialChain":
         """The joints that carry joint `joint`, itself included, as `carries` has them, and a frame F fixed to it."""
         joints = np.flatnonzero(self.carries[joint])
         constants = [*self._between_axes[joints], self._to_axis[joint].T @ X_JF]
@@ -137,7 +138,7 @@ def _rotations(across: Array, axis: Array) -> Array:
 
 
 def carrying_joints(model: pin.Model) -> npt.NDArray[np.bool_]:
-    """Which joints (J + 1, J) carry what is fixed to each joint, and to the world, which is 0."""
+    """Return which joints (J + 1, J) carry what is fixed to each joint, and to the world, which is 0."""
     carries = np.zeros((model.njoints, model.njoints - 1), dtype=bool)
     for j in range(1, model.njoints):
         carries[j] = carries[model.parents[j]]
@@ -164,3 +165,44 @@ def _columns(axes: Array) -> Index | None:
     """Which coordinate axis each of `axes` (J, 3) is: (J,), its products being columns; None where one is none."""
     column = np.abs(axes).argmax(axis=1)
     return column if np.array_equal(axes, np.eye(3)[column]) else None
+
+
+class SerialChain:
+    """Frame F behind a chain of L joints, revolute or prismatic, each carried by the one before, over N configurations.
+
+    X_PJ is the fixed placement of joint j in its parent. B_j is a rotation that takes z to its axis. Z(q) turns about z
+    or slides along it. With K_j = B_P^T X_PJ B_j and K_F = B_L^T X_LF, X_WF = K_1 Z(q_1) K_2 Z(q_2) … K_L Z(q_L) K_F.
+    So a joint takes one product with a constant matrix for all N at once.
+
+    Args:
+        constants: the L + 1 matrices K (4, 4), m.
+        turns: (L,) which joints turn; the others slide.
+    """
+
+    def __init__(self, constants: Sequence[Array], turns: npt.NDArray[np.bool_]) -> None:
+        self._constants, self._turns = constants, turns.tolist()
+
+    def frames(self, q: Array) -> Array:
+        """Frames of the joints, whose z is the joint's axis, and X_WF last, at positions q (L, N): (L + 1, N, 4, 4)."""
+        L, N = q.shape
+        rows = np.empty((L + 1, 4 * N, 4))
+        frames = rows.reshape(L + 1, N, 4, 4)
+        # Columns x and y of a frame as x + i y: a turn about z by q takes them times exp(-i q).
+        across, turn = rows.view(np.complex128).reshape(L + 1, N, 4, 2)[..., 0], _turned_back(q)[..., None]
+        frames[0] = self._constants[0]
+        for j, turns in enumerate(self._turns):
+            if turns:
+                across[j] *= turn[j]
+            else:
+                frames[j, :, :, 3] += q[j, :, None] * frames[j, :, :, 2]
+            np.matmul(rows[j], self._constants[j + 1], out=rows[j + 1])
+        return frames
+
+
+def _turned_back(q: Array) -> npt.NDArray[np.complex128]:
+    """exp(-i q) as (1 - i u)^2 / (1 + u^2), u = tan(q / 2): a tangent, which NumPy vectorises, for sine and cosine."""
+    u = np.tan(0.5 * q)
+    half = 1.0 / (1.0 + u * u)
+    found = np.empty(q.shape, dtype=np.complex128)
+    found.real, found.imag = 2.0 * half - 1.0, -2.0 * u * half
+    return found

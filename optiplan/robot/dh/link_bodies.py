@@ -1,4 +1,4 @@
-"""Bodies of the links of a Denavit–Hartenberg table: those that stand for links without any, and their inertia."""
+"""Default bodies of the links of a Denavit–Hartenberg table, and the inertia of links."""
 
 import math
 from collections.abc import Callable

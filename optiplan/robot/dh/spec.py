@@ -56,8 +56,8 @@ class BodySpec(DhPoseSpec):
 class LinkSpec(Strict):
     """Mass, inertia and bodies of a link, in the frame of the link.
 
-    The inertia is that of the geometry filled evenly with `mass`; `centre` (m) and `inertia` about it
-    [xx, yy, zz] (kg·m²) stand in for that where they are known.
+    By default the inertia is that of the geometry with uniform density. `centre` (m) and `inertia` about it,
+    [xx, yy, zz] (kg·m²), replace it.
     """
 
     geometry: list[BodySpec] | None = None

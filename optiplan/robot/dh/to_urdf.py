@@ -206,5 +206,5 @@ def _origin(element: ET.Element, X: pin.SE3) -> None:
 
 
 def _numbers(values: Sequence[float] | Array) -> str:
-    """Numbers that read back as they are."""
+    """Return numbers as text without loss of digits."""
     return " ".join(repr(float(value)) for value in values)

@@ -2,16 +2,43 @@
 
 from collections.abc import Sequence
 from copy import copy
+from typing import NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.geometry.meshes.box_surfaces import BOX_CORNERS
 from optiplan.robot.batched.kinematics import BatchKinematics
 
-LocalBox = tuple[Array, Array, float]
-"""Centre (3,) and half edges (3,) of a body's box and the radius of the ball about its centre, m, in its own frame."""
+
+class LocalBox(NamedTuple):
+    """Bounding volumes of a body in its own frame, m; infinite for a half-space.
+
+    Attributes:
+        centre: (3,) of the box and of the ball.
+        half: (3,) half edges of the box.
+        radius: of the ball.
+    """
+
+    centre: Array
+    half: Array
+    radius: float
+
+
+class MeetingPairs(NamedTuple):
+    """K pairs whose bounding volumes are near each other.
+
+    Attributes:
+        rows: (K,) of the configurations.
+        pairs: (K,) index of the pair.
+        placed: (K, 2, 4, 4) poses of both bodies in the world.
+    """
+
+    rows: Index
+    pairs: Index
+    placed: Array
 
 
 class PairBounds:
@@ -41,13 +68,12 @@ class PairBounds:
         self.joint = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
         self.placement = _placements(bodies)
         boxes = [local_box(body.geometry) for body in bodies] if boxes is None else boxes
-        self.centre = np.array([box[0] for box in boxes]).reshape(-1, 3)
-        self.half = np.array([box[1] for box in boxes]).reshape(-1, 3)
-        self.radius = np.array([box[2] for box in boxes])
-        signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+        self.centre = np.array([box.centre for box in boxes]).reshape(-1, 3)
+        self.half = np.array([box.half for box in boxes]).reshape(-1, 3)
+        self.radius = np.array([box.radius for box in boxes])
         edges = np.where(np.isfinite(self.half), self.half, 0.0)
         self._corners = np.ones((len(bodies), 4, 8))
-        self._corners[:, :3] = (self.centre[:, None] + edges[:, None] * signs).swapaxes(1, 2)
+        self._corners[:, :3] = (self.centre[:, None] + edges[:, None] * (2.0 * BOX_CORNERS - 1.0)).swapaxes(1, 2)
         self.pairs: Index = np.array(pairs, dtype=np.intp).reshape(-1, 2)
         moves = kinematics.carries[self.joint[self.pairs]]  # (P, 2, J)
         # A joint that carries both bodies of a pair does not change their distance.
@@ -73,8 +99,8 @@ class PairBounds:
     def distances(self, Q: Array, enough: float = np.inf) -> Array:
         """Lower bound, m, of every pair's distance at Q (N, n): (N, P).
 
-        The larger of the distances from the ball of one body to the box of the other, both ways; that of both balls
-        where it is more than `enough`, m.
+        It is the larger of the distances from the ball of one body to the box of the other, both ways. If the distance
+        of both balls exceeds `enough`, m, it is the bound.
         """
         return self._distances(self.kinematics.poses(Q), np.full((len(Q), len(self.pairs)), enough))
 
@@ -190,12 +216,8 @@ class PairBounds:
                 own = own + moved
         return np.asarray(total @ (np.abs(self.kinematics.coupling) > 0.0))  # each joint has one leader
 
-    def meeting(self, Q: Array, gap: float) -> tuple[Index, Index, Array]:
-        """Pairs whose bounding volumes come nearer than `gap` (m) at Q (N, n): balls against balls first, then boxes.
-
-        Returns:
-            Row of Q and pair of each of the K found, and poses of both bodies in the world, (K, 2, 4, 4).
-        """
+    def meeting(self, Q: Array, gap: float) -> MeetingPairs:
+        """Find the pairs whose bounding volumes are nearer than `gap`, m, at Q (N, n): by balls, then by boxes."""
         poses = self.kinematics.poses(Q)[:, self.joint] @ self.placement
         centre = np.einsum("ngij,gj->ngi", poses[..., :3, :3], self.centre) + poses[..., :3, 3]
         a, b = self.pairs.T
@@ -203,7 +225,7 @@ class PairBounds:
         rows, pairs = np.nonzero(np.einsum("npi,npi->np", apart, apart) <= (self.radius[a] + self.radius[b] + gap) ** 2)
         placed = poses[rows[:, None], self.pairs[pairs]]
         meet = self.distances_of(placed, pairs) <= gap
-        return rows[meet], pairs[meet], placed[meet]
+        return MeetingPairs(rows[meet], pairs[meet], placed[meet])
 
     def reach_of(self, q: Array, pairs: Index) -> Array:
         """Upper bound, m, of the distance of K pairs at one configuration q (n,): that of the farthest points."""
@@ -215,8 +237,8 @@ class PairBounds:
     def moment_arms(self, stroke: Array) -> Array:
         """Metres that a pair's bodies travel against each other at most for each rad or m of each joint: (P, n).
 
-        Holds at: every configuration with |q_j| <= stroke_j (n,), so that along a straight motion by d the distance of
-        pair p changes by at most sum_j moment_arms[p, j] |d_j|.
+        Holds at: every configuration with |q_j| <= stroke_j (n,). Along a straight motion by d, the distance of pair p
+        changes by at most sum_j moment_arms[p, j] |d_j|.
         """
         corners = (self.placement @ self._corners)[:, :3].swapaxes(1, 2)
         bodies = np.zeros((len(corners), len(self.kinematics.revolute)))
@@ -255,8 +277,8 @@ class PairBounds:
     def witness_gradients(self, Q: Array, pairs: Index, points: Array, normals: Array) -> Array:
         """N . (J_b - J_a) for K contacts: Q (K, n), points (K, 2, 3) on bodies a and b, normals (K, 3); result (K, n).
 
-        Column j of the Jacobian of a point p is axis_j x (p - o_j) for a revolute joint, axis_j for a prismatic one;
-        that of a follower counts for its leader, times the multiplier.
+        Column j of the Jacobian of a point p is axis_j x (p - o_j) for a revolute joint, axis_j for a prismatic one.
+        The column of a follower, times its multiplier, is added to that of its leader.
         """
         direction, origin = self.kinematics.axes(self.kinematics.poses(Q))
         total = np.zeros(direction.shape[:2])
@@ -275,13 +297,13 @@ def _placements(bodies: Sequence[pin.GeometryObject]) -> Array:
 def local_box(geometry: coal.CollisionGeometry) -> LocalBox:
     """Centre (3,), half edges (3,) and ball radius, m, of a body in its own frame; a half-space has no bounds."""
     if isinstance(geometry, coal.Halfspace):
-        return np.zeros(3), np.full(3, np.inf), np.inf
+        return LocalBox(np.zeros(3), np.full(3, np.inf), np.inf)
     geometry.computeLocalAABB()
     low, high = np.array(geometry.aabb_local.min_), np.array(geometry.aabb_local.max_)
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
     if isinstance(geometry, coal.Sphere):
-        return centre, half, float(geometry.radius)
+        return LocalBox(centre, half, float(geometry.radius))
     if isinstance(geometry, coal.ConvexBase):
         vertices = np.array(geometry.points())
-        return centre, half, float(np.linalg.norm(vertices - centre, axis=1).max())
-    return centre, half, float(np.linalg.norm(half))
+        return LocalBox(centre, half, float(np.linalg.norm(vertices - centre, axis=1).max()))
+    return LocalBox(centre, half, float(np.linalg.norm(half)))

@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
-from optiplan.geometry import coal_priming as _primed  # noqa: F401  # before the first query of the process
-from optiplan.geometry.mesh_hulls import exact_requests, hull_of_mesh
+from optiplan.geometry.coal_queries import exact_collision_request, exact_distance_request
+from optiplan.geometry.convex import hull_of_mesh
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.self_collision.pair_bounds import PairBounds
 
@@ -20,7 +21,7 @@ BEYOND = 1e-4
 """rad or m by which the box proved passes the limits of position: more than the verifier lets a motion pass them."""
 
 BOXES = 4000
-"""Boxes of configurations looked at for a pair of links, at most, before it is left unproved."""
+"""Boxes of configurations checked for a pair of links before it is left unproved."""
 
 ALONG = 20_000
 """Boxes for a pair that one joint moves: neighbours often pass each other at a fraction of a millimetre."""
@@ -64,6 +65,14 @@ class _Boxes:
         return _Boxes(np.tile(self.pair, 2), middle, np.tile(half, (2, 1)))
 
 
+class _OpenBoxes(NamedTuple):
+    """K boxes that are not proved, the travel (K, n) by each joint, m, and the distance less `GAP` (K,), m."""
+
+    boxes: _Boxes
+    steps: Array
+    margin: Array
+
+
 def joint_box(revolute: Flags, lower: Array, upper: Array) -> tuple[Array, Array]:
     """Middle and half width, (n,), of all configurations within limits; one turn where there are none or more.
 
@@ -77,15 +86,15 @@ def joint_box(revolute: Flags, lower: Array, upper: Array) -> tuple[Array, Array
 
 
 class PairProof:
-    """Which pairs of links are proved never to meet.
+    """Prove that pairs of links never meet.
 
-    In a box with middle m and half widths D the distance of two bodies is at least distance(m) - sum_j s_j, with s_j
-    what joint j can move them against each other (`PairBounds.steps_of`, or, where that is less, the joint's stroke
-    times the lengths of all links beyond it). A box where that exceeds `GAP` is proved; the others are halved along
-    the joint with the largest s_j, until none is left, two bodies are found nearer than `GAP`, or too many are.
+    In a box with middle m and half widths D, the distance of two bodies is at least distance(m) - sum_j s_j. Here s_j
+    bounds their relative motion by joint j: the smaller of `PairBounds.steps_of` and of the joint's stroke times the
+    lengths of all links beyond it. A box with a bound above `GAP` is proved. The others are halved along the joint with
+    the largest s_j, until none remains, two bodies are found nearer than `GAP`, or there are too many boxes.
 
-    The distance to a mesh does not tell inside from outside. So where one body is a mesh, their boxes must be apart
-    somewhere on the way: what is outside at one configuration stays outside where surfaces never meet.
+    The distance to a mesh is positive inside, too. So with a mesh, the boxes of the two bodies must be apart at one
+    configuration: a body outside there stays outside as long as the surfaces never meet.
 
     Holds at: every configuration within the limits, and `BEYOND` past them.
 
@@ -120,9 +129,7 @@ class PairProof:
         self._hulls = [hull_of_mesh(s) if mesh else s for s, mesh in zip(self._shapes, surface, strict=True)]
         self._surface: Flags = np.asarray(surface[self.bounds.pairs].any(axis=1))
         self._most = WORK / max(len(self.middle), 1)
-        self._request = coal.DistanceRequest()
-        self._request.gjk_tolerance, self._request.gjk_max_iterations = 1e-9, 500
-        self._near = exact_requests()[1]
+        self._request, self._near = exact_distance_request(), exact_collision_request()
         self._near.security_margin = GAP
 
     def prove(self, groups: Sequence[Index]) -> list[bool]:
@@ -141,8 +148,8 @@ class PairProof:
         while len(boxes.pair):
             spent += np.bincount(group[boxes.pair], minlength=len(groups))
             found = [self._open(boxes.take(slice(k, k + CHUNK)), outside) for k in range(0, len(boxes.pair), CHUNK)]
-            boxes = _Boxes.join([part[0] for part in found])
-            steps, margin = (np.concatenate([part[k] for part in found]) for k in (1, 2))
+            boxes = _Boxes.join([part.boxes for part in found])
+            steps, margin = np.concatenate([part.steps for part in found]), np.concatenate([p.margin for p in found])
             of = group[boxes.pair]
             failed[of[~(margin > 0.0)]] = True
             wanted = np.bincount(of, weights=_parts(steps, margin), minlength=len(groups))
@@ -160,13 +167,13 @@ class PairProof:
         return ALONG if self.moves[members].any(axis=0).sum() == 1 else BOXES
 
     def touching_at(self, Q: Array, rows: Index, pairs: Index) -> Flags:
-        """Whether each of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n), is as near as `GAP`: (K,)."""
+        """Return whether each of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n), is as near as `GAP`: (K,)."""
         poses, bodies = self.bounds.kinematics.poses(Q), self.bounds.pairs[pairs]
         placed = poses[rows[:, None], self.bounds.joint[bodies]] @ self.bounds.placement[bodies]
         return self.touching(placed, pairs)
 
     def touching(self, placed: Array, pairs: Index) -> Flags:
-        """Whether each of K pairs of bodies, placed at (K, 2, 4, 4), world, is as near as `GAP`: (K,).
+        """Return whether each of K pairs of bodies, placed at (K, 2, 4, 4), world, is as near as `GAP`: (K,).
 
         Of meshes it is asked whether triangles are: that ends at the first, and takes a part of the time of a distance.
         """
@@ -188,8 +195,8 @@ class PairProof:
     def distances(self, placed: Array, pairs: Index, enough: Array) -> Array:
         """Distance, m, of K pairs of bodies placed at (K, 2, 4, 4), world; negative inside.
 
-        Where it is larger than `enough` (K,), m, it may be a lower bound that is larger too: that of the hulls of
-        meshes, which takes a twentieth of the time.
+        Above `enough` (K,), m, the result may be a lower bound above `enough`: the distance of the meshes' hulls, which
+        takes a twentieth of the time.
         """
         result, found = coal.DistanceResult(), np.empty(len(pairs))
         for k, (a, b) in enumerate(self.bounds.pairs[pairs].tolist()):
@@ -209,8 +216,8 @@ class PairProof:
         failed[group[pairs[_parts(steps, self.bounds.reach_of(self.middle, pairs)) > HOPELESS * fair]]] = True
         return failed
 
-    def _open(self, boxes: _Boxes, outside: Flags) -> tuple[_Boxes, Array, Array]:
-        """The boxes that are not proved, what each joint moves there (K, n), m, and distance less `GAP` (K,), m."""
+    def _open(self, boxes: _Boxes, outside: Flags) -> _OpenBoxes:
+        """Return the boxes that are not proved; note in `outside` (P,) the pairs whose boxes are apart."""
         poses, placed = self.bounds.place(boxes.middle, boxes.pair)
         steps = self.bounds.steps_of(poses, placed, boxes.half, boxes.pair)
         coarse = self._stroke(boxes.half) * self._arms[boxes.pair]
@@ -220,7 +227,7 @@ class PairProof:
         left = np.flatnonzero(~(apart - travel > GAP))
         margin = self.distances(placed[left], boxes.pair[left], travel[left] + GAP) - GAP
         still = ~(margin > travel[left])
-        return boxes.take(left[still]), steps[left[still]], margin[still]
+        return _OpenBoxes(boxes.take(left[still]), steps[left[still]], margin[still])
 
     def _stroke(self, half: Array) -> Array:
         """Bound how far each joint moves a point 1 m from its axis, half (K, n): the chord, or the way it slides.

@@ -2,7 +2,7 @@
 
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -25,6 +25,9 @@ ALWAYS = 0.95
 
 Neighbours that touch less often have an end of travel that is worth knowing, and stay checked.
 """
+
+OFTEN = 0.2
+"""Share of samples above which two links most likely overlap by construction: the robot can hardly move."""
 
 ANGLES = 720
 """Places over a joint's range, in the middles of as many equal parts, at which neighbours are asked."""
@@ -51,6 +54,11 @@ class PairSurvey:
     rates: Mapping[LinkPair, float]
     adjacent: frozenset[LinkPair]
     proved: frozenset[LinkPair]
+
+    def often_touching(self, allowed: Collection[LinkPair]) -> list[LinkPair]:
+        """Return the pairs not in `allowed` that touch in more than `OFTEN` of the samples, the most frequent first."""
+        rates = {pair: rate for pair, rate in self.rates.items() if rate > OFTEN and pair not in allowed}
+        return sorted(rates, key=lambda pair: (-rates[pair], pair))
 
 
 def link_pairs(model: pin.Model, geometry: pin.GeometryModel) -> dict[LinkPair, list[tuple[int, int]]]:

@@ -81,7 +81,7 @@ class Locked:
 
     Args:
         urdf: the whole robot, in which all joints move.
-        joints: those that are locked.
+        joints: the locked joints.
         bodies: names of the links with a body.
     """
 
@@ -91,7 +91,7 @@ class Locked:
         self._before = {child: (joint, parent) for (parent, child), joint in ends}
 
     def part(self, pair: LinkPair) -> bool:
-        """Whether a locked joint and a link with a body, which is none of these two, lie between two links."""
+        """Return whether a locked joint and a link with a body, which is none of these two, lie between two links."""
         ways = [self._to_root(link) for link in pair]
         common = {link for _, link in ways[0]} & {link for _, link in ways[1]}
         branches = [list(takewhile(lambda step: step[1] not in common, way)) for way in ways]

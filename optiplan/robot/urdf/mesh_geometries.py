@@ -1,8 +1,8 @@
-"""The meshes of a URDF, read by `mesh_reading` instead of by pinocchio's own loader.
+"""The meshes of a URDF, read by `geometry.meshes.reading` instead of by pinocchio's own loader.
 
-Pinocchio is given the URDF with a ball for each mesh, and the balls are then exchanged for what the files hold: it
-keeps names, order and poses, and opens no file. As in other readers of URDF (RViz, MoveIt), lengths are in the unit of
-the file, and its axes are those of the link whichever it calls up: exporters of robots write Y_UP where z is up.
+Pinocchio gets the URDF with a ball for each mesh, so it opens no file. The balls are then replaced by the meshes, with
+the same names, order and poses. As in RViz and MoveIt, lengths are in the unit of the file, and its axes are those of
+the link. The upward axis of the file is ignored: exporters of robots write Y_UP where z is up.
 """
 
 import xml.etree.ElementTree as ET

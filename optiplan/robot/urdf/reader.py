@@ -1,7 +1,7 @@
 """URDF files, also messy ones, to pinocchio models.
 
-The XML is put in order before pinocchio reads it: mesh paths become absolute, visuals without a file are dropped,
-joints that turn without end become revolute ones without limits (so that nq = nv).
+The XML is normalised before pinocchio reads it. Mesh paths become absolute, and visuals without a file are dropped.
+Continuous joints become revolute ones without limits, so that nq = nv.
 """
 
 import logging

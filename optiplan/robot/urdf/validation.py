@@ -1,4 +1,4 @@
-"""Faults of a URDF that its parser would pass over: it drops the part in question, which then is not checked at all."""
+"""Find URDF faults that pinocchio's parser ignores silently: it drops the faulty part, which is then never checked."""
 
 import math
 import re
@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +26,14 @@ LONGEST = 256
 RESERVED = "universe"
 """Pinocchio's name of the world, which no joint and no link may have."""
 
-Fault = tuple[str, str, str]
-"""Name of the link or joint, what was found, what is expected."""
+
+class Fault(NamedTuple):
+    """A fault of a URDF: name of the link or joint, what was found, what is expected."""
+
+    name: str
+    found: str
+    expected: str
+
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 
@@ -94,7 +101,7 @@ def _part_faults(root: ET.Element, joints: list[ET.Element]) -> Iterator[Fault]:
     yield from _name_faults("joint", joints)
     for element, find in [*((link, _link_faults) for link in links), *((joint, _joint_faults) for joint in joints)]:
         for fault in (*_repetitions(element), *find(element)):
-            yield element.get("name", ""), *fault
+            yield Fault(element.get("name", ""), *fault)
     yield from _tree_faults(root, {link.get("name", "") for link in links})
 
 
@@ -103,20 +110,20 @@ def _depth_faults(root: ET.Element) -> Iterator[Fault]:
     for _ in range(DEEPEST):
         level = [child for element in level for child in element]
     if level:
-        yield root.get("name", ""), f"elements nested more than {DEEPEST} deep", "a URDF"
+        yield Fault(root.get("name", ""), f"elements nested more than {DEEPEST} deep", "a URDF")
 
 
 def _name_faults(kind: str, elements: list[ET.Element]) -> Iterator[Fault]:
     counts = Counter(element.get("name", "") for element in elements)
     for name, count in counts.items():
         if not name:
-            yield "", f"a {kind} without a name", "a name"
+            yield Fault("", f"a {kind} without a name", "a name")
         elif len(name) > LONGEST or not name.isprintable():
-            yield name, f"a {kind} with a name of {len(name)} characters", f"at most {LONGEST}, all printable"
+            yield Fault(name, f"a {kind} with a name of {len(name)} characters", f"at most {LONGEST}, all printable")
         elif count > 1:
-            yield name, f"{count} {kind}s called '{name}'", "names that differ"
+            yield Fault(name, f"{count} {kind}s called '{name}'", "names that differ")
         elif name == RESERVED:
-            yield name, f"a {kind} called '{RESERVED}', which is the world's own name", "another name"
+            yield Fault(name, f"a {kind} called '{RESERVED}', which is the world's own name", "another name")
 
 
 def _link_faults(link: ET.Element) -> Iterator[tuple[str, str]]:
@@ -136,7 +143,7 @@ def _link_faults(link: ET.Element) -> Iterator[tuple[str, str]]:
 
 
 def _repetitions(element: ET.Element) -> Iterator[tuple[str, str]]:
-    """What stands there twice, of which readers take the first."""
+    """Find repeated elements, where readers take the first."""
     for inside in element.iter():
         for tag, count in Counter(str(child.tag) for child in inside).items():
             if count > 1 and tag in ONCE.get(str(inside.tag), ()):
@@ -148,9 +155,9 @@ def _root_faults(root: ET.Element) -> Iterator[Fault]:
     carried = {child.get("link", "") for child in root.findall("joint/child")}
     roots = [link for link in links if link not in carried]
     for link in roots[1:]:
-        yield link, f"a link that no joint carries, besides '{roots[0]}'", "a tree: one such link"
+        yield Fault(link, f"a link that no joint carries, besides '{roots[0]}'", "a tree: one such link")
     if links and not roots:
-        yield links[0], "links that carry each other in a circle", "a tree: one link that no joint carries"
+        yield Fault(links[0], "links that carry each other in a circle", "a tree: one link that no joint carries")
 
 
 def _tree_faults(root: ET.Element, links: set[str]) -> Iterator[Fault]:
@@ -161,11 +168,13 @@ def _tree_faults(root: ET.Element, links: set[str]) -> Iterator[Fault]:
             element = joint.find(end)
             link = "" if element is None else element.get("link", "")
             if link not in links:
-                yield joint.get("name", ""), f"the {end} link '{link}', which is not there", "a link of this file"
+                yield Fault(
+                    joint.get("name", ""), f"the {end} link '{link}', which is not there", "a link of this file"
+                )
         child = joint.find("child")
         name = "" if child is None else child.get("link", "")
         if name in seen:
-            yield name, "a link that is the child of two joints", "a tree: one parent for each link"
+            yield Fault(name, "a link that is the child of two joints", "a tree: one parent for each link")
         seen.add(name)
 
 

@@ -16,7 +16,7 @@
     const look = found.ended < seeds ? "queued" : good, address = found.runs.length > 1 ? "compare?" + found.runs.slice(0, 8).map((run) => "run=" + run).join("&") : "runs/" + found.runs[0];
     const count = make("span", { className: "badge " + look, textContent: `${found.verified} of ${seeds}` });
     const text = found.duration === null ? "" : ` ${found.duration.toFixed(3)} s`;
-    return make("td", {}, found.ended === seeds && found.verified ? make("a", { href: address, title: "Look at these runs" }, count, text) : make("span", {}, count, text));
+    return make("td", {}, found.ended === seeds && found.verified ? make("a", { href: address, title: "View these runs" }, count, text) : make("span", {}, count, text));
   }
 
   function panel(bench) {

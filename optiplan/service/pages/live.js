@@ -49,7 +49,7 @@
     byId("stop").disabled = byId("home").disabled = false;
     live.events.addEventListener("state", (event) => draw(JSON.parse(event.data)));
     live.events.addEventListener("end", (event) => ended(JSON.parse(event.data).reason));
-    live.events.addEventListener("error", () => { if (live.events && live.events.readyState === EventSource.CLOSED) ended("the server is gone"); });
+    live.events.addEventListener("error", () => { if (live.events && live.events.readyState === EventSource.CLOSED) ended("the server does not answer"); });
   }
 
   function ended(reason) {

@@ -1,9 +1,9 @@
 """Corners of a path of straight segments, rounded within a stated deviation; vias that must be hit are hit.
 
 The deviation is in the largest joint: every point of the rounded path has a point of the corners' path with
-max_j |q_j - p_j| <= deviation, rad or m. Both curves lie between the legs of a corner c with unit legs u (in) and
-w (out) as c - f(s) u + g(s) w with f falling and g rising, g mirroring f: the distance to the nearer leg is at most
-min(f, g) |w - u|, largest in the middle, where f = g.
+max_j |q_j - p_j| <= deviation, rad or m. Let a corner c have the unit legs u (in) and w (out). Between them both
+curves are c - f(s) u + g(s) w with f falling and g rising, g mirroring f. The distance to the nearer leg is at most
+min(f, g) |w - u|. It is largest in the middle, where f = g.
 """
 
 import numpy as np
@@ -32,9 +32,9 @@ def bezier_corners(waypoints: Array, deviation: Array, limits: Limits, joint_nam
 def bspline_corners(waypoints: Array, deviation: Array, limits: Limits, joint_names: tuple[str, ...]) -> Trajectory:
     """The path as one cubic B-spline of s, twice continuously differentiable, with control points on the segments.
 
-    Knots lie at both ends (four times), at each corner s_c and at s_c ± d; the control point of a knot t_i is the point
-    of the corners' path at s = (t_i+1 + t_i+2 + t_i+3) / 3. Where those that matter lie on one line the spline runs
-    along it with its parameter: everywhere but within d of a corner.
+    Knots lie at both ends (four times), at each corner s_c and at s_c ± d. The control point of a knot t_i is the point
+    of the corners' path at s = (t_i+1 + t_i+2 + t_i+3) / 3. Farther than d from a corner, neighbouring control points
+    lie on one line, and the spline runs along it with its parameter.
 
     Args:
         waypoints: (k, n), rad or m, k >= 2, neighbours differ.
@@ -55,16 +55,16 @@ def bspline_corners(waypoints: Array, deviation: Array, limits: Limits, joint_na
 
 
 def through_corners(waypoints: Array, hit: Flags, deviation: float, limits: Limits) -> tuple[Array, Array]:
-    """Waypoints with two corners for each that is to be hit, and the deviation (k' - 2,) that each may add.
+    """Return waypoints with two corners for each one to be hit, and the deviation (k' - 2,) that each may add.
 
-    A corner c to be hit gives way to c - e t, c and c + e t with t between its legs u and w: the path runs straight
-    through c, and its two new corners are off the old path by e |t - u| and e |t - w|, at most half the deviation.
+    A corner c to be hit becomes c - e t, c and c + e t, with t between its legs u and w. So the path runs straight
+    through c. The two new corners are off the old path by e |t - u| and e |t - w|, at most half the deviation.
 
     Args:
         waypoints: (k, n), rad or m, neighbours differ.
-        hit: (k,) whether; the ends are not looked at.
+        hit: (k,) whether; the ends are ignored.
         deviation: of all corners, rad or m.
-        limits: their velocities tell what a leg's length is, as in `bspline_corners`.
+        limits: their velocities measure the length of a leg, as in `bspline_corners`.
     """
     length, _ = _legs(waypoints, limits)
     leg = np.diff(waypoints, axis=0) / length[:, None]
@@ -83,7 +83,7 @@ def through_corners(waypoints: Array, hit: Flags, deviation: float, limits: Limi
 
 
 def reversals(waypoints: Array, limits: Limits) -> Flags:
-    """Whether the path turns back, (k - 2,), by more than 170°: no round corner would be worth its name."""
+    """Return whether the path turns back, (k - 2,), by more than 170°, so that no corner can be rounded."""
     step = np.diff(waypoints, axis=0) / limits.velocity
     unit = step / np.linalg.norm(step, axis=1)[:, None]
     return np.asarray((unit[:-1] * unit[1:]).sum(axis=1) < _BACK)

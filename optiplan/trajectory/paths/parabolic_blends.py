@@ -4,15 +4,15 @@ Source: Craig, Introduction to Robotics, section 7.3, equations 7.24 to 7.31, ps
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.trajectory.paths.via_splines import heuristic_velocities
-from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
-
-_ROUNDING = 1e-9  # share of a limit
+from optiplan.trajectory.tolerances import LIMIT_ROUNDING, SAME_TIME
+from optiplan.trajectory.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,23 +48,31 @@ class Blends:
     def keeps(self, velocity: Array, acceleration: Array) -> bool:
         """Whether no joint is faster than its limit velocity (n,) or acceleration (n,), and no blends overlap."""
         v = np.cumsum(self.accelerations * self.durations, axis=0)
-        slow = bool((np.abs(v) <= velocity * (1.0 + _ROUNDING)).all())  # NaN is not
+        slow = bool((np.abs(v) <= velocity * (1.0 + LIMIT_ROUNDING)).all())  # NaN is not
         return slow and bool(
-            (np.abs(self.accelerations) <= acceleration * (1.0 + _ROUNDING)).all() and not self.overlap()
+            (np.abs(self.accelerations) <= acceleration * (1.0 + LIMIT_ROUNDING)).all() and not self.overlap()
         )
 
-    def overlap(self) -> tuple[int, int, float] | None:
-        """The segment and the joint whose blends do not fit, the one that lacks most, and by how many s; or None."""
+    def overlap(self) -> "Overlap | None":
+        """Return where blends overlap most; None where all fit."""
         lacking = np.where(np.isnan(self.linear), np.inf, -self.linear)
         i, j = np.unravel_index(int(lacking.argmax()), lacking.shape)
-        return (int(i), int(j), float(lacking[i, j])) if lacking[i, j] > SAME_TIME * self.times[-1] else None
+        return Overlap(int(i), int(j), float(lacking[i, j])) if lacking[i, j] > SAME_TIME * self.times[-1] else None
+
+
+class Overlap(NamedTuple):
+    """Two blends of a joint that do not fit into the segment between them: `seconds` are missing."""
+
+    segment: int
+    joint: int
+    seconds: float
 
 
 def blends_by_acceleration(points: Array, times: Array, acceleration: Array) -> Blends:
     """Blends with |a_i| = acceleration (n,), for points (k, n) at times (k,).
 
-    With h the time and d the way of the first segment, t_0 = h - sqrt(h^2 - 2 |d| / a) and v = d / (h - t_0 / 2); the
-    last is its mirror image; t_0 = (h - sqrt(h^2 - 4 |d| / a)) / 2 where there is one segment. Inner blends last
+    Let h be the time and d the way of the first segment: t_0 = h - sqrt(h^2 - 2 |d| / a) and v = d / (h - t_0 / 2). The
+    last is its mirror image. With one segment, t_0 = (h - sqrt(h^2 - 4 |d| / a)) / 2. Inner blends last
     t_i = |v_i - v_i-1| / a.
     """
     h, d = np.diff(times)[:, None], np.diff(points, axis=0)
@@ -89,8 +97,8 @@ def blends_by_time(points: Array, times: Array, blend_time: float) -> Blends:
 def with_pseudo_vias(points: Array, times: Array, hit: npt.NDArray[np.bool_], share: float) -> tuple[Array, Array]:
     """Points and times with two pseudo-via points beside each via that is to be hit.
 
-    They lie on the line q_i + v_i (t - t_i) through the via, `share` of the shorter neighbouring segment before and
-    after it in time; v_i is the velocity of `heuristic_velocities`. Where their blends end before the via, it is hit.
+    They lie on the line q_i + v_i (t - t_i) through the via, v_i from `heuristic_velocities`. Their distance in time is
+    `share` of the shorter neighbouring segment, before and after it. If their blends end before the via, it is hit.
 
     Args:
         points: (k, n), rad or m.

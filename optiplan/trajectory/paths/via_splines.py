@@ -11,7 +11,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.libraries import loading
 from optiplan.robot.robot import Limits
-from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.paths.hermite import hermite_trajectory
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -62,9 +62,7 @@ def spline_of_velocities(
     state = np.stack([points, velocities], axis=1)  # (k, 2, n)
     if degree == 5:
         state = np.concatenate([state, continuous_jerk(points, times, velocities)[:, None]], axis=1)
-    h = np.diff(times)
-    unit = hermite(state[:-1], state[1:], h)
-    return Trajectory(joint_names, times, unit / h[:, None, None] ** np.arange(degree + 1)[:, None])
+    return hermite_trajectory(joint_names, times, state)
 
 
 def continuous_jerk(points: Array, times: Array, velocities: Array) -> Array:
@@ -99,10 +97,10 @@ def smooth_spline(
     """The spline through points whose derivatives up to the last but one are continuous, from rest to rest.
 
     The cubic one has continuous acceleration: its velocities at the points are determined by
-    h_i v_i-1 + 2 (h_i-1 + h_i) v_i + h_i-1 v_i+1 = 3 (h_i d_i-1 / h_i-1 + h_i-1 d_i / h_i). To begin and end without
-    acceleration, if it is to be `still`, it gets one more knot in the middle of the first and of the last segment (two,
-    at thirds, where there is one segment). The quintic one has continuous jerk and snap, and no acceleration at the
-    ends. Both are solved for as B-splines.
+    h_i v_i-1 + 2 (h_i-1 + h_i) v_i + h_i-1 v_i+1 = 3 (h_i d_i-1 / h_i-1 + h_i-1 d_i / h_i). If it is `still`, it begins
+    and ends without acceleration, by one more knot in the middle of the first and of the last segment. A single segment
+    gets two, at thirds. The quintic one has continuous jerk and snap, and no acceleration at the ends. Both are
+    solved for as B-splines.
 
     Args:
         points: (k, n), rad or m.

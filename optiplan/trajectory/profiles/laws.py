@@ -13,11 +13,12 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.trajectory import polynomial
+from optiplan.trajectory.tolerances import SAME_TIME
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Largest |ds/dt| (1/s), |d²s/dt²| (1/s²) and |d³s/dt³| (1/s³); a law takes those that it can meet."""
+    """Largest |ds/dt| (1/s), |d²s/dt²| (1/s²) and |d³s/dt³| (1/s³); a law uses the bounds it can meet."""
 
     velocity: float = inf
     acceleration: float = inf
@@ -46,11 +47,11 @@ class Law(Protocol):
     """A family of curves s(t), one for every duration."""
 
     def shortest(self, bounds: Bounds) -> float:
-        """The shortest duration within the bounds, s, or the one that comes nearest to meeting them."""
+        """Return the shortest duration within the bounds, s, or the nearest to meeting them."""
         ...
 
     def pieces(self, duration: float, bounds: Bounds) -> LawPieces:
-        """The curve of that duration, s; it keeps the bounds when the duration is not too short for them."""
+        """Return the curve of that duration, s; it keeps the bounds if the duration is long enough for them."""
         ...
 
 
@@ -96,9 +97,9 @@ class Trapezoid:
 
     V = 1 / (T - t_b),  a = V / t_b,  0 < t_b <= T / 2,  hence 1 / T < V <= 2 / T and a >= 4 / T².
 
-    One of the three may be given; that the duration goes with it is for the caller to check. Without any, t_b is as
-    near to T / 3 as the bounds allow, and the shortest duration is the least of all: full acceleration up to the
-    velocity bound. Jerk is not bounded: the acceleration jumps.
+    One of the three may be given; the caller checks that the duration fits it. Without any, t_b is as near to T / 3 as
+    the bounds allow, and the shortest duration is the least of all: full acceleration up to the velocity bound. Jerk
+    is not bounded: the acceleration jumps.
 
     Attributes:
         velocity: V, 1/s.
@@ -215,7 +216,7 @@ def _ruckig(distance: float, velocity: float, acceleration: float, jerk: float) 
 
 def _without_empty(breakpoints: Array, coefficients: Array) -> LawPieces:
     """Pieces whose share of the time is nothing but rounding are left out."""
-    kept = np.diff(breakpoints) > 1e-12 * breakpoints[-1]
+    kept = np.diff(breakpoints) > SAME_TIME * breakpoints[-1]
     ends = np.append(breakpoints[:-1][kept], breakpoints[-1])
     ends[0] = 0.0
     return LawPieces(ends, coefficients[kept])

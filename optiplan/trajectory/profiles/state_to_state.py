@@ -1,18 +1,20 @@
 """The fastest motions between states of motion, and to rest, under limits of velocity, acceleration and jerk (Ruckig).
 
-Each joint moves with constant jerk in phases (constant acceleration, where jerk is not limited); limits of position are
-not looked at. Source: Berscheid and Kröger, Jerk-limited real-time trajectory generation with arbitrary target states,
+Each joint moves with constant jerk in phases (constant acceleration, where jerk is not limited). Position limits are
+ignored. Source: Berscheid and Kröger, Jerk-limited real-time trajectory generation with arbitrary target states,
 RSS 2021.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import factorial
 from typing import Any
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.robot.limits import Limits
+from optiplan.trajectory import polynomial
 from optiplan.trajectory.paths.hermite import Hermite
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
@@ -44,8 +46,8 @@ class BetweenStates:
     def trajectory(self, duration: float | None = None) -> Trajectory:
         """The motion, in that duration (s) or as fast as can be; durations below the least give the fastest.
 
-        Where Ruckig has none, and where an acceleration is stated of a joint without a jerk limit (which Ruckig would
-        let jump at once), it is the quintic polynomial.
+        It is the quintic polynomial where Ruckig finds none. So it is where an acceleration is stated for a joint
+        without a jerk limit, since Ruckig would let that jump at once.
         """
         jumps = np.isinf(self.limits.jerk) & ((self.start.a != 0.0) | (self.end.a != 0.0))
         found = None if jumps.any() else fastest(self.start, self.end, self.limits, self.joint_names, duration)
@@ -90,23 +92,12 @@ def fastest_run_up(end: State, limits: Limits, joint_names: Sequence[str]) -> Tr
 
 def reversed_in_time(motion: Trajectory) -> Trajectory:
     """Return q(T - t)."""
-    h = np.diff(motion.breakpoints)[::-1]
     rows = []
     for order in range(motion.coefficients.shape[1]):
-        factorial = float(np.prod(np.arange(1, order + 1)))
-        value = _at_ends(motion, order)[::-1]
-        rows.append((-1.0) ** order * value / factorial)
-    return Trajectory(motion.joint_names, np.concatenate([[0.0], np.cumsum(h)]), np.stack(rows, axis=1))
-
-
-def _at_ends(motion: Trajectory, order: int) -> Array:
-    """Return a derivative at the end of each piece, by that piece: (m, n)."""
-    c = motion.derivatives(order)
-    h = np.diff(motion.breakpoints)[:, None]
-    value = c[:, -1]
-    for k in range(c.shape[1] - 2, -1, -1):
-        value = value * h + c[:, k]
-    return np.asarray(value)
+        at_ends = polynomial.evaluate(np.swapaxes(motion.derivatives(order), 1, 2), motion.widths[:, None])
+        rows.append((-1.0) ** order * at_ends[::-1] / factorial(order))
+    edges = np.concatenate([[0.0], np.cumsum(motion.widths[::-1])])
+    return Trajectory(motion.joint_names, edges, np.stack(rows, axis=1))
 
 
 def joint_times_between(start: State, end: State, limits: Limits) -> Array | None:

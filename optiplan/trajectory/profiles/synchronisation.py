@@ -9,13 +9,13 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.robot.robot import Limits
+from optiplan.trajectory import polynomial
 from optiplan.trajectory.profiles.laws import Bounds, Law, LawPieces
-from optiplan.trajectory.timing.compose import shifted
-from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
+from optiplan.trajectory.tolerances import SAME_TIME, SHORTEST_DURATION
+from optiplan.trajectory.trajectory import Trajectory
 
-How = Literal["synchronised", "independent", "sequential"]
+Synchronisation = Literal["synchronised", "independent", "sequential"]
 
-SHORTEST = 1e-3  # s: a trajectory needs some duration, even one that goes nowhere
 _LEAST = 1e-9  # rad or m: smaller distances get no larger bounds on s, so that these stay finite
 _BRIEFEST = 1e-8  # share of the duration that a phase of a law takes at least
 
@@ -49,9 +49,8 @@ class RestToRest:
     """Motion from `start` to `goal`, both (n,) in rad or m, for any duration.
 
     Synchronised: all joints share one law, q(t) = start + (goal - start) s(t), a straight line. Independent: all start
-    together, each as fast as it can, or, in a duration asked for, each taking all of it. Sequential: one joint after
-    another, base to tip; a duration asked for is shared out in proportion to their shortest times, or to their
-    distances.
+    together, each as fast as it can; in a given duration, each takes all of it. Sequential: one joint after another,
+    base to tip; they share a given duration in proportion to their shortest times, or to their distances.
 
     Attributes:
         law: gives the law of a joint from the distance that it moves (> 0); synchronised, from the largest distance.
@@ -63,7 +62,7 @@ class RestToRest:
     limits: Limits
     joint_names: tuple[str, ...]
     law: Callable[[float], Law]
-    how: How = "synchronised"
+    synchronisation: Synchronisation = "synchronised"
     share_by_distance: bool = False
     stretchable: bool = True
 
@@ -71,17 +70,17 @@ class RestToRest:
     def shortest(self) -> float:
         """Shortest duration within velocity, acceleration and jerk limits, or nearest to meeting them, s."""
         times = np.array([part.duration for part in self._fastest])
-        if self.how != "sequential":
-            return max(SHORTEST, float(times.max(initial=0.0)))
+        if self.synchronisation != "sequential":
+            return max(SHORTEST_DURATION, float(times.max(initial=0.0)))
         share = self._weights / self._weights.sum()
-        return max(SHORTEST, float((times / share).max(initial=0.0)))
+        return max(SHORTEST_DURATION, float((times / share).max(initial=0.0)))
 
     def parts(self, duration: float | None = None) -> list[JointMove]:
         """Return which joints move when, in that duration (s) or the shortest."""
         fastest = self._fastest
         times = np.array([part.duration for part in fastest])
         begin = np.zeros(len(times))
-        if self.how == "sequential":
+        if self.synchronisation == "sequential":
             times = (self.shortest if duration is None else duration) * self._weights / self._weights.sum()
             begin[1:] = np.cumsum(times)[:-1]
         elif duration is not None:
@@ -94,7 +93,7 @@ class RestToRest:
     def trajectory(self, duration: float | None = None) -> Trajectory:
         """The motion, in that duration (s) or as fast as can be."""
         parts = self.parts(duration)
-        T = max((part.begin + part.duration for part in parts), default=duration or SHORTEST)
+        T = max((part.begin + part.duration for part in parts), default=duration or SHORTEST_DURATION)
         curves = [_within(part.law.pieces(part.duration, part.bounds), part.begin, T) for part in parts]
         edges = np.unique(np.concatenate([[0.0, T], *(curve.breakpoints for curve in curves)]))
         edges = edges[np.concatenate([[True], np.diff(edges) > SAME_TIME * T])]
@@ -119,9 +118,9 @@ class RestToRest:
             return []
         each = [np.where(np.arange(len(d)) == j, d, 0.0) for j in np.flatnonzero(d)]
         found = []
-        for step in [d] if self.how == "synchronised" else each:
+        for step in [d] if self.synchronisation == "synchronised" else each:
             bounds, law = _bounds(step, self.limits), self.law(float(np.abs(step).max()))
-            floor = SHORTEST / (len(each) if self.how == "sequential" else 1)
+            floor = SHORTEST_DURATION / (len(each) if self.synchronisation == "sequential" else 1)
             found.append(JointMove(step, law, bounds, 0.0, max(law.shortest(bounds), floor)))
         return found
 
@@ -129,8 +128,8 @@ class RestToRest:
 def _bounds(step: Array, limits: Limits) -> Bounds:
     """Bounds on s of a part that moves by `step` (n,): the least of limit_j / |step_j|.
 
-    Acceleration and jerk so large that a phase would take less than 1e-8 of the motion are lowered to that: seconds
-    have sixteen digits, and a phase needs some of them. It costs as small a share of the duration.
+    A phase takes at least 1e-8 of the motion: larger accelerations and jerks are lowered to that. Seconds have sixteen
+    digits, and a phase needs some of them. The cost is as small a share of the duration.
     """
     moving = step != 0.0
     size = np.maximum(np.abs(step[moving]), _LEAST)
@@ -153,7 +152,7 @@ def _within(curve: LawPieces, begin: float, T: float) -> LawPieces:
 
 
 def _on(edges: Array, curve: LawPieces) -> Array:
-    """Coefficients (m, degree + 1) of the curve on the m pieces between `edges`, none of which it bends within."""
+    """Return coefficients (m, degree + 1) of the curve on the m pieces between `edges`, with its breakpoints."""
     piece = np.searchsorted(curve.breakpoints[1:-1], 0.5 * (edges[1:] + edges[:-1]), side="right")
-    moved: Array = shifted(curve.coefficients[piece][:, :, None], edges[:-1] - curve.breakpoints[piece])
+    moved: Array = polynomial.shifted(curve.coefficients[piece][:, :, None], edges[:-1] - curve.breakpoints[piece])
     return moved[:, :, 0]

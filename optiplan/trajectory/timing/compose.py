@@ -1,12 +1,11 @@
 """A path q(s) run by a time law s(t): their composition q(s(t)), in exact polynomial pieces."""
 
-from math import comb
-
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.trajectory import polynomial
-from optiplan.trajectory.trajectory import SAME_TIME, Trajectory
+from optiplan.trajectory.tolerances import SAME_TIME
+from optiplan.trajectory.trajectory import Trajectory
 
 _OUTSIDE = 1e-9  # share of the path's length, and of the law's speed, that rounding may cost
 
@@ -15,7 +14,7 @@ def compose(path: Trajectory, law: Trajectory) -> Trajectory:
     """The motion q(s(t)): the same curve as the path to rounding, at all times.
 
     Pieces end where the law's do and where s(t) passes a breakpoint of the path. On each, with tau from its start,
-    s - s_a = sum_{k>=1} l_k tau^k goes into q = sum_k p_k (s - s_a)^k by Horner's rule for polynomials: the degree is
+    Horner's rule for polynomials inserts s - s_a = sum_{k>=1} l_k tau^k into q = sum_k p_k (s - s_a)^k. The degree is
     the product of the two degrees.
 
     Args:
@@ -31,26 +30,15 @@ def compose(path: Trajectory, law: Trajectory) -> Trajectory:
     t[-1] = law.duration
     middle = 0.5 * (t[:-1] + t[1:])
     own = np.searchsorted(law.breakpoints[1:-1], middle, side="right")
-    inner = shifted(_trimmed(law.coefficients)[own], t[:-1] - law.breakpoints[own])[:, :, 0]
+    inner = polynomial.shifted(_trimmed(law.coefficients)[own], t[:-1] - law.breakpoints[own])[:, :, 0]
     piece = np.searchsorted(path.breakpoints[1:-1], law(middle)[:, 0], side="right")
-    outer = shifted(_trimmed(path.coefficients)[piece], inner[:, 0] - path.breakpoints[piece])
+    outer = polynomial.shifted(_trimmed(path.coefficients)[piece], inner[:, 0] - path.breakpoints[piece])
     inner[:, 0] = 0.0
     result = outer[:, -1:]
     for k in range(outer.shape[1] - 2, -1, -1):
         result = _product(inner, result)
         result[:, 0] += outer[:, k]
     return Trajectory(path.joint_names, t, result)
-
-
-def shifted(coefficients: Array, x: Array) -> Array:
-    """Coefficients (m, d + 1, n) of p(x + tau) in powers of tau, for p given in powers of its argument; x (m,)."""
-    size = coefficients.shape[1]
-    powers = x[:, None] ** np.arange(size)
-    result = np.zeros_like(coefficients)
-    for k in range(size):
-        for j in range(k, size):
-            result[:, k] += comb(j, k) * powers[:, j - k, None] * coefficients[:, j]
-    return result
 
 
 def _check(path: Trajectory, law: Trajectory) -> None:

@@ -1,10 +1,10 @@
 """A time law with limited jerk: a clamped cubic spline s(t), refined from the fastest law without such a limit.
 
 Its control points c are refined by sequential linear programming. At samples of t every limit is a function of s and
-its derivatives, |f(s, s', s'', s''')| <= bound; run tau times slower f shrinks by tau^p with p = 1 for speeds, 2 for
+its derivatives, |f(s, s', s'', s''')| <= bound. Run tau times slower, f shrinks by tau^p: p = 1 for speeds, 2 for
 accelerations and torques, 3 for jerks. One step minimises tau over changes of c, with f linear in c and
-tau^p >= 1 + p (tau - 1), inside a trust region. Whatever the linear f missed is repaired by slowing down,
-tau = max (f / bound)^(1/p): so every iterate holds at the samples, and the duration alone says how good a step was.
+tau^p >= 1 + p (tau - 1), inside a trust region. The error of the linear f is repaired by slowing down by
+tau = max (f / bound)^(1/p). So every iterate holds at the samples, and the duration alone measures a step.
 """
 
 from collections.abc import Callable
@@ -43,8 +43,8 @@ def smooth_law(
 ) -> Trajectory | None:
     """A law s(t) of continuous acceleration, at rest and without acceleration at both ends, never decreasing.
 
-    It starts as Schoenberg's approximation, whose control points are values of it, of TOPP-RA's law under a speed limit
-    more: sd^3 |q'''| <= half the jerk limit. That one knows what corners cost.
+    It starts from TOPP-RA's law under one more speed limit, sd^3 |q'''| <= half the jerk limit, which accounts for
+    corners. Control points are values of that law (Schoenberg's approximation).
 
     Holds at: three samples of every span of the spline and both sides of the path's breakpoints; joint velocity, tool
     and torque limits are interpolated between the `rows`.
@@ -53,7 +53,7 @@ def smooth_law(
         path: q over s.
         limits: of the n joints; their jerk is finite for one at least.
         rows: the other limits, at points of the path with all its breakpoints among them.
-        stop: polled at every step of the refinement; once it says so, the law is as good as it is.
+        stop: polled at every step of the refinement, which it ends.
 
     Returns:
         None where TOPP-RA finds no law to start from.
@@ -154,7 +154,7 @@ def _step(basis: Basis, control: Array, blocks: list[Block], radius: float) -> A
 def _program_rows(basis: Basis, blocks: list[Block], count: int) -> tuple["csr_matrix", Array, Array]:
     """Rows a . dc + b (tau - 1) <= r of both signs of every limit: a (R, count), b (R,), r (R,).
 
-    Left out are values far from their bounds, but at each sample the one that grows most steeply stays: on a straight
+    Values far from their bounds are left out, but at each sample the one that grows most steeply stays. On a straight
     stretch of the path all joints of a block are in proportion, and that one bounds the others.
     """
     from scipy.sparse import csr_matrix

@@ -12,7 +12,7 @@ from optiplan.trajectory.timing.s_curve import phases
 
 
 def lower_bounds(start: Array, goals: Array, limits: Limits) -> Array:
-    """Shortest duration conceivable from `start` to each goal, obstacles and position limits ignored.
+    """Return the shortest duration conceivable from `start` to each goal, obstacles and position limits ignored.
 
     The slowest joint's own minimum time from rest to rest; no trajectory of the robot is shorter.
 
@@ -29,10 +29,10 @@ def lower_bounds(start: Array, goals: Array, limits: Limits) -> Array:
 
 
 def moving_bounds(start: State, ends: Sequence[State], limits: Limits) -> Array:
-    """Shortest duration conceivable from a state to each of others, obstacles and position limits ignored: (k,), s.
+    """Return lower bounds (k,), s, of durations from a state to others, without obstacles and position limits.
 
-    The slowest joint's own minimum time: the S-curve of joints at rest at both ends, Ruckig's profile of others; a
-    joint for which Ruckig finds none counts as nothing.
+    The slowest joint's own minimum time: the S-curve of a joint at rest at both ends, Ruckig's profile of any other. A
+    joint for which Ruckig finds none is ignored.
     """
     return np.array([_moving_bound(start, end, limits) for end in ends])
 
@@ -50,9 +50,8 @@ def _moving_bound(start: State, end: State, limits: Limits) -> float:
 
 
 def joint_times(distances: Array, limits: Limits) -> Array:
-    """Shortest time from rest to rest, s, of each joint over distances (k, n) >= 0, rad or m: (k, n)."""
-    t_j, t_a, t_v = phases(distances, *limits.rates)
-    return np.where(distances == 0.0, 0.0, 4.0 * t_j + 2.0 * t_a + t_v)
+    """Return the shortest time from rest to rest, s, of each joint over distances (k, n) >= 0, rad or m: (k, n)."""
+    return np.where(distances == 0.0, 0.0, phases(distances, *limits.rates).total)
 
 
 def lower_bound(start: Array, goal: Array, limits: Limits) -> float:

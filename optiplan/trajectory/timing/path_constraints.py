@@ -12,12 +12,14 @@ M, c and g are mass matrix, Coriolis vector and gravity, J the tool's Jacobian. 
 (Verscheure et al. 2009, Time-optimal path tracking for robots, eq. 6-10).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.samples import sample_times
@@ -68,6 +70,15 @@ class Rows:
     bound: Array
 
 
+class _RowBlock(NamedTuple):
+    """Some columns of `Rows`: A, B, G (k, m) and bound (m,)."""
+
+    A: Array
+    B: Array
+    G: Array
+    bound: Array
+
+
 def rows_at(path: Trajectory, robot: Robot, limits: Limits, tool: ToolLimits | None, s: Array) -> Rows:
     """The rows of the module's table at s (k,): joint acceleration, torque where limited, tool where limited.
 
@@ -76,11 +87,10 @@ def rows_at(path: Trajectory, robot: Robot, limits: Limits, tool: ToolLimits | N
     Q = [path(s, order) for order in range(3)]
     with np.errstate(divide="ignore"):
         speed = (limits.velocity / np.abs(Q[1])).min(axis=1)
-    blocks = [(Q[1], Q[2], np.zeros_like(Q[1]), limits.acceleration)]
+    blocks = [_RowBlock(Q[1], Q[2], np.zeros_like(Q[1]), limits.acceleration)]
     limited = np.isfinite(limits.torque)
     if limited.any():
-        A, B, G = (x[:, limited] for x in _torques(robot, *Q))
-        blocks.append((A, B, G, limits.torque[limited]))
+        blocks.append(_torque_rows(robot, Q, limits.torque, limited))
     if tool is not None:
         twist, acceleration = tool_motion(robot, tool.frame, Q)
         with np.errstate(divide="ignore"):
@@ -88,8 +98,8 @@ def rows_at(path: Trajectory, robot: Robot, limits: Limits, tool: ToolLimits | N
                 speed = np.minimum(speed, limit / np.linalg.norm(part, axis=1))
         if np.isfinite(tool.linear_acceleration):
             blocks.append(_tool_rows(twist[:, :3], acceleration[:, :3], tool.linear_acceleration))
-    A, B, G = (np.hstack([block[k] for block in blocks]) for k in range(3))
-    return Rows(s, speed, A, B, G, np.concatenate([block[3] for block in blocks]))
+    A, B, G, bound = (np.concatenate(parts, axis=-1) for parts in zip(*blocks, strict=True))
+    return Rows(s, speed, A, B, G, bound)
 
 
 def tool_scale(robot: Robot, tool: ToolLimits | None, trajectory: Trajectory, t: Array | None = None) -> float:
@@ -132,14 +142,15 @@ def tool_motion(robot: Robot, frame: str, Q: list[Array]) -> tuple[Array, Array]
     return twist, acceleration
 
 
-def _torques(robot: Robot, Q: Array, D: Array, DD: Array) -> tuple[Array, Array, Array]:
-    """M q', M q'' + c(q, q') and g, each (k, n), N·m over powers of the unit of s."""
-    rest = np.zeros_like(Q)
-    G, A, B = (inverse_dynamics(robot, Q, *rates) for rates in ((rest, rest), (rest, D), (D, DD)))
-    return A - G, B - G, G
+def _torque_rows(robot: Robot, Q: Sequence[Array], torque: Array, limited: Flags) -> _RowBlock:
+    """Return M q', M q'' + c(q, q') and g of the limited joints, N·m over powers of the unit of s, and their limits."""
+    q, first, second = Q
+    rest = np.zeros_like(q)
+    G, A, B = (inverse_dynamics(robot, q, *rates) for rates in ((rest, rest), (rest, first), (first, second)))
+    return _RowBlock((A - G)[:, limited], (B - G)[:, limited], G[:, limited], torque[limited])
 
 
-def _tool_rows(forward: Array, acceleration: Array, limit: float) -> tuple[Array, Array, Array, Array]:
+def _tool_rows(forward: Array, acceleration: Array, limit: float) -> _RowBlock:
     """Directions in the plane of J q' and the path's curvature, in which every component keeps within the limit.
 
     Their polygon lies inside the circle's tangents, outside the circle by 1 / cos(pi / 16) = 2 % at most: the exact
@@ -151,4 +162,4 @@ def _tool_rows(forward: Array, acceleration: Array, limit: float) -> tuple[Array
     across = np.linalg.norm(acceleration - along * e1, axis=1, keepdims=True)
     angle = np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
     A, B = np.cos(angle) * length, np.cos(angle) * along + np.sin(angle) * across
-    return A, B, np.zeros_like(A), np.full(_DIRECTIONS, limit)
+    return _RowBlock(A, B, np.zeros_like(A), np.full(_DIRECTIONS, limit))

@@ -10,23 +10,39 @@ for t_a, falls for t_j; then the velocity stays for t_v; then all of it backward
 Without a bound on jerk (J infinite) t_j = 0 and a = A: the acceleration jumps.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.trajectory.tolerances import SAME_TIME
 
 _ZERO_DISTANCE = 1e-60  # m or rad: stands for "no distance", so that the formulas above need no branch
 _ACCELERATION = np.array([0.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, 0.0])  # around the seven phases, over its peak
 
 
-def phases(distance: Array, velocity: Array, acceleration: Array, jerk: Array) -> tuple[Array, Array, Array]:
-    """Return the times t_j, t_a, t_v (s) of the module's curve, element by element; all arrays of one shape."""
+class Phases(NamedTuple):
+    """Times t_j, t_a and t_v of the module's curve, s."""
+
+    jerk: Array
+    acceleration: Array
+    velocity: Array
+
+    @property
+    def total(self) -> Array:
+        """T = 4 t_j + 2 t_a + t_v, s."""
+        return np.asarray(4.0 * self.jerk + 2.0 * self.acceleration + self.velocity)
+
+
+def phases(distance: Array, velocity: Array, acceleration: Array, jerk: Array) -> Phases:
+    """Return the times of the module's curve, element by element; all arrays of one shape."""
     D = np.maximum(distance, _ZERO_DISTANCE)
     t_j = np.minimum(np.minimum(acceleration / jerk, np.sqrt(velocity / jerk)), np.cbrt(D / (2.0 * jerk)))
     with np.errstate(invalid="ignore"):
         a = np.where(np.isinf(jerk), acceleration, jerk * t_j)
     t_a = np.maximum(0.0, np.minimum(velocity / a - t_j, (np.sqrt(t_j**2 + 4.0 * D / a) - 3.0 * t_j) / 2.0))
     t_v = np.maximum(0.0, D / (a * (t_j + t_a)) - 2.0 * t_j - t_a)
-    return t_j, t_a, t_v
+    return Phases(t_j, t_a, t_v)
 
 
 def s_curve(distance: float, velocity: float, acceleration: float, jerk: float) -> tuple[Array, Array]:
@@ -43,5 +59,5 @@ def s_curve(distance: float, velocity: float, acceleration: float, jerk: float) 
         j = (b - a) / h if h > 0.0 else 0.0
         pieces[i] = s, v, a / 2.0, j / 6.0
         s, v = s + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0)
-    kept = times > 1e-12 * times.sum()
+    kept = times > SAME_TIME * times.sum()
     return times[kept], pieces[kept]

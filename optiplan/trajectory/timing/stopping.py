@@ -9,8 +9,8 @@ from optiplan.robot.limits import Limits
 def furthest(q: Array, v: Array, a: Array, limits: Limits) -> tuple[Array, Array]:
     """Return the least and the greatest position (n,) that no admissible motion from a state (n,) each avoids.
 
-    Upwards, no motion is below that with a(t) = max(a - J t, -A), the least acceleration at every instant; so the
-    maximum of that motion, up to the end of its way upwards, is passed by all. Downwards the same, mirrored. Exact.
+    Upwards, no motion is below the one with the least acceleration at every instant, a(t) = max(a - J t, -A). So every
+    motion reaches its maximum. Downwards is the mirror image. Exact.
     """
     high = np.array([_highest(*state) for state in zip(q, v, a, limits.acceleration, limits.jerk, strict=True)])
     low = np.array([-_highest(*state) for state in zip(-q, -v, -a, limits.acceleration, limits.jerk, strict=True)])

@@ -7,10 +7,10 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.timing.s_curve import s_curve
+from optiplan.trajectory.tolerances import SHORTEST_DURATION
 from optiplan.trajectory.trajectory import Trajectory
 
-_REST = 1e-3  # s: a trajectory needs some duration, even one that goes nowhere
-_NOTHING = 1e-100  # rad or m: quotients of limits and steps smaller than this overflow
+_NO_STEP = 1e-100  # rad or m: quotients of limits and smaller steps overflow
 
 
 def stop_at_corners(waypoints: Array, limits: Limits, joint_names: Sequence[str]) -> Trajectory:
@@ -28,19 +28,19 @@ def stop_at_corners(waypoints: Array, limits: Limits, joint_names: Sequence[str]
     steps = np.diff(waypoints, axis=0)
     durations, coefficients = [], []
     for q, d in zip(waypoints[:-1], steps, strict=True):
-        if np.any(np.abs(d) > _NOTHING):
+        if np.any(np.abs(d) > _NO_STEP):
             times, pieces = _segment(q, d, limits)
             durations.append(times)
             coefficients.append(pieces)
     if not durations:
-        return Trajectory(tuple(joint_names), np.array([0.0, _REST]), waypoints[:1, None])
+        return Trajectory(tuple(joint_names), np.array([0.0, SHORTEST_DURATION]), waypoints[:1, None])
     breakpoints = np.concatenate([[0.0], np.cumsum(np.concatenate(durations))])
     return Trajectory(tuple(joint_names), breakpoints, np.concatenate(coefficients))
 
 
 def _segment(q: Array, d: Array, limits: Limits) -> tuple[Array, Array]:
     """Durations (m,) and cubic coefficients (m, 4, n) of the fastest rest-to-rest motion from q to q + d."""
-    moving = np.abs(d) > _NOTHING
+    moving = np.abs(d) > _NO_STEP
     size = np.abs(d[moving])
     velocity, acceleration, jerk = (float(np.min(bound[moving] / size)) for bound in limits.rates)
     times, scalar = s_curve(1.0, velocity, acceleration, jerk)

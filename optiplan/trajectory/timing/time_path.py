@@ -1,4 +1,4 @@
-"""When to be where along a given path: `time_path` gives a path its time law, and never changes the path."""
+"""Time laws of a given path: `time_path` times a path and never changes its shape."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -42,7 +42,7 @@ class TimingOptions:
             holds. None: `jerk` where any joint has a jerk limit, else `toppra`.
         tool: limits of a frame's speed, besides those of the joints.
         tool_parts: the same of parts of the path, from one share of its parameter to another; speeds only.
-        stop: polled between the stages and steps; once it says so, the best law so far is the answer.
+        stop: polled between the stages and steps; when it returns True, the best law so far is returned.
     """
 
     method: Method | None = None
@@ -110,10 +110,10 @@ def uniform_law(path: Trajectory, limits: Limits) -> Trajectory:
 
 
 def _laws(path: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> list[Trajectory]:
-    """Return laws; where the tool has limits, each is slower than the one before where that passed limits, there alone.
+    """Return laws; where the tool has limits, each is slower only where the one before exceeded limits.
 
-    A law is held at points; what it misses between them would slow the whole motion down, so that the tool would
-    nowhere run as fast as it may.
+    A law holds limits at points. Without this, a violation between them would slow the whole motion down, and the tool
+    would run at its limit nowhere.
     """
     places = np.linspace(0.0, path.duration, _PLACES)
     slower, found = np.ones(_PLACES), list[Trajectory]()
@@ -154,7 +154,7 @@ def _shares_around(law: Trajectory, motion: Trajectory, robot: Robot, limits: Li
 def _law(
     path: Trajectory, robot: Robot, limits: Limits, options: TimingOptions, slower: tuple[Array, Array]
 ) -> Trajectory | None:
-    """Return the fastest law where speeds are so many times lower, (K,), at places (K,) of the path, as limits ask."""
+    """Return the fastest law within limits, with speeds divided by factors (K,) at places (K,) of the path."""
 
     def rows(s: Array) -> Rows:
         found = rows_at(path, robot, limits, options.tool, s)

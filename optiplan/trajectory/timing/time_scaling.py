@@ -16,8 +16,8 @@ _HALVINGS = 24
 def speed_ratio(trajectory: Trajectory, limits: Limits) -> float:
     """Return the factor by which a trajectory must be slowed down (> 1) or may be sped up (< 1) to touch its limits.
 
-    max over joints of v / v_max, sqrt(a / a_max), cbrt(j / j_max), with the exact extrema v, a, j over all time:
-    stretching time by s divides them by s, s^2 and s^3.
+    It is the maximum over joints of v / v_max, sqrt(a / a_max) and cbrt(j / j_max), with the exact extrema v, a, j over
+    all time. Stretching time by s divides these extrema by s, s^2 and s^3.
     """
     peaks = [np.abs(trajectory.extrema(order)).max(axis=0) / limits.rates[order - 1] for order in (1, 2, 3)]
     return float(max(peaks[0].max(), np.sqrt(peaks[1].max()), np.cbrt(peaks[2].max())))
@@ -26,7 +26,7 @@ def speed_ratio(trajectory: Trajectory, limits: Limits) -> float:
 def scale_to_limits(trajectory: Trajectory, limits: Limits, least: float = 0.0) -> Trajectory:
     """Scale a curve uniformly in time until its tightest limit is just met (all time).
 
-    `least` is a factor on the duration that something else asks for.
+    `least` is a lower bound on the factor on the duration.
     """
     ratio = max(speed_ratio(trajectory, limits), least)
     return trajectory if ratio == 0.0 else trajectory.scaled(trajectory.duration * ratio * (1.0 + 1e-12))
@@ -34,7 +34,7 @@ def scale_to_limits(trajectory: Trajectory, limits: Limits, least: float = 0.0) 
 
 @dataclass(frozen=True, eq=False)
 class FreeTimes:
-    """Times of points, of which all may be stretched, or only what comes after the last via when theirs are given.
+    """Times of points. All may be stretched, or only those after the last via if the vias have given times.
 
     Attributes:
         base: (k,) increasing from 0, s.
@@ -52,7 +52,7 @@ class FreeTimes:
         return cls(np.concatenate([[0.0], vias, [vias[-1] + base[-1] - base[-2]]]), True)
 
     def at(self, factor: float) -> Array:
-        """Times (k,) of which the free ones are stretched by the factor."""
+        """Return the times (k,) with the free ones stretched by the factor."""
         begin = self._begin
         return np.asarray(np.where(self.base > begin, begin + factor * (self.base - begin), self.base))
 
@@ -66,7 +66,7 @@ class FreeTimes:
 
 
 def least_stretch(good: Callable[[float], bool]) -> float | None:
-    """The first good factor >= 1/16, found in steps of 25 % and then by bisection; None when none up to 1e4 is.
+    """Return the first good factor >= 1/16, found in steps of 25 % and then by bisection; None when none up to 1e4 is.
 
     Longer times need not be good as well: a velocity kept at a via for long is a long way.
     """

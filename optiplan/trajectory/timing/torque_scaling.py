@@ -13,16 +13,16 @@ RESERVE = 1e-3  # share of the limit kept free for what happens between samples
 _STEP = 8e-3  # s between samples, at most
 _MOST = 20_000  # samples in all, but for the least: a long motion is slow, so its torques change slowly
 _LEAST = 9  # samples of a piece: within one the acceleration is a low polynomial, only its ends may bend or jump
-_NEAR = 0.93, 0.99  # shares of the largest demand above which the gaps beside a sample are looked into, in turn
+_NEAR = 0.93, 0.99  # shares of the largest demand: gaps beside larger samples are refined, in two rounds
 _FINER = 9  # instants within such a gap
 _CURVED = 8.0  # times the curvature seen beside a gap that it may have
 
 
 def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
-    """Factor s >= 1 on the duration at which |tau| <= limit (n,); inf where gravity exceeds it.
+    """Return the factor s >= 1 on the duration at which |tau| <= limit (n,); inf where gravity exceeds it.
 
-    Holds at: nine instants of every piece, 8 ms apart at most, and a hundred times finer where torques are largest:
-    within a millisecond of full jerk the acceleration can go from one limit to the other, but then in a piece as short.
+    Holds at: nine instants of every piece, 8 ms apart at most, and a hundred times finer where torques are largest.
+    Within a millisecond of full jerk the acceleration can go from one limit to the other; such a piece is as short.
 
     Run s times slower, the same path needs tau(s) = g(q) + (tau(1) - g(q)) / s^2: inertial and Coriolis torques scale
     alike (Hollerbach 1984, Dynamic scaling of manipulator trajectories). Friction and carried loads are not modelled.

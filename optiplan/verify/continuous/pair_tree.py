@@ -119,9 +119,8 @@ class PairTree:
             return own
         geometry, used, which = self._tops(model)
         first = len(model.names)
-        boxes = [
-            (own.centre[k], own.half[k], float(own.radius[k])) if k < first else self.hulls[k - first].box for k in used
-        ]
+        known = [LocalBox(*box) for box in zip(own.centre, own.half, own.radius.tolist(), strict=True)]
+        boxes = [known[k] if k < first else self.hulls[k - first].box for k in used]
         return PairBounds(model.kinematics, geometry, which, boxes)
 
     def _tops(self, model: CollisionModel) -> tuple[pin.GeometryModel, list[int], Index]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.coal_tolerance import DISTANCE_ERROR
+from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.verify.continuous.bodies import Bodies, BodyShape, PlacedBody, support
 from optiplan.verify.continuous.mesh_parts import parts_of_link
 

@@ -11,7 +11,7 @@ from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
-from optiplan.trajectory.obstacle_columns import with_obstacles
+from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.collision_check import checked_robot
 from optiplan.verify.continuous.certificate import certify

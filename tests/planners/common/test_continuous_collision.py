@@ -7,7 +7,7 @@ from optiplan._core import core
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.geometry.scene import Obstacle, Scene, Sphere
-from optiplan.planners.common.continuous_collision import contacts_along, first_contact, trajectory_curve
+from optiplan.planners.common.continuous_collision import contacts_along, first_contact, motion_about
 from optiplan.trajectory.timing.stops import stop_at_corners
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
@@ -138,6 +138,6 @@ def test_curve_bounds_hold_within_each_interval():
     half = rng.uniform(0.0, 0.4, 20) * np.diff(trajectory.breakpoints).min()
     piece = rng.integers(0, len(trajectory.breakpoints) - 1, 20)
     middle = 0.5 * (trajectory.breakpoints[piece] + trajectory.breakpoints[piece + 1])
-    Q, D = trajectory_curve(trajectory)(middle, half)
+    Q, D = motion_about(trajectory, middle, half)
     for offset in (-1.0, -0.3, 0.0, 0.5, 1.0):
         assert (np.abs(trajectory(middle + offset * half) - Q) <= D + 1e-12).all()

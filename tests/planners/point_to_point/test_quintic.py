@@ -1,12 +1,13 @@
 import numpy as np
 
-from optiplan.planners.point_to_point.quintic import Quintic, QuinticOptions
+from optiplan.planners.point_to_point.polynomials import AccelerationOptions
+from optiplan.planners.point_to_point.quintic import Quintic
 from tests.planners import cases
 
 
 def test_all_joints_move_in_proportion():
     problem = cases.free()
-    trajectory = Quintic(QuinticOptions()).profile(problem, cases.LEFT).trajectory()
+    trajectory = Quintic(AccelerationOptions()).profile(problem, cases.LEFT).trajectory()
     share = (trajectory(np.linspace(0.0, trajectory.duration, 50)) - problem.start)[:, [0, 3]] / (
         cases.LEFT - problem.start
     )[[0, 3]]

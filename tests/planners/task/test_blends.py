@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
-from optiplan.planners.task.blends import BlendedLine, Corner, StraightWay
+from optiplan.planners.task.blends import BlendedLine, Corner, LineSegment
 from optiplan.verify.verify import verify
 
 BLEND = 0.03
@@ -111,7 +111,7 @@ def corner_of(turns=(0.0, 0.0)):
     start = pin.SE3(pin.rpy.rpyToMatrix(0.3, 0.2, 0.1), np.array([0.1, 0.2, 0.3]))
     middle = pin.SE3(pin.exp3(np.array([turns[0], 0.1 * turns[0], 0.0])) @ start.rotation, np.array([0.3, 0.2, 0.3]))
     end = pin.SE3(pin.exp3(np.array([0.0, turns[1], 0.0])) @ middle.rotation, np.array([0.35, 0.5, 0.2]))
-    ways = StraightWay.between(start, middle), StraightWay.between(middle, end)
+    ways = LineSegment.between(start, middle), LineSegment.between(middle, end)
     return Corner.of(*ways, 0.05), ways
 
 
@@ -136,7 +136,7 @@ def test_the_path_of_a_corner_has_its_derivatives_and_no_jumps(turns):
 
 def test_a_line_straight_back_has_no_blend():
     start, end = pin.SE3.Identity(), pin.SE3(np.eye(3), np.array([0.1, 0, 0]))
-    assert Corner.of(StraightWay.between(start, end), StraightWay.between(end, start), 0.05) is None
+    assert Corner.of(LineSegment.between(start, end), LineSegment.between(end, start), 0.05) is None
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import optiplan as op
 from optiplan.planners.base import Budget
 from optiplan.planners.task import search
 from optiplan.planners.task.chains import do_chain
-from optiplan.planners.task.line_timing import timed_line
+from optiplan.planners.task.planner import timed_step
 from optiplan.planners.task.stages import Stages, WorldState
 from optiplan.problem.load import load_problem, problem_from_dict
 from optiplan.problem.problem import derived
@@ -188,8 +188,7 @@ def test_a_line_is_timed_within_the_budget():
     """When time is over, the law is a plain one, not none."""
     problem = op.Problem("panda", "ready", task=[{"line": {"by": [0.2, 0.2, 0.0]}}])
     steps = do_chain(Stages(problem), WorldState(problem.start, problem.scene), problem.task, Budget(60.0))
-    line = steps.done[0]
-    slow, quick = (timed_line(line.stage, line.curve, None, Budget(seconds)) for seconds in (0.0, 60.0))
+    slow, quick = (timed_step(steps.steps[0], Budget(seconds)) for seconds in (0.0, 60.0))
     assert 1.02 * quick.duration < slow.duration < 3.0 * quick.duration
 
 

@@ -43,9 +43,9 @@ def test_a_full_descent_from_a_coarse_one_takes_fewer_steps_to_as_short_a_motion
     way = run.coarse.descend(run.model, path, np.inf)
     assert way is not None
     assert way.control is not None
-    assert way.control.shape == run._along(path.waypoints).shape
+    assert way.control.shape == run.optimiser.along(path.waypoints).shape
     assert np.allclose(way.control[[0, -1]], path.waypoints[[0, -1]])
-    direct = run.optimiser.run(run._along(path.waypoints), Budget(20.0))
+    direct = run.optimiser.run(run.optimiser.along(path.waypoints), Budget(20.0))
     after = run.optimiser.run(way.control, Budget(20.0))
     assert direct is not None
     assert after is not None
@@ -85,7 +85,7 @@ def test_the_most_promising_way_comes_first_and_the_others_wait(monkeypatch: pyt
 def test_a_way_that_promises_far_less_than_the_best_curve_is_optimised_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     run = _run(cases.wall())
     path = _path(run)
-    assert run.attempts.attempt("sampled", run._along(path.waypoints), run.budget) is not None
+    assert run.attempts.attempt("sampled", run.optimiser.along(path.waypoints), run.budget) is not None
     sampler = goal_sampler(run.problem, run.model, run.budget)
     assert isinstance(sampler, GoalSampler)
     rough, told = run.incumbent.rough, []
@@ -130,7 +130,7 @@ def test_a_first_motion_is_looked_for_along_further_paths_where_a_coarse_curve_s
 def test_ways_are_compared_with_the_best_curve_as_it_was_before_it_was_refined() -> None:
     run = _run(cases.wall())
     path = _path(run)
-    attempt = run.attempts.attempt("sampled", run._along(path.waypoints), run.budget)
+    attempt = run.attempts.attempt("sampled", run.optimiser.along(path.waypoints), run.budget)
     run.attempts.refine()
     assert attempt is not None
     rough = attempt.trajectory.duration

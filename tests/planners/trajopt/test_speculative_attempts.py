@@ -66,7 +66,7 @@ def test_an_outcome_is_taken_only_where_it_is_that_of_an_attempt_begun_now(probl
     wait_until(lambda: any(task.future.running() or task.future.done() for task in ahead._tasks.values()))
     assert ahead.take(control + 1e-9, budget, np.inf, False) is None
     outcome = ahead.take(control, budget, np.inf, False)
-    own = optimiser.run(control, budget, None, np.inf)
+    own = optimiser.run(control, budget)
     ahead.close()
     assert outcome is not None
     assert outcome.attempt is not None

@@ -229,7 +229,7 @@ def test_a_robot_that_stands_as_before_is_the_same_object():
     assert op.Problem(**PANDA).robot is robot.unmounted is load_robot("panda")
     for pull in range(10):
         robot.mounted(Mounting(gravity=np.array([0.0, 0.0, -1.0 - pull])))
-    assert len(robot.unmounted._mounted._robots) == 4
+    assert len(robot.unmounted._mounted) == 4
 
 
 @pytest.mark.parametrize("name", ["ur5", "panda"])

@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from optiplan.trajectory.profiles.laws import CUBIC, QUINTIC, BangBang, SCurve, Trapezoid
-from optiplan.trajectory.profiles.synchronisation import SHORTEST, RestToRest
+from optiplan.trajectory.profiles.synchronisation import RestToRest
 from optiplan.trajectory.timing.lower_bound import lower_bound
+from optiplan.trajectory.tolerances import SHORTEST_DURATION
 from tests.trajectory.test_timing import limits_of
 
 LAWS = [CUBIC, QUINTIC, Trapezoid(), BangBang(), SCurve()]
@@ -107,6 +108,6 @@ def test_an_s_curve_takes_the_lower_bound_of_the_slowest_joint():
 @pytest.mark.parametrize("how", HOW)
 def test_going_nowhere_takes_a_moment(how):
     motion = motion_of([0.0, 0.0, 0.0], THREE, SCurve(), how)
-    assert motion.trajectory().duration == SHORTEST
+    assert motion.trajectory().duration == SHORTEST_DURATION
     assert motion.trajectory(2.0).duration == 2.0
     assert np.abs(motion.trajectory(2.0)(np.linspace(0.0, 2.0, 9)) - motion.start).max() == 0.0

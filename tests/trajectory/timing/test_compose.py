@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from optiplan.trajectory.timing.compose import compose, shifted
+from optiplan.trajectory.polynomial import shifted
+from optiplan.trajectory.timing.compose import compose
 from optiplan.trajectory.timing.s_curve import s_curve
 from optiplan.trajectory.trajectory import Trajectory
 from tests.trajectory.paths import PATHS

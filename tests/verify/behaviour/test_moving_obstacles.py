@@ -9,7 +9,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.robot.frames import frame_pose
-from optiplan.trajectory.obstacle_columns import with_obstacles
+from optiplan.trajectory.joining import with_obstacles
 from optiplan.verify.verify import verify
 
 REACH = op.load_problem("01_reach")

@@ -1,44 +1,30 @@
-// Sequential quadratic programming on a curve: l1 exact penalty, trust region, watchdog. The reference with the reasons is
-// planners/trajopt/sqp.py; this does the same.
+// What a descent asks of a curve among bodies, within torques: its merit, the next step, and the curve at its end.
+// The loop is planners/trajopt/program/sqp.py.
 #pragma once
 
 #include <functional>
-#include <limits>
 #include <memory>
 
 #include "program/rows.hpp"
 
 namespace optiplan {
 
-// The constants of planners/trajopt/sqp.py, which says what they are.
+// The constants of planners/trajopt, which says what they are.
 struct SqpSettings {
-    double contact_penalty, torque_penalty, centimetre;
-    double first_radius, least_radius, shrink;
-    double stuck, halved, worse, gap;
-    int stalled, slow;
+    double contact_penalty, torque_penalty, centimetre, gap;
 };
 
 // A curve with its linearised inequalities and its merit.
 struct CurvePoint {
     Vec control;  // (K, n)
+    std::size_t joints = 0;
     double duration = 0.0, merit = 0.0;
     Inequalities contacts, torques;
     Mask exceeded;
-};
 
-// One iteration of a descent: of the curve that it begins at, and the trust region; `accepted` as in iteration_log.py.
-struct Iteration {
-    double duration, merit, violation, radius, accepted;
-};
-
-// Why a descent ended, in the order of iteration_log.py.
-enum class Ending { converged, trust_region, penetration, too_slow, step_limit, stopped, contact_between_samples };
-
-struct Descent {
-    CurvePoint point;
-    int steps = 0;
-    std::vector<Iteration> log;
-    Ending ended = Ending::stopped;
+    double missing() const { return contacts.violation(); }  // m, over all samples
+    double nearest() const;                                  // least clearance beyond its margin, m; infinite without any
+    bool feasible() const;
 };
 
 class Sqp {
@@ -50,22 +36,21 @@ public:
 
     void set_samples(Samples samples);
 
-    // Descend from control points until a step gains too little; `stop` is polled at every step. `go_on` is asked once, at
-    // the first curve on which all rows hold where they did not on the initial one; its no ends the descent there.
-    Descent optimise(const double *control, int iterations, const std::function<bool()> &stop, double best, double longest,
-                     const std::function<bool(const CurvePoint &)> &go_on = {});
+    // The curve of control points (K, n) at its least duration, which is the scale of penalties and trust region from now on.
+    CurvePoint begin(const double *control);
 
     // The curve at the least duration that its derivative control points allow, but at least `duration`.
     // `span`: scale of penalties and trust region, s; 0 for that duration.
     CurvePoint evaluate(Vec control, double duration, double &span);
 
-private:
     Step solve(const CurvePoint &point, double radius);
-    CurvePoint follow(const Step &step, const CurvePoint &from);
+    CurvePoint follow(const CurvePoint &from, const Step &step);
+
+    // Torques that are too large at the end of a refused step get rows from now on.
+    void watch(CurvePoint &point, const CurvePoint &trial);
+
+private:
     void find_contacts(CurvePoint &point);
-    bool watch(const Mask &exceeded);
-    bool stalled(const Vec &missing) const;
-    bool feasible(const CurvePoint &point) const;
 
     std::shared_ptr<const Spline> spline_;
     NearBodies near_;

@@ -11,24 +11,23 @@ from optiplan.problem.constraints.motions import PairClearance
 from optiplan.problem.problem import Problem
 
 _ITERATIONS = 12
-_DAMPING = 1e-9  # of the squares of the rows' slopes, so that rows that say the same twice do no harm
+_DAMPING = 1e-9  # of the squares of the rows' slopes, so that redundant rows do no harm
 _LONGEST = 0.3  # rad or m, of a joint in one step
 _AIMED = 1.5  # times the reserve: where projection aims, so that points between two of them hold too
 
 
 class Manifold:
-    """The set g(q) >= 0 of all constraints of positions, of which projection keeps a reserve r: g(q) >= r.
+    """The set g(q) >= 0 of all constraints of positions; projection keeps a reserve r: g(q) >= r.
 
-    Newton's method on the rows that are violated: d = J^T (J J^T + damping)^-1 (r - g), for the rows and the exact
-    slopes that `trajopt` has, too. A pair that is to stay apart is looked at and not projected onto, and
-    constraints of speed are the time law's business.
+    Newton's method on the violated rows: d = J^T (J J^T + damping)^-1 (r - g), with the rows and exact slopes of
+    `trajopt`. The clearance of a pair is checked, but not projected onto. The time law holds constraints of speed.
 
     Sources: Stilman, "Global manipulation planning in robot joint space with task constraints", T-RO 2010; Berenson
     et al., "Manipulation planning on constraint manifolds", ICRA 2009.
     """
 
     def __init__(self, problem: Problem, ends: Array) -> None:
-        """Take the reserve where the ends (k, n), which hold the constraints, have it."""
+        """Set the reserve to at most that of the ends (k, n), which hold the constraints."""
         robot, constraints = problem.robot, problem.path_constraints
         self._inequalities = [
             CompiledInequality(robot, stated)
@@ -80,5 +79,5 @@ class Manifold:
 
 
 def in_part_only(problem: Problem) -> list[str]:
-    """Return the constraints that hold in a part of the motion only: a path has no time to tell which."""
+    """Return the constraints that hold in a part of the motion only: a path has no times."""
     return [one.KEY for one in problem.path_constraints if one.during != WHOLE]

@@ -10,7 +10,6 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure, PlanResult, Progress
 from optiplan.planners.common.failures import too_heavy
 from optiplan.planners.common.goal_ranking import GoalSampler
-from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.path_timing import timed_path
 from optiplan.planners.path_constraints.goal_projection import hold_goals
 from optiplan.planners.path_constraints.motion_check import PathConstraints, broken_constraint, constraint_name
@@ -18,12 +17,11 @@ from optiplan.planners.sampling.constrained.manifold import Manifold, in_part_on
 from optiplan.planners.sampling.constrained.searches import Query, connect, roadmap, star
 from optiplan.planners.sampling.constrained.smoothing import shortcut, smooth_curves
 from optiplan.planners.sampling.constrained.walk import Walker
-from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.sample_path import path_check
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
-_RESERVE = 3e-3  # share of the torque limits kept free for gravity between the steps
 _SEARCHING = 0.75  # share of the budget for searching; the rest is for smoothing and timing
 
 
@@ -52,8 +50,8 @@ class ConstrainedPath:
 
     Attributes:
         waypoints: (k, n), rad or m; every point holds the constraints, every segment is proved free.
-        walker: that has found it.
-        states: configurations that the search has reached.
+        walker: that found it.
+        states: number of configurations reached.
     """
 
     waypoints: Array
@@ -68,7 +66,7 @@ def constrained_path(
     budget: Budget,
     search: ConstrainedSearch,
 ) -> ConstrainedPath | Failure:
-    """Return a path on the constraints from the start to one of the goals (n,), all of which hold them.
+    """Return a path on the constraints from the start to one of the goals (n,), which hold them.
 
     Failure kinds: `unsupported` where a constraint holds in a part of the motion only; `no-path`.
     """
@@ -78,9 +76,8 @@ def constrained_path(
         return Failure(
             "unsupported", f"this planner holds constraints on the whole motion only, not `during` ({kinds})"
         )
-    check = MotionCheck(model, problem.limits, Gravity(model.robot, problem.limits.torque, _RESERVE))
     manifold = Manifold(problem, np.vstack([problem.start, *goals]))
-    walker = Walker(manifold, check, budget.share(_SEARCHING))
+    walker = Walker(manifold, path_check(model, problem.limits), budget.share(_SEARCHING))
     query = Query(
         walker, problem.start, np.array(goals), problem.seed, search.iterations, search.informed, search.vertices
     )

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.planners.sampling.constrained.tree import Tree
+from optiplan.planners.common.tolerances import LEAST_GAIN
 from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.ompl_space import search_bounds
 from optiplan.planners.sampling.shortcutting import path_times
@@ -17,21 +17,20 @@ _NEAR = 0.5  # share of samples that lie near the ends
 _AROUND = 0.6  # s: how far beyond the ends these are
 _NEIGHBOURS = 8
 _PATIENCE, _GROWTH = 100, 2  # growths of each tree in the first round, and factor from one round to the next
-_STALE = 150  # samples of RRT* in a row that gain less than `_GAIN`
-_GAIN = 0.01
+_STALE = 150  # samples of RRT* in a row that gain nothing
 
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """What a search is asked: from start (n,) to any of goals (k, n), all on the constraints.
+    """Arguments of a search from start (n,) to any of goals (k, n), all on the constraints.
 
     Attributes:
         seed: of its random numbers.
         iterations: of RRT* at most; 0: none.
         informed: whether RRT* samples only where shorter paths can pass.
         vertices: of the roadmap before its first query.
-        states: how many configurations were reached, told by the search.
-        nearest: configurations reached from the start that came nearest to a goal, told by RRT-Connect.
+        states: result: how many configurations were reached.
+        nearest: result of RRT-Connect: configurations reached from the start that came nearest to a goal.
     """
 
     walker: Walker
@@ -48,10 +47,6 @@ class Query:
     def over(self) -> bool:
         """Whether the budget is used up."""
         return self.walker.budget.over
-
-    def samples(self) -> "RandomConfigurations":
-        """Return a source of random configurations."""
-        return RandomConfigurations(self)
 
 
 class RandomConfigurations:
@@ -71,13 +66,63 @@ class RandomConfigurations:
         return np.asarray(self._rng.uniform(low, high))
 
 
+class Tree:
+    """Nodes with the points from their parents to them.
+
+    Attributes:
+        parents: index of each node's parent, -1 of a root.
+        edges: points after the parent, the node last, (k, n) each; a root's is itself.
+        costs: s from the root, where they are kept.
+    """
+
+    def __init__(self, roots: Array, units: Array) -> None:
+        self._units, self._count = units, 0
+        self._scaled = np.empty((256, roots.shape[1]))
+        self.parents: list[int] = []
+        self.edges: list[Array] = []
+        self.costs: list[float] = []
+        for q in roots:
+            self.add(-1, q[None], 0.0)
+
+    def __len__(self) -> int:
+        """Return the number of nodes."""
+        return self._count
+
+    def add(self, parent: int, points: Array, cost: float = 0.0) -> int:
+        """Add a node at the end of points (k, n) from its parent, and return its index."""
+        if self._count == len(self._scaled):
+            self._scaled = np.vstack([self._scaled, np.empty_like(self._scaled)])
+        self._scaled[self._count] = points[-1] / self._units
+        self.parents.append(parent)
+        self.edges.append(points)
+        self.costs.append(cost)
+        self._count += 1
+        return self._count - 1
+
+    def node(self, k: int) -> Array:
+        """Return the configuration (n,) of a node."""
+        return np.asarray(self.edges[k][-1])
+
+    def distances(self, q: Array) -> Array:
+        """Return the distances, s at full joint speed in the 2-norm, of all nodes from q (n,)."""
+        return np.asarray(np.linalg.norm(self._scaled[: self._count] - q / self._units, axis=1))
+
+    def path(self, k: int) -> Array:
+        """Return the points (k, n) from the root to a node."""
+        parts = []
+        while k >= 0:
+            parts.append(self.edges[k])
+            k = self.parents[k]
+        return np.vstack(parts[::-1])
+
+
 def connect(query: Query) -> Array | None:
     """Grow two trees towards each other until they meet: RRT-Connect with walked edges (CBiRRT). Returns (k, n).
 
     Trees that have not met are begun anew, in rounds of growing patience: the time that random trees take is
     heavy-tailed.
     """
-    draw, patience = query.samples(), _PATIENCE
+    draw, patience = RandomConfigurations(query), _PATIENCE
     while not query.over:
         found = _round(query, draw, patience)
         if found is not None:
@@ -129,7 +174,7 @@ def _grown(tree: Tree, walker: Walker, towards: Array) -> int | None:
 
 def star(query: Query, path: Array) -> Array:
     """Shorten a path (k, n) by RRT* from its start to its end: a tree that is rewired as it grows, edges walked."""
-    walker, draw, goal = query.walker, query.samples(), path[-1]
+    walker, draw, goal = query.walker, RandomConfigurations(query), path[-1]
     tree = Tree(query.start[None], walker.units)
     best, cost, stale = path, walker.cost(path), 0
     for _ in range(query.iterations):
@@ -147,7 +192,7 @@ def star(query: Query, path: Array) -> Array:
             continue
         found = np.vstack([tree.path(new), points])
         shorter = walker.cost(found)
-        stale = 0 if shorter < (1.0 - _GAIN) * cost else stale
+        stale = 0 if shorter < (1.0 - LEAST_GAIN) * cost else stale
         best, cost = (found, shorter) if shorter < cost else (best, cost)
     query.states.append(len(tree))
     return best
@@ -214,7 +259,7 @@ def roadmap(query: Query) -> Array | None:
     Edges are walked when a shortest way takes them (Bohlin and Kavraki, "Path planning using lazy PRM", ICRA 2000); no
     way: half as many vertices again.
     """
-    walker, draw = query.walker, query.samples()
+    walker, draw = query.walker, RandomConfigurations(query)
     vertices = [query.start, *query.goals]
     walked: dict[tuple[int, int], list[Array] | None] = {}
     wanted = query.vertices

@@ -7,14 +7,11 @@ from optiplan.libraries import loading
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.shortcutting import path_time
-from optiplan.planners.sampling.smoothing import spline_along
-from optiplan.trajectory.bspline import pieces
+from optiplan.planners.sampling.smoothing import DEGREE, SPANS, spline_along
 from optiplan.trajectory.trajectory import Trajectory
 
-_DEGREE = 5
-_SPANS = (4, 8, 16, 32, 64, 128)  # few are smooth, many follow the path closely
 _POINTS = 3  # projected for each span, so that the curve between them holds the constraints too
-_LOOKS = 4  # at the curve between two of these
+_LOOKS = 4  # samples of the curve between two of these
 _STALE, _GAIN = 25, 0.005  # shortcuts in a row that gain less than this share of the path's cost
 
 
@@ -45,18 +42,18 @@ def shortcut(walker: Walker, path: Array, draws: Array) -> Array:
 
 
 def smooth_curves(walker: Walker, waypoints: Array, names: tuple[str, ...]) -> list[Trajectory]:
-    """Return smooth curves near a path (k, n), over s, that hold the constraints where looked at and are proved free.
+    """Return smooth curves near a path (k, n), over s, that hold the constraints at samples and are proved free.
 
     A B-spline near the path (`smoothing.spline_along`) is sampled, the samples are projected onto the constraints, and
-    a spline of degree five goes through them: between samples at distance h it is off by the order of h^6, where the
-    straight segments of the path are off by h^2. The smoothest comes first; those that fail are passed over.
+    a spline of degree five goes through them. Between samples at distance h it is off by the order of h^6; the straight
+    segments of the path are off by h^2. The smoothest comes first.
     """
     along = np.concatenate([[0.0], np.cumsum(path_time(waypoints, walker.units))])
     found: list[Trajectory] = []
-    for spans in _SPANS:
+    for spans in SPANS:
         if walker.budget.over or along[-1] == 0.0 or len(found) == 2:
             break
-        curve = Trajectory(names, *spline_along(along, waypoints, spans))
+        curve = spline_along(names, along, waypoints, spans)
         held = curve if _holds(walker, curve, spans) else _projected(walker, curve, spans)
         if held is not None and first_contact(walker.check.model, held, lambda: walker.budget.over) is None:
             found.append(held)
@@ -65,7 +62,7 @@ def smooth_curves(walker: Walker, waypoints: Array, names: tuple[str, ...]) -> l
 
 def _projected(walker: Walker, curve: Trajectory, spans: int) -> Trajectory | None:
     """Return the spline through projected points of a curve; None where a point, or the spline, does not hold."""
-    s = np.linspace(0.0, curve.duration, max(_POINTS * spans, 2 * _DEGREE) + 1)
+    s = np.linspace(0.0, curve.duration, max(_POINTS * spans, 2 * DEGREE) + 1)
     points = [walker.manifold.project(q) for q in curve(s[1:-1])]
     whole = [q for q in points if q is not None]
     if len(whole) < len(points):
@@ -73,8 +70,8 @@ def _projected(walker: Walker, curve: Trajectory, spans: int) -> Trajectory | No
     with loading():
         from scipy.interpolate import make_interp_spline
 
-    spline = make_interp_spline(s, np.vstack([curve.start, *whole, curve.end]), k=_DEGREE)
-    held = Trajectory(curve.joint_names, *pieces(spline.t, spline.c, _DEGREE))
+    spline = make_interp_spline(s, np.vstack([curve.start, *whole, curve.end]), k=DEGREE)
+    held = Trajectory.from_bspline(curve.joint_names, spline.t, spline.c, DEGREE)
     return held if _holds(walker, held, len(s) - 1) else None
 
 

@@ -16,8 +16,8 @@ _PROGRESS = 0.2  # share of a step by which it must come nearer
 class Walker:
     """Paths of projected steps: every point holds the constraints with reserve, every middle of two holds them.
 
-    The straight segments between points are proved free; how far they leave the constraints is a matter of their
-    length, and the finished motion is looked at as a whole.
+    The straight segments between points are proved free. They leave the constraints by an amount that depends on their
+    length; the finished motion is checked as a whole.
     """
 
     def __init__(self, manifold: Manifold, check: MotionCheck, budget: Budget) -> None:

@@ -15,10 +15,10 @@ from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.trajectory import Trajectory
 
 _SPANS, _BUNCHING = 16, 0.4
-"""Of the spline that is the law: spans for each of its lines."""
+"""Spans of the law for each of its lines, and how much they bunch at the ends."""
 
 _SAMPLES, _TORQUES = 5, 3
-"""In each of its spans, at which limits of the joints and torques are seen; motions are scaled to exact extrema."""
+"""Samples in each of its spans for limits of the joints and for torques; motions are scaled to exact extrema."""
 
 
 class SpeedLimit(NamedTuple):
@@ -36,12 +36,12 @@ class SpeedLimit(NamedTuple):
 class LinePart:
     """A path q = p(s), s in [0, 1], with the law s = s(w), w in [0, 1] the share of its duration.
 
-    The law is a spline that never decreases, because its control points do not. Its variables are its control points
-    (K,) but those that its ends hold: s = 0 and 1, and at rest no rate and curvature either.
+    The law is a spline that never decreases, because its control points do not. Its variables are the control points
+    (K,) without the fixed ones at its ends: s is 0 and 1 there; at rest, rate and curvature are 0 as well.
 
     Attributes:
         path: p, over [0, 1].
-        terms: of its torques; what is free is known.
+        terms: of its torques; the path is known to be free.
         basis: of the law.
         free: (K,) which control points are variables.
     """
@@ -173,7 +173,7 @@ class LawCurve:
 
     @property
     def samples(self) -> Instants:
-        """Where it is looked at."""
+        """Samples at which terms are evaluated."""
         return self.part.instants
 
     @cached_property

@@ -14,12 +14,11 @@ from optiplan.planners.trajopt.terms.torques import TorqueTerm
 class MovePart:
     """A spline q = q(w) of control points (K, n), w in [0, 1] the share of its duration.
 
-    The states at its ends, which other variables of the stretch determine, bend it smoothly, as quintic polynomials
-    do; its own variables are what is added to the free control points (K - 6, n). So a change of an end is no kink
-    next to it.
+    Other variables of the stretch determine the states at its ends; these bend it smoothly, as quintic polynomials do.
+    Its own variables are added to the free control points (K - 6, n). So a change of an end makes no kink next to it.
 
     Attributes:
-        own: the optimiser of the move alone, of which come spline, samples and constraints.
+        own: the optimiser of the move alone, which provides spline, samples and constraints.
         terms: of contacts, torques and path constraints.
         ends: (2, n) configurations.
     """
@@ -31,10 +30,10 @@ class MovePart:
         torques = TorqueTerm(own.problem.robot, self.limits.torque)
         self.terms: tuple[Term, ...] = (ContactTerm(own.model, margins), torques, *own.constraint_terms.begin())
         self._shapes = self.basis.end_shapes
-        self.look_at(u)
+        self.resample(u)
 
-    def look_at(self, u: Array) -> None:
-        """See terms at shares u of the duration; every control point counts as one that moves."""
+    def resample(self, u: Array) -> None:
+        """Evaluate terms at shares u of the duration; every control point counts as one that moves."""
         at = Instants.of(self.basis, u)
         self.instants = Instants(self.basis, at.u, at.at, at.at)
         for term in self.terms:

@@ -25,12 +25,15 @@ if TYPE_CHECKING:
 
 
 class StretchProgram:
-    """Builds and solves it, as `trajopt.program.qp.Subproblem` does for one curve.
+    """The program of one step, as `trajopt.program.qp.Subproblem` is for one curve.
 
-    Variables have no unit: changes of free control points over v_j `span` tau_k, of the laws' over the path, of shares
-    over themselves, of states between moves over what limits allow; then the change of T over T, and the slacks. Rows
-    x of order r of part k, |x| <= (tau_k T)^r at (y', T'): |x' + dx dy| <= x_max (1 + r dT / T' + r dtau_k / tau_k'),
-    inside the true bound because the power is convex.
+    Variables are changes over a scale, without unit. The scale of free control points is v_j `span` tau_k, of control
+    points of laws the path, of shares and of T themselves, of states between moves their limits. The slacks follow. A
+    row x of order r of part k, |x| <= (tau_k T)^r, becomes at (y', T')
+
+        |x' + dx dy| <= x_max (1 + r dT / T' + r dtau_k / tau_k'),
+
+    which is inside the true bound because the power is convex.
     """
 
     def __init__(self, transcription: StretchTranscription) -> None:

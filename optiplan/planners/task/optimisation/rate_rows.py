@@ -1,4 +1,4 @@
-"""What the limits of the joints are to a part of a stretch."""
+"""Limits of the joints as rows of one part of a stretch."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -8,24 +8,22 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
+from optiplan.planners.common.tolerances import LIMIT_ROUNDING
 from optiplan.planners.path_constraints.motion_check import PathConstraints
-from optiplan.planners.task.chains import PlannedStep
 from optiplan.planners.task.join_steps import time_of
-from optiplan.planners.task.line_timing import line_limits
 from optiplan.planners.task.optimisation.line_part import LinePart, SpeedLimit
 from optiplan.planners.task.optimisation.move_part import MovePart
 from optiplan.planners.task.optimisation.program import StretchProgram
 from optiplan.planners.task.optimisation.transcription import Part, StretchCurve, StretchTranscription
+from optiplan.planners.task.planned_steps import PlannedMotion, Stretch
 from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
-from optiplan.planners.task.stretches import Stretch
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, moving_breakpoints
 from optiplan.planners.trajopt.nonzero_end_optimiser import with_reserve
 from optiplan.planners.trajopt.optimizer import Optimiser, around
 from optiplan.planners.trajopt.options import TrajOptOptions
-from optiplan.planners.trajopt.program.sqp import DescentOptions, optimise
+from optiplan.planners.trajopt.program.sqp import DescentOptions, PythonProgram, descend
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.cut import cut_trajectory
-from optiplan.trajectory.joining import join_trajectories
+from optiplan.trajectory.joining import cut_trajectory, join_trajectories
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.timing.path_constraints import tool_motion, tool_scale
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
@@ -33,44 +31,39 @@ from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 
 _STEPS, _ROUNDS = 40, 4
-"""Steps of a descent, at most, and times that samples are added where bodies touch between them."""
+"""Steps of a descent, and rounds in which samples are added where bodies touch between them; at most."""
 
 _SAMPLES = 200
-"""Of a motion, to which the curves to begin with are fitted."""
+"""Samples of a motion, to which the first curves are fitted."""
 
 _GAIN = 1e-3
-"""Share of the duration that must be gained: less is not worth another curve."""
+"""Share of the duration: least gain of another curve."""
 
 _ON_PATH = 1e-7
 """rad or m: how far polynomials of degree five may be off the path of a line between their knots."""
 
-_ROUNDING = 1e-9
-"""rad or m: beyond the position limits."""
-
-_ALONG, _STILL = 50, 1e-9
-"""Places of a line at which the speed of the tool along it is seen; m or rad: less than this is none."""
+_ALONG, _NO_TWIST = 50, 1e-9
+"""Places of a line at which the tool's speed is limited; m or rad per unit of the path: a smaller twist is none."""
 
 _KEPT, _AROUND = 0.01, 0.03
-"""Shares of a path on which a limit of the tool's speed still holds beyond the part for which it is, and doubles."""
+"""Shares of a path beyond a part with a limit of the tool's speed: the limit still holds, and doubles."""
 
-_APART = 1e-6
-"""Share of its duration by which knots of a line are apart at least."""
+_LEAST_SPAN = 1e-6
+"""Share of its duration: least distance of two knots of a line."""
 
 _KNOTS = 9
-"""Times that the pieces of a line are halved for that, at most."""
+"""Times that the pieces of a line are halved for `_ON_PATH`, at most."""
 
 
 def optimised(stretches: Sequence[Stretch], options: TrajOptOptions, budget: Budget) -> list[Stretch]:
-    """Return stretches that may be one as one, where that is quicker; else as they are."""
-    done = [one for stretch in stretches for one in stretch.done]
-    runs = smooth_runs(done)
+    """Return the stretches optimised as one, where that is quicker; else unchanged."""
+    runs = smooth_runs([one for stretch in stretches for one in stretch.steps])
     if len(runs) == 1:
         return list(stretches)
     steps: list[Trajectory] = []
     for stretch in stretches:
-        assert isinstance(stretch.motion, Trajectory)
         steps += [cut_trajectory(stretch.motion, a, b) for a, b in pairwise((0.0, *stretch.ends))]
-    counts = np.cumsum([0, *(len(run.done) for run in runs)]).tolist()
+    counts = np.cumsum([0, *(len(run.steps) for run in runs)]).tolist()
     curves = [join_trajectories(steps[a:b]) for a, b in pairwise(counts)]
     found = StretchOptimiser(runs, curves, options).run(budget)
     return list(stretches) if found is None else [found]
@@ -92,17 +85,17 @@ class StretchOptimiser:
         last = len(curves) - 1
         for k, (run, curve) in enumerate(zip(runs, curves, strict=True)):
             rests = k == 0, k == last
-            self.parts.append(_line(run, rests) if run.is_line else self._move(run.done[0], curve, rests))
+            self.parts.append(_line(run, rests) if run.is_line else self._move(run.steps[0], curve, rests))
         self.made = StretchTranscription(self.parts)
 
     def run(self, budget: Budget) -> Stretch | None:
         """Return the stretch in less time, free and within all limits; None where nothing is gained."""
         y = self._begin()
-        program = StretchProgram(self.made)
+        program = PythonProgram(StretchProgram(self.made))
         for _ in range(_ROUNDS):
-            y = optimise(program, y, DescentOptions(_STEPS, lambda: budget.over))[0].control
+            y = descend(program, y, DescentOptions(_STEPS, lambda: budget.over)).control
             found = self._timed(y)
-            if found is None or found.ends[-1] > (1.0 - _GAIN) * self.duration:
+            if found is None or found.duration > (1.0 - _GAIN) * self.duration:
                 return None
             if not self._touches(y, budget):
                 return None if self._broken(found) else found
@@ -110,10 +103,9 @@ class StretchOptimiser:
                 break
         return None
 
-    def _move(self, done: PlannedStep, curve: Trajectory, rests: tuple[bool, bool]) -> MovePart:
-        assert done.stage is not None
+    def _move(self, move: PlannedMotion, curve: Trajectory, rests: tuple[bool, bool]) -> MovePart:
         basis = SplineBasis(moving_breakpoints(self.options.spans, self.options.bunching, rests))
-        own = Optimiser(with_reserve(done.stage.problem), done.stage.model, self.options, basis=basis)
+        own = Optimiser(with_reserve(move.stage.problem), move.stage.model, self.options, basis=basis)
         u = np.linspace(0.0, 1.0, _SAMPLES)
         control = own.basis.fit(u, curve(u * curve.duration))
         return MovePart(own, np.array([curve.start, curve.end]), own.instants(control))
@@ -139,28 +131,27 @@ class StretchOptimiser:
 
     def _timed(self, y: Array) -> Stretch | None:
         """Return the stretch at the least duration within all limits, exactly; None where gravity is too much."""
-        first = self.runs[0].done[0].stage
-        assert first is not None
-        robot, limits = first.problem.robot, first.problem.limits
+        first = self.runs[0].steps[0].stage.problem
+        robot, limits = first.robot, first.limits
         curve = self.made.curve(y, self.made.shortest_duration(y))
         motions = [self._motion(curve, k) for k in range(len(self.parts))]
         edges = np.concatenate([[0.0], np.cumsum([motion.duration for motion in motions])])
         whole = join_trajectories(motions)
         ends = self._ends(curve, edges)
-        done = tuple(one for run in self.runs for one in run.done)
+        steps = tuple(one for run in self.runs for one in run.steps)
         slower = 0.0
-        for one, begin, end in zip(done, (0.0, *ends), ends, strict=False):
+        for one, begin, end in zip(steps, (0.0, *ends), ends, strict=False):
             if one.is_line:
-                slower = max(slower, tool_scale(robot, line_limits(one), cut_trajectory(whole, begin, end)))
+                slower = max(slower, tool_scale(robot, one.tool_limits, cut_trajectory(whole, begin, end)))
         low, high = whole.extrema(0)
-        if (low < limits.lower - _ROUNDING).any() or (high > limits.upper + _ROUNDING).any():
+        if (low < limits.lower - LIMIT_ROUNDING).any() or (high > limits.upper + LIMIT_ROUNDING).any():
             return None
         fitted = scale_to_limits(whole, limits, slower)
         scale = torque_scale(robot, limits.torque, fitted)
         if not np.isfinite(scale):
             return None
         fitted = fitted.scaled(fitted.duration * scale)
-        return Stretch(done, fitted, tuple(fitted.duration / whole.duration * end for end in ends))
+        return Stretch(steps, fitted, tuple(fitted.duration / whole.duration * end for end in ends))
 
     def _ends(self, curve: StretchCurve, edges: Array) -> list[float]:
         """Return when each step ends, s: inside of a run where its law passes the edge."""
@@ -194,16 +185,14 @@ class StretchOptimiser:
                 if touches:
                     u = part.instants.u
                     more = (around(u, touch.t / curve.seconds(k)) for touch in touches)
-                    part.look_at(np.concatenate([u, *more]))
+                    part.resample(np.concatenate([u, *more]))
                     found = True
         return found
 
     def _broken(self, stretch: Stretch) -> bool:
         """Whether a step violates one of its path constraints."""
-        assert isinstance(stretch.motion, Trajectory)
-        for done, begin, end in zip(stretch.done, (0.0, *stretch.ends), stretch.ends, strict=False):
-            assert done.stage is not None
-            kept = PathConstraints(done.stage.problem)
+        for step, begin, end in zip(stretch.steps, (0.0, *stretch.ends), stretch.ends, strict=False):
+            kept = PathConstraints(step.stage.problem)
             if kept.all and list(kept.broken(cut_trajectory(stretch.motion, begin, end))):
                 return True
         return False
@@ -211,23 +200,22 @@ class StretchOptimiser:
 
 def _line(run: SmoothRun, rests: tuple[bool, bool]) -> LinePart:
     """Return the part of a line."""
-    stage = run.done[0].stage
-    assert stage is not None
-    robot, path = stage.problem.robot, run.curve.scaled(1.0)
-    return LinePart(path, robot, with_reserve(stage.problem).limits, rests, _slow(robot, path, run), len(run.done))
+    problem, path = run.steps[0].stage.problem, run.curve.scaled(1.0)
+    slow = _slow(problem.robot, path, run)
+    return LinePart(path, problem.robot, with_reserve(problem).limits, rests, slow, len(run.steps))
 
 
 def _slow(robot: Robot, path: Trajectory, run: SmoothRun) -> SpeedLimit | None:
     """Return the limits of the tool's speed along a path (over [0, 1]); None without any.
 
-    Beyond a part that is limited its limit rises linearly, so that the program knows what comes.
+    Beyond a limited part the limit rises linearly, so that the program sees it in advance.
     """
-    s = np.unique(np.concatenate([np.linspace(0.0, 1.0, _ALONG * len(run.done)), run.edges]))
+    s = np.unique(np.concatenate([np.linspace(0.0, 1.0, _ALONG * len(run.steps)), run.edges]))
     rate = np.full(len(s), np.inf)
     for begin, end, limits in run.slow_parts():
         inside = np.clip(s, begin, end)
         twist, _ = tool_motion(robot, limits.frame, [path(inside, order) for order in range(3)])
-        ways = np.maximum(np.linalg.norm(twist.reshape(-1, 2, 3), axis=2), _STILL)
+        ways = np.maximum(np.linalg.norm(twist.reshape(-1, 2, 3), axis=2), _NO_TWIST)
         own = np.minimum(limits.linear / ways[:, 0], limits.angular / ways[:, 1])
         rate = np.minimum(rate, own * (1.0 + np.maximum(np.abs(s - inside) - _KEPT, 0.0) / _AROUND))
     return SpeedLimit(s, rate) if np.isfinite(rate).all() else None
@@ -241,7 +229,7 @@ def along(path: Trajectory, law: Trajectory) -> Trajectory:
     """
     crossed = np.interp(path.breakpoints[1:-1], *_rising(law))
     t = np.unique(np.concatenate([law.breakpoints, crossed[(crossed > 0.0) & (crossed < law.duration)]]))
-    t = t[np.concatenate([[True], np.diff(t) > _APART * law.duration])]
+    t = t[np.concatenate([[True], np.diff(t) > _LEAST_SPAN * law.duration])]
     t[-1] = law.duration
     for _ in range(_KNOTS):
         states, h = np.swapaxes(_states(path, law, t), 0, 1), np.diff(t)

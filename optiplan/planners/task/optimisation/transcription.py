@@ -1,4 +1,4 @@
-"""The program of a stretch: what is free between two stops, and the terms of all parts as functions of it."""
+"""The program of a stretch: the variables between two stops, and the terms of all parts as functions of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ from optiplan.planners.trajopt.terms.term import Cost, SoftRows, Term
 Part = MovePart | LinePart
 
 _NEAR, _RESERVE = 0.1, 1e-5
-"""s at full speed: from a position limit within which control points have a row, and what is kept of it."""
+"""s at full speed: distance from a position limit within which a control point has a row, and its reserve."""
 
 
 class StretchTranscription:
     """Variables y (Y,) and the duration T of a stretch that begins and ends at rest, as the descent sees them.
 
-    y has the shares tau_k of the duration, of sum 1, then the variables of each part, then dq/dsigma and
-    d²q/dsigma² (n,) each where two moves meet, sigma = t / T. All parts but for T are shapes in sigma: a stretch run
-    more slowly as a whole keeps its shape, so that the least T within the limits of all joints is known for every y.
-    Where a line and a move meet, the law of the line determines the state of both; where two moves meet, the
+    y has the shares tau_k of the duration, of sum 1, and the variables of each part. Where two moves meet, it also has
+    dq/dsigma and d²q/dsigma², (n,) each, sigma = t / T. Apart from T all parts are shapes in sigma. A stretch that is
+    slowed down as a whole keeps its shape, so that the least T within the limits of all joints is known for every y.
+    Where a line and a move meet, the law of the line determines the state of both. Where two moves meet, the
     configuration is given.
 
     Attributes:
@@ -100,7 +100,7 @@ class StretchCurve:
 
     @cached_property
     def rates(self) -> list[RateRows]:
-        """What the limits of the joints are to each part, without gradients of moves."""
+        """Limits of the joints as rows of each part, without gradients of moves."""
         return [
             part.rates(self.controls[k]) if isinstance(part, MovePart) else part.rates(self._own(k))
             for k, part in enumerate(self.made.parts)
@@ -130,7 +130,7 @@ class StretchCurve:
         return found
 
     def rate_rows(self, k: int) -> RateRows:
-        """Return what the limits of the joints are to a part, with gradients by its `columns`."""
+        """Return the limits of the joints as rows of a part, with gradients by its `columns`."""
         part = self.made.parts[k]
         if isinstance(part, MovePart):
             own = self.made.local[k][self.made.places[k]]

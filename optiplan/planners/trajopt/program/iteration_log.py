@@ -1,7 +1,7 @@
-"""What a descent did in each of its iterations, and why it ended."""
+"""The log of a descent: its iterations, and why it ended."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -11,26 +11,23 @@ Ending = Literal[
     "converged", "trust region", "penetration", "too slow", "step limit", "stopped", "contact between samples"
 ]
 
-ENDINGS: tuple[Ending, ...] = get_args(Ending)
-"""In the order of the native core."""
-
 COLUMNS = ("duration", "merit", "violation", "radius", "accepted")
 
 _DIGITS = 5
-"""Of what is kept in a run's record."""
+"""Significant digits in a run's record."""
 
 
 class IterationLog(NamedTuple):
     """The iterations of one descent, or of several one after the other.
 
     Attributes:
-        rows: (m, 5): of the curve that an iteration begins at the duration, s, the merit, s, and the clearance
-            violation summed over the samples, m; the trust region, as a share of what joints can travel; and 1 where
-            the step was accepted, 0.5 where it was with a second one from its end, 0 where it was undone.
-        ended: why: the last steps gained little (`converged`), no step was accepted down to the least trust region,
-            a violation of clearance that was large or no longer fell (`penetration`), a curve far longer than the best
-            (`too slow`), the option `iterations` (`step limit`), the budget (`stopped`), or bodies that met between the
-            samples of a curve that was free at them.
+        rows: (m, 5), one row per iteration. Of its first curve: the duration, s, the merit, s, and the clearance
+            violation summed over the samples, m. Then the trust region, as a share of the joints' travel. Then 1 for an
+            accepted step, 0.5 for a step repaired by a second one, 0 for a refused step.
+        ended: why. `converged`: the last steps gained little. `trust region`: no step was accepted down to the least
+            one. `penetration`: the clearance violation was large or no longer fell. `too slow`: the curve was far
+            longer than the best. `step limit`: the option `iterations`. `stopped`: the budget. `contact between
+            samples`: a curve that was free at its samples.
     """
 
     rows: Array

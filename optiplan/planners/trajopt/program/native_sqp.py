@@ -1,14 +1,12 @@
-"""The descent of a curve in the native core: contacts, torques, programs and the loop around them in one call."""
+"""The descent of a curve in the native core: contacts, torques and programs."""
 
 import numpy as np
 
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel
-from optiplan.planners.trajopt.program import sqp
-from optiplan.planners.trajopt.program.iteration_log import ENDINGS, IterationLog
 from optiplan.planners.trajopt.program.native_step import GAP, native_spline
-from optiplan.planners.trajopt.program.sqp import Descended, DescentOptions
+from optiplan.planners.trajopt.program.sqp import Descended, DescentOptions, descend
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE, CONTACT_PENALTY, CUTOFF
 from optiplan.planners.trajopt.terms.torques import TORQUE_PENALTY
@@ -16,7 +14,7 @@ from optiplan.robot.native_tree import native_tree
 
 
 class NativeSqp:
-    """Descends as `sqp.Sqp` does, in the native core.
+    """Descends as `sqp.Sqp` does, with rows and steps of the native core.
 
     Contacts come from the core's world where the collision model has one, else from the model itself.
     """
@@ -40,16 +38,8 @@ class NativeSqp:
         self._sqp.set_samples(samples.u, *samples.at)
 
     def optimise(self, control: Array, options: DescentOptions) -> Descended:
-        """Descend from control points (K, n); see `sqp.optimise`."""
-        control, duration, _, missing, nearest, steps, rows, ended = self._sqp.optimise(
-            np.ascontiguousarray(control),
-            options.iterations,
-            options.stop,
-            options.best,
-            options.longest,
-            options.go_on,
-        )
-        return Descended(control, duration, missing, nearest, steps, IterationLog(rows, ENDINGS[ended]))
+        """Descend from control points (K, n); see `sqp.descend`."""
+        return descend(self._sqp, np.ascontiguousarray(control), options)
 
 
 def _settings() -> dict[str, float]:
@@ -57,13 +47,5 @@ def _settings() -> dict[str, float]:
         "contact_penalty": CONTACT_PENALTY,
         "torque_penalty": TORQUE_PENALTY,
         "centimetre": CENTIMETRE,
-        "first_radius": sqp.FIRST_RADIUS,
-        "least_radius": sqp.LEAST_RADIUS,
-        "shrink": sqp.SHRINK,
-        "stuck": sqp.STUCK,
-        "stalled": sqp.STALLED,
-        "halved": sqp.HALVED,
-        "slow": sqp.SLOW,
-        "worse": sqp.WORSE,
         "gap": GAP,
     }

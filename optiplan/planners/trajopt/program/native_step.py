@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 GAP = 3e-3
-"""How far from the best a step may end, as a share of its duration, on the central path of the interior point method.
+"""Duality gap at which the interior point method ends a step, as a share of the duration.
 
-Of the many steps that are nearly the best, the central one keeps away from all rows that do not matter yet: on twelve
-Panda problems the motions are 0.1 % from the bound's best with 1e-3 or 1e-4, and 0.4 % longer with 1e-6. With 3e-3 they
-are as short as with 1e-3, in a tenth less time.
+Among nearly optimal steps, the central one stays away from inactive rows. On twelve Panda problems the motions are
+within 0.1 % of the best with 1e-3 or 1e-4, and 0.4 % longer with 1e-6. With 3e-3 they are as short as with 1e-3, in a
+tenth less time.
 """
 
 
@@ -39,8 +39,8 @@ class StepSolver(Protocol):
 class NativeSubproblem:
     """The same program as `qp.Subproblem`, with all bounds on derivatives from the start.
 
-    The core's interior point method works on its structure: a band, for every row depends on a few neighbouring control
-    points, with the duration as border and the slacks eliminated (`_core/src/program/arrow_qp.hpp`).
+    The core's interior point method uses the structure: every row depends on a few neighbouring control points, so the
+    matrix is a band with the duration as border. The slacks are eliminated (`_core/src/program/arrow_qp.hpp`).
     """
 
     def __init__(self, transcription: Transcription, gap: float = GAP) -> None:
@@ -66,7 +66,7 @@ class NativeSubproblem:
         return None if found is None else Step(*found[:3])
 
     def _costs(self, control: Array, duration: float) -> tuple[Array, float, Array, float] | None:
-        """Return the derivatives of costs that the core does not know; None without any."""
+        """Return the derivatives of the costs outside the core; None without any."""
         made = self.transcription
         if not made.further:
             return None

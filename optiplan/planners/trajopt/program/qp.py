@@ -18,18 +18,18 @@ REGULARISATION = 5e-3
 """Cost of the squared change of each control point, in the program's own variables: it makes it strictly convex."""
 
 NEAR = 0.2
-"""Derivative rows below this share of their limit are left out until a solution exceeds them."""
+"""Share of their limit below which derivative rows are omitted until a solution exceeds them."""
 
 EXCEEDED = 0.01
-"""Share of a limit by which a row that was left out may be exceeded: the step's duration is computed afresh anyway."""
+"""Relative excess allowed in an omitted row: the duration of the step is computed anew anyway."""
 
 ROUNDS = 8
-"""Times that a program is solved again with rows that its solution exceeded."""
+"""Largest number of solutions of a program, each with the rows exceeded by the last one."""
 
 TOLERANCES: dict[str, dict[str, Any]] = {
     "piqp": {"eps_abs": 1e-5, "eps_rel": 1e-5, "eps_duality_gap_abs": 1e-5, "eps_duality_gap_rel": 1e-5}
 }
-"""Settings of solvers whose defaults are finer than a step of this method needs."""
+"""Settings of solvers whose defaults are more accurate than a step needs."""
 
 
 class Penalty(NamedTuple):
@@ -53,7 +53,7 @@ class Step(NamedTuple):
 
 
 class _Objective(NamedTuple):
-    """1/2 x' `quadratic` x + `linear`' x, of which `hessian`, and `twice` by T, are shared with the merit."""
+    """1/2 x' `quadratic` x + `linear`' x; the merit shares `hessian` and its second derivative `twice` by T."""
 
     quadratic: "sp.csc_matrix"
     linear: Array
@@ -69,14 +69,14 @@ class _Objective(NamedTuple):
 
 
 class Subproblem:
-    """Build and solve the program; data that depend only on the spline and the limits are built once.
+    """Build and solve the program; data of the spline and the limits alone are built once.
 
-    Variables have no unit, whatever the robot: changes of the free control points over v_j `span` (joint speed times a
-    time typical of the motion), control point by control point so that neighbours in time are neighbours in the
-    program; the change of T over T; and a slack for every sample with soft rows, in the rows' unit. Rows of the
-    derivative control points at the current (C', T'), for order r = 1, 2, 3 and limit b:
-    +-D_r C <= b (T'^r + r T'^(r-1) (T - T')), inside the true bound because T^r is convex, each divided by b T'^r.
-    The objective is the merit over T'.
+    Variables have no unit. They are the changes of the free control points over v_j `span` (joint speed times a time
+    typical of the motion), the change of T over T, and a slack for every sample with soft rows, in the rows' unit.
+    Control points come one after another, so that neighbours in time are neighbours in the program. The rows of the
+    derivative control points at the current (C', T'), for order r = 1, 2, 3 and limit b, are
+    +-D_r C <= b (T'^r + r T'^(r-1) (T - T')), each divided by b T'^r. They lie inside the true bound because T^r is
+    convex. The objective is the merit over T'.
     """
 
     def __init__(self, transcription: Transcription, solver: str) -> None:

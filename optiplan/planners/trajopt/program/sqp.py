@@ -1,9 +1,9 @@
 """Sequential quadratic programming with an l1 exact penalty, a trust region and a watchdog."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.program.iteration_log import Ending, IterationLog
@@ -21,37 +21,39 @@ MAX_VIOLATION = 0.05
 """Clearance violation summed over the samples, m, above which a curve is given up."""
 
 STUCK = 0.01
-"""Clearance violation, m, likewise, above which a curve whose violation no longer decreases is given up."""
+"""Clearance violation summed over the samples, m, above which a curve without progress is given up."""
 
 STALLED, HALVED = 5, 0.5
-"""Steps within which the clearance violation of a stuck curve must fall to this share."""
+"""Number of steps within which the clearance violation of a stuck curve must fall to this share."""
 
 SETTLED = 2
-"""Accepted steps in a row that gain little, after which a descent ends: one alone may be an unlucky step."""
+"""Number of accepted steps in a row with little gain after which a descent ends: one alone may be bad luck."""
 
 ACCEPTED, REPAIRED, REFUSED = 1.0, 0.5, 0.0
-"""In the log: a step, one with a second one from its end, one that was undone."""
+"""Values in the log: an accepted step, one repaired by a second step, a refused one."""
 
 SLOW, WORSE = 30, 1.5
-"""Steps after which a curve's merit must be within this factor of the best motion known."""
+"""Number of steps after which a curve's merit must be within this factor of the best motion."""
 
 GROWN = 2.0
-"""Times its first duration that a curve may take then: those that wind around things seldom become good."""
+"""Multiple of its first duration beyond which a curve is given up then: curves that wind around bodies stay long."""
 
 
 GoOn = Callable[[Array, float], bool]
-"""(control (K, n), duration) of the first curve of a descent on which all rows hold, where they did not on the initial
-one -> whether to descend from it; asked once."""
+"""(control (K, n), duration) of the first curve that holds all rows -> whether to descend from it.
+
+Called once, and only if the initial curve violates a row.
+"""
 
 
 @dataclass(frozen=True)
 class DescentOptions:
-    """What ends a descent that has not converged.
+    """Limits that end a descent before it converges.
 
     Attributes:
         iterations: most steps.
-        stop: asked before every step.
-        best: cost of the best motion known, s: a curve that after 30 steps costs more than 1.5 times that is given up.
+        stop: called before every step.
+        best: cost of the best motion, s; after 30 steps, a curve with more than 1.5 times this cost is given up.
         longest: s; a curve that takes longer after 30 steps is given up.
         go_on: may end it at the first curve on which all rows hold.
     """
@@ -64,7 +66,7 @@ class DescentOptions:
 
 
 class Discretised(Protocol):
-    """What a descent asks of a transcription; shape and curves are its own: of one move, or of several parts."""
+    """A transcription that can be descended: of one move, or of several parts, with curves of its own type."""
 
     @property
     def terms(self) -> tuple[Any, ...]:
@@ -89,7 +91,7 @@ class Stepper(Protocol):
 
     @property
     def transcription(self) -> Discretised:
-        """Return what it is the program of."""
+        """Return the transcription."""
 
     def solve(
         self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
@@ -97,8 +99,64 @@ class Stepper(Protocol):
         """Return one step from (control, duration); None when the solver fails."""
 
 
+class Merit(Protocol):
+    """A curve of a descent with its merit; `Point` is the implementation in Python."""
+
+    @property
+    def control(self) -> Array:
+        """Return the variables."""
+
+    @property
+    def duration(self) -> float:
+        """Return the duration, s."""
+
+    @property
+    def merit(self) -> float:
+        """Return the cost plus penalties, s."""
+
+    @property
+    def missing(self) -> float:
+        """Return the clearance violation summed over the samples, m."""
+
+    @property
+    def nearest(self) -> float:
+        """Return the least clearance beyond its margin, m."""
+
+    @property
+    def feasible(self) -> bool:
+        """Return whether the violations are negligible."""
+
+
+class Promise(Protocol):
+    """A proposed step."""
+
+    @property
+    def promise(self) -> float:
+        """Return the decrease of the merit predicted by the model, s."""
+
+
+PointT = TypeVar("PointT", bound=Merit)
+StepT = TypeVar("StepT", bound=Promise)
+
+
+class DescentProgram(Protocol[PointT, StepT]):
+    """Curves and steps of a descent, in Python (`PythonProgram`) or in the native core (`core.Sqp`)."""
+
+    def begin(self, control: Array) -> PointT:
+        """Return the curve of control points (K, n) at its least duration."""
+
+    def step(self, point: PointT, radius: float) -> StepT | None:
+        """Return the step from a curve inside a trust region; None when the solver fails."""
+
+    def follow(self, point: PointT, step: StepT) -> PointT:
+        """Return the curve at the end of a step."""
+
+    def watch(self, point: PointT, trial: PointT) -> None:
+        """Give a curve the rows that a rejected step from it showed to matter."""
+
+
 class Descended(NamedTuple):
-    """Where a descent ended.
+    """Result of a descent.
 
     Attributes:
         control: (K, n), rad or m.
@@ -124,11 +182,11 @@ class Descender(Protocol):
         """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
 
     def optimise(self, control: Array, options: DescentOptions) -> Descended:
-        """Descend from control points (K, n); see the function `optimise`."""
+        """Descend from control points (K, n); see `descend`."""
 
 
 class Sqp:
-    """Descends with one solver of programs: the reference."""
+    """Descends with one solver of programs, without the native core's rows."""
 
     def __init__(self, subproblem: StepSolver) -> None:
         self.subproblem = subproblem
@@ -138,12 +196,40 @@ class Sqp:
         self.subproblem.transcription.set_samples(u)
 
     def optimise(self, control: Array, options: DescentOptions) -> Descended:
-        """Descend from control points (K, n); see the function `optimise`."""
-        point, steps, log = optimise(self.subproblem, control, options)
-        return Descended(point.control, point.duration, point.missing, point.nearest, steps, log)
+        """Descend from control points (K, n); see `descend`."""
+        return descend(PythonProgram(self.subproblem), control, options)
 
 
-@dataclass(frozen=True, eq=False)
+class PythonProgram:
+    """The program of a descent, with rows and merits computed in Python."""
+
+    def __init__(self, subproblem: Stepper) -> None:
+        self.subproblem = subproblem
+
+    def begin(self, control: Array) -> "Point":
+        """Return the curve of control points (K, n) at its least duration."""
+        return evaluate(self.subproblem.transcription, control, 0.0)
+
+    def step(self, point: "Point", radius: float) -> Step | None:
+        """Return the step from a curve inside a trust region; None when the solver fails."""
+        return self.subproblem.solve(point.control, point.duration, point.soft, radius, point.span)
+
+    def follow(self, point: "Point", step: Step) -> "Point":
+        """Return the curve at the end of a step: where nothing else asks for time, at its least duration."""
+        made = self.subproblem.transcription
+        timed = any(rows.by_duration.any() for rows in point.rows) or any(cost.timed for cost in made.costs)
+        return evaluate(made, step.control, step.duration if timed else 0.0, point.span)
+
+    def watch(self, point: "Point", trial: "Point") -> None:
+        """Give a curve the rows that a rejected step from it showed to matter."""
+        new = [term.watch(rows) for term, rows in zip(point.terms, trial.rows, strict=True)]
+        if any(new):
+            curve = self.subproblem.transcription.curve(point.control, point.duration)
+            fresh = zip(point.terms, point.rows, new, strict=True)
+            point.rows = tuple(term.rows(curve) if again else rows for term, rows, again in fresh)
+
+
+@dataclass(eq=False)
 class Point:
     """A curve with its linearised inequalities and its merit: its cost plus penalties.
 
@@ -201,20 +287,19 @@ def evaluate(transcription: Discretised, control: Array, duration: float, span: 
     return Point(control, duration, terms, rows, merit, span)
 
 
-def optimise(  # noqa: C901
-    subproblem: Stepper, control: Array, options: DescentOptions
-) -> tuple[Point, int, IterationLog]:
-    """Descend from control points (K, n) until two steps in a row gain less than 0.2 %; return point, steps and log.
+def descend(  # noqa: C901
+    program: DescentProgram[PointT, StepT], control: Array, options: DescentOptions
+) -> Descended:
+    """Descend from control points (K, n) until two steps in a row gain less than 0.2 %.
 
     A step is accepted when the merit falls by a tenth of the decrease predicted by the model; the trust region doubles
-    where it fell by more than 70 %. A rejected step is followed by a second one from its end (the watchdog of
-    Chamberlain et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the
-    second step often repairs it. Where it does not, both are undone and the trust region shrinks to 35 %. A curve
-    whose clearance violation has hardly decreased in several steps is given up; what else ends it is in the options.
+    where it fell by more than 70 %. A second step follows from the end of a rejected one (the watchdog of Chamberlain
+    et al., Mathematical Programming Study 16, 1982): curved constraints make good steps look bad, and the second step
+    often repairs them. Otherwise both are undone and the trust region shrinks to 35 %. A curve is given up if its
+    clearance violation hardly decreases in several steps; the options name what else ends a descent.
     """
     iterations, stop = options.iterations, options.stop
-    transcription = subproblem.transcription
-    point, taken, settled, radius = evaluate(transcription, control, 0.0), 0, 0, FIRST_RADIUS
+    point, taken, settled, radius = program.begin(control), 0, 0, FIRST_RADIUS
     missing: list[float] = []
     log: list[tuple[float, ...]] = []
     ended: Ending | None = None
@@ -224,8 +309,8 @@ def optimise(  # noqa: C901
             ended = "too slow"
             break
         missing.append(point.missing)
-        before = point.duration, point.merit, point.missing, radius
-        step = subproblem.solve(point.control, point.duration, point.soft, radius, point.span)
+        before = point.duration, point.merit, missing[-1], radius
+        step = program.step(point, radius)
         taken += 1
         if step is None:
             log.append((*before, REFUSED))
@@ -234,15 +319,15 @@ def optimise(  # noqa: C901
         if step.promise < 2e-4 * point.duration:
             ended = "converged"
             break
-        trial, accepted = _follow(transcription, point, step), ACCEPTED
+        trial, accepted = program.follow(point, step), ACCEPTED
         if point.merit - trial.merit <= 0.1 * step.promise and not stop():
-            trial, accepted = _second(subproblem, trial, radius), REPAIRED
+            trial, accepted = _second(program, trial, radius), REPAIRED
             taken += 1
         gain = point.merit - trial.merit
         log.append((*before, accepted if gain > 0.1 * step.promise else REFUSED))
         if gain <= 0.1 * step.promise:
             radius *= SHRINK
-            point = _watching(transcription, point, trial)
+            program.watch(point, trial)
             continue
         good = gain > 0.7 * step.promise
         held_back = good and radius < FIRST_RADIUS  # by a trust region that is about to grow
@@ -260,7 +345,7 @@ def optimise(  # noqa: C901
             ask = None
     if ended is None:
         ended = _ending(taken >= iterations, radius < LEAST_RADIUS, _stalled(missing))
-    return point, taken, IterationLog.of(log, ended)
+    return Descended(point.control, point.duration, point.missing, point.nearest, taken, IterationLog.of(log, ended))
 
 
 def _ending(all_steps: bool, small: bool, stalled: bool) -> Ending:
@@ -273,25 +358,8 @@ def _stalled(missing: list[float]) -> bool:
     return len(missing) > STALLED and missing[-1] > max(STUCK, HALVED * missing[-1 - STALLED])
 
 
-def _second(subproblem: Stepper, trial: Point, radius: float) -> Point:
+def _second(program: DescentProgram[PointT, StepT], trial: PointT, radius: float) -> PointT:
     """Return the better of a trial point and the point one step from it."""
-    step = subproblem.solve(trial.control, trial.duration, trial.soft, radius, trial.span)
-    again = trial if step is None else _follow(subproblem.transcription, trial, step)
+    step = program.step(trial, radius)
+    again = trial if step is None else program.follow(trial, step)
     return again if again.merit < trial.merit else trial
-
-
-def _watching(transcription: Discretised, point: Point, trial: Point) -> Point:
-    """Return the point with the rows that a rejected trial point showed to matter."""
-    new = [term.watch(rows) for term, rows in zip(point.terms, trial.rows, strict=True)]
-    if not any(new):
-        return point
-    curve = transcription.curve(point.control, point.duration)
-    fresh = zip(point.terms, point.rows, new, strict=True)
-    return replace(point, rows=tuple(term.rows(curve) if again else rows for term, rows, again in fresh))
-
-
-def _follow(transcription: Discretised, point: Point, step: Step) -> Point:
-    # Where nothing else asks for time, the derivative control points alone determine the least T.
-    timed = any(rows.by_duration.any() for rows in point.rows) or any(cost.timed for cost in transcription.costs)
-    duration = step.duration if timed else 0.0
-    return evaluate(transcription, step.control, duration, point.span)

@@ -8,7 +8,8 @@ from optiplan.arrays import Array, Index
 from optiplan.collision.contacts import Contacts
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.path_constraints.clearance import PairsApart
-from optiplan.planners.trajopt.terms.term import Curve, Instants, SoftRows, within
+from optiplan.planners.path_constraints.inequality import KEPT
+from optiplan.planners.trajopt.terms.term import Curve, Instants, SoftRows, Term, within
 
 CUTOFF = 0.04
 """Pairs nearer than this, m, get a row in the quadratic program."""
@@ -18,20 +19,17 @@ CONTACT_PENALTY = 0.5
 
 CENTIMETRE = 0.01
 
-_KEPT = 0.6
-"""Share of a pair's clearance at an end that is aimed at near this end, where the pair is nearer than the margin."""
-
 
 @dataclass(frozen=True, eq=False)
 class Margins:
     """Desired clearance along the curve (soft), for each pair at most what its ends allow.
 
-    For a pair nearer than the margin at one end, the margin rises linearly to the clearance at the other end; for one
-    near at both ends it stays as small.
+    For a pair nearer than the margin at one end, the margin rises linearly to the clearance at the other end. For a
+    pair near at both ends it stays small.
 
     Attributes:
         middle: m, of pairs that are far apart at both ends.
-        start: (P,) clearance of each pair at the start, m, as far as it is known: at least `CUTOFF` beyond that.
+        start: (P,) clearance of each pair at the start, m, at most `CUTOFF`.
         end: (P,) the same at the end.
     """
 
@@ -50,10 +48,10 @@ class Margins:
     def at(self, u: Array, pairs: Index) -> Array:
         """Return margins (K,), m, of pairs (K,) at fractions u (K,) of the duration."""
         ends = (1.0 - u) * self.start[pairs] + u * self.end[pairs]
-        return np.minimum(self.middle, _KEPT * ends)
+        return np.minimum(self.middle, KEPT * ends)
 
 
-class ContactTerm:
+class ContactTerm(Term):
     """Rows d + grad d . (B dC) - margin, from coal's witness points, exact shapes.
 
     Holds at: samples; contacts between them are found by continuous collision checking, which adds samples.
@@ -81,13 +79,9 @@ class ContactTerm:
         value = found.distance - self.margins.at(self._u[found.rows], found.pairs)
         return found.rows, value, self.model.gradients(Q, found)
 
-    def watch(self, rows: SoftRows) -> bool:
-        """Return False: all near pairs have rows."""
-        return False
-
 
 class TimedContactTerm(ContactTerm):
-    """The same rows among obstacles that move: at sample u they are where they are at the time u T.
+    """The same rows among dynamic obstacles: at sample u they are at their places at the time u T.
 
     With w the velocity of the obstacles' joints, d(distance)/dT = grad d . w u at fixed control points.
     """
@@ -102,11 +96,11 @@ class TimedContactTerm(ContactTerm):
 
 
 CLEARANCE_RESERVE = 1e-3
-"""m kept of a clearance that is asked for, for what happens between samples."""
+"""Reserve of a required clearance for the motion between samples, m."""
 
 
-class NamedClearanceTerm:
-    """Rows d - at_least of a few pairs that are asked to stay apart. Holds at: samples."""
+class NamedClearanceTerm(Term):
+    """Rows d - at_least of a few pairs with a required clearance. Holds at: samples."""
 
     name = "clearance"
     price, unit, negligible, decides = CONTACT_PENALTY, CENTIMETRE, CLEARANCE_RESERVE, False
@@ -120,7 +114,7 @@ class NamedClearanceTerm:
         self._inside = np.flatnonzero(within(samples.u, self.wanted.during))
 
     def rows(self, curve: Curve) -> SoftRows:
-        """Return the rows of the pairs nearer than the cutoff beyond the clearance asked for."""
+        """Return the rows of the pairs nearer than the cutoff beyond the required clearance."""
         least = self.wanted.at_least
         Q = curve.samples.at[0][self._inside] @ curve.control
         found = _pushed_one_way(self.model.near(Q, least + CUTOFF))
@@ -130,16 +124,12 @@ class NamedClearanceTerm:
         by_control = curve.samples.spread(gradient, sample)
         return SoftRows(sample[order], value[order], by_control[order], np.zeros(len(order)))
 
-    def watch(self, rows: SoftRows) -> bool:
-        """Return False: all near pairs have rows."""
-        return False
-
 
 def _pushed_one_way(contacts: Contacts) -> Contacts:
     """Give a pair that penetrates at consecutive samples the mean of its normals at all of them.
 
-    In deep penetration the nearest way out changes sides from sample to sample, and pushing a
-    curve both ways at once leaves it in place. Where bodies are apart the normals are unchanged.
+    In deep penetration the nearest way out changes sides from sample to sample, and a curve pushed both ways stays in
+    place. Where bodies are apart, the normals are unchanged.
     """
     inside = np.flatnonzero(contacts.distance < 0.0)
     inside = inside[np.lexsort((contacts.rows[inside], contacts.pairs[inside]))]

@@ -1,14 +1,15 @@
-"""The end of a motion as a term: anywhere in a pose goal or a region, which is optimised with the rest."""
+"""The end of a motion as a term: free in a pose goal or a region."""
+
+from collections.abc import Callable
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
-from optiplan.kinematics.ik.numeric import pose_error
-from optiplan.planners.path_constraints.goals import goal_inequalities
+from optiplan.planners.path_constraints.goals import goal_inequalities, in_goal
 from optiplan.planners.path_constraints.inequality import CompiledInequality
 from optiplan.planners.trajopt.bspline_basis import FIXED
-from optiplan.planners.trajopt.terms.expression import PRICE, ExpressionTerm
+from optiplan.planners.trajopt.terms.path_constraints import PRICE, ExpressionTerm
 from optiplan.problem.goals_and_vias import PoseGoal
 from optiplan.problem.problem import Problem
 from optiplan.problem.regions.region import RegionGoal
@@ -25,7 +26,7 @@ class FreeEnd:
 
     Attributes:
         goal: the pose with its tolerances, or the region.
-        terms: that keep the end in it.
+        terms: keep the end in it.
     """
 
     def __init__(self, problem: Problem, goal: PoseGoal | RegionGoal) -> None:
@@ -33,27 +34,32 @@ class FreeEnd:
         self.terms = tuple(ExpressionTerm(CompiledInequality(problem.robot, one)) for one in goal_inequalities(goal))
         for term in self.terms:
             term.price = _FIRM * PRICE
-        self._sampler = RegionSampler(problem.robot, goal) if isinstance(goal, RegionGoal) else None
-        oriented = goal.oriented if isinstance(goal, RegionGoal) else goal.orientation < np.pi
-        self._descent = Descent(problem.robot, goal.frame, oriented)
+        self._descent = _descent(problem, goal)
+        self._project = _projection(problem, goal)
 
     def holds(self, q: Array) -> bool:
         """Return whether a configuration (n,) is in the goal."""
-        X_WF = self._descent.place(q)
-        if isinstance(self.goal, RegionGoal):
-            return self.goal.contains(X_WF)
-        position, angle = pose_error(X_WF, self.goal.X_WG)
-        return bool(position <= self.goal.position and angle <= self.goal.orientation)
+        return in_goal(self.goal, self._descent.place(q))
 
     def landed(self, control: Array) -> Array:
-        """Return control points (K, n) whose end is in the goal: that nearest to it, where it is a little off."""
+        """Return control points (K, n) with their end in the goal; an end slightly off is projected."""
         if self.holds(control[-1]):
             return control
         result = control.copy()
-        if self._sampler is not None or isinstance(self.goal, RegionGoal):
-            assert self._sampler is not None
-            result[-FIXED:] = self._sampler.onto(control[-1])[0]
-            return result
-        self._descent.aim(self.goal.X_WG)
-        result[-FIXED:] = self._descent.descend(control[-1], _ITERATIONS)
+        result[-FIXED:] = self._project(control[-1])
         return result
+
+
+def _descent(problem: Problem, goal: PoseGoal | RegionGoal) -> Descent:
+    oriented = goal.oriented if isinstance(goal, RegionGoal) else goal.orientation < np.pi
+    return Descent(problem.robot, goal.frame, oriented)
+
+
+def _projection(problem: Problem, goal: PoseGoal | RegionGoal) -> Callable[[Array], Array]:
+    """Return the function from a configuration (n,) to a near one in a goal."""
+    if isinstance(goal, RegionGoal):
+        sampler = RegionSampler(problem.robot, goal)
+        return lambda q: sampler.onto(q)[0]
+    descent = _descent(problem, goal)
+    descent.aim(goal.X_WG)
+    return lambda q: descent.descend(q, _ITERATIONS)

@@ -16,7 +16,7 @@ from optiplan.problem.objectives.parts import CLEAR, SINGULAR, of_obstacles
 from optiplan.problem.problem import Problem
 
 _STILL = 1e-2
-"""rad/s or m/s: below this speed the length of a path is rounded off, for it has no derivative where nothing moves."""
+"""Speed, rad/s or m/s, below which path length is smoothed: it has no derivative at rest."""
 
 Residuals = Callable[[Curve], tuple[Array, tuple[Array, Array, Array]]]
 """r (N, m) at the samples of a curve, and their derivatives (N, m, n) by q, v and a."""

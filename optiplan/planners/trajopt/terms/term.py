@@ -1,4 +1,4 @@
-"""The seam of the optimiser: what a soft constraint (`Term`) and a cost (`Cost`) tell it about a curve."""
+"""The interface of the optimiser to soft constraints (`Term`) and costs (`Cost`) of a curve."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -50,7 +50,7 @@ class Instants:
 
 
 _SLACK = 1e-9
-"""Of fractions of the duration: a sample at the end of an interval is in it."""
+"""Tolerance of fractions of the duration: a sample at the end of an interval is in it."""
 
 
 def within(u: Array, during: tuple[float, float]) -> Mask:
@@ -65,7 +65,7 @@ class Curve:
     Attributes:
         control: (K, n) control points, rad or m.
         duration: s.
-        samples: where it is looked at.
+        samples: instants of evaluation.
     """
 
     control: Array
@@ -161,13 +161,17 @@ class Term(Protocol):
     decides: bool
 
     def begin(self, samples: Instants) -> None:
-        """Forget what was learnt at other samples."""
+        """Prepare for new samples."""
 
     def rows(self, curve: Curve) -> SoftRows:
         """Return the rows that a step may violate, with exact derivatives."""
 
     def watch(self, rows: SoftRows) -> bool:
-        """Add what a rejected step violated in `rows` to all further rows; return whether any of it is new."""
+        """Add the violations of a rejected step, in `rows`, to all further rows; return whether one is new.
+
+        A term without omitted rows has none.
+        """
+        return False
 
 
 class CostModel(NamedTuple):
@@ -177,7 +181,7 @@ class CostModel(NamedTuple):
         value: s, weighted.
         gradient: (M n,).
         by_duration: derivative with respect to T.
-        band: (M, REACH, n) second derivatives, those that couple joint j of control points i and i + d at (i, d, j).
+        band: (M, REACH, n) second derivatives; (i, d, j) couples joint j of control points i and i + d.
         twice_by_duration: second derivative with respect to T.
     """
 

@@ -7,7 +7,7 @@ const OptiPlanAttempts = (() => {
     converged: "the last steps gained little",
     "trust region": "no step was accepted, however short",
     penetration: "the violation was large or no longer fell",
-    "too slow": "it stayed far longer than the best motion, or than it began",
+    "too slow": "it stayed much longer than the best motion, or than at its start",
     "step limit": "it took all steps that the option iterations allows",
     stopped: "the budget was over",
     "contact between samples": "bodies met between its samples",

@@ -56,7 +56,7 @@ const OptiPlanLayers = (() => {
     if (data.runs.some((run) => run.clearance)) layers.add("rod", "Nearest points", true, (on) => { scene.layers.rod.visible = on; scene.rod.show(scene.rod.moment); scene.dirty(false); }, "rod between the nearest two bodies");
     if (data.runs.some((run) => run.path)) layers.add("trail", "Pose trail", wish.has("trail"), (on) => { scene.showTrail(on); scene.dirty(); }, "the robot at six instants");
     layers.add("frames", "Frames", wish.has("frames"), layer("frames"), "axes of the world and of the tool: x red, y green, z blue");
-    if (scene.layers.ellipsoids.children.length) layers.add("ellipsoids", "Ellipsoids", wish.has("ellipsoids"), layer("ellipsoids"), "Of the tool: how fast it moves (green) and how hard it pushes (red) for the same effort of all joints, in each direction");
+    if (scene.layers.ellipsoids.children.length) layers.add("ellipsoids", "Ellipsoids", wish.has("ellipsoids"), layer("ellipsoids"), "Velocity (green) and force (red) of the tool in each direction, for the same effort of all joints");
     if (data.runs.some((run) => run.witnesses.length)) layers.add("witness", "Where it failed", true, (on) => { scene.layers.witness.visible = on; for (const failure of scene.failures) failure.show(on && failure.wanted); scene.dirty(false); });
   }
 

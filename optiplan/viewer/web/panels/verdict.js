@@ -5,8 +5,8 @@ const OptiPlanVerdict = (() => {
   const KINDS = {
     exact: "holds at all times, from the exact extrema of the motion's polynomials, or from data",
     continuous: "proved for all times, by halving intervals of time",
-    sampled: "holds at the instants looked at",
-    unchecked: "there is nothing to hold it against",
+    sampled: "holds at the checked instants",
+    unchecked: "there is no limit to compare with",
   };
   const BADGES = { verified: "good", executed: "good", "not checked": "open" };
   // The curve on which a check is seen.

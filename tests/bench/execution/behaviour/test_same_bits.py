@@ -21,7 +21,7 @@ BOXES = [
     [([0.101, 0.143, 0.11], [0.726, 0.281, 0.15], 0.311), ([0.174, 0.073, 0.188], [0.282, -0.753, 0.15], 0)],
 ]
 """Of three problems, size, position and turn about z of boxes in the way: some along the axes, which decides how
-coal rounds boxes where nobody has asked it before (`geometry/coal_priming.py`)."""
+coal rounds boxes where nobody has asked it before (`geometry/coal_queries.py`)."""
 PLANNERS = ["quintic", "rrtconnect", "prm"]
 
 

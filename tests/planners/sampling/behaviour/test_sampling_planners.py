@@ -26,7 +26,6 @@ from optiplan.planners.sampling.smoothing import smooth_path, spline_along
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import derived
 from optiplan.runs.pipeline import run
-from optiplan.trajectory.trajectory import Trajectory
 from tests.planners import cases
 from tests.planners.polyline import polyline_contact
 
@@ -284,7 +283,7 @@ def test_smooth_path_is_free_keeps_its_ends_and_straight_lines():
     assert curve.end == pytest.approx(path.waypoints[-1], abs=1e-12)
     assert first_contact(model, curve) is None
     straight = np.array([cases.READY, 0.5 * (cases.READY + cases.LEFT), cases.LEFT])
-    line = Trajectory(problem.robot.joint_names, *spline_along(np.array([0.0, 0.5, 1.0]), straight, 8))
+    line = spline_along(problem.robot.joint_names, np.array([0.0, 0.5, 1.0]), straight, 8)
     s = np.linspace(0.0, 1.0, 50)
     assert line(s) == pytest.approx(cases.READY + s[:, None] * (cases.LEFT - cases.READY), abs=1e-12)
 

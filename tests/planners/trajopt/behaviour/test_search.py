@@ -14,7 +14,7 @@ from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt import attempts, optimizer, path_search, planner, stopping_rule
 from optiplan.planners.trajopt.coarse_descents import GuessPath
-from optiplan.planners.trajopt.optimizer import Optimiser
+from optiplan.planners.trajopt.optimizer import AttemptOptions, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.problem.load import load_problem
@@ -204,7 +204,7 @@ def test_a_straight_line_that_leads_to_nothing_is_given_up_and_says_what_it_took
 def test_lines_wait_for_a_search_that_fails_once_one_has_led_to_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing comes of any curve: with a path there is no second line; without one there is, with all its time."""
     seen: list[bool] = []
-    monkeypatch.setattr(Optimiser, "run", lambda self, *given, patient, first, late: seen.append(patient))
+    monkeypatch.setattr(Optimiser, "run", lambda self, control, budget, options: seen.append(options.patient))
     problem, quiet = cases.wall(), lambda stage, fraction: None
     seeds = [
         entry["seed"] for entry in TrajOpt(TrajOptOptions(seeds=2)).plan(problem, Budget(5.0), quiet).info["attempts"]
@@ -229,8 +229,10 @@ def test_the_first_free_curve_is_a_candidate_before_it_is_short() -> None:
     assert verify(problem, first).verified
     found: list[float] = []
     run = planner._Run(problem, Budget(5.0), lambda stage, fraction: None, TrajOptOptions())
-    line = run._along(np.array([problem.start, problem.goal[0].q]))
-    attempt = run.optimiser.run(line, Budget(5.0), first=lambda one: found.append(one.trajectory.duration))
+    line = run.optimiser.along(np.array([problem.start, problem.goal[0].q]))
+    attempt = run.optimiser.run(
+        line, Budget(5.0), AttemptOptions(first=lambda one: found.append(one.trajectory.duration))
+    )
     assert attempt.free
     assert len(found) == 1
     assert found[0] >= attempt.trajectory.duration
@@ -243,7 +245,7 @@ def test_a_path_on_an_optimised_curve_is_optimised_again_only_where_shortcuts_he
     problem = cases.free()
     run = planner._Run(problem, Budget(5.0), lambda stage, fraction: None, TrajOptOptions())
     ends = np.array([problem.start, problem.goal[0].q])
-    attempt = run.optimiser.run(run._along(ends), Budget(5.0))
+    attempt = run.optimiser.run(run.optimiser.along(ends), Budget(5.0))
     cost = float(path_time(ends, problem.limits.velocity).sum())
     run.repaired = attempt, cost
     run._sampled(GuessPath(SampledPath(ends, 0, shorter * cost, {})))
@@ -257,7 +259,7 @@ def test_a_path_that_takes_far_longer_than_the_best_motion_is_left() -> None:
     problem = cases.free()
     run = planner._Run(problem, Budget(5.0), lambda stage, fraction: None, TrajOptOptions())
     ends = np.array([problem.start, problem.goal[0].q])
-    run.attempts.attempt("straight", run._along(ends), run.budget)
+    run.attempts.attempt("straight", run.optimiser.along(ends), run.budget)
     run._sampled(GuessPath(SampledPath(ends, 0, 2.0 * run.incumbent.cost, {})))
     assert {attempt["seed"] for attempt in run.info["attempts"]} <= {"straight", "close"}
     assert run.patience.in_vain == 1
@@ -268,7 +270,7 @@ def test_the_first_curve_waits_for_another_attempt_before_it_is_refined() -> Non
     problem = cases.wall()
     run = planner._Run(problem, Budget(20.0), lambda stage, fraction: None, TrajOptOptions())
     ends = np.array([problem.start, problem.goal[0].q])
-    first = run.attempts.optimised("straight", run._along(ends), run.budget)
+    first = run.attempts.optimised("straight", run.optimiser.along(ends), run.budget)
     assert first is not None
     run.incumbent.bounded(0.5 * first.trajectory.duration)
     run.attempts.keep(first)
@@ -289,7 +291,7 @@ def test_a_better_curve_than_another_one_is_refined_at_once() -> None:
     problem = cases.wall()
     run = planner._Run(problem, Budget(20.0), lambda stage, fraction: None, TrajOptOptions())
     ends = np.array([problem.start, problem.goal[0].q])
-    first = run.optimiser.run(run._along(ends), run.budget)
+    first = run.optimiser.run(run.optimiser.along(ends), run.budget)
     assert first is not None
     run.incumbent.bounded(0.5 * first.trajectory.duration)
     slower = replace(first, trajectory=first.trajectory.scaled(1.5 * first.trajectory.duration))

@@ -11,7 +11,7 @@ from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpo
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.program import qp, sqp
 from optiplan.planners.trajopt.program.qp import Penalty, Step, Subproblem
-from optiplan.planners.trajopt.program.sqp import DescentOptions, optimise
+from optiplan.planners.trajopt.program.sqp import DescentOptions, PythonProgram, descend
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
 from optiplan.planners.trajopt.terms.term import CostModel, SoftRows
@@ -123,11 +123,13 @@ def test_hopeless_curves_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     made = Transcription(problem, model, basis, Margins.between(model, line[[0, -1]], 0.005))
     made.set_samples(np.linspace(0.0, 1.0, 66)[1:-1])
     monkeypatch.setattr(sqp, "STALLED", 3)
-    point, few, log = optimise(Subproblem(made, "piqp"), line, DescentOptions(120, lambda: False))
-    assert point.missing > sqp.MAX_VIOLATION
-    assert log.ended == "penetration"
+    found = descend(PythonProgram(Subproblem(made, "piqp")), line, DescentOptions(120, lambda: False))
+    assert found.missing > sqp.MAX_VIOLATION
+    assert found.log.ended == "penetration"
     monkeypatch.setattr(sqp, "_stalled", lambda missing: False)
-    assert few < optimise(Subproblem(made, "piqp"), line, DescentOptions(120, lambda: False))[1]
+    assert (
+        found.steps < descend(PythonProgram(Subproblem(made, "piqp")), line, DescentOptions(120, lambda: False)).steps
+    )
 
 
 def test_curves_that_wind_themselves_around_things_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,10 +141,13 @@ def test_curves_that_wind_themselves_around_things_are_given_up(monkeypatch: pyt
     made = Transcription(problem, model, basis, Margins.between(model, line[[0, -1]], 0.005))
     made.set_samples(np.linspace(0.0, 1.0, 66)[1:-1])
     monkeypatch.setattr(sqp, "SLOW", 2)
-    _, steps, log = optimise(Subproblem(made, "piqp"), line, DescentOptions(8, lambda: False, longest=0.1))
-    assert steps in (2, 3)
-    assert log.ended == "too slow"
-    assert optimise(Subproblem(made, "piqp"), line, DescentOptions(8, lambda: False, longest=100.0))[1] > 3
+    found = descend(PythonProgram(Subproblem(made, "piqp")), line, DescentOptions(8, lambda: False, longest=0.1))
+    assert found.steps in (2, 3)
+    assert found.log.ended == "too slow"
+    assert (
+        descend(PythonProgram(Subproblem(made, "piqp")), line, DescentOptions(8, lambda: False, longest=100.0)).steps
+        > 3
+    )
 
 
 @pytest.mark.parametrize("radius", [0.1, 0.003])

@@ -12,7 +12,7 @@ from optiplan.geometry.scene import Box, Obstacle, Scene, Sphere
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.program.qp import Subproblem
-from optiplan.planners.trajopt.program.sqp import DescentOptions, evaluate, optimise
+from optiplan.planners.trajopt.program.sqp import DescentOptions, PythonProgram, descend, evaluate
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CUTOFF, Margins, _pushed_one_way
 from optiplan.planners.trajopt.terms.term import CostModel, SoftRows
@@ -165,22 +165,24 @@ def test_a_small_step_keeps_its_promise(transcription: Transcription, control: n
 
 
 def test_optimise_reaches_a_curve_without_violation(transcription: Transcription, control: np.ndarray) -> None:
-    point, steps, log = optimise(Subproblem(transcription, "piqp"), control, DescentOptions(60, lambda: False))
-    assert 0 < steps <= 60
-    assert log.ended == "converged"
+    found = descend(PythonProgram(Subproblem(transcription, "piqp")), control, DescentOptions(60, lambda: False))
+    assert 0 < found.steps <= 60
+    assert found.log.ended == "converged"
+    first = evaluate(transcription, control, 0.0)
+    point = evaluate(transcription, found.control, found.duration, first.span)
     assert point.missing < 1e-3
     assert point.rows[1].violation() < 0.02
-    assert point.merit < evaluate(transcription, control, 0.0).merit
+    assert point.merit < first.merit
     limits = transcription.limits
     assert (point.control >= limits.lower - 1e-9).all()
     assert (point.control <= limits.upper + 1e-9).all()
 
 
 def test_optimise_stops_when_told(transcription: Transcription, control: np.ndarray) -> None:
-    point, steps, log = optimise(Subproblem(transcription, "piqp"), control, DescentOptions(60, lambda: True))
-    assert steps == 0
-    assert log.ended == "stopped"
-    np.testing.assert_array_equal(point.control, control)
+    found = descend(PythonProgram(Subproblem(transcription, "piqp")), control, DescentOptions(60, lambda: True))
+    assert found.steps == 0
+    assert found.log.ended == "stopped"
+    np.testing.assert_array_equal(found.control, control)
 
 
 def test_one_pair_inside_at_consecutive_samples_is_pushed_one_way() -> None:

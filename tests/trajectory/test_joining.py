@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.trajectory.cut import cut_trajectory
+from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 

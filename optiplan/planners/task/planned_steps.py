@@ -1,0 +1,110 @@
+"""Steps of a task that are planned: events, motions, and motions of several steps in one go."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from optiplan.planners.task.blends import Corner
+from optiplan.planners.task.stages import Stage, WorldState
+from optiplan.problem.constraints.motions import ToolSpeed
+from optiplan.problem.task.steps import StraightLine, TaskStep
+from optiplan.trajectory.timing.path_constraints import ToolLimits
+from optiplan.trajectory.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedStep:
+    """A step that can be done; on its own an event or a dwell, in which no joint moves.
+
+    Attributes:
+        step: the step.
+        before: state in which it begins.
+        after: state in which it ends.
+    """
+
+    step: TaskStep
+    before: WorldState
+    after: WorldState
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedMotion(PlannedStep):
+    """A step in which joints move.
+
+    Attributes:
+        stage: of the joints that move.
+        curve: their motion over time; of a line, their path over s from 0 to 1.
+        corner: rounded corner at the end of a line: the line ends, and the next one begins, in its middle.
+    """
+
+    stage: Stage
+    curve: Trajectory
+    corner: Corner | None = None
+
+    @property
+    def is_line(self) -> bool:
+        """Whether `curve` is the path of a line."""
+        return isinstance(self.step.action, StraightLine)
+
+    @cached_property
+    def tool_limits(self) -> ToolLimits | None:
+        """Limits of the tool along a line: its own speed, and constraints of speed on the same frame."""
+        action = self.step.action
+        if not isinstance(action, StraightLine):
+            return None
+        linear, angular = action.speed, np.inf
+        for one in self.stage.problem.path_constraints:
+            if isinstance(one, ToolSpeed) and one.frame == action.frame:
+                linear, angular = min(linear, one.linear), min(angular, one.angular)
+        return ToolLimits(action.frame, linear, angular) if np.isfinite(min(linear, angular)) else None
+
+
+@dataclass(frozen=True, eq=False)
+class Pause:
+    """A step in which no joint moves, and how long it takes, s."""
+
+    step: PlannedStep
+    duration: float
+
+    @property
+    def steps(self) -> tuple[PlannedStep]:
+        """The step, as of a stretch."""
+        return (self.step,)
+
+    @property
+    def ends(self) -> tuple[float]:
+        """When the step ends, as of a stretch."""
+        return (self.duration,)
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Steps that are one motion of the same joints, from rest to rest.
+
+    Attributes:
+        steps: the steps.
+        motion: of the joints of their stage.
+        ends: when each of the steps ends, s from the beginning.
+    """
+
+    steps: tuple[PlannedMotion, ...]
+    motion: Trajectory
+    ends: tuple[float, ...]
+
+    @classmethod
+    def of(cls, step: PlannedMotion, motion: Trajectory) -> "Stretch":
+        """Return a step alone."""
+        return cls((step,), motion, (motion.duration,))
+
+    @property
+    def duration(self) -> float:
+        """Duration of the motion, s."""
+        return self.ends[-1]
+
+
+TaskPart = Stretch | Pause
+"""A part of a task's motion that begins and ends at rest."""
+
+Group = list[Stretch] | Pause
+"""Stretches between which the arm need not stop, or a pause."""
