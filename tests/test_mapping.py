@@ -1,4 +1,4 @@
-"""Where tests are: `optiplan/a/b.py` is tested by `tests/a/test_b.py`, what modules do together by `tests/a/behaviour/`."""
+"""Where tests are: `tests/a/test_b.py` tests `optiplan/a/b.py`; `tests/a/behaviour/` what modules do together."""
 
 from pathlib import Path
 

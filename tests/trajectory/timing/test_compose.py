@@ -7,7 +7,7 @@ from optiplan.trajectory.polynomial import shifted
 from optiplan.trajectory.timing.compose import compose
 from optiplan.trajectory.timing.s_curve import s_curve
 from optiplan.trajectory.trajectory import Trajectory
-from tests.trajectory.paths import PATHS
+from tests.trajectory.sample_paths import PATHS
 
 
 def law_over(length, bounds=(1.3, 4.0, 30.0)):

@@ -22,7 +22,7 @@ from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
 from tests.planners import cases
-from tests.trajectory.paths import CORNERS, NAMES, PATHS, limits_of, straight
+from tests.trajectory.sample_paths import CORNERS, NAMES, PATHS, limits_of, straight
 
 WEIGHTLESS = None  # the robot is asked only for torques and tools, and only where they are limited
 METHODS = ("toppra", "jerk", "uniform")
