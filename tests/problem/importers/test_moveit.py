@@ -15,7 +15,7 @@ QUARTER = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]  # a quarter turn about z
 
 @pytest.fixture(scope="module")
 def robot(request):
-    return load_robot(str(request.path.parent / "arm" / "robot.yaml"))
+    return load_robot(str(request.path.parents[1] / "arm" / "robot.yaml"))
 
 
 def joint_goal(**values):
