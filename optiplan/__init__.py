@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
     from optiplan.api.workspaces import workspace
+    from optiplan.control.control_problem import ControlProblem
     from optiplan.control.controller import Controller
     from optiplan.control.limits.clearance import ClearanceLimit
     from optiplan.control.limits.half_space import HalfSpaceLimit
@@ -95,6 +96,7 @@ _ROOMS = {
     "control.limits.torque": ("TorqueLimit",),
     "control.limits.wheel_speed": ("WheelSpeedLimit",),
     "trajectory.state": ("State",),
+    "control.control_problem": ("ControlProblem",),
     "control.step": ("ControlStep",),
     "control.tasks.frame_tasks": ("OrientationTask", "PoseTask", "PositionTask"),
     "control.tasks.joint_tasks": ("BaseMotionTask", "DampingTask", "JointCouplingTask", "PostureTask"),
@@ -144,6 +146,7 @@ __all__ = [
     "Check",
     "ClearanceLimit",
     "Client",
+    "ControlProblem",
     "ControlStep",
     "Controller",
     "Cylinder",

@@ -3,12 +3,14 @@
 import math
 import time
 from collections.abc import Iterable, Sequence
+from copy import copy
 from typing import Literal, get_args
 
 import numpy as np
 
 from optiplan.arrays import Array, is_finite
 from optiplan.control.configuration import Configuration
+from optiplan.control.control_problem import ControlProblem
 from optiplan.control.defaults import LONGEST_STEP, ORDER, default_limits
 from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.joint_box import JointBox
@@ -17,7 +19,7 @@ from optiplan.control.limits.stop_limits import StopLimit
 from optiplan.control.objective import BASE_DAMPING, TaskObjective, singular_values
 from optiplan.control.qp.program import Program
 from optiplan.control.qp.qp_sequence import QpSequence
-from optiplan.control.qp.solvers import DEFAULT, QpSolver, make_solver
+from optiplan.control.qp.solvers import DEFAULT, ProxQp, QpSolver, make_solver
 from optiplan.control.row_stack import RowStack
 from optiplan.control.step import ControlStep
 from optiplan.control.step_report import StepOutcome, StepReporter
@@ -143,19 +145,16 @@ class Controller:
             InputError: a state of another size or with NaN, a dt that is not > 0.
         """
         begin = time.perf_counter()
-        self._check(state, dt)
+        self._check(state, dt, "Controller.step")
         if dt > self._longest:
             return self._braking(
                 state, dt, begin, f"the step of {dt:g} s is longer than {self._longest:g} s, as stated"
             )
         c = self._configuration
         c.update(state.q, state.v)
-        self._box.update(state, dt)
-        brake = self._box.brake(state, dt)
-        outcome = StepOutcome(state, dt, brake)
+        outcome = self._linearise(c, state, dt)
+        brake = outcome.brake
         self._programs.solve_seconds = 0.0
-        groups = self._guard.rows(c, state, dt, self.time)
-        self._rows.collect(c, state, dt, groups)
         x = self._solve(c, state, dt, outcome)
         if x is not None and not self._accept(x, outcome):
             x = self._way_out(outcome)
@@ -168,6 +167,75 @@ class Controller:
         outcome.solve_seconds = self._programs.solve_seconds
         return self._report.step(outcome, self._guard.nearest, begin)
 
+    def build(self, state: State, dt: float) -> ControlProblem:
+        """Return the quadratic program that `step` would solve, with a name for every row; nothing is commanded.
+
+        The controller stays as it is: a later step gives the same answer as without the call. Of tasks with several
+        priorities it is the program of the last one, whose equations keep what those before it reach. Its solution is
+        the velocity `step` commands, unless the robot could not stop clear from there.
+
+        Args:
+            state: of the robot now.
+            dt: s, at most `longest_step`.
+
+        Raises:
+            InputError: a state of another size or with NaN, a dt that is not > 0 or longer than `longest_step`.
+
+        Example:
+            >>> import optiplan as op
+            >>> robot = op.load_robot("panda")
+            >>> controller = op.Controller(robot, [op.PostureTask("ready")])
+            >>> problem = controller.build(op.State(robot.configurations["ready"]), 0.002)
+            >>> problem.task_names[0], problem.upper_limits[0]
+            ('posture: panda_joint1', 'jerk')
+        """
+        self._check(state, dt, "Controller.build")
+        if dt > self._longest:
+            expected = f"at most longest_step = {self._longest:g} s; a longer step brakes"
+            raise wrong_argument("Controller.build", "dt", f"{dt:g} s", expected)
+        preview = copy(self)  # with copies of everything that remembers earlier steps
+        preview._guard, preview._programs = self._guard.copy(), QpSequence(ProxQp(), guess=True)
+        preview._objectives = [objective.copy() for objective in self._objectives]
+        c = self.configuration(state)
+        outcome = preview._linearise(c, state, dt)
+        preview._solve(c, state, dt, outcome)
+        return preview._problem(outcome)
+
+    def _problem(self, outcome: StepOutcome) -> ControlProblem:
+        """Return the last program of a step with copies of its arrays."""
+        program, level, names = outcome.program, outcome.level, self.robot.joint_names
+        assert program is not None
+        tasks = [objective.row_names(names) for objective in self._objectives]
+        J, rates = self._objectives[level].weighted
+        lower_limits, upper_limits = self._box.owners()
+        return ControlProblem(
+            P=program.H,
+            q=program.g,
+            J=J.copy(),
+            rates=rates.copy(),
+            task_names=tasks[level],
+            C=program.C.copy(),
+            low=program.low.copy(),
+            high=program.high.copy(),
+            row_names=self._rows.names,
+            lower=program.box[0].copy(),
+            upper=program.box[1].copy(),
+            joint_names=tuple(names),
+            lower_limits=lower_limits,
+            upper_limits=upper_limits,
+            A=program.A.copy(),
+            b=program.b.copy(),
+            equation_names=tuple(name for above in tasks[:level] for name in above),
+            slack=dict(outcome.slack),
+        )
+
+    def _linearise(self, c: Configuration, state: State, dt: float) -> StepOutcome:
+        """Set bounds and rows of a step from a state, at which `c` is; return its empty outcome."""
+        self._box.update(state, dt)
+        brake = self._box.brake(state, dt)
+        self._rows.collect(c, state, dt, self._guard.rows(c, state, dt, self.time))
+        return StepOutcome(state, dt, brake)
+
     def stop(self, state: State, dt: float) -> ControlStep:
         """Brake for the next dt seconds, whatever the tasks: as quickly as acceleration and jerk limits let the joints.
 
@@ -175,7 +243,7 @@ class Controller:
             InputError: a state of another size or with NaN, a dt that is not > 0.
         """
         begin = time.perf_counter()
-        self._check(state, dt)
+        self._check(state, dt, "Controller.stop")
         return self._braking(state, dt, begin, "as asked")
 
     def _braking(self, state: State, dt: float, begin: float, why: str) -> ControlStep:
@@ -208,6 +276,7 @@ class Controller:
                     groups = rows.by_importance()
                     program, witness, outcome.slack = self._programs.relaxed(program, groups, witness)
                     low, high = program.low, program.high
+            outcome.program, outcome.level = program, level
             found = self._programs.find(program, witness, level)
             if found is None:
                 return x
@@ -279,16 +348,16 @@ class Controller:
         q = state.q + (0.5 * dt) * (state.v + x) if self._by_acceleration else state.q + dt * x
         return State.of(q, x, a)
 
-    def _check(self, state: State, dt: float) -> None:
+    def _check(self, state: State, dt: float, function: str) -> None:
         if not isinstance(state, State):
-            raise wrong_argument("Controller.step", "state", described(state), "an op.State")
+            raise wrong_argument(function, "state", described(state), "an op.State")
         if not is_finite(dt) or dt <= 0.0:
-            raise wrong_argument("Controller.step", "dt", described(dt), "a finite number of seconds > 0")
+            raise wrong_argument(function, "dt", described(dt), "a finite number of seconds > 0")
         if state.n != self.robot.n:
             found = f"{state.n} joints"
-            raise wrong_argument("Controller.step", "state.q", found, f"{self.robot.n}, those of {self.robot.name}")
+            raise wrong_argument(function, "state.q", found, f"{self.robot.n}, those of {self.robot.name}")
         if not math.isfinite(state.q @ state.q + state.v @ state.v + state.a @ state.a):
-            raise wrong_argument("Controller.step", *_not_finite(state), "finite numbers")
+            raise wrong_argument(function, *_not_finite(state), "finite numbers")
 
 
 def _not_finite(state: State) -> tuple[str, str]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -73,6 +74,16 @@ class TaskObjective:
         self._main = np.flatnonzero(cost >= MAIN * cost.max(initial=0.0))
         self._ridge = np.arange(n) * (n + 1)
         self._forwards: list[Array | None] = [None] * len(self.tasks)
+
+    def copy(self) -> "TaskObjective":
+        """Return an objective that starts from the same history and leaves this one, and its tasks, as they are."""
+        other = copy(self)
+        other.tasks, other._forwards = tuple(copy(task) for task in self.tasks), list(self._forwards)
+        return other
+
+    def row_names(self, joints: Sequence[str]) -> tuple[str, ...]:
+        """Return a name for each row of `Demand.A`, (k,)."""
+        return tuple(name for task in self.tasks for name in task.row_names(joints))
 
     def demand(self, c: Configuration, state: State, dt: float) -> Demand:
         """What the tasks ask for at a configuration; the arrays are overwritten by the next call."""
@@ -185,6 +196,11 @@ class TaskObjective:
         v = state.v
         steady = steadiness * (v + (dt * math.exp(-dt / PERSISTENCE)) * state.a)
         return H, demand.A.T @ -demand.b - steady - (weight * self._late(dt)) * v
+
+    @property
+    def weighted(self) -> tuple[Array, Array]:
+        """The weighted Jacobian (k, n) and rates (k,) of the last demand."""
+        return self._A, self._b
 
     def rows_of(self, index: int) -> Array:
         """Weighted Jacobian of one task, in what `demand` left."""

@@ -48,6 +48,11 @@ class RowStack:
             first = last
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Return the limit of each row and what the row is about, (m,)."""
+        return tuple(f"{group.name}: {label}" for group, rows in self._parts for label in rows.labels)
+
+    @property
     def any(self) -> bool:
         """Whether there are rows in this step."""
         return bool(self._parts)

@@ -9,6 +9,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.objective import Demand
+from optiplan.control.qp.program import Program
 from optiplan.control.row_stack import RowStack
 from optiplan.control.step import ControlStep, NearestPair, Status
 from optiplan.robot.robot import Robot
@@ -33,6 +34,8 @@ class StepOutcome:
     x: Array | None = None
     how: str = ""
     demand: Demand | None = None
+    program: Program | None = None
+    level: int = 0
     manipulability: float | None = None
     slack: Mapping[str, float] = field(default_factory=dict)
     share: float = 1.0

@@ -1,6 +1,7 @@
 """`StoppingGuard`: accepts a command only if the robot can stop from it, clear of everything."""
 
 from collections.abc import Container, Iterator, Sequence
+from copy import copy
 
 import numpy as np
 
@@ -47,6 +48,12 @@ class StoppingGuard:
         self._spare = make_braking_path(robot)
         self._braked: State | None = None
         self._ahead: dict[StopLimit, Array] = {}
+
+    def copy(self) -> "StoppingGuard":
+        """Return a guard that starts from the same history; what its `rows` learn leaves this one as it is."""
+        other = copy(self)
+        other._least = [least.copy() for least in self._least]
+        return other
 
     def rows(self, c: Configuration, state: State, dt: float, t: float) -> list[tuple[str, LimitRows]]:
         """Rows of all limits for a step from a state, at which `c` is, at time t, s."""

@@ -179,11 +179,23 @@ class JointBox:
         found = []
         for end, bound, side in (("upper", self.high, 2), ("lower", self.low, 1)):
             for j in np.flatnonzero(np.abs(x - bound) <= AT_BOUND).tolist():
-                # The last interval whose own end is this bound made it.
-                owners = [i[0] for i in self._intervals if abs(float(i[side][j]) - float(bound[j])) <= AT_BOUND]
-                if owners:
-                    found.append((owners[-1], j, end))
+                owner = self._owner(j, side, float(bound[j]))
+                if owner:
+                    found.append((owner, j, end))
         return found
+
+    def owners(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return the names of the limits that set the lower bounds (n,), and those of the upper ones; "" for none."""
+        lower, upper = (
+            tuple(self._owner(j, side, float(bound[j])) for j in range(len(bound)))
+            for side, bound in ((1, self.low), (2, self.high))
+        )
+        return lower, upper
+
+    def _owner(self, j: int, side: int, bound: float) -> str:
+        """Return the limit whose interval has this end, `side` 1 or 2, at joint j; the last one counts."""
+        owners = [i[0] for i in self._intervals if abs(float(i[side][j]) - bound) <= AT_BOUND]
+        return owners[-1] if owners else ""
 
     def violations(self, q: Array, x: Array) -> dict[str, float]:
         """By how much limits were given up, by name: of positions q (n,) those themselves, rad or m, else of x (n,)."""

@@ -1,7 +1,6 @@
 """Solvers of the controller's program: proxsuite's dense one, kept from step to step, and all that qpsolvers finds."""
 
 from abc import ABC, abstractmethod
-from typing import Any
 
 import numpy as np
 import qpsolvers
@@ -119,21 +118,22 @@ class QpSolvers(QpSolver):
 
     def solve(self, program: Program) -> Array | None:
         """Minimise, from the last answer where the solver can."""
-        G, h = _one_sided(program)
-        equations = (program.A, program.b) if len(program.A) else (None, None)
-        problem = qpsolvers.Problem(program.H, program.g, G, h, *equations, *program.box)
+        problem = qpsolvers_problem(program)
         start = self._last if self._last is not None and len(self._last) == len(program.g) else None
         precision = _PRECISIONS.get(self.name, {})
         self._last = qpsolvers.solve_problem(problem, self.name, initvals=start, **precision).x
         return self._last
 
 
-def _one_sided(program: Program) -> tuple[Any, Any]:
-    if not len(program.C):
-        return None, None
-    upper, lower = np.isfinite(program.high), np.isfinite(program.low)
-    G = np.vstack([program.C[upper], -program.C[lower]])
-    return G, np.concatenate([program.high[upper], -program.low[lower]])
+def qpsolvers_problem(program: Program) -> qpsolvers.Problem:
+    """Return the program with one-sided rows G x <= h: the finite upper sides of C, then the finite lower ones."""
+    G = h = None
+    if len(program.C):
+        upper, lower = np.isfinite(program.high), np.isfinite(program.low)
+        G = np.vstack([program.C[upper], -program.C[lower]])
+        h = np.concatenate([program.high[upper], -program.low[lower]])
+    equations = (program.A, program.b) if len(program.A) else (None, None)
+    return qpsolvers.Problem(program.H, program.g, G, h, *equations, *program.box)
 
 
 def make_solver(name: object) -> QpSolver:

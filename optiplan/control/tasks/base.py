@@ -31,6 +31,10 @@ class ControlTask(ABC):
 
     size: int
     name: ClassVar[str] = "task"
+    components: ClassVar[tuple[str, ...]] = ()
+    """Names of the rows of the error; empty: numbers, or the joints where `by_joint` is set."""
+    by_joint: ClassVar[bool] = False
+    """Whether each row is about one joint, in the robot's order."""
     scale: Array | None = None
     """(k,), rates of the error that the robot can give, unit/s; where the error is large they cap what is asked."""
     brake: Array | None = None
@@ -52,6 +56,14 @@ class ControlTask(ABC):
     @cost.setter
     def cost(self, value: Weight) -> None:
         self._cost = checked_vector(self, "cost", value, self.size, least=0.0)
+
+    def row_names(self, joints: Sequence[str]) -> tuple[str, ...]:
+        """Return a name for each of the k rows: the task, its frame if it has one, and the component."""
+        frame = getattr(self, "frame", None)
+        title = f"{self.name} of {frame}" if isinstance(frame, str) else self.name
+        numbers = [str(k) for k in range(self.size)]
+        rows = joints if self.by_joint else self.components or numbers
+        return tuple(f"{title}: {row}" for row in rows)
 
     def bind(self, robot: Robot) -> None:
         """Look up what the task names in the robot; the controller calls it once.

@@ -97,6 +97,7 @@ class PoseTask(FrameTask):
     """
 
     name: ClassVar[str] = "pose"
+    components = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 
     def __init__(
         self,
@@ -200,6 +201,7 @@ class PositionTask(_HalfOfPose):
     """
 
     name: ClassVar[str] = "position"
+    components = ("x", "y", "z")
     _part = 0
 
     def _read(self, pose: Target) -> pin.SE3:
@@ -242,6 +244,7 @@ class OrientationTask(_HalfOfPose):
     """
 
     name: ClassVar[str] = "orientation"
+    components = ("rotation x", "rotation y", "rotation z")
     _part = 1
 
     def _read(self, pose: Target) -> pin.SE3:

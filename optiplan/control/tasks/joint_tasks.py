@@ -29,6 +29,7 @@ class PostureTask(ControlTask):
     """
 
     name: ClassVar[str] = "posture"
+    by_joint = True
 
     def __init__(
         self,
@@ -92,6 +93,7 @@ class DampingTask(ControlTask):
     """
 
     name: ClassVar[str] = "damping"
+    by_joint = True
 
     def __init__(self, cost: Weight = 1e-2, priority: int = 0) -> None:
         self._given_cost = cost
@@ -165,6 +167,7 @@ class BaseMotionTask(ControlTask):
     """
 
     name: ClassVar[str] = "base motion"
+    components = ("x", "y", "yaw")
 
     def __init__(
         self,

@@ -28,6 +28,7 @@ class RelativePoseTask(ControlTask):
     """
 
     name: ClassVar[str] = "relative pose"
+    components = ("x", "y", "z", "rotation x", "rotation y", "rotation z")
 
     def __init__(
         self,

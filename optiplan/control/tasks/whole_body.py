@@ -30,6 +30,7 @@ class CentreOfMassTask(ControlTask):
     """
 
     name: ClassVar[str] = "centre of mass"
+    components = ("x", "y", "z")
 
     def __init__(self, target: object = None, cost: Weight = 1.0, gain: float = 5.0, priority: int = 0) -> None:
         super().__init__(3, cost, gain, priority)
