@@ -7,7 +7,8 @@ namespace optiplan {
 
 namespace simplex {
 
-constexpr double kFlat = 1e-14;  // volume as a part of the edges' product: below it rounding decides on which side is what
+constexpr double kFlat =
+    1e-14;  // volume as a part of the edges' product: below it rounding decides on which side is what
 
 // Points of a face by index, barycentric weights, the nearest point and its squared distance from the origin.
 struct Face {
@@ -77,9 +78,10 @@ inline bool tetrahedron(const DifferencePoint *points, int i, const int (&others
 
 // Up to four points, and the one of their hull that is nearest to the origin.
 class Simplex {
-public:
-    // Adds a point and keeps the smallest face that holds the point nearest to the origin; the face contains the new point,
-    // since that lies nearer along v than the others. Without effect, and false, if that does not come nearer than before.
+  public:
+    // Adds a point and keeps the smallest face that holds the point nearest to the origin; the face contains the new
+    // point, since that lies nearer along v than the others. Without effect, and false, if that does not come nearer
+    // than before.
     bool add(const DifferencePoint &point) {
         const int slot = free_slot();
         points_[slot] = point;
@@ -114,7 +116,7 @@ public:
         return a;
     }
 
-private:
+  private:
     int free_slot() const {
         int taken = 0;
         for (int i = 0; i < nearest_.size; ++i) taken |= 1 << nearest_.at[i];
