@@ -23,6 +23,7 @@ Shape box(const Vector &half) {
 std::vector<Vec3> points_of(const Matrix &points) {
     expect(points.shape(1) == 3, "points (K, 3)");
     std::vector<Vec3> found;
+    found.reserve(points.shape(0));
     for (std::size_t k = 0; k < points.shape(0); ++k) found.push_back(vec3_at(points.data() + 3 * k));
     return found;
 }

@@ -100,6 +100,7 @@ std::optional<StepFound> solve(StepSolver &solver, Matrix control, double durati
     expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
     std::vector<Inequalities> rows;
     std::vector<const Inequalities *> pointers;
+    rows.reserve(soft.size()), pointers.reserve(soft.size());
     for (const DenseRows &part : soft) rows.push_back(near_the_diagonal(part, spline));
     for (const Inequalities &part : rows) pointers.push_back(&part);
     const double *start = control.data();

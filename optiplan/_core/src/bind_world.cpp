@@ -66,6 +66,7 @@ static World make_world(const Tree &tree, const std::vector<Body> &bodies, const
     const auto count = static_cast<std::int64_t>(bodies.size());
     for (std::size_t k = 0; k < 2 * pairs.shape(0); ++k)
         expect(pairs.data()[k] >= 0 && pairs.data()[k] < count, "pairs are indices of bodies");
+    found.reserve(pairs.shape(0));
     for (std::size_t k = 0; k < pairs.shape(0); ++k)
         found.emplace_back(static_cast<int>(pairs.data()[2 * k]), static_cast<int>(pairs.data()[2 * k + 1]));
     for (const Body &body : bodies) expect(body.joint >= 0 && body.joint < tree.count(), "bodies are on joints");
@@ -252,6 +253,7 @@ static std::vector<std::pair<double, int>> prove(Sweep &sweep, int begin, int en
     std::vector<Touched> found;
     sweep.prove(begin, end, found);
     std::vector<std::pair<double, int>> out;
+    out.reserve(found.size());
     for (const Touched &touched : found) out.emplace_back(touched.t, touched.pair);
     return out;
 }

@@ -9,8 +9,8 @@ static constexpr double INF = std::numeric_limits<double>::infinity();
 
 ClearanceWatch::ClearanceWatch(const World &world, std::vector<double> arms, std::vector<double> reaches,
                                JointEffects effects, WatchRules rules)
-    : world_(world), arms_(std::move(arms)), reaches_(std::move(reaches)), effects_(std::move(effects)), rules_(rules),
-      q_(joints()) {}
+    : world_(world), arms_(std::move(arms)), reaches_(std::move(reaches)), effects_(std::move(effects)),
+      rules_(std::move(rules)), q_(joints()) {}
 
 Placement ClearanceWatch::placed(const double *q) const {
     Placement at = world_.placement();

@@ -35,7 +35,7 @@ inline Face edge(const DifferencePoint *points, int i, int j) {
     return {2, {i, j, 0}, {1.0 - t, t, 0.0}, v, squared_norm(v)};
 }
 
-inline const Face &nearer(const Face &a, const Face &b) { return b.squared < a.squared ? b : a; }
+inline Face nearer(const Face &a, const Face &b) { return b.squared < a.squared ? b : a; }
 
 // Weights come from cross products of edges, which lose fewer digits in slender triangles than products of lengths do.
 inline Face triangle(const DifferencePoint *points, int i, int j, int k) {
@@ -112,6 +112,7 @@ class Simplex {
     // The point of A that v = a - b is made of.
     Vec3 on_a() const {
         Vec3 a;
+        // NOLINTNEXTLINE(clang-analyzer-security.ArrayBound): a face has three points at most
         for (int i = 0; i < nearest_.size; ++i) a += nearest_.weights[i] * points_[nearest_.at[i]].a;
         return a;
     }

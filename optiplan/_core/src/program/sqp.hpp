@@ -30,7 +30,8 @@ struct CurvePoint {
 class Sqp {
   public:
     Sqp(std::shared_ptr<const Spline> spline, NearBodies near, TorqueRows torques, SqpSettings settings)
-        : spline_(spline), near_(std::move(near)), torques_(std::move(torques)), settings_(settings), solver_(spline) {}
+        : spline_(spline), near_(std::move(near)), torques_(std::move(torques)), settings_(settings),
+          solver_(std::move(spline)) {}
 
     const Spline &spline() const { return *spline_; }
 

@@ -229,6 +229,7 @@ double World::outline_bound(const Placement &at, int pair) const {
 
 Contact World::nearest(const Placement &at) const {
     std::vector<std::pair<double, int>> order;
+    order.reserve(pairs_.size());
     for (int pair = 0; pair < static_cast<int>(pairs_.size()); ++pair) order.push_back({lower_bound(at, pair), pair});
     std::sort(order.begin(), order.end());
     Contact best{0, -1, {}};
