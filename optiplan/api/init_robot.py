@@ -85,6 +85,7 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
         >>> import optiplan as op
         >>> op.init_robot("my_arm.urdf", "my_arm", limits={"acceleration": 5.0})  # doctest: +SKIP
         Robot: my_arm, 6 joints, tool frame tool0, configurations: none
+          joints: joint_1, joint_2, joint_3, joint_4, joint_5, joint_6
     """
     path = path_argument("init_robot", "urdf", urdf, "the path of a URDF")
     folder = path.parent if out is None else path_argument("init_robot", "out", out, "the path of a folder")

@@ -81,6 +81,11 @@ class Controller:
         True
     """
 
+    def __repr__(self) -> str:
+        """Robot, joints, tasks and limits."""
+        limits = ", ".join(limit.name for limit in self.limits) or "none"
+        return f"Controller: {self.robot.name}, tasks: {'; '.join(map(repr, self.tasks)) or 'none'}; limits: {limits}"
+
     def __init__(
         self,
         robot: Robot,

@@ -19,10 +19,10 @@ from optiplan.problem.constraints.states import BrokenConstraint
 from optiplan.problem.free_space import free_check
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
-from optiplan.problem.joint_names import Orders, joint_orders, with_lists, with_names
 from optiplan.problem.nonzero_ends import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
+from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists, with_names
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep

@@ -58,8 +58,8 @@ def read_arguments(robot: Any, arguments: Mapping[str, Any], labels: Mapping[str
         raise wrong_argument("Problem", "robot", "a robot that was put together by hand", "one that was loaded")
     data |= {"robot": by.robot, "locked": by.locked} | ({} if by.group is None else {"group": by.group})
     if robot.tool_frame != by.tool_frame:
-        for pose in to_data.poses(data):
-            pose.setdefault("frame", robot.tool_frame)
+        for statement in to_data.tool_statements(data, robot.tool_frames):
+            statement.setdefault("frame", robot.tool_frame)
     return read_data(data, robot)
 
 

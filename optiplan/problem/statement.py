@@ -13,10 +13,10 @@ from optiplan.errors import described, wrong_argument
 from optiplan.geometry.pose import Pose, Values, checked
 from optiplan.geometry.poses import pose_to_data
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
-from optiplan.problem.joint_names import lists_of
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec, axes_data
 from optiplan.problem.schema.ends import ViaSpec
+from optiplan.problem.schema.joint_names import lists_of
 from optiplan.robot.given_configurations import is_by_name
 from optiplan.trajectory.state import State
 

@@ -9,7 +9,7 @@ import numpy as np
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.pose import Pose, Values, checked
-from optiplan.problem.joint_names import lists_of
+from optiplan.problem.schema.joint_names import lists_of
 from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.statement import End, ViaPoint, end_data, is_configuration, via_point_data
 from optiplan.problem.to_data import path_constraint_data
