@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.errors import wrong_argument
+from optiplan.errors import described, wrong_argument
 from optiplan.robot.given_configurations import configuration
 from optiplan.robot.robot import Robot
 
@@ -36,6 +36,8 @@ class State:
     a: Array
 
     def __init__(self, q: object, v: object = None, a: object = None, *, robot: Robot | None = None) -> None:
+        if robot is not None and not isinstance(robot, Robot):
+            raise wrong_argument("State", "robot", described(robot), "op.load_robot(…)")
         q, v, a = (_listed(name, value, robot) for name, value in (("q", q), ("v", v), ("a", a)))
         position = _vector("q", q, None)
         object.__setattr__(self, "q", position)
@@ -72,7 +74,7 @@ def _listed(name: str, values: object, robot: Robot | None) -> object:
     """Values by joint, or the name of a configuration, in the order of the robot's joints; others as they are."""
     if not isinstance(values, str | Mapping):
         return values
-    if not isinstance(robot, Robot):
+    if robot is None:
         found = "values by joint" if isinstance(values, Mapping) else repr(values)
         raise wrong_argument("State", name, found, "`robot` beside it, or one number a joint")
     return configuration(robot.joint_names, robot.configurations if name == "q" else {}, values, "State", name)
