@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
+    from optiplan.api.casadi_problems import casadi_problem
     from optiplan.api.checking import check
     from optiplan.api.init_robot import init_robot
     from optiplan.api.kinematics import ik
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
+    from optiplan.planners.trajopt.program.nlp import TrajectoryNlp
     from optiplan.problem.constraints.expression import Expression
     from optiplan.problem.constraints.motions import (
         JointCoupling,
@@ -77,6 +79,7 @@ if TYPE_CHECKING:
     from optiplan.verify.report import Check, Report
 
 _ROOMS = {
+    "api.casadi_problems": ("casadi_problem",),
     "api.checking": ("check",),
     "api.init_robot": ("init_robot",),
     "api.kinematics": ("ik",),
@@ -107,6 +110,7 @@ _ROOMS = {
     "errors": ("InputError", "OptiPlanError"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
+    "planners.trajopt.program.nlp": ("TrajectoryNlp",),
     "problem.constraints.expression": ("Expression",),
     "problem.constraints.motions": (
         "JointCoupling",
@@ -212,6 +216,7 @@ __all__ = [
     "ToolSpeedLimit",
     "TorqueLimit",
     "Trajectory",
+    "TrajectoryNlp",
     "VelocityLimit",
     "ViaPoint",
     "View",
@@ -219,6 +224,7 @@ __all__ = [
     "WheelSpeedLimit",
     "__version__",
     "bench",
+    "casadi_problem",
     "check",
     "execute",
     "ik",
