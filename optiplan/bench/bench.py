@@ -16,7 +16,7 @@ from optiplan.bench.results.export import FLAGS
 from optiplan.bench.results.records import Outcome
 from optiplan.bench.results.summary import failure_counts, planner_numbers, planner_table
 from optiplan.bench.suite.suite import load_suite
-from optiplan.errors import InputError, described, path_argument, wrong_argument
+from optiplan.errors import InputError, described, flag_argument, path_argument, progress_argument, wrong_argument
 from optiplan.planners.base import Progress
 
 _JSON = ("witness", "metrics", "timings", "info", "improvements")
@@ -108,10 +108,8 @@ def bench(  # noqa: PLR0913  # one keyword for each option of the command
     given = None if out is None else path_argument("bench", "out", out, "the path of a folder")
     known = None if best_known is None else path_argument("bench", "best_known", best_known, "the path of a CSV file")
     for name, flag in (("pin", pin), ("add", add)):
-        if not isinstance(flag, bool):
-            raise wrong_argument("bench", name, described(flag), "True or False")
-    if progress is not None and not callable(progress):
-        raise wrong_argument("bench", "progress", described(progress), "a function of a name and a fraction")
+        flag_argument("bench", name, flag)
+    progress_argument("bench", progress)
     _check_workers(workers, dask, pin)
     table = None if known is None else BestKnownTable(known)
     chosen = load_suite(file, scratch_folder(file, given))
