@@ -16,16 +16,17 @@ CORE := $(VENV)/.core-stamp
 DEMO_PROBLEM ?= 02_shelf
 PORT ?= 7000
 # Without CasADi, whose libraries no sanitizer lets in, and without meshes, which a process of little memory reads.
-SANITIZED := tests/core tests/control/behaviour/test_native.py $(addprefix tests/planners/,common/test_continuous_collision.py \
+SANITIZED := tests/core/test_convex.py tests/control/behaviour/test_native.py $(addprefix tests/planners/,common/test_continuous_collision.py \
   sampling/test_local_searches.py behaviour/test_moving_obstacles.py $(addprefix trajopt/,program/test_native_sqp.py \
   program/test_native_step.py test_planner.py test_coarse_descents.py))
 BUILD_TOOLS := 'cmake>=3.18,<5' 'ninja>=1.11,<2' 'nanobind>=2.4,<4'
+CPP = $(shell find optiplan/_core/src tests/core -name '*.[ch]pp')
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help demo core test sanitize bench-smoke docs lint format clean
+.PHONY: help demo core test sanitize bench-smoke docs lint format tidy core-tests clean
 
 help: ## this list
-	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
 
 demo: $(RUN) $(CORE) ## plan a shelf problem, print the report, serve the viewer (DEMO_EXIT=1 writes demo/*.html and ends)
 	$(BIN)/optiplan plan $(DEMO_PROBLEM) --out demo/run
@@ -54,6 +55,10 @@ sanitize: $(TEST) $(CORE) ## the native core under the sanitizers for memory and
 	$${CXX:-c++} -std=c++17 -O1 -g -Wall -Wextra -ffp-contract=off -fsanitize=address,undefined -fno-sanitize-recover=all \
 	  -Ioptiplan/_core/src tests/core/convex_check.cpp optiplan/_core/src/convex/*.cpp -o build/sanitize/convex_check
 	build/sanitize/convex_check $${ROUNDS:-20}
+	PATH="$(abspath $(BIN)):$$PATH" cmake -S . -B build/sanitize/core-tests -G Ninja --log-level=NOTICE -DOPTIPLAN_CORE_TESTS=ON \
+	  -DCMAKE_CXX_FLAGS="-g -fsanitize=address,undefined -fno-sanitize-recover=all"
+	PATH="$(abspath $(BIN)):$$PATH" cmake --build build/sanitize/core-tests -- --quiet
+	build/sanitize/core-tests/core_tests
 	cp -r CMakeLists.txt pyproject.toml optiplan tests benchmarks robots problems control build/sanitize/
 	rm -rf build/sanitize/optiplan/_core/in_place
 	PATH="$(abspath $(BIN)):$$PATH" cmake -S build/sanitize -B build/sanitize/core -G Ninja --log-level=NOTICE -DOPTIPLAN_IN_PLACE=ON \
@@ -67,16 +72,24 @@ sanitize: $(TEST) $(CORE) ## the native core under the sanitizers for memory and
 bench-smoke: $(RUN) $(CORE) ## how quick this machine is, as multiples of 10,000 distances of coal (a minute)
 	$(BIN)/python benchmarks/smoke.py
 
-lint: $(DEV) ## ruff, mypy --strict, and the prose of pages and docstrings
+lint: $(DEV) ## ruff, mypy --strict, clang-format, and the prose of pages and docstrings
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/clang-format --dry-run --Werror $(CPP)
 	$(BIN)/proselint check --config docs/proselint.json README.md CONTRIBUTING.md docs benchmarks
 	$(BIN)/python docs/prose.py
 
-format: $(DEV) ## let ruff lay out the code
+format: $(DEV) ## let ruff and clang-format lay out the code
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+	$(BIN)/clang-format -i $(CPP)
+
+core-tests: $(TEST) $(CORE) ## the unit tests of the core's C++, tests/core/cpp, one file for each of its files
+	$(BIN)/python -m pytest -q -p no:xdist tests/core/test_cpp.py
+
+tidy: $(DEV) $(CORE) ## clang-tidy over the native core (two minutes of a core)
+	find optiplan/_core/src -name '*.cpp' -print0 | xargs -0 -n 1 -P "$$(nproc)" $(BIN)/clang-tidy -p build/core --quiet
 
 clean: ## remove what make has made
 	rm -rf $(VENV) build dist demo site *.egg-info .coverage* optiplan/_core/in_place

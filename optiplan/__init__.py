@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
     from optiplan.api.workspaces import workspace
+    from optiplan.bench.bench import BenchResults, bench
     from optiplan.control.control_problem import ControlProblem
     from optiplan.control.controller import Controller
     from optiplan.control.limits.clearance import ClearanceLimit
@@ -88,6 +89,7 @@ _ROOMS = {
     "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
     "api.workspaces": ("workspace",),
+    "bench.bench": ("BenchResults", "bench"),
     "control.controller": ("Controller",),
     "control.limits.clearance": ("ClearanceLimit",),
     "control.limits.half_space": ("HalfSpaceLimit",),
@@ -139,6 +141,7 @@ __all__ = [
     "AccelerationLimit",
     "Attachment",
     "BaseMotionTask",
+    "BenchResults",
     "Box",
     "Budget",
     "Capsule",
@@ -215,6 +218,7 @@ __all__ = [
     "WheelSpeed",
     "WheelSpeedLimit",
     "__version__",
+    "bench",
     "check",
     "execute",
     "ik",
@@ -250,7 +254,7 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-_ROOMS_CALLED = ("planners", "verify", "workspace")
+_ROOMS_CALLED = ("bench", "planners", "verify", "workspace")
 """Rooms that have the name of a function: `op.verify(…)` is the function, `optiplan.verify.report` one of its files."""
 
 

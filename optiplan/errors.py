@@ -110,6 +110,37 @@ def path_argument(function: str, argument: str, value: object, expected: str) ->
     return Path(value)  # type: ignore[arg-type]  # it is text or a path
 
 
+def flag_argument(function: str, argument: str, value: object) -> None:
+    """Require True or False, also numpy's.
+
+    Raises:
+        InputError: another value.
+    """
+    dtype = getattr(value, "dtype", None)
+    if not isinstance(value, bool) and getattr(dtype, "kind", "") != "b":
+        raise wrong_argument(function, argument, described(value), "True or False")
+
+
+def text_argument(function: str, argument: str, value: object, expected: str) -> None:
+    """Require text, or None.
+
+    Raises:
+        InputError: another value.
+    """
+    if value is not None and not isinstance(value, str):
+        raise wrong_argument(function, argument, described(value), expected)
+
+
+def progress_argument(function: str, value: object, expected: str = "a function of a name and a fraction") -> None:
+    """Require a function for the argument `progress`, or None.
+
+    Raises:
+        InputError: another value.
+    """
+    if value is not None and not callable(value):
+        raise wrong_argument(function, "progress", described(value), expected)
+
+
 def seed_argument(function: str, value: object) -> int:
     """Return an argument as a seed.
 

@@ -29,3 +29,10 @@ def test_a_test_file_is_found_from_its_module():
             lost.append(f"tests/{path}: there is no optiplan/{module}.py; tests of several modules are in behaviour/")
     assert len(tests) > 200
     assert not lost, "\n".join(lost)
+
+
+def test_a_file_of_the_core_has_its_test():
+    """`optiplan/_core/src/a/b.cpp` is tested by `tests/core/cpp/test_b.cpp`; Python tests the bindings beside them."""
+    tested = sorted(path.stem for path in (ROOT / "optiplan" / "_core" / "src").glob("*/*.cpp"))
+    tests = sorted(path.stem.removeprefix("test_") for path in (ROOT / "tests" / "core" / "cpp").glob("test_*.cpp"))
+    assert tests == tested

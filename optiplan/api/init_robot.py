@@ -16,7 +16,10 @@ from optiplan.errors import (
     OptiPlanError,
     UnknownChoiceError,
     described,
+    flag_argument,
     path_argument,
+    progress_argument,
+    text_argument,
     wrong_argument,
 )
 from optiplan.files import write_text
@@ -85,10 +88,21 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
         >>> import optiplan as op
         >>> op.init_robot("my_arm.urdf", "my_arm", limits={"acceleration": 5.0})  # doctest: +SKIP
         Robot: my_arm, 6 joints, tool frame tool0, configurations: none
+          joints: joint_1, joint_2, joint_3, joint_4, joint_5, joint_6
     """
     path = path_argument("init_robot", "urdf", urdf, "the path of a URDF")
     folder = path.parent if out is None else path_argument("init_robot", "out", out, "the path of a folder")
-    if isinstance(group, str) or not all(isinstance(joint, str) for joint in group):
+    text_argument("init_robot", "name", name, "the name of the robot")
+    text_argument("init_robot", "tool_frame", tool_frame, "the name of a link or fixed frame")
+    flag_argument("init_robot", "replace_files", replace_files)
+    progress_argument("init_robot", progress)
+    for argument, given in (("locked", locked), ("limits", limits)):
+        if given is not None and not isinstance(given, Mapping):
+            raise wrong_argument("init_robot", argument, described(given), "values by name, such as {'name': 0.1}")
+    if not isinstance(allow_pairs, str) and not _are_pairs(allow_pairs):
+        expected = f"'{TOUCHING}', or pairs of links such as [('link_4', 'link_6')]"
+        raise wrong_argument("init_robot", "allow_pairs", described(allow_pairs), expected)
+    if not isinstance(group, Sequence) or isinstance(group, str) or not all(isinstance(joint, str) for joint in group):
         raise wrong_argument("init_robot", "group", described(group), "names of joints, base to tip")
     for joint, q in (locked or {}).items():
         if not is_finite(q):
@@ -107,6 +121,13 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     robot, choices = prepare(load, choices, allow_pairs == TOUCHING, progress)
     write_robot(path, folder, robot, choices)
     return load_robot(str(folder / YAML_NAME))
+
+
+def _are_pairs(value: object) -> bool:
+    """Return whether this is a list of pairs of names."""
+    return isinstance(value, Sequence) and all(
+        isinstance(pair, Sequence) and len(pair) == 2 and all(isinstance(name, str) for name in pair) for pair in value
+    )
 
 
 def refuse_files(folder: Path, force: bool) -> None:

@@ -12,7 +12,7 @@ from optiplan.api.loading import load_robot
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.config.messages import choices
-from optiplan.errors import InputError, described, wrong_argument
+from optiplan.errors import InputError, described, flag_argument, wrong_argument
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.poses import pose_from_data, pose_from_matrix
 from optiplan.geometry.scene import Obstacle, Scene
@@ -71,6 +71,7 @@ def ik(  # noqa: PLR0913  # one keyword for each thing that chooses among soluti
     """
     arm = robot if isinstance(robot, Robot) else _loaded(robot)
     X_WG = _pose(pose)
+    flag_argument("ik", "all", all)
     name = _frame(arm, frame if frame is not None or not isinstance(pose, Pose) else pose.frame)
     named = arm.joint_names, arm.configurations
     start = wanted_configuration(arm) if near is None else configuration(*named, near, "ik", "near")

@@ -10,7 +10,7 @@ from typing import Any
 
 from optiplan.api.planning import BUDGET, checked_problem, checked_seconds
 from optiplan.cores import cores
-from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, described, wrong_argument
+from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, described, progress_argument, wrong_argument
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import Problem
@@ -65,8 +65,7 @@ def plan_many(
         >>> all(run.verified for run in op.plan_many(problems, workers=2))  # doctest: +SKIP
         True
     """
-    if progress is not None and not callable(progress):
-        raise wrong_argument("plan_many", "progress", described(progress), "a function of a name and a fraction")
+    progress_argument("plan_many", progress)
     requests = _requests(problems, planner, options, checked_seconds("plan_many", budget))
     if _is_dask(workers):
         client: Any = workers

@@ -47,6 +47,10 @@ class Replanner:
     ) -> None:
         if not isinstance(problem, Problem):
             raise wrong_argument("Replanner", "problem", described(problem), "op.load_problem(…) or op.Problem(…)")
+        if planner is not None and not isinstance(planner, str | Planner):
+            raise wrong_argument("Replanner", "planner", described(planner), "a name of op.planners()")
+        if options is not None and not isinstance(options, Mapping):
+            raise wrong_argument("Replanner", "options", described(options), "options by name, such as {'degree': 5}")
         self.problem = problem
         self.run: Run | None = None
         self._planner, self._options = planner, options

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from optiplan.arrays import is_finite
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import described, progress_argument, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.simulation.execution import Engine, ExecutionOptions
 from optiplan.simulation.execution import execute as follow
@@ -35,6 +35,7 @@ def simulate(source: Path | str | Mapping[str, Any], progress: Callable[[float],
         >>> op.simulate("panda_shelf").clean
         True
     """
+    progress_argument("simulate", progress, "a function of a fraction")
     if isinstance(source, Mapping):
         return run_control(source, progress)
     if not isinstance(source, str | Path):

@@ -5,7 +5,7 @@ from pathlib import Path
 from types import TracebackType
 
 from optiplan.api.loading import load_run
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import described, flag_argument, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.viewer.page import render_page
 from optiplan.viewer.runs import ViewedRun
@@ -76,6 +76,7 @@ def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT) ->
             raise wrong_argument("view", "runs", described(run), "a run of op.plan(…), or the folder of one")
     if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535:
         raise wrong_argument("view", "port", described(port), "a whole number from 0 to 65535")
+    flag_argument("view", "block", block)
     shown = [run if isinstance(run, Run) else load_run(run) for run in runs]
     problem = shown[0].problem
     robot = problem.robot

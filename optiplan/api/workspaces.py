@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from optiplan.arrays import is_finite
-from optiplan.errors import described, path_argument, wrong_argument
+from optiplan.errors import described, flag_argument, path_argument, text_argument, wrong_argument
 from optiplan.robot.robot import Robot
 from optiplan.runs.run_folder import check_folder
 from optiplan.viewer.workspaces.export import save_workspaces
@@ -71,6 +71,11 @@ def workspace(  # noqa: PLR0913  # one keyword for each option of the command
     for name, value, least in counts:
         if isinstance(value, bool) or not isinstance(value, int) or value < least:
             raise wrong_argument("workspace", name, described(value), f"a whole number >= {least}")
+    text_argument("workspace", "group", group, "the name of a group of joints")
+    text_argument("workspace", "frame", frame, "the name of a link or fixed frame")
+    flag_argument("workspace", "collision", collision)
+    if not callable(progress):
+        raise wrong_argument("workspace", "progress", described(progress), "a function of a fraction")
     if floor is not None and not is_finite(floor):
         raise wrong_argument("workspace", "floor", described(floor), "a height in m")
     if resolution is not None and not isinstance(resolution, str):

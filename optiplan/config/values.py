@@ -73,6 +73,15 @@ def _schema_size(count: int) -> Callable[[dict[str, Any]], None]:
     return add
 
 
+def _schema_by_name(schema: dict[str, Any]) -> None:
+    listed = dict(schema)
+    schema.clear()
+    schema["anyOf"] = [listed, {"type": "object", "additionalProperties": listed["items"]}]
+
+
+JointValues = Annotated[tuple[Number, ...], Field(json_schema_extra=_schema_by_name)]
+"""One value for each planned joint; a file may name them, `{joint: value}`, which its reader puts in order."""
+
 Vector = Annotated[tuple[Coordinate, ...], _sized(3, "[x, y, z]"), Field(json_schema_extra=_schema_size(3))]
 Size = Annotated[tuple[Length, ...], _sized(3, "[x, y, z]"), Field(json_schema_extra=_schema_size(3))]
 Scale = Annotated[Size, BeforeValidator(_repeated, json_schema_input_type=Length | Size)]

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Iterable, Sequence
 from copy import copy
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from optiplan.control.stopping_guard import StoppingGuard
 from optiplan.control.tasks.base import ControlTask
 from optiplan.control.tasks.frame_tasks import FrameTask
 from optiplan.control.tasks.tool_abilities import response_time
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import described, flag_argument, wrong_argument
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State
@@ -81,6 +81,11 @@ class Controller:
         True
     """
 
+    def __repr__(self) -> str:
+        """Robot, joints, tasks and limits."""
+        limits = ", ".join(limit.name for limit in self.limits) or "none"
+        return f"Controller: {self.robot.name}, tasks: {'; '.join(map(repr, self.tasks)) or 'none'}; limits: {limits}"
+
     def __init__(
         self,
         robot: Robot,
@@ -95,6 +100,7 @@ class Controller:
         guess: bool = True,
         longest_step: float = LONGEST_STEP,
     ) -> None:
+        _check_kinds(robot, scene, relax, guess)
         self.robot = robot
         self.tasks = _all(tasks, ControlTask, "tasks", "a task, such as op.PoseTask(…)")
         wanted = default_limits(scene) if limits is None else limits
@@ -367,6 +373,17 @@ def _not_finite(state: State) -> tuple[str, str]:
         if len(bad):
             return f"state.{name}[{bad[0]}]", str(getattr(state, name)[bad[0]])
     return "state", "numbers whose squares overflow"
+
+
+def _check_kinds(robot: Any, scene: Any, relax: Any, guess: Any) -> None:
+    """Raise an `InputError` for an argument of another kind."""
+    if not isinstance(robot, Robot):
+        raise wrong_argument("Controller", "robot", described(robot), "op.load_robot(…)")
+    if scene is not None and not isinstance(scene, Scene):
+        raise wrong_argument("Controller", "scene", described(scene), "op.Scene([…])")
+    if isinstance(relax, str) or not isinstance(relax, Sequence):
+        raise wrong_argument("Controller", "relax", described(relax), "a list of names of limits")
+    flag_argument("Controller", "guess", guess)
 
 
 def _all(parts: Iterable[object], kind: type, argument: str, expected: str) -> tuple:  # type: ignore[type-arg]

@@ -112,6 +112,8 @@ class Budget:
     def __init__(self, seconds: float, cancel: threading.Event | None = None) -> None:
         if not is_finite(seconds) or seconds < 0.0:
             raise wrong_argument("Budget", "seconds", described(seconds), "a number of seconds >= 0")
+        if cancel is not None and not hasattr(cancel, "is_set"):
+            raise wrong_argument("Budget", "cancel", described(cancel), "a threading.Event")
         self._cancel = cancel or threading.Event()
         self._outer: Budget | None = None
         self.seconds = seconds

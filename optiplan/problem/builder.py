@@ -86,6 +86,19 @@ class Compiler:
             self.issues.extend(map(self._relocated, error.issues))
         return None
 
+    def joints_at(self, robot: Robot, place: Place) -> tuple[str, ...] | None:
+        """Return the joints whose values stand at a place, in the robot's order; None where no such group is known."""
+        if place[0] != "task":
+            return robot.joint_names
+        group = self.document.data["task"][place[1]][place[2]].get("group")
+        return self.joints_of(robot, group) if group is None or group in robot.groups else None
+
+    def joints_of(self, robot: Robot, group: str | None) -> tuple[str, ...]:
+        """Return the joints of a group, in the robot's order; those of the problem without a group."""
+        if group is None:
+            return self.main_joints
+        return tuple(name for name in robot.joint_names if name in set(robot.groups[group]))
+
     def _more_groups(self, robot: Robot) -> list[str]:
         """Return the groups that steps of the task name and that are not planned anyway."""
         named: list[str] = []

@@ -1,7 +1,7 @@
 """Turn problem data into models and arrays, or report every issue."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +22,11 @@ from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.nonzero_ends import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import Draft, LocatedValue
+from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists, with_names
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
+from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.robot import Robot, load_robot, robot_names
 
 DECIDES_COLLISIONS = (("robot",), ("group",), ("locked",), ("scene", "allowed_collisions"), ("scene", "attached"))
@@ -68,6 +70,38 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         base: folder that meshes and robot files are relative to.
         robots: loads a robot.
     """
+    orders = joint_orders(document.data)
+    if not orders:
+        return _read_lists(document, base, robots)
+    listed = with_lists(document, orders)
+    compiler = Compiler(listed, base, Draft.of(listed.data))
+    robot = compiler.robot(robots)
+    if robot is not None:
+        wanted = {place: compiler.joints_at(robot, place) or names for place, names in orders.items()}
+        issues = _wrong_names(document, orders, wanted)
+        if issues:
+            issues += with_names(document, _schema(listed)[1], orders)
+            return Reading({}, _in_file_order(issues))
+        orders = wanted
+    reading = _read_lists(with_lists(document, orders), base, robots)
+    return replace(reading, issues=_in_file_order(with_names(document, reading.issues, orders)))
+
+
+def _wrong_names(document: Document, given: Orders, wanted: Orders) -> list[Issue]:
+    """Report joints that are unknown at their place, and values that do not name every joint."""
+    issues = []
+    for place, names in given.items():
+        for joint, found, expected in wrong_names(wanted[place], names):
+            issues.append(document.issue(place if joint is None else (*place, joint), found, expected))
+    return issues
+
+
+def _in_file_order(issues: Iterable[Issue]) -> tuple[Issue, ...]:
+    return tuple(sorted(issues, key=lambda issue: issue.line or 0))
+
+
+def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Reading:
+    """Read a problem file whose joint values are lists."""
     spec, issues = _schema(document)
     compiler = Compiler(document, base, Draft.of(spec or document.data))
     robot = compiler.robot(robots)
@@ -93,7 +127,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         later = collision_model(robot, scene.standing) if scene.dynamic_obstacles else model
         issues += _collisions(document, (model, later), compiler.draft, places)
     if issues or spec is None or robot is None or limits is None or places.start is None:
-        return Reading({}, tuple(sorted(issues, key=lambda issue: issue.line or 0)))
+        return Reading({}, _in_file_order(issues))
     source, digest = source_of(spec, document.path.stem.strip("<>"), base, robot)
     parts = {
         "name": source["name"],

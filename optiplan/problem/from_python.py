@@ -12,7 +12,6 @@ from optiplan.problem import to_data
 from optiplan.problem.builder import RobotLoader
 from optiplan.problem.from_data import read_problem
 from optiplan.problem.task.builder import task_data
-from optiplan.robot.given_configurations import in_order
 from optiplan.robot.reference import UNKNOWN
 from optiplan.robot.robot import Robot, load_robot
 
@@ -59,8 +58,8 @@ def read_arguments(robot: Any, arguments: Mapping[str, Any], labels: Mapping[str
         raise wrong_argument("Problem", "robot", "a robot that was put together by hand", "one that was loaded")
     data |= {"robot": by.robot, "locked": by.locked} | ({} if by.group is None else {"group": by.group})
     if robot.tool_frame != by.tool_frame:
-        for pose in to_data.poses(data):
-            pose.setdefault("frame", robot.tool_frame)
+        for statement in to_data.tool_statements(data, robot.tool_frames):
+            statement.setdefault("frame", robot.tool_frame)
     return read_data(data, robot)
 
 
@@ -73,26 +72,9 @@ def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Mapping[st
     loader = load_robot if robot is None else _loader(robot)
     try:
         with reading(None):
-            stated = _with_joints_in_order(plain(data), robot)
-            return read_problem(Document(Path(_HERE), stated, {}), Path.cwd(), loader).whole()
+            return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader).whole()
     except InputError as error:
         raise error.about(_HERE, "op.Problem") from None
-
-
-def _with_joints_in_order(data: Mapping[str, Any], robot: Robot | None) -> Mapping[str, Any]:
-    """Return the data with lists in the place of values by joint, `{joint: value}`, of start, goal and vias."""
-    goal, vias = data.get("goal"), data.get("via") or []
-    alternatives = goal.get("any_of", []) if isinstance(goal, dict) else []
-    ends = {"start": data.get("start"), "goal": goal}
-    ends |= {f"goal[{k}]": end for k, end in enumerate(alternatives)}
-    ends |= {f"vias[{k}]": via for k, via in enumerate(vias)}
-    for argument, end in ends.items():
-        values = end if isinstance(end, dict) else {}
-        for key in ("joints", "velocity", "acceleration"):
-            if isinstance(values.get(key), Mapping):
-                robot = robot or load_robot(data["robot"])
-                values[key] = in_order(robot.joint_names, values[key], "Problem", argument)
-    return data
 
 
 def _loader(robot: Robot) -> RobotLoader:

@@ -16,7 +16,7 @@ class JointGoal:
     """End at this configuration, q of shape (n,), within `tolerance` (rad or m) of each joint.
 
     `velocity` (n,), rad/s or m/s, and `acceleration` (n,), rad/s² or m/s², are those at the end of the motion; None:
-    at rest.
+    at rest. For `op.Problem` they may be `{joint: value}`; a problem has arrays.
     """
 
     q: Array

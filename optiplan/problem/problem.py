@@ -347,7 +347,9 @@ class Problem(FreeSpace):
         if {"base", "gravity"} & changes.keys():
             raise wrong_argument("Problem", "problem", "a problem that was put together by hand", "one with a source")
         if "start" in changes:
-            start = changes["start"] if isinstance(changes["start"], State) else State(changes["start"])
+            start = (
+                changes["start"] if isinstance(changes["start"], State) else State(changes["start"], robot=self.robot)
+            )
             changes |= {"start": start.q, "start_velocity": start.v, "start_acceleration": start.a}
         if "limits" in changes:
             changes["limits"] = self.robot.limits.scaled(**changes["limits"])

@@ -16,6 +16,7 @@ from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec, axes_data
 from optiplan.problem.schema.ends import ViaSpec
+from optiplan.problem.schema.joint_names import lists_of
 from optiplan.robot.given_configurations import is_by_name
 from optiplan.trajectory.state import State
 
@@ -91,7 +92,7 @@ class ViaPoint:
     Attributes:
         at: a configuration (n,) or `{joint: value}`, rad or m, the name of one, or a `Pose`.
         tolerance: of each joint, or of both parts of a pose, rad or m; None: 1e-6.
-        velocity: (n,) rad/s or m/s, desired; only the planner `spline` meets it.
+        velocity: (n,) or `{joint: value}`, rad/s or m/s, desired; only the planner `spline` meets it.
         time: s from the start, likewise; given for all via points or for none.
 
     Example:
@@ -102,13 +103,11 @@ class ViaPoint:
 
     at: End
     tolerance: float | None = None
-    velocity: Values | None = None
+    velocity: Values | Mapping[str, float] | None = None
     time: float | None = None
 
     def __post_init__(self) -> None:
-        data = self.to_data()
-        if isinstance(data.get("joints"), Mapping):  # which joints these are the robot says, later
-            data["joints"] = list(data["joints"].values())
+        data = lists_of({"via": [self.to_data()]})["via"][0]  # which joints are named is checked with the robot
         checked(ViaSpec, data, "ViaPoint", {"joints": "at", "configuration": "at", "pose": "at"})
 
     def to_data(self) -> dict[str, Any]:
@@ -166,9 +165,11 @@ def _region_data(goal: RegionGoal) -> dict[str, Any]:
 
 
 def _joint_goal_data(goal: JointGoal, function: str, argument: str) -> dict[str, Any]:
-    if not is_configuration(goal.q) or not is_finite(goal.tolerance):
+    if not (is_configuration(goal.q) or is_by_name(goal.q)) or not is_finite(goal.tolerance):
         found = f"a JointGoal of {described(goal.q)}, within {described(goal.tolerance)}"
-        raise wrong_argument(function, argument, found, "values of the joints (n,), and a number for the tolerance")
+        raise wrong_argument(
+            function, argument, found, "values of the joints (n,) or {joint: value}, and a number for the tolerance"
+        )
     usual = JointGoal(goal.q).tolerance
     if goal.tolerance != usual:
         own = f"{usual:g}, which is that of every goal of joints"
@@ -178,11 +179,15 @@ def _joint_goal_data(goal: JointGoal, function: str, argument: str) -> dict[str,
 
 def state_data(q: Any, velocity: Any = None, acceleration: Any = None) -> dict[str, Any]:
     """Return a state of motion as in a problem file; zeros are left out."""
-    data = {"joints": np.asarray(q, dtype=float).tolist()}
+    data = {"joints": _joint_values(q)}
     for key, rate in (("velocity", velocity), ("acceleration", acceleration)):
-        if rate is not None and np.any(rate):
-            data[key] = plain(np.asarray(rate, dtype=float))
+        if rate is not None and np.any(list(rate.values()) if isinstance(rate, Mapping) else rate):
+            data[key] = _joint_values(rate)
     return data
+
+
+def _joint_values(values: Any) -> Any:
+    return plain(values) if isinstance(values, Mapping) else np.asarray(values, dtype=float).tolist()
 
 
 def is_configuration(value: Any) -> bool:

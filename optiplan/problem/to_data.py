@@ -1,6 +1,6 @@
 """Parts of a problem as the plain data of a problem file: the inverse of `builder.py`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -170,8 +170,41 @@ def _pose(X: pin.SE3, stated: Mapping[str, Any] | None) -> dict[str, Any]:
     return dict(plain(stated)) if same else pose_to_data(X)
 
 
-def poses(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The `pose` and `region` mappings of goal and vias in a problem's data, to be read or changed in place."""
-    goal = data["goal"]
-    ends = [*goal.get("any_of", [goal]), *data.get("via", [])]
-    return [end[key] for end in ends for key in ("pose", "region") if isinstance(end.get(key), dict)]
+def tool_statements(data: Mapping[str, Any], own_tools: Container[str] = ()) -> list[dict[str, Any]]:
+    """Return the mappings in a problem's data whose `frame` is the tool frame without one, to be changed in place.
+
+    Args:
+        data: of the problem: poses and regions of goal, vias and steps, lines by a vector and retreats.
+        own_tools: groups with a tool frame of their own; steps of these are left out.
+    """
+    found = [*_goal_statements(data.get("goal")), *_via_statements(data.get("via"))]
+    for step in data.get("task") or ():
+        for kind in ("move", "line", "approach", "retreat"):
+            said = step.get(kind) if isinstance(step, Mapping) else None
+            if not isinstance(said, dict) or str(said.get("group")) in own_tools:
+                continue
+            if kind == "retreat" or (kind == "line" and "pose" not in said):
+                found.append(said)
+            found += [*_goal_statements(said, of_poses=kind == "approach"), *_via_statements(said.get("via"))]
+    return found
+
+
+def _goal_statements(goal: Any, of_poses: bool = False) -> list[dict[str, Any]]:
+    """Poses and regions of an end, or of several; `of_poses`: `any_of` lists the poses themselves."""
+    if not isinstance(goal, Mapping):
+        return []
+    several = _listed(goal.get("any_of"))
+    return _of_ends([goal]) + ([one for one in several if isinstance(one, dict)] if of_poses else _of_ends(several))
+
+
+def _via_statements(vias: Any) -> list[dict[str, Any]]:
+    return _of_ends(_listed(vias))
+
+
+def _of_ends(ends: Sequence[Any]) -> list[dict[str, Any]]:
+    given = [end for end in ends if isinstance(end, Mapping)]
+    return [end[key] for end in given for key in ("pose", "region") if isinstance(end.get(key), dict)]
+
+
+def _listed(value: Any) -> Sequence[Any]:
+    return value if isinstance(value, list | tuple) else ()

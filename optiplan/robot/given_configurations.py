@@ -1,6 +1,6 @@
 """Configurations from users: arrays, values by joint, names of configurations."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,14 +21,28 @@ def in_order(names: Sequence[str], value: Mapping[str, float], function: str, ar
     Raises:
         InputError: a name that is no planned joint, or a joint without a value.
     """
-    unknown = [joint for joint in value if joint not in names]
-    if unknown:
-        raise wrong_argument(function, argument, f"unknown joint '{unknown[0]}'", choices(str(unknown[0]), names))
-    missing = [joint for joint in names if joint not in value]
-    if missing:
-        found = f"no value of {', '.join(missing)}"
-        raise wrong_argument(function, argument, found, f"a value of each joint: {', '.join(names)}")
+    for _, found, expected in wrong_names(names, value):
+        raise wrong_argument(function, argument, found, expected)
     return [float(value[joint]) for joint in names]
+
+
+def wrong_names(names: Sequence[str], value: Iterable[str]) -> list[tuple[str | None, str, str]]:
+    """Return what is wrong with values by joint: each unknown joint, else the joints without a value.
+
+    Args:
+        names: of the joints, each of which needs a value.
+        value: the joints that have one.
+
+    Returns:
+        The unknown joint or None, what was found, and what was expected.
+    """
+    given = tuple(value)
+    unknown = [joint for joint in given if joint not in names]
+    if unknown:
+        return [(joint, f"unknown joint '{joint}'", choices(joint, names)) for joint in unknown]
+    missing = [joint for joint in names if joint not in given]
+    expected = f"a value of each joint: {', '.join(names)}"
+    return [(None, f"no value of {', '.join(missing)}", expected)] if missing else []
 
 
 def configurations(

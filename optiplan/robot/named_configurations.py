@@ -10,6 +10,7 @@ from optiplan.config.document import Document
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError
+from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.joint_groups import Group, Reduced
 from optiplan.robot.spec import RobotSpec
 from optiplan.robot.urdf.reader import UrdfSource
@@ -63,12 +64,18 @@ def configurations(spec: RobotSpec, document: Document, srdf: Srdf | None, group
     """Return the named configurations, each (n,): of the robot.yaml, then further ones of the SRDF.
 
     Raises:
-        InputError: a list of another length.
+        InputError: a list of another length, an unknown joint, or a joint without a value.
     """
     result: dict[str, Array] = {}
     issues = []
     for name, given in spec.configurations.items():
-        if len(given) == len(group.listed):
+        if isinstance(given, dict):
+            place: Place = ("configurations", name)
+            wrong = wrong_names(group.listed, given)
+            issues += [document.issue(place if j is None else (*place, j), found, so) for j, found, so in wrong]
+            if not wrong:
+                result[name] = np.array([given[joint] for joint in group.joints], float)
+        elif len(given) == len(group.listed):
             result[name] = group.pick(given)
         else:
             found, expected = f"a list of {len(given)} values", f"{len(group.listed)}, one a planned joint"

@@ -78,6 +78,7 @@ class Robot(RobotParts):
         >>> import optiplan as op
         >>> op.load_robot("panda")
         Robot: panda, 7 joints, tool frame panda_hand_tcp, configurations: ready, extended
+          joints: panda_joint1, panda_joint2, panda_joint3, panda_joint4, panda_joint5, panda_joint6, panda_joint7
     """
 
     mounting: Mounting = field(default_factory=Mounting)
@@ -101,6 +102,7 @@ class Robot(RobotParts):
             >>> import optiplan as op
             >>> op.Robot.from_urdf("my_arm.urdf", tool_frame="tool0", limits={"jerk": 50.0})  # doctest: +SKIP
             Robot: my_arm, 6 joints, tool frame tool0, configurations: none
+              joints: joint_1, joint_2, joint_3, joint_4, joint_5, joint_6
         """
         file = path_argument("Robot.from_urdf", "path", path, "the path of a URDF")
         given = {"tool_frame": tool_frame, **keys}
@@ -342,9 +344,10 @@ class Robot(RobotParts):
         return _reload, (ref, parts, self.limits, self.tool_frame, self.mounting)
 
     def __repr__(self) -> str:
-        """Return name, joints, tool frame and named configurations in one line."""
+        """Return name, tool frame and named configurations in one line, and the names of the joints in another."""
         named = ", ".join(self.configurations) or "none"
-        return f"Robot: {self.name}, {self.n} joints, tool frame {self.tool_frame}, configurations: {named}"
+        head = f"Robot: {self.name}, {self.n} joints, tool frame {self.tool_frame}, configurations: {named}"
+        return f"{head}\n  joints: {', '.join(self.joint_names)}"
 
 
 def _reload(

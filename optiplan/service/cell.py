@@ -83,12 +83,12 @@ class CellPlanner:
 
     def plan(
         self,
-        joints: Sequence[float] | None = None,
+        joints: Sequence[float] | Mapping[str, float] | None = None,
         target: Sequence[float] | None = None,
         *,
-        joint_target: Sequence[float] | None = None,
-        velocities: Sequence[float] | None = None,
-        accelerations: Sequence[float] | None = None,
+        joint_target: Sequence[float] | Mapping[str, float] | None = None,
+        velocities: Sequence[float] | Mapping[str, float] | None = None,
+        accelerations: Sequence[float] | Mapping[str, float] | None = None,
         budget: float = 1.0,
         deadline: float | None = None,
         planner: str | None = None,
@@ -98,7 +98,7 @@ class CellPlanner:
         """Plan from a state to a target and wait for the answer; nothing is raised, `status` says what happened.
 
         Args:
-            joints: positions of the planned joints now (n,), rad or m.
+            joints: positions of the planned joints now, (n,) or `{joint: value}`, rad or m; so the others.
             target: pose of the tool in the world: x, y, z, m, and the quaternion x, y, z, w.
             joint_target: or positions of the joints (n,).
             velocities: of a robot that moves (n,), rad/s or m/s; with `joints`, where it will be when the answer is
@@ -164,8 +164,10 @@ def _motion(answer: Mapping[str, Any]) -> CellMotion:
     )
 
 
-def _numbers(name: str, values: Any) -> list[float]:
-    """Numbers as the server takes them; a `ValueError` says of which argument they are none."""
+def _numbers(name: str, values: Any) -> Any:
+    """Numbers, or numbers by joint, as the server takes them; a `ValueError` says of which argument they are none."""
+    if isinstance(values, Mapping) and name in _BY_JOINT:
+        return {str(joint): _numbers(f"{name}[{joint!r}]", [value])[0] for joint, value in values.items()}
     try:
         found = [math.nan if isinstance(value, str | bytes) else float(value) for value in values]
     except (TypeError, ValueError, OverflowError):
@@ -175,7 +177,11 @@ def _numbers(name: str, values: Any) -> list[float]:
     return found
 
 
-def _request(given: Mapping[str, list[float]]) -> dict[str, Any]:
+_BY_JOINT = ("joints", "joint_target", "velocities", "accelerations")
+"""Arguments that have one value a planned joint."""
+
+
+def _request(given: Mapping[str, Any]) -> dict[str, Any]:
     """The numbers of a request, each where the server wants it."""
     state = {"joints": "joints", "velocities": "velocity", "accelerations": "acceleration"}
     start = {key: given[name] for name, key in state.items() if name in given}

@@ -1,16 +1,23 @@
 """`State` of a moving robot: what a controller reads at the beginning of a step, and commands for its end."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.errors import wrong_argument
+from optiplan.errors import described, wrong_argument
+from optiplan.robot.given_configurations import configuration
+from optiplan.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class State:
     """Positions, velocities and accelerations of the planned joints at one instant.
+
+    Args:
+        robot: whose joints are named; needed where values are given by joint, `{joint: value}`, or q by the name of a
+            configuration.
 
     Attributes:
         q: (n,), rad or m.
@@ -28,7 +35,10 @@ class State:
     v: Array
     a: Array
 
-    def __init__(self, q: object, v: object = None, a: object = None) -> None:
+    def __init__(self, q: object, v: object = None, a: object = None, *, robot: Robot | None = None) -> None:
+        if robot is not None and not isinstance(robot, Robot):
+            raise wrong_argument("State", "robot", described(robot), "op.load_robot(…)")
+        q, v, a = (_listed(name, value, robot) for name, value in (("q", q), ("v", v), ("a", a)))
         position = _vector("q", q, None)
         object.__setattr__(self, "q", position)
         object.__setattr__(self, "v", _vector("v", v, len(position)))
@@ -58,6 +68,16 @@ class State:
         fastest = float(np.abs(self.v).max(initial=0.0))
         motion = f"moving at up to {fastest:.3g}" if fastest else "at rest"
         return f"State: q [{', '.join(f'{x:.4g}' for x in self.q)}], {motion}"
+
+
+def _listed(name: str, values: object, robot: Robot | None) -> object:
+    """Values by joint, or the name of a configuration, in the order of the robot's joints; others as they are."""
+    if not isinstance(values, str | Mapping):
+        return values
+    if robot is None:
+        found = "values by joint" if isinstance(values, Mapping) else repr(values)
+        raise wrong_argument("State", name, found, "`robot` beside it, or one number a joint")
+    return configuration(robot.joint_names, robot.configurations if name == "q" else {}, values, "State", name)
 
 
 def _vector(name: str, values: object, size: int | None) -> Array:

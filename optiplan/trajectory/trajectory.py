@@ -96,8 +96,9 @@ class Trajectory:
             raise ValueError(f"{problem.field}: found {problem.found}; expected {problem.expected}")
 
     def __repr__(self) -> str:
-        """Duration, joints and pieces in one line."""
-        return f"Trajectory: {self.duration:.3f} s, {self.n} joints, {len(self.coefficients)} pieces"
+        """Duration, pieces and names of the joints in one line."""
+        pieces = f"{len(self.coefficients)} piece{'s' if len(self.coefficients) != 1 else ''}"
+        return f"Trajectory: {self.duration:.3f} s, {pieces}, {self.n} joints: {', '.join(self.joint_names)}"
 
     def _repr_html_(self) -> str:
         """The curves of the joints, for notebooks."""

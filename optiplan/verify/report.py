@@ -108,7 +108,8 @@ class Report:
             f"{check.name}: {check.detail or check.place or 'beyond its limit'}" for check in self.failures
         )
         verdict = "verified" if self.verified else f"not verified: {refused or 'nothing was checked'}"
-        return f"Report: {verdict} ({len(self.checks)} checks)"
+        names = ", ".join(check.name for check in self.checks)
+        return f"Report: {verdict} ({len(self.checks)} checks{': ' if names else ''}{names})"
 
     def _repr_html_(self) -> str:
         """The verdict and a row a check, for notebooks."""

@@ -76,7 +76,7 @@ def test_problem_takes_values_by_joint(panda):
     )
     assert named.hash == listed.hash
     assert listed.with_goal(by_name(panda, via)).hash == listed.with_goal(via).hash
-    with pytest.raises(op.InputError, match=r"^op.Problem: start: found unknown joint 'panda_joint_1'; .*did you mean"):
+    with pytest.raises(op.InputError, match=r"^op.Problem: start.joints.panda_joint_1: unknown joint .*did you mean"):
         op.Problem(panda, start=by_name(panda, start) | {"panda_joint_1": 0.0}, goal=goal)
 
 

@@ -1,7 +1,7 @@
 // Distances of random, parallel, nested and touching shapes, for `make sanitize`: any undefined behaviour ends it.
 //
-// Checks what holds of every answer: a unit normal, b - a = distance * normal, a plane across the normal that proves the
-// distance, the same yes or no from `overlap_within`. Prints a hash of all bits.
+// Checks what holds of every answer: a unit normal, b - a = distance * normal, a plane across the normal that proves
+// the distance, the same yes or no from `overlap_within`. Prints a hash of all bits.
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
@@ -30,8 +30,10 @@ Mat3 rotation() {
 }
 
 Mat3 quarter_turn() {
-    static const Mat3 turns[] = {{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, {{{0, -1, 0}, {1, 0, 0}, {0, 0, 1}}},
-                                 {{{1, 0, 0}, {0, 0, -1}, {0, 1, 0}}}, {{{0, 0, 1}, {1, 0, 0}, {0, 1, 0}}}};
+    static const Mat3 turns[] = {{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
+                                 {{{0, -1, 0}, {1, 0, 0}, {0, 0, 1}}},
+                                 {{{1, 0, 0}, {0, 0, -1}, {0, 1, 0}}},
+                                 {{{0, 0, 1}, {1, 0, 0}, {0, 1, 0}}}};
     return turns[generator() % 4];
 }
 
@@ -65,7 +67,8 @@ std::vector<Shape> shapes() {
 double support(const Shape &shape, const Pose &X, const Vec3 &n) {
     const Vec3 local = transposed(X.R, n);
     if (shape.kind == Kind::half_space)
-        return dot(n, X.p) + (norm(cross(local, shape.normal)) < 1e-12 && dot(local, shape.normal) > 0.0 ? shape.offset : HUGE_VAL);
+        return dot(n, X.p) +
+               (norm(cross(local, shape.normal)) < 1e-12 && dot(local, shape.normal) > 0.0 ? shape.offset : HUGE_VAL);
     const auto reach = [&](const auto &core) { return dot(local, core.support(local)); };
     return dot(n, X.p) + with_core(shape, reach) + rounding_radius(shape);
 }
@@ -86,14 +89,17 @@ void expect(bool holds, const char *what, const Shape &a, const Shape &b, double
 
 void check(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB) {
     const Witness w = distance(a, X_WA, b, X_WB);
-    for (double value : {w.distance, w.a.x, w.a.y, w.a.z, w.b.x, w.b.y, w.b.z, w.normal.x, w.normal.y, w.normal.z}) mix(value);
+    for (double value : {w.distance, w.a.x, w.a.y, w.a.z, w.b.x, w.b.y, w.b.z, w.normal.x, w.normal.y, w.normal.z})
+        mix(value);
     const bool mesh = a.kind == Kind::mesh || b.kind == Kind::mesh, deep_mesh = mesh && w.distance <= 1e-7;
     if (a.kind == Kind::half_space && b.kind == Kind::half_space) return;
     expect(std::fabs(norm(w.normal) - 1.0) < 1e-12, "normal is not of unit length", a, b, w.distance);
-    expect(norm(w.b - w.a - w.distance * w.normal) < 5e-5, "points are not distance times normal apart", a, b, w.distance);
+    expect(norm(w.b - w.a - w.distance * w.normal) < 5e-5, "points are not distance times normal apart", a, b,
+           w.distance);
     if (!mesh) {
         const double proved = -support(a, X_WA, w.normal) - support(b, X_WB, -w.normal);
-        expect(std::fabs(proved - w.distance) < 1e-7, "the plane across the normal proves another distance", a, b, w.distance);
+        expect(std::fabs(proved - w.distance) < 1e-7, "the plane across the normal proves another distance", a, b,
+               w.distance);
     }
     for (double margin : {0.0, 0.03}) {
         const bool within = overlap_within(a, X_WA, b, X_WB, margin);
@@ -111,7 +117,8 @@ void check(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB) {
 void check_features(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &before, const Pose &X_WB) {
     Features features;
     distance(a, X_WA, b, before, HUGE_VAL, &features);
-    const double begun = distance(a, X_WA, b, X_WB, HUGE_VAL, &features).distance, anew = distance(a, X_WA, b, X_WB).distance;
+    const double begun = distance(a, X_WA, b, X_WB, HUGE_VAL, &features).distance,
+                 anew = distance(a, X_WA, b, X_WB).distance;
     mix(begun);
     if (std::isfinite(anew) || std::isfinite(begun))
         expect(std::fabs(begun - anew) < 1e-7, "another answer with features", a, b, anew);

@@ -159,3 +159,20 @@ def test_steps_in_python_are_checked():
         op.Task().retreat(-1.0)
     with pytest.raises(InputError, match=r"op.Task\(\)"):
         op.Problem("panda", "ready", task=3)
+
+
+def test_a_replaced_tool_frame_stands_in_every_step(tmp_path):
+    """The file of such a problem describes the same motion, though the robot file has another tool frame."""
+    panda = op.load_robot("panda").with_tool("panda_link8")
+    near, far = op.Pose((0.5, 0.0, 0.4), rpy=(3.14, 0, 0)), op.Pose((0.5, 0.1, 0.4), rpy=(3.14, 0, 0))
+    task = op.Task().move([near, "ready"], vias=[far]).line(far).line(by=(0, 0, -0.05)).retreat(0.05)
+    task = task.approach(near, 0.1).approach([near, far], 0.1)
+    problem = op.Problem(panda, "ready", task=task)
+    problem.save(tmp_path / "task.yaml")
+    again = op.load_problem(tmp_path / "task.yaml")
+    for one in (problem, again):
+        frames = {step.action.frame for step in one.task if hasattr(step.action, "frame")}
+        ends = {end.frame for step in one.task for end in getattr(step.action, "goal", ()) if hasattr(end, "frame")}
+        assert frames | ends == {"panda_link8"}
+        assert one.task[0].action.vias[0].at.frame == "panda_link8"
+    assert op.Problem(panda, "ready", task=op.Task().line(op.Pose((0.5, 0, 0.4), frame="panda_hand"))).task

@@ -133,6 +133,18 @@ def test_a_mapping_says_what_a_file_says(file):
     np.testing.assert_array_equal(op.simulate(data).log.q, from_file.q)
 
 
+def test_a_step_takes_values_by_joint(file):
+    text = STEP.replace("[0.1, 0.2]", "{elbow: 0.2, shoulder: 0.1}")
+    by_name, listed = (
+        text.replace("joint: shoulder, by: 0.1", f"to: {to}") for to in ("{elbow: 0.3, shoulder: 0.2}", "[0.2, 0.3]")
+    )
+    np.testing.assert_array_equal(run_control(file(by_name)).log.q, run_control(file(listed)).log.q)
+    with pytest.raises(InputError, match=r"loop.yaml:5: reference.step.to.elbo: unknown joint 'elbo'; expected one of"):
+        read_control(file(by_name.replace("elbow: 0.3", "elbo: 0.3")))
+    with pytest.raises(InputError, match=r"loop.yaml:3: start.joints: no value of elbow"):
+        read_control(file(by_name.replace("elbow: 0.2, ", "")))
+
+
 def test_the_log_folder(file, tmp_path):
     done = op.simulate(file(STEP))
     assert done.clean

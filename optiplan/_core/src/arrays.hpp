@@ -28,17 +28,14 @@ nb::ndarray<nb::numpy, T> to_numpy(std::vector<T> values, std::initializer_list<
     return nb::ndarray<nb::numpy, T>(kept->data(), shape, owner);
 }
 
-template <typename A>
-std::vector<double> to_vector(const A &array) {
+template <typename A> std::vector<double> to_vector(const A &array) {
     return std::vector<double>(array.data(), array.data() + array.size());
 }
 
 inline Vec3 vec3_at(const double *p) { return {p[0], p[1], p[2]}; }
 
 // A homogeneous matrix (4, 4), row by row.
-inline Pose pose_at(const double *p) {
-    return {{{vec3_at(p), vec3_at(p + 4), vec3_at(p + 8)}}, {p[3], p[7], p[11]}};
-}
+inline Pose pose_at(const double *p) { return {{{vec3_at(p), vec3_at(p + 4), vec3_at(p + 8)}}, {p[3], p[7], p[11]}}; }
 
 inline void expect(bool holds, const char *what) {
     if (!holds) throw std::invalid_argument(what);

@@ -25,7 +25,8 @@ static StopPath make_path(const Vector &q, const Vector &v, const Vector &a, con
     return path;
 }
 
-// `effects` (2, n): how far each joint turns, rad, and slides, m, what it carries. `influence` (P,), `kept`: see WatchRules.
+// `effects` (2, n): how far each joint turns, rad, and slides, m, what it carries. `influence` (P,), `kept`: see
+// WatchRules.
 static void make_watch(ClearanceWatch *self, const World &world, const Matrix &arms, const Matrix &reaches,
                        const Matrix &effects, const Vector &influence, double kept) {
     expect(arms.shape(0) == world.pairs().size() && arms.shape(1) == static_cast<std::size_t>(world.tree().planned),
@@ -51,8 +52,8 @@ static bool stop_is_clear(ClearanceWatch &watch, const StopPath &path, const Vie
     return watch.stop_is_clear(path, start, least.data());
 }
 
-// Rows of `StopLimit.rows`: G (K, n), low (K,), unit (K,). `least`, `margin`, `drift` (K,), the last what distances change
-// by themselves in the step; `rules`: dt, rate.
+// Rows of `StopLimit.rows`: G (K, n), low (K,), unit (K,). `least`, `margin`, `drift` (K,), the last what distances
+// change by themselves in the step; `rules`: dt, rate.
 static nb::tuple stop_rows(const Matrix &gradient, const Vector &distance, const Vector &v, const Vector &delay,
                            const Vector &per_acceleration, const Vector &least, const Vector &margin,
                            const Vector &drift, const Vector &rules) {
@@ -82,8 +83,8 @@ static nb::tuple stop_rows(const Matrix &gradient, const Vector &distance, const
                           to_numpy(std::move(unit), {count}));
 }
 
-// low, high (n,), intervals (k, 2, n) with the limits (k,) that made them, brake (4, n). `table` (8, n): see JointTable.
-// `rules`: dt, the share of it by which a new velocity moves a joint, lag.
+// low, high (n,), intervals (k, 2, n) with the limits (k,) that made them, brake (4, n). `table` (8, n): see
+// JointTable. `rules`: dt, the share of it by which a new velocity moves a joint, lag.
 static nb::tuple joint_box(const Vector &q, const Vector &v, const Vector &a, const Matrix &table,
                            const std::vector<std::int64_t> &order, const Vector &rules) {
     const std::size_t n = same_size({&q, &v, &a});
@@ -113,8 +114,9 @@ static nb::object solve_from(const Matrix &H, const Vector &g, const Matrix &C, 
     const double *r = rules.data();
     ActiveSet active;
     active.bounds = std::move(bounds), active.rows = std::move(rows);
-    const SmallProgram program{n, m, p, H.data(), g.data(), C.data(), low.data(), high.data(), lower.data(),
-                               upper.data(), A.data(), b.data()};
+    const SmallProgram program{n,        m,          p,           H.data(),     g.data(),
+                               C.data(), low.data(), high.data(), lower.data(), upper.data(),
+                               A.data(), b.data()};
     if (!active.solve(program, {static_cast<int>(r[0]), r[1], r[2], r[3]})) return nb::none();
     return nb::make_tuple(to_numpy(std::move(active.x), {n}), std::move(active.bounds), std::move(active.rows));
 }
@@ -129,71 +131,91 @@ void bind_control(nb::module_ &m) {
     nb::class_<StopPath>(m, "StopPath")
         .def_static("of", &make_path, "q"_a, "v"_a, "a"_a, "limit"_a, "jerk"_a, "dt"_a)
         .def_ro("steps", &StopPath::steps)
-        .def_prop_ro("end", [](nb::handle self) {
-            const StopPath &path = nb::cast<const StopPath &>(self);
-            return part(self, path.end, {path.end.size()});
-        })
-        .def_prop_ro("way", [](nb::handle self) {
-            const StopPath &path = nb::cast<const StopPath &>(self);
-            return part(self, path.way, {path.way.size()});
-        })
-        .def("strongest", [](const StopPath &self, int first, int last) {
-            const std::size_t n = self.q.size();
-            std::vector<double> found(n);
-            for (std::size_t j = 0; j < n; ++j) found[j] = self.strongest(j, first, last);
-            return to_numpy(std::move(found), {n});
-        }, "first"_a, "last"_a)
-        .def("carry", [](StopPath &self, const Matrix &coefficients, const Vector &until, double horizon) {
-            const std::size_t count = until.size(), size = coefficients.shape(1);
-            expect(coefficients.shape(0) == count, "coefficients (k, powers), until (k,)");
-            std::vector<Drift> drifts(count);
-            for (std::size_t k = 0; k < count; ++k) {
-                const double *row = coefficients.data() + k * size;
-                drifts[k] = {{row, row + size}, until.data()[k]};
-            }
-            self.carry(std::move(drifts), horizon);
-        }, "coefficients"_a, "until"_a, "horizon"_a)
-        .def("at", [](const StopPath &self, int step) {
-            std::vector<double> q(self.q.size());
-            self.at(step, q.data());
-            return to_numpy(std::move(q), {self.q.size()});
-        }, "step"_a)
-        .def("motion", [](const StopPath &self, const Indices &steps) {
-            const std::size_t n = self.q.size(), count = steps.size();
-            std::vector<double> q(count * n), v(count * n);
-            for (std::size_t k = 0; k < count; ++k)
-                self.at(static_cast<int>(steps.data()[k]), q.data() + k * n, v.data() + k * n);
-            return nb::make_tuple(to_numpy(std::move(q), {count, n}), to_numpy(std::move(v), {count, n}));
-        }, "steps"_a);
+        .def_prop_ro("end",
+                     [](nb::handle self) {
+                         const StopPath &path = nb::cast<const StopPath &>(self);
+                         return part(self, path.end, {path.end.size()});
+                     })
+        .def_prop_ro("way",
+                     [](nb::handle self) {
+                         const StopPath &path = nb::cast<const StopPath &>(self);
+                         return part(self, path.way, {path.way.size()});
+                     })
+        .def(
+            "strongest",
+            [](const StopPath &self, int first, int last) {
+                const std::size_t n = self.q.size();
+                std::vector<double> found(n);
+                for (std::size_t j = 0; j < n; ++j) found[j] = self.strongest(j, first, last);
+                return to_numpy(std::move(found), {n});
+            },
+            "first"_a, "last"_a)
+        .def(
+            "carry",
+            [](StopPath &self, const Matrix &coefficients, const Vector &until, double horizon) {
+                const std::size_t count = until.size(), size = coefficients.shape(1);
+                expect(coefficients.shape(0) == count, "coefficients (k, powers), until (k,)");
+                std::vector<Drift> drifts(count);
+                for (std::size_t k = 0; k < count; ++k) {
+                    const double *row = coefficients.data() + k * size;
+                    drifts[k] = {{row, row + size}, until.data()[k]};
+                }
+                self.carry(std::move(drifts), horizon);
+            },
+            "coefficients"_a, "until"_a, "horizon"_a)
+        .def(
+            "at",
+            [](const StopPath &self, int step) {
+                std::vector<double> q(self.q.size());
+                self.at(step, q.data());
+                return to_numpy(std::move(q), {self.q.size()});
+            },
+            "step"_a)
+        .def(
+            "motion",
+            [](const StopPath &self, const Indices &steps) {
+                const std::size_t n = self.q.size(), count = steps.size();
+                std::vector<double> q(count * n), v(count * n);
+                for (std::size_t k = 0; k < count; ++k)
+                    self.at(static_cast<int>(steps.data()[k]), q.data() + k * n, v.data() + k * n);
+                return nb::make_tuple(to_numpy(std::move(q), {count, n}), to_numpy(std::move(v), {count, n}));
+            },
+            "steps"_a);
     nb::class_<View>(m, "View")
-        .def_prop_ro("bound", [](nb::handle self) {
-            const View &view = nb::cast<const View &>(self);
-            return part(self, view.bound, {view.bound.size()});
-        })
-        .def_prop_ro("near", [](nb::handle self) {
-            const View &view = nb::cast<const View &>(self);
-            return part(self, view.near, {view.near.size()});
-        })
-        .def_prop_ro("distance", [](nb::handle self) {
-            const View &view = nb::cast<const View &>(self);
-            return part(self, view.distance, {view.distance.size()});
-        })
+        .def_prop_ro("bound",
+                     [](nb::handle self) {
+                         const View &view = nb::cast<const View &>(self);
+                         return part(self, view.bound, {view.bound.size()});
+                     })
+        .def_prop_ro("near",
+                     [](nb::handle self) {
+                         const View &view = nb::cast<const View &>(self);
+                         return part(self, view.near, {view.near.size()});
+                     })
+        .def_prop_ro("distance",
+                     [](nb::handle self) {
+                         const View &view = nb::cast<const View &>(self);
+                         return part(self, view.distance, {view.distance.size()});
+                     })
         .def_prop_ro("gradient", [](nb::handle self) {
             const View &view = nb::cast<const View &>(self);
             return part(self, view.gradient, {view.near.size(), view.q.size()});
         });
     nb::class_<ClearanceWatch>(m, "ClearanceWatch")
-        .def("__init__", &make_watch, "world"_a, "arms"_a, "reaches"_a, "effects"_a, "influence"_a,
-             "kept"_a, nb::keep_alive<1, 2>())
+        .def("__init__", &make_watch, "world"_a, "arms"_a, "reaches"_a, "effects"_a, "influence"_a, "kept"_a,
+             nb::keep_alive<1, 2>())
         .def("look", &look, "q"_a, "before"_a.none())
         .def("stop_is_clear", &stop_is_clear, "path"_a, "start"_a, "least"_a);
     m.def("joint_box", &joint_box, "q"_a, "v"_a, "a"_a, "table"_a, "order"_a, "rules"_a);
-    m.def("singular_values", [](const Matrix &J) {
-        expect(J.shape(0) <= J.shape(1), "a matrix with no more rows than columns");
-        return singular_values(J.data(), J.shape(0), J.shape(1));
-    }, "J"_a);
-    m.def("stop_rows", &stop_rows, "gradient"_a, "distance"_a, "v"_a, "delay"_a, "per_acceleration"_a,
-          "least"_a, "margin"_a, "drift"_a, "rules"_a);
+    m.def(
+        "singular_values",
+        [](const Matrix &J) {
+            expect(J.shape(0) <= J.shape(1), "a matrix with no more rows than columns");
+            return singular_values(J.data(), J.shape(0), J.shape(1));
+        },
+        "J"_a);
+    m.def("stop_rows", &stop_rows, "gradient"_a, "distance"_a, "v"_a, "delay"_a, "per_acceleration"_a, "least"_a,
+          "margin"_a, "drift"_a, "rules"_a);
     m.def("solve_from", &solve_from, "H"_a, "g"_a, "C"_a, "low"_a, "high"_a, "lower"_a, "upper"_a, "A"_a, "b"_a,
           "bounds"_a, "rows"_a, "rules"_a);
 }

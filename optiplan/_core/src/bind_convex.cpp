@@ -23,11 +23,13 @@ Shape box(const Vector &half) {
 std::vector<Vec3> points_of(const Matrix &points) {
     expect(points.shape(1) == 3, "points (K, 3)");
     std::vector<Vec3> found;
+    found.reserve(points.shape(0));
     for (std::size_t k = 0; k < points.shape(0); ++k) found.push_back(vec3_at(points.data() + 3 * k));
     return found;
 }
 
-Shape triangles(const Matrix &vertices, const nb::ndarray<const std::int64_t, nb::shape<-1, 3>, nb::c_contig> &corners) {
+Shape triangles(const Matrix &vertices,
+                const nb::ndarray<const std::int64_t, nb::shape<-1, 3>, nb::c_contig> &corners) {
     const std::vector<Vec3> points = points_of(vertices);
     std::vector<TriangleMesh::Corners> found;
     for (std::size_t k = 0; k < corners.shape(0); ++k) {
@@ -49,7 +51,8 @@ Shape half_space(const Vector &normal, double offset) {
 
 std::size_t pairs_of(const Stack &X_WA, const Stack &X_WB) {
     const std::size_t count = X_WA.shape(0);
-    expect(X_WB.shape(0) == count && X_WA.shape(1) == 4 && X_WA.shape(2) == 4 && X_WB.shape(1) == 4 && X_WB.shape(2) == 4,
+    expect(X_WB.shape(0) == count && X_WA.shape(1) == 4 && X_WA.shape(2) == 4 && X_WB.shape(1) == 4 &&
+               X_WB.shape(2) == 4,
            "poses (N, 4, 4) of both shapes");
     return count;
 }
@@ -60,7 +63,8 @@ nb::tuple distances(const Shape &a, const Stack &X_WA, const Shape &b, const Sta
     {
         nb::gil_scoped_release released;
         for (std::size_t k = 0; k < count; ++k) {
-            const Witness w = optiplan::distance(a, pose_at(X_WA.data() + 16 * k), b, pose_at(X_WB.data() + 16 * k), cutoff);
+            const Witness w =
+                optiplan::distance(a, pose_at(X_WA.data() + 16 * k), b, pose_at(X_WB.data() + 16 * k), cutoff);
             distance[k] = w.distance;
             const double vectors[] = {w.a.x, w.a.y, w.a.z, w.b.x, w.b.y, w.b.z};
             std::copy(vectors, vectors + 6, points.data() + 6 * k);
@@ -71,8 +75,8 @@ nb::tuple distances(const Shape &a, const Stack &X_WA, const Shape &b, const Sta
                           to_numpy(std::move(normals), {count, 3}));
 }
 
-nb::ndarray<nb::numpy, std::uint8_t> overlaps_within(const Shape &a, const Stack &X_WA, const Shape &b, const Stack &X_WB,
-                                                     double margin) {
+nb::ndarray<nb::numpy, std::uint8_t> overlaps_within(const Shape &a, const Stack &X_WA, const Shape &b,
+                                                     const Stack &X_WB, double margin) {
     const std::size_t count = pairs_of(X_WA, X_WB);
     std::vector<std::uint8_t> found(count);
     {
@@ -87,19 +91,24 @@ nb::ndarray<nb::numpy, std::uint8_t> overlaps_within(const Shape &a, const Stack
 
 void bind_convex(nb::module_ &m) {
     nb::class_<Shape>(m, "Shape", "A solid in its own frame, lengths in m.")
-        .def_static("sphere", [](double radius) { return Shape::sphere(length(radius)); }, "radius"_a)
-        .def_static("capsule", [](double radius, double half_length) {
-            return Shape::capsule(length(radius), length(half_length));
-        }, "radius"_a, "half_length"_a, "About z; `half_length` without the caps.")
-        .def_static("cylinder", [](double radius, double half_length) {
-            return Shape::cylinder(length(radius), length(half_length));
-        }, "radius"_a, "half_length"_a, "About z.")
+        .def_static(
+            "sphere", [](double radius) { return Shape::sphere(length(radius)); }, "radius"_a)
+        .def_static(
+            "capsule",
+            [](double radius, double half_length) { return Shape::capsule(length(radius), length(half_length)); },
+            "radius"_a, "half_length"_a, "About z; `half_length` without the caps.")
+        .def_static(
+            "cylinder",
+            [](double radius, double half_length) { return Shape::cylinder(length(radius), length(half_length)); },
+            "radius"_a, "half_length"_a, "About z.")
         .def_static("box", &box, "half"_a, "Half edges (3,).")
-        .def_static("convex_hull", [](const Matrix &points) { return Shape::convex_hull(points_of(points)); }, "points"_a,
-                    "Convex hull of points (K, 3).")
+        .def_static(
+            "convex_hull", [](const Matrix &points) { return Shape::convex_hull(points_of(points)); }, "points"_a,
+            "Convex hull of points (K, 3).")
         .def_static("triangles", &triangles, "vertices"_a, "triangles"_a,
                     "Surface of triangles (M, 3), indices of vertices (K, 3); it encloses nothing.")
-        .def_static("half_space", &half_space, "normal"_a, "offset"_a, "All p with normal . p <= offset; unit normal (3,).");
+        .def_static("half_space", &half_space, "normal"_a, "offset"_a,
+                    "All p with normal . p <= offset; unit normal (3,).");
     m.def("distances", &distances, "a"_a, "X_WA"_a, "b"_a, "X_WB"_a, "cutoff"_a = HUGE_VAL,
           "Signed distances (N,) of two shapes at N poses (N, 4, 4), their nearest points (N, 2, 3) and normals (N, 3) "
           "from A to B, world; beyond the cutoff a lower bound, with points and normal 0.");

@@ -51,7 +51,8 @@ std::shared_ptr<Spline> make_spline(Matrix derivatives, Indices order, Matrix ra
 Inequalities near_the_diagonal(const DenseRows &dense, const Spline &spline) {
     const auto &[sample, value, by_control, by_duration, price, unit] = dense;
     const std::size_t count = sample.shape(0), n = spline.joints, free = spline.free();
-    expect(value.shape(0) == count && by_duration.shape(0) == count && by_control.shape(0) == count, "rows of one length");
+    expect(value.shape(0) == count && by_duration.shape(0) == count && by_control.shape(0) == count,
+           "rows of one length");
     expect(by_control.shape(1) == free * n, "derivatives by every free control point");
     Inequalities rows;
     rows.price = price, rows.unit = unit, rows.compact = false;
@@ -92,12 +93,14 @@ std::optional<StepFound> solve(StepSolver &solver, Matrix control, double durati
     SmoothCosts smooth;
     if (costs) {
         const auto &[gradient, by_duration, band, twice] = *costs;
-        expect(gradient.size() == spline.free() * spline.joints && band.size() == REACH * gradient.size(), "costs of M n variables");
+        expect(gradient.size() == spline.free() * spline.joints && band.size() == REACH * gradient.size(),
+               "costs of M n variables");
         smooth = {to_vector(gradient), to_vector(band), by_duration, twice};
     }
     expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
     std::vector<Inequalities> rows;
     std::vector<const Inequalities *> pointers;
+    rows.reserve(soft.size()), pointers.reserve(soft.size());
     for (const DenseRows &part : soft) rows.push_back(near_the_diagonal(part, spline));
     for (const Inequalities &part : rows) pointers.push_back(&part);
     const double *start = control.data();
@@ -124,8 +127,8 @@ SqpSettings make_settings(const std::map<std::string, double> &values) {
 }
 
 // A descent among the bodies of a world.
-std::unique_ptr<Sqp> among_bodies(std::shared_ptr<const Spline> spline, const World &world, Vector torque, double cutoff,
-                                  std::tuple<double, Vector, Vector> margins,
+std::unique_ptr<Sqp> among_bodies(std::shared_ptr<const Spline> spline, const World &world, Vector torque,
+                                  double cutoff, std::tuple<double, Vector, Vector> margins,
                                   const std::map<std::string, double> &settings) {
     const auto &[middle, start, end] = margins;
     expect(start.size() == world.pairs().size() && end.size() == start.size(), "margins of all pairs");
@@ -185,11 +188,12 @@ Laid laid_out(const Inequalities &rows, const Spline &spline) {
         const double *entries = rows.entries.data() + i * width;
         for (std::size_t k = 0; k < REACH && over.first + k < spline.free(); ++k)
             for (std::size_t j = 0; j < n; ++j)
-                dense[i * size + (over.first + k) * n + j] = rows.compact ? over.weights[k] * entries[j] : entries[k * n + j];
+                dense[i * size + (over.first + k) * n + j] =
+                    rows.compact ? over.weights[k] * entries[j] : entries[k * n + j];
     }
     std::vector<std::int64_t> sample(rows.sample.begin(), rows.sample.end());
-    return {to_numpy(std::move(sample), {count}), to_numpy(rows.value, {count}), to_numpy(std::move(dense), {count, size}),
-            to_numpy(rows.by_duration, {count})};
+    return {to_numpy(std::move(sample), {count}), to_numpy(rows.value, {count}),
+            to_numpy(std::move(dense), {count, size}), to_numpy(rows.by_duration, {count})};
 }
 
 std::tuple<double, double, Laid, Laid> evaluate(Sqp &sqp, Matrix control, double duration) {
@@ -216,9 +220,10 @@ nb::ndarray<nb::numpy, double> torques(InverseDynamics &dynamics, Matrix Q, Matr
 }
 
 nb::ndarray<nb::numpy, double> demand(InverseDynamics &dynamics, Vector breakpoints, Stack coefficients, Vector allowed,
-                                     Vector times) {
+                                      Vector times) {
     const std::size_t pieces = coefficients.shape(0), n = dynamics.joints();
-    expect(pieces > 0 && breakpoints.size() == pieces + 1 && coefficients.shape(1) > 0, "breakpoints (m + 1,) of m pieces");
+    expect(pieces > 0 && breakpoints.size() == pieces + 1 && coefficients.shape(1) > 0,
+           "breakpoints (m + 1,) of m pieces");
     expect(coefficients.shape(2) == n && allowed.size() == n, "coefficients (m, degree + 1, n), limits (n,)");
     const Curve curve{to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1,
                       static_cast<int>(n)};
@@ -244,16 +249,20 @@ void bind_program(nb::module_ &m) {
         });
     nb::class_<StepSolver>(m, "StepSolver")
         .def(nb::init<std::shared_ptr<const Spline>>(), "spline"_a)
-        .def("solve", &solve, "control"_a, "duration"_a, "soft"_a, "radius"_a, "span"_a, "gap"_a, "costs"_a = nb::none());
+        .def("solve", &solve, "control"_a, "duration"_a, "soft"_a, "radius"_a, "span"_a, "gap"_a,
+             "costs"_a = nb::none());
     nb::class_<InverseDynamics>(m, "InverseDynamics")
         .def(nb::init<const Tree &>(), "tree"_a)
         .def("torques", &torques, "Q"_a, "V"_a, "A"_a)
         .def("demand", &demand, "breakpoints"_a, "coefficients"_a, "allowed"_a, "times"_a);
     nb::class_<CurvePoint>(m, "CurvePoint")
-        .def_prop_ro("control", [](const CurvePoint &point) {
-            const std::size_t n = point.joints;
-            return to_numpy(point.control, {point.control.size() / n, n});
-        }, nb::rv_policy::automatic)
+        .def_prop_ro(
+            "control",
+            [](const CurvePoint &point) {
+                const std::size_t n = point.joints;
+                return to_numpy(point.control, {point.control.size() / n, n});
+            },
+            nb::rv_policy::automatic)
         .def_ro("duration", &CurvePoint::duration)
         .def_ro("merit", &CurvePoint::merit)
         .def_prop_ro("missing", &CurvePoint::missing)
@@ -261,14 +270,15 @@ void bind_program(nb::module_ &m) {
         .def_prop_ro("feasible", &CurvePoint::feasible);
     nb::class_<Step>(m, "Step").def_ro("promise", &Step::promise);
     nb::class_<Sqp>(m, "Sqp")
-        .def_static("among_bodies", &among_bodies, nb::keep_alive<0, 2>(), "spline"_a, "world"_a, "torque"_a, "cutoff"_a,
-                    "margins"_a, "settings"_a)
+        .def_static("among_bodies", &among_bodies, nb::keep_alive<0, 2>(), "spline"_a, "world"_a, "torque"_a,
+                    "cutoff"_a, "margins"_a, "settings"_a)
         .def_static("among_others", &among_others, "spline"_a, "tree"_a, "torque"_a, "near"_a, "settings"_a)
-        .def("set_samples",
-             [](Sqp &sqp, Vector u, Matrix position, Matrix velocity, Matrix acceleration) {
-                 sqp.set_samples(make_samples(sqp.spline(), u, position, velocity, acceleration));
-             },
-             "u"_a, "position"_a, "velocity"_a, "acceleration"_a)
+        .def(
+            "set_samples",
+            [](Sqp &sqp, Vector u, Matrix position, Matrix velocity, Matrix acceleration) {
+                sqp.set_samples(make_samples(sqp.spline(), u, position, velocity, acceleration));
+            },
+            "u"_a, "position"_a, "velocity"_a, "acceleration"_a)
         .def("evaluate", &evaluate, "control"_a, "duration"_a)
         .def("begin", &begin, "control"_a)
         .def("step", &next_step, "point"_a, "radius"_a)

@@ -78,32 +78,45 @@ static nb::ndarray<nb::numpy, double> shorten(EdgeChecker &check, const Matrix &
 void bind_search(nb::module_ &m) {
     nb::class_<EdgeChecker>(m, "EdgeChecker")
         .def("__init__", &make_checker, "world"_a, "arms"_a, "torque"_a, "rules"_a, nb::keep_alive<1, 2>())
-        .def("blocked", [](EdgeChecker &self, const Vector &q) {
-            expect_configuration(self, q);
-            return self.blocked(q.data());
-        }, "q"_a)
-        .def("free", [](EdgeChecker &self, const Vector &a, const Vector &b) {
-            expect_configuration(self, a);
-            expect_configuration(self, b);
-            return self.free(a.data(), b.data());
-        }, "a"_a, "b"_a)
-        .def("polyline_free", [](EdgeChecker &self, const Matrix &waypoints) {
-            expect(waypoints.shape(1) == static_cast<std::size_t>(self.joints()), "waypoints (k, n)");
-            nb::gil_scoped_release release;
-            return self.polyline_free(waypoints.data(), static_cast<int>(waypoints.shape(0)));
-        }, "waypoints"_a);
+        .def(
+            "blocked",
+            [](EdgeChecker &self, const Vector &q) {
+                expect_configuration(self, q);
+                return self.blocked(q.data());
+            },
+            "q"_a)
+        .def(
+            "free",
+            [](EdgeChecker &self, const Vector &a, const Vector &b) {
+                expect_configuration(self, a);
+                expect_configuration(self, b);
+                return self.free(a.data(), b.data());
+            },
+            "a"_a, "b"_a)
+        .def(
+            "polyline_free",
+            [](EdgeChecker &self, const Matrix &waypoints) {
+                expect(waypoints.shape(1) == static_cast<std::size_t>(self.joints()), "waypoints (k, n)");
+                nb::gil_scoped_release release;
+                return self.polyline_free(waypoints.data(), static_cast<int>(waypoints.shape(0)));
+            },
+            "waypoints"_a);
     m.def("shorten", &shorten, "check"_a, "waypoints"_a, "velocity"_a, "draws"_a, "seconds"_a);
     nb::class_<RrtConnect>(m, "RrtConnect")
-        .def("__init__", &make_search, "check"_a, "still"_a, "joints"_a, "rows"_a, "least"_a, "start"_a,
-             "goals"_a, "reach"_a, "seed"_a, nb::keep_alive<1, 2>())
+        .def("__init__", &make_search, "check"_a, "still"_a, "joints"_a, "rows"_a, "least"_a, "start"_a, "goals"_a,
+             "reach"_a, "seed"_a, nb::keep_alive<1, 2>())
         .def("grow", &RrtConnect::grow, "iterations"_a, "seconds"_a, nb::call_guard<nb::gil_scoped_release>())
         .def_prop_ro("iterations", &RrtConnect::iterations)
         .def_prop_ro("met", &RrtConnect::met)
         .def("size", &RrtConnect::size, "tree"_a)
-        .def("path", [](const RrtConnect &self, std::size_t n) { return configurations(self.path(), n); }, "joints"_a)
-        .def("sample", [](const RrtConnect &self, int tree, int most, std::size_t n) {
-            return configurations(self.sample(tree, most), n);
-        }, "tree"_a, "most"_a, "joints"_a);
+        .def(
+            "path", [](const RrtConnect &self, std::size_t n) { return configurations(self.path(), n); }, "joints"_a)
+        .def(
+            "sample",
+            [](const RrtConnect &self, int tree, int most, std::size_t n) {
+                return configurations(self.sample(tree, most), n);
+            },
+            "tree"_a, "most"_a, "joints"_a);
 }
 
 }  // namespace optiplan

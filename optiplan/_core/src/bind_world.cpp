@@ -26,9 +26,15 @@ static Tree make_tree(const Indices &parents, const Stack &placements, const Mat
         const bool revolute = norm(vec3_at(screw + 3)) > 0.5;
         expect(parents.data()[j] >= 0 && parents.data()[j] <= static_cast<std::int64_t>(j), "parents come first");
         expect(leaders.data()[j] >= 0 && leaders.data()[j] < planned, "leaders are planned joints");
-        tree.joints.push_back({static_cast<int>(parents.data()[j]), pose_at(placements.data() + 16 * j), revolute,
-                               vec3_at(revolute ? screw + 3 : screw), static_cast<int>(leaders.data()[j]),
-                               couplings.data()[2 * j], couplings.data()[2 * j + 1], mass[0], vec3_at(mass + 1),
+        tree.joints.push_back({static_cast<int>(parents.data()[j]),
+                               pose_at(placements.data() + 16 * j),
+                               revolute,
+                               vec3_at(revolute ? screw + 3 : screw),
+                               static_cast<int>(leaders.data()[j]),
+                               couplings.data()[2 * j],
+                               couplings.data()[2 * j + 1],
+                               mass[0],
+                               vec3_at(mass + 1),
                                {{vec3_at(mass + 4), vec3_at(mass + 7), vec3_at(mass + 10)}}});
     }
     return tree;
@@ -37,8 +43,15 @@ static Tree make_tree(const Indices &parents, const Stack &placements, const Mat
 static Body make_body(int joint, const Matrix &placement, std::vector<Shape> shapes, const Vector &box, double radius) {
     expect(placement.shape(0) == 4 && placement.shape(1) == 4 && box.size() == 6, "a placement (4, 4), a box (6,)");
     expect(shapes.size() == 1 || shapes.size() == 2, "a shape, or a hull and triangles");
-    Body body{joint, pose_at(placement.data()), std::move(shapes), vec3_at(box.data()), vec3_at(box.data() + 3), radius,
-              false, {}, 0.0};
+    Body body{joint,
+              pose_at(placement.data()),
+              std::move(shapes),
+              vec3_at(box.data()),
+              vec3_at(box.data() + 3),
+              radius,
+              false,
+              {},
+              0.0};
     if (body.solid().kind == Kind::half_space) {
         body.half_space = true;
         body.normal = body.solid().normal;
@@ -53,6 +66,7 @@ static World make_world(const Tree &tree, const std::vector<Body> &bodies, const
     const auto count = static_cast<std::int64_t>(bodies.size());
     for (std::size_t k = 0; k < 2 * pairs.shape(0); ++k)
         expect(pairs.data()[k] >= 0 && pairs.data()[k] < count, "pairs are indices of bodies");
+    found.reserve(pairs.shape(0));
     for (std::size_t k = 0; k < pairs.shape(0); ++k)
         found.emplace_back(static_cast<int>(pairs.data()[2 * k]), static_cast<int>(pairs.data()[2 * k + 1]));
     for (const Body &body : bodies) expect(body.joint >= 0 && body.joint < tree.count(), "bodies are on joints");
@@ -60,10 +74,12 @@ static World make_world(const Tree &tree, const std::vector<Body> &bodies, const
     for (const auto &[hull, members] : clusters) {
         expect(hull.joint >= 0 && hull.joint < tree.count(), "hulls are on joints");
         for (int body : members)
-            expect(body >= 0 && body < count && bodies[body].joint == hull.joint, "members are bodies on their hull's joint");
+            expect(body >= 0 && body < count && bodies[body].joint == hull.joint,
+                   "members are bodies on their hull's joint");
         together.push_back({hull, members});
     }
-    for (int pair : never) expect(pair >= 0 && pair < static_cast<int>(found.size()), "pairs that are never asked are pairs");
+    for (int pair : never)
+        expect(pair >= 0 && pair < static_cast<int>(found.size()), "pairs that are never asked are pairs");
     return World(tree, bodies, found, together, never);
 }
 
@@ -75,8 +91,7 @@ static nb::ndarray<nb::numpy, double> poses(const Tree &tree, const Matrix &Q) {
     for (std::size_t row = 0; row < Q.shape(0); ++row) {
         tree.poses(Q.data() + row * Q.shape(1), at.data());
         for (const Pose &X : at) {
-            for (int i = 0; i < 3; ++i)
-                out.insert(out.end(), {X.R.rows[i].x, X.R.rows[i].y, X.R.rows[i].z, X.p[i]});
+            for (int i = 0; i < 3; ++i) out.insert(out.end(), {X.R.rows[i].x, X.R.rows[i].y, X.R.rows[i].z, X.p[i]});
             out.insert(out.end(), {0.0, 0.0, 0.0, 1.0});
         }
     }
@@ -129,7 +144,8 @@ static nb::tuple near(const World &world, const Matrix &Q, double cutoff) {
             const std::size_t before = found.size();
             world.near(at, static_cast<int>(row), cutoff, found, trail);
             slopes.resize(found.size() * n);
-            for (std::size_t k = before; k < found.size(); ++k) world.gradient(at.joints.data(), found[k], slopes.data() + k * n);
+            for (std::size_t k = before; k < found.size(); ++k)
+                world.gradient(at.joints.data(), found[k], slopes.data() + k * n);
         }
     }
     return contacts_as_arrays(world, found, std::move(slopes));
@@ -163,7 +179,9 @@ static nb::ndarray<nb::numpy, double> gradients(const World &world, const Matrix
         if (row != placed) world.place(Q.data() + row * n, at);
         placed = row;
         const double *p = points.data() + 6 * k;
-        const Contact contact{0, static_cast<int>(pair), {0.0, vec3_at(p), vec3_at(p + 3), vec3_at(normals.data() + 3 * k)}};
+        const Contact contact{0,
+                              static_cast<int>(pair),
+                              {0.0, vec3_at(p), vec3_at(p + 3), vec3_at(normals.data() + 3 * k)}};
         world.gradient(at.joints.data(), contact, out.data() + k * n);
     }
     return to_numpy(std::move(out), {count, n});
@@ -235,6 +253,7 @@ static std::vector<std::pair<double, int>> prove(Sweep &sweep, int begin, int en
     std::vector<Touched> found;
     sweep.prove(begin, end, found);
     std::vector<std::pair<double, int>> out;
+    out.reserve(found.size());
     for (const Touched &touched : found) out.emplace_back(touched.t, touched.pair);
     return out;
 }

@@ -8,7 +8,10 @@ namespace optiplan {
 struct Vec3 {
     double x = 0.0, y = 0.0, z = 0.0;
 
-    Vec3 &operator+=(const Vec3 &b) { x += b.x, y += b.y, z += b.z; return *this; }
+    Vec3 &operator+=(const Vec3 &b) {
+        x += b.x, y += b.y, z += b.z;
+        return *this;
+    }
     double operator[](int axis) const { return axis == 0 ? x : axis == 1 ? y : z; }
 };
 
@@ -35,7 +38,9 @@ struct Mat3 {
     Vec3 rows[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
 };
 
-inline Vec3 operator*(const Mat3 &m, const Vec3 &v) { return {dot(m.rows[0], v), dot(m.rows[1], v), dot(m.rows[2], v)}; }
+inline Vec3 operator*(const Mat3 &m, const Vec3 &v) {
+    return {dot(m.rows[0], v), dot(m.rows[1], v), dot(m.rows[2], v)};
+}
 
 // m^T v
 inline Vec3 transposed(const Mat3 &m, const Vec3 &v) { return v.x * m.rows[0] + v.y * m.rows[1] + v.z * m.rows[2]; }
@@ -62,8 +67,6 @@ inline Vec3 operator*(const Pose &X, const Vec3 &p) { return X.R * p + X.p; }
 inline Pose operator*(const Pose &X, const Pose &Y) { return {X.R * Y.R, X.R * Y.p + X.p}; }
 
 // X^-1 Y
-inline Pose relative(const Pose &X, const Pose &Y) {
-    return {transpose(X.R) * Y.R, transposed(X.R, Y.p - X.p)};
-}
+inline Pose relative(const Pose &X, const Pose &Y) { return {transpose(X.R) * Y.R, transposed(X.R, Y.p - X.p)}; }
 
 }  // namespace optiplan

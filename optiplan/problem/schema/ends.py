@@ -5,9 +5,10 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from optiplan.config.document import Number, Strict
+from optiplan.config.document import Strict
 from optiplan.config.values import (
     ExactlyOne,
+    JointValues,
     Length,
     Name,
     Vector,
@@ -21,7 +22,7 @@ CONFIGURATIONS = ("joints", "joints_deg", "configuration")
 _NAMED = f"{', '.join(CONFIGURATIONS[:-1])} or {CONFIGURATIONS[-1]}"
 
 
-Rates = Annotated[tuple[Number, ...] | None, AfterValidator(lambda rates: rates if rates and any(rates) else None)]
+Rates = Annotated[JointValues | None, AfterValidator(lambda rates: rates if rates and any(rates) else None)]
 """One value per planned joint; zeros are as good as nothing, so that rest is said in one way."""
 
 
@@ -34,8 +35,8 @@ class StartSpec(ExactlyOne):
 
     BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
 
-    joints: tuple[Number, ...] | None = None
-    joints_deg: tuple[Number, ...] | None = None
+    joints: JointValues | None = None
+    joints_deg: JointValues | None = None
     configuration: Name | None = None
     velocity: Rates = None
     acceleration: Rates = None
@@ -76,12 +77,12 @@ class ViaSpec(Strict):
     joint) and `time` (s from the start) are wishes, which the planner `spline` can grant.
     """
 
-    joints: tuple[Number, ...] | None = None
-    joints_deg: tuple[Number, ...] | None = None
+    joints: JointValues | None = None
+    joints_deg: JointValues | None = None
     configuration: Name | None = None
     pose: ViaPoseSpec | None = None
     tolerance: Length | None = None
-    velocity: tuple[Number, ...] | None = None
+    velocity: JointValues | None = None
     time: Length | None = None
 
     @model_validator(mode="after")

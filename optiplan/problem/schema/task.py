@@ -5,9 +5,10 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from optiplan.config.document import Number, Strict
+from optiplan.config.document import Strict
 from optiplan.config.values import (
     Direction,
+    JointValues,
     Length,
     Name,
     NamePair,
@@ -24,8 +25,8 @@ from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
 class MoveSpec(Strict):
     """Go to one end, or any of several, past `via`, with the joints of `group` (default: that of the problem)."""
 
-    joints: tuple[Number, ...] | None = None
-    joints_deg: tuple[Number, ...] | None = None
+    joints: JointValues | None = None
+    joints_deg: JointValues | None = None
     configuration: Name | None = None
     pose: PoseGoalSpec | None = None
     region: RegionSpec | None = None
@@ -138,8 +139,8 @@ class GripperSpec(Strict):
     """Joints of a `group` move to `joints`, rad or m, to `joints_deg`, or to their values in a named configuration."""
 
     group: Name
-    joints: tuple[Number, ...] | None = None
-    joints_deg: tuple[Number, ...] | None = None
+    joints: JointValues | None = None
+    joints_deg: JointValues | None = None
     configuration: Name | None = None
 
     @model_validator(mode="after")

@@ -9,6 +9,7 @@ import numpy as np
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.pose import Pose, Values, checked
+from optiplan.problem.schema.joint_names import lists_of
 from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.statement import End, ViaPoint, end_data, is_configuration, via_point_data
 from optiplan.problem.to_data import path_constraint_data
@@ -39,7 +40,8 @@ class Task:
         """Go to an end, or any of several.
 
         Args:
-            to: a `Pose`, values of the joints of the group, the name of a configuration, or a list of these.
+            to: a `Pose`, values of the group's joints, (k,) or `{joint: value}`, the name of a configuration, or a list
+                of these.
             vias: passed on the way.
             group: of joints that move; None: that of the problem.
             step: see the class.
@@ -131,8 +133,8 @@ class Task:
         """Release what is held; it becomes an obstacle where it is."""
         return self._with("detach", {"object": object}, step)
 
-    def gripper(self, group: str, to: Values | str, **step: Any) -> "Task":
-        """Move the joints of a group to positions, rad or m, or to those in a named configuration."""
+    def gripper(self, group: str, to: Values | Mapping[str, float] | str, **step: Any) -> "Task":
+        """Move the joints of a group to positions, (k,) or `{joint: value}`, rad or m, or to a named configuration."""
         return self._with("gripper", {"group": group, **end_data(to, "Task.gripper", "to")}, step)
 
     def dwell(self, seconds: float, **step: Any) -> "Task":
@@ -144,7 +146,7 @@ class Task:
         if "path_constraints" in more:
             more["path_constraints"] = path_constraint_data(more["path_constraints"], f"Task.{kind}")
         data = plain({kind: said, **more})
-        checked(TaskStepSpec, data, f"Task.{kind}", {})
+        checked(TaskStepSpec, lists_of({"task": [data]})["task"][0], f"Task.{kind}", {})
         return Task((*self.steps, data))
 
     def __repr__(self) -> str:

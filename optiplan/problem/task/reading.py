@@ -107,13 +107,10 @@ class TaskReader:
 
     def _joints(self, place: Place, group: str | None) -> tuple[str, ...] | None:
         """Return the joints of a group, in the robot's order; None where there is none of that name."""
-        if group is None:
-            return self.compiler.main_joints
-        if group not in self.robot.groups:
+        if group is not None and group not in self.robot.groups:
             self.compiler.unknown((*place, "group"), "group", group, self.robot.groups)
             return None
-        wanted = set(self.robot.groups[group])
-        return tuple(name for name in self.robot.joint_names if name in wanted)
+        return self.compiler.joints_of(self.robot, group)
 
     def _with_tool_of(self, group: str | None) -> Robot:
         """Return the robot with the tool frame of a group, if that is not the problem's and has one of its own."""

@@ -18,6 +18,7 @@ from optiplan.problem.examples import find_problem
 from optiplan.problem.from_data import read_problem
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
+from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.robot import Robot
 from optiplan.simulation.closed_loop import OF_TASKS
 from optiplan.simulation.files.schema import OF_PROBLEM, ControlSpec
@@ -130,6 +131,10 @@ def _sizes(control: ControlFile) -> list[Issue]:
         if isinstance(value, tuple) and len(value) != n:
             names = ", ".join(control.robot.joint_names)
             issues.append(control.document.issue(place, f"{len(value)} values", f"{n} values, one for each of {names}"))
+    if step is not None and isinstance(step.to, dict):
+        place = ("reference", "step", "to")
+        for joint, found, expected in wrong_names(control.robot.joint_names, step.to):
+            issues.append(control.document.issue(place if joint is None else (*place, joint), found, expected))
     if step is not None and step.joint is not None and step.joint not in control.robot.joint_names:
         expected = choices(step.joint, control.robot.joint_names)
         place = ("reference", "step", "joint")

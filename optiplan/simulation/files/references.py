@@ -108,7 +108,9 @@ def _stored(control: ControlFile, name: str) -> Reference:
 def _step(control: ControlFile, spec: StepSpec) -> StepReference:
     start = control.problem.start
     end = np.array(start)
-    if spec.to is not None:
+    if isinstance(spec.to, dict):
+        end = np.array([spec.to[joint] for joint in control.robot.joint_names], float)
+    elif spec.to is not None:
         end = np.array(spec.to, float)
     elif spec.joint is not None and spec.by is not None:
         end[control.robot.joint_names.index(spec.joint)] += spec.by

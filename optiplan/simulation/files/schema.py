@@ -30,7 +30,7 @@ class StepSpec(Strict):
 
     joint: Name | None = None
     by: Number | None = None
-    to: tuple[Number, ...] | None = None
+    to: tuple[Number, ...] | dict[Name, Number] | None = None
     at: NotNegative = 0.1
     lasting: Seconds = 2.0
 

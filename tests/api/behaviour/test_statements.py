@@ -111,6 +111,12 @@ def test_a_problem_and_its_parts_say_what_they_are_in_a_line(problem, run):
     assert repr(run).startswith("Run: verified, ")
     assert repr(run.trajectory).startswith("Trajectory: ")
     assert repr(run.report).startswith("Report: verified (")
+    for thing in (problem.robot, run.trajectory):
+        assert "joints: shoulder, elbow" in repr(thing)
+    assert ", velocity, acceleration" in repr(run.report)
+    controller = op.Controller(problem.robot, [op.PostureTask()])
+    assert repr(controller).startswith("Controller: planar2r, tasks: PostureTask(")
+    assert repr(controller).endswith("; limits: position, velocity, acceleration, jerk")
     for thing in (problem, run, run.report, run.trajectory, op.planners(), op.robots()):
         assert "\n" not in repr(thing) or thing in (op.planners(), op.robots())
         assert "<" in thing._repr_html_()

@@ -58,8 +58,8 @@ bool ActiveSet::solve(const SmallProgram &program, const ActiveSetRules &rules) 
 
 bool ActiveSet::from_guess(const SmallProgram &program, const ActiveSetRules &rules) {
     rows.erase(std::remove_if(rows.begin(), rows.end(),
-                                    [&](std::int64_t row) { return std::llabs(row) > std::int64_t(program.m); }),
-                     rows.end());
+                              [&](std::int64_t row) { return std::llabs(row) > std::int64_t(program.m); }),
+               rows.end());
     for (int change = 0; change < rules.changes; ++change) {
         if (!on_constraints(program, rules.feasible)) return false;
         const std::size_t inequalities = bounds.size() + rows.size();
@@ -130,7 +130,8 @@ bool ActiveSet::enters(const SmallProgram &program, double touches, bool &bound,
     found = 0;
     for (std::size_t j = 0; j < program.n; ++j) {
         if (x[j] - program.upper[j] > worst) worst = x[j] - program.upper[j], bound = true, found = std::int64_t(j) + 1;
-        if (program.lower[j] - x[j] > worst) worst = program.lower[j] - x[j], bound = true, found = -(std::int64_t(j) + 1);
+        if (program.lower[j] - x[j] > worst)
+            worst = program.lower[j] - x[j], bound = true, found = -(std::int64_t(j) + 1);
     }
     for (std::size_t i = 0; i < program.m; ++i) {
         const double y = dot(program.C + i * program.n, x.data(), program.n);

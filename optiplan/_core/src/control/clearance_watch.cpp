@@ -9,12 +9,8 @@ static constexpr double INF = std::numeric_limits<double>::infinity();
 
 ClearanceWatch::ClearanceWatch(const World &world, std::vector<double> arms, std::vector<double> reaches,
                                JointEffects effects, WatchRules rules)
-    : world_(world),
-      arms_(std::move(arms)),
-      reaches_(std::move(reaches)),
-      effects_(std::move(effects)),
-      rules_(rules),
-      q_(joints()) {}
+    : world_(world), arms_(std::move(arms)), reaches_(std::move(reaches)), effects_(std::move(effects)),
+      rules_(std::move(rules)), q_(joints()) {}
 
 Placement ClearanceWatch::placed(const double *q) const {
     Placement at = world_.placement();
@@ -64,8 +60,8 @@ bool ClearanceWatch::measure(const Placement &at, const std::vector<int> &which,
     return true;
 }
 
-// The least distance of two points whose distances are d_0 and d_1 at the ends of a straight way against each other that
-// is no longer than `chord`.
+// The least distance of two points whose distances are d_0 and d_1 at the ends of a straight way against each other
+// that is no longer than `chord`.
 static double least_between(double d_0, double d_1, double chord) {
     if (!(d_0 > 0.0 && d_1 > 0.0)) return -INF;
     const double difference = d_0 * d_0 - d_1 * d_1, square = chord * chord;
@@ -113,8 +109,10 @@ bool ClearanceWatch::part_is_clear(const StopPath &path, const Part &part, const
     before.last_at = placed(before.last_q.data());
     if (!measure(before.last_at, before.which, least, before.last_distance)) return false;
     if (!part_is_clear(path, before, least)) return false;
-    return part_is_clear(path, {before.last, part.last, before.which, before.last_distance, last, before.last_at,
-                                part.last_at, before.last_q, part.last_q}, least);
+    return part_is_clear(path,
+                         {before.last, part.last, before.which, before.last_distance, last, before.last_at,
+                          part.last_at, before.last_q, part.last_q},
+                         least);
 }
 
 // How far points of the bodies of a pair stray at most from the straight ways, against each other, that `chord` tells.

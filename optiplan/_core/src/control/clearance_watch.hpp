@@ -17,7 +17,8 @@ struct WatchRules {
     double kept;                    // multiple of it up to which they stay
 };
 
-// What a planned joint does to what it carries: turns by so many rad, slides by so many m, for each rad or m of its own.
+// What a planned joint does to what it carries: turns by so many rad, slides by so many m, for each rad or m of its
+// own.
 struct JointEffects {
     std::vector<double> turns, slides;  // (n,)
 };
@@ -59,7 +60,8 @@ class ClearanceWatch {
     bool part_is_clear(const StopPath &path, const Part &part, const double *least);
     double deviation(const StopPath &path, const Part &part, int pair) const;
     double chord(const Placement &first, const Placement &second, int pair) const;
-    bool measure(const Placement &at, const std::vector<int> &which, const double *least, std::vector<double> &out) const;
+    bool measure(const Placement &at, const std::vector<int> &which, const double *least,
+                 std::vector<double> &out) const;
     Placement placed(const double *q) const;
 
     const World &world_;

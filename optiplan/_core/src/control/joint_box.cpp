@@ -28,17 +28,17 @@ Interval interval_of(JointLimit limit, const JointTable &t, std::size_t j, doubl
     const Brakes brakes{t.acceleration[j], t.jerk[j]};
     const double dt = step.dt;
     switch (limit) {
-        case JointLimit::acceleration:
-            return {v - t.acceleration[j] * dt, v + t.acceleration[j] * dt};
-        case JointLimit::jerk:
-            return {v + dt * a - dt * (dt * t.jerk[j]), v + dt * a + dt * (dt * t.jerk[j])};
-        case JointLimit::velocity: {
-            const double up = t.velocity[j] - v, down = t.velocity[j] + v;
-            return {v - std::copysign(dt * brakes.acceleration(std::fabs(down), dt), down),
-                    v + std::copysign(dt * brakes.acceleration(std::fabs(up), dt), up)};
-        }
-        case JointLimit::position:
-            break;
+    case JointLimit::acceleration:
+        return {v - t.acceleration[j] * dt, v + t.acceleration[j] * dt};
+    case JointLimit::jerk:
+        return {v + dt * a - dt * (dt * t.jerk[j]), v + dt * a + dt * (dt * t.jerk[j])};
+    case JointLimit::velocity: {
+        const double up = t.velocity[j] - v, down = t.velocity[j] + v;
+        return {v - std::copysign(dt * brakes.acceleration(std::fabs(down), dt), down),
+                v + std::copysign(dt * brakes.acceleration(std::fabs(up), dt), up)};
+    }
+    case JointLimit::position:
+        break;
     }
     Interval found;
     const double shifted = (dt - step.moves) * v;

@@ -1,4 +1,5 @@
-// What the limits of single joints leave of the velocities at the end of a step; see optiplan/control/limits/joint_box.py.
+// What the limits of single joints leave of the velocities at the end of a step; see
+// optiplan/control/limits/joint_box.py.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +22,7 @@ struct JointBounds {
     std::vector<double> low, high;       // (n,)
     std::vector<double> intervals;       // (k, 2, n), each limit's own
     std::vector<std::int64_t> made;      // (k,), by which limit
-    std::vector<double> brake;           // (4, n), q, v, a after dt of the quickest stop; v of the step nearest to it
+    std::vector<double> brake;  // (4, n), q, v, a after dt of the quickest stop; v of the step nearest to it
 };
 
 // `order`: limits, the most important first.

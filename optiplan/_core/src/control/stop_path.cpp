@@ -5,8 +5,8 @@
 
 namespace optiplan {
 
-void StopPath::start(const double *q_now, const double *v_now, const double *a, const double *limit,
-                     const double *jerk, std::size_t n, double step) {
+void StopPath::start(const double *q_now, const double *v_now, const double *a, const double *limit, const double *jerk,
+                     std::size_t n, double step) {
     q.assign(q_now, q_now + n), v.assign(v_now, v_now + n);
     dt = step;
     stops.resize(n), end.resize(n), way.resize(n);
@@ -77,8 +77,8 @@ double StopPath::strongest(std::size_t j, int first, int last) const {
         const Phase &phase = stops[j].phases[p];
         const double begin = std::max(first * dt - before, 0.0), stop = std::min(last * dt - before, phase.lasting);
         if (begin < stop)
-            most = std::max({most, std::fabs(phase.first + begin * phase.jerk),
-                             std::fabs(phase.first + stop * phase.jerk)});
+            most = std::max(
+                {most, std::fabs(phase.first + begin * phase.jerk), std::fabs(phase.first + stop * phase.jerk)});
         before += phase.lasting;
     }
     return most;

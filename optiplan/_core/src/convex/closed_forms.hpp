@@ -35,8 +35,10 @@ inline Witness segments(const Vec3 &a, const Vec3 &u, const Vec3 &b, const Vec3 
     t = vv > 0.0 ? unit_clamp((s * uv - dot(apart, v)) / vv) : 0.0;
     s = uu > 0.0 ? unit_clamp((t * uv + dot(apart, u)) / uu) : 0.0;
     Vec3 fallback{1, 0, 0};
-    if (area > 0.0) fallback = (1.0 / std::sqrt(area)) * c;
-    else if (uu > 0.0 || vv > 0.0) fallback = perpendicular(uu > 0.0 ? u : v);
+    if (area > 0.0)
+        fallback = (1.0 / std::sqrt(area)) * c;
+    else if (uu > 0.0 || vv > 0.0)
+        fallback = perpendicular(uu > 0.0 ? u : v);
     return between(a + s * u, b + t * v, fallback);
 }
 
@@ -45,9 +47,12 @@ inline Witness box_to_point(const Vec3 &half, const Vec3 &p) {
     const double x = half.x - std::fabs(p.x), y = half.y - std::fabs(p.y), z = half.z - std::fabs(p.z);
     if (std::min({x, y, z}) < -kCoincident) return between(BoxCore{half}.near(p), p, {1, 0, 0});
     Witness result{-std::min({x, y, z}), p, p, {}};
-    if (x <= y && x <= z) result.normal.x = std::copysign(1.0, p.x), result.a.x = std::copysign(half.x, p.x);
-    else if (y <= z) result.normal.y = std::copysign(1.0, p.y), result.a.y = std::copysign(half.y, p.y);
-    else result.normal.z = std::copysign(1.0, p.z), result.a.z = std::copysign(half.z, p.z);
+    if (x <= y && x <= z)
+        result.normal.x = std::copysign(1.0, p.x), result.a.x = std::copysign(half.x, p.x);
+    else if (y <= z)
+        result.normal.y = std::copysign(1.0, p.y), result.a.y = std::copysign(half.y, p.y);
+    else
+        result.normal.z = std::copysign(1.0, p.z), result.a.z = std::copysign(half.z, p.z);
     return result;
 }
 
@@ -70,8 +75,7 @@ inline Witness cylinder_to_point(double radius, double half_length, const Vec3 &
 }
 
 // A core and the half-space of all points with n . p <= offset, in the core's frame.
-template <class A>
-Witness to_half_space(const A &core, const Vec3 &n, double offset) {
+template <class A> Witness to_half_space(const A &core, const Vec3 &n, double offset) {
     const Vec3 lowest = core.support(-n);
     const double height = dot(n, lowest) - offset;
     return {height, lowest, lowest - height * n, -n};

@@ -57,9 +57,12 @@ Witness iterative(const A &a, const B &b, const Pose &X_AB, double cutoff, Featu
     const GjkResult found = gjk(difference, cutoff, kTouching, features, difference.curved ? gap : kDistanceGap);
     if (features) *features = features_of(difference, found);
     switch (found.status) {
-        case GjkResult::Status::beyond_cutoff: return {found.lower, {}, {}, {}};
-        case GjkResult::Status::touching: return penetration(difference, found.simplex);
-        default: return witness_of(found);
+    case GjkResult::Status::beyond_cutoff:
+        return {found.lower, {}, {}, {}};
+    case GjkResult::Status::touching:
+        return penetration(difference, found.simplex);
+    default:
+        return witness_of(found);
     }
 }
 
@@ -73,11 +76,16 @@ Witness cores(const Shape &a, const Shape &b, const Pose &X_AB, double cutoff, F
     if (a.kind == Kind::sphere) {
         const Pose X_BA = X_AB.inverse();
         switch (b.kind) {
-            case Kind::sphere: return between({}, X_AB.p, {1, 0, 0});
-            case Kind::capsule: return segments({}, {}, X_AB.p, along_axis(X_AB, b.half_length));
-            case Kind::box: return flipped(moved(X_AB, box_to_point(b.half, X_BA.p)));
-            case Kind::cylinder: return flipped(moved(X_AB, cylinder_to_point(b.radius, b.half_length, X_BA.p)));
-            default: break;
+        case Kind::sphere:
+            return between({}, X_AB.p, {1, 0, 0});
+        case Kind::capsule:
+            return segments({}, {}, X_AB.p, along_axis(X_AB, b.half_length));
+        case Kind::box:
+            return flipped(moved(X_AB, box_to_point(b.half, X_BA.p)));
+        case Kind::cylinder:
+            return flipped(moved(X_AB, cylinder_to_point(b.radius, b.half_length, X_BA.p)));
+        default:
+            break;
         }
     }
     if (a.kind == Kind::capsule && b.kind == Kind::capsule)
@@ -117,7 +125,8 @@ Witness distance(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X
     return {distance, X_WA * found.a + radius_a * normal, X_WA * found.b - radius_b * normal, normal};
 }
 
-bool overlap_within(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB, double margin, Features *features) {
+bool overlap_within(const Shape &a, const Pose &X_WA, const Shape &b, const Pose &X_WB, double margin,
+                    Features *features) {
     if (a.kind > b.kind) return overlap_within(b, X_WB, a, X_WA, margin, features);
     const Pose X_AB = relative(X_WA, X_WB);
     const double within = margin + rounding_radius(a) + rounding_radius(b);

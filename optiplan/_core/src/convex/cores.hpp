@@ -88,14 +88,18 @@ struct TriangleCore {
 };
 
 // Calls f(core) with the core of a bounded convex shape.
-template <class F>
-auto with_core(const Shape &shape, F &&f) {
+template <class F> auto with_core(const Shape &shape, F &&f) {
     switch (shape.kind) {
-        case Kind::capsule: return f(SegmentCore{shape.half_length});
-        case Kind::box: return f(BoxCore{shape.half});
-        case Kind::cylinder: return f(CylinderCore{shape.radius, shape.half_length});
-        case Kind::hull: return f(HullCore{shape.hull.get()});
-        default: return f(PointCore{});
+    case Kind::capsule:
+        return f(SegmentCore{shape.half_length});
+    case Kind::box:
+        return f(BoxCore{shape.half});
+    case Kind::cylinder:
+        return f(CylinderCore{shape.radius, shape.half_length});
+    case Kind::hull:
+        return f(HullCore{shape.hull.get()});
+    default:
+        return f(PointCore{});
     }
 }
 
@@ -109,8 +113,7 @@ struct DifferencePoint {
     Vec3 w, a;
 };
 
-template <class A, class B>
-struct Difference {
+template <class A, class B> struct Difference {
     A a;
     B b;
     Pose X_AB;
@@ -136,8 +139,7 @@ struct Difference {
     }
 };
 
-template <class A, class B>
-Difference<A, B> difference_of(const A &a, const B &b, const Pose &X_AB) {
+template <class A, class B> Difference<A, B> difference_of(const A &a, const B &b, const Pose &X_AB) {
     return {a, b, X_AB};
 }
 

@@ -1,8 +1,8 @@
 // Penetration depth of two convex cores by the expanding polytope algorithm.
 //
 // G. van den Bergen, "Proximity queries and penetration depth computation on 3D game objects", 2001. A polytope within
-// A - B grows where its surface is nearest to the origin, until A - B does not reach beyond that face. The depth is known
-// from both sides: the least distance of a face from below, the support function along its normal from above.
+// A - B grows where its surface is nearest to the origin, until A - B does not reach beyond that face. The depth is
+// known from both sides: the least distance of a face from below, the support function along its normal from above.
 #pragma once
 
 #include <array>
@@ -15,17 +15,17 @@
 namespace optiplan {
 
 constexpr double kDepthGap = 1e-12;       // m; between the two bounds, where the search ends
-constexpr double kCurvedDepthGap = 1e-5;  // the same as a part of the extent, for curved cores: `penetration` refines it
+constexpr double kCurvedDepthGap =
+    1e-5;  // the same as a part of the extent, for curved cores: `penetration` refines it
 
-template <class A, class B>
-class ExpandingPolytope {
-public:
+template <class A, class B> class ExpandingPolytope {
+  public:
     explicit ExpandingPolytope(const Difference<A, B> &difference) : difference_(difference) {
         vertices_.reserve(64), faces_.reserve(128), rim_.reserve(64);
     }
 
-    // `simplex`: where GJK ended, about the origin or touching it. The distance returned is minus the support function of
-    // A - B along the normal, so never above the truth.
+    // `simplex`: where GJK ended, about the origin or touching it. The distance returned is minus the support function
+    // of A - B along the normal, so never above the truth.
     Witness solve(const Simplex &simplex) {
         if (!begin(simplex)) return flat(simplex);
         const double gap = Difference<A, B>::curved ? kCurvedDepthGap * extent_ : std::max(kDepthGap, rounding_);
@@ -47,7 +47,7 @@ public:
     // Of A - B, m.
     double extent() const { return extent_; }
 
-private:
+  private:
     static constexpr std::size_t kVertices = Difference<A, B>::curved ? 100 : 400;
 
     struct Face {
@@ -67,7 +67,8 @@ private:
     // A tetrahedron of support points; false where A - B has no volume, `flat_normal_` being perpendicular to it.
     bool begin(const Simplex &simplex) {
         for (const Vec3 &axis : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}})
-            extent_ = std::max({extent_, dot(difference_.support(axis).w, axis), -dot(difference_.support(-axis).w, axis)});
+            extent_ =
+                std::max({extent_, dot(difference_.support(axis).w, axis), -dot(difference_.support(-axis).w, axis)});
         rounding_ = 1e-14 * extent_;
         const double least = 1e-9 * extent_;  // lengths below it give no direction
         const auto farthest = [&](std::initializer_list<Vec3> directions, auto height) {
@@ -148,8 +149,10 @@ private:
                 const auto opposite = std::find_if(rim_.begin(), rim_.end(), [&](const Edge &edge) {
                     return edge.from == to && edge.to == from;
                 });
-                if (opposite == rim_.end()) rim_.push_back({from, to});
-                else *opposite = rim_.back(), rim_.pop_back();
+                if (opposite == rim_.end())
+                    rim_.push_back({from, to});
+                else
+                    *opposite = rim_.back(), rim_.pop_back();
             }
         }
         if (!seen || !is_ring()) return false;
@@ -204,8 +207,7 @@ private:
 // Where the polytope leaves a gap, B is moved out along its normal and a little farther: from there the nearest points
 // give a normal that is nearer to the best one by the factor depth / radius of curvature. Each is a translation that
 // parts the cores, so the distance is never above the truth.
-template <class A, class B>
-Witness penetration(const Difference<A, B> &difference, const Simplex &simplex) {
+template <class A, class B> Witness penetration(const Difference<A, B> &difference, const Simplex &simplex) {
     ExpandingPolytope<A, B> polytope(difference);
     Witness best = polytope.solve(simplex);
     if (polytope.exact()) return best;
@@ -221,7 +223,8 @@ Witness penetration(const Difference<A, B> &difference, const Simplex &simplex) 
         const Witness there = witness_of(found);
         const double turned = norm(there.normal - normal);
         normal = there.normal, depth = dot(difference.support(normal).w, normal);
-        if (round == 0 || -depth >= best.distance - kNormalGap) best = {-depth, there.a, there.a - depth * normal, normal};
+        if (round == 0 || -depth >= best.distance - kNormalGap)
+            best = {-depth, there.a, there.a - depth * normal, normal};
         if (turned <= 1e-6) break;
     }
     return best;

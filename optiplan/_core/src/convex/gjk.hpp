@@ -10,22 +10,22 @@
 
 namespace optiplan {
 
-constexpr double kTouching = 1e-7;      // m; nearer than this the points tell no normal: penetration is asked for
-constexpr double kNormalGap = 1e-8;     // m; the latest direction is taken unless another one proves this much more
-constexpr double kSureGap = 5e-8;       // m; where rounding ends the search with a wider gap, the lower bound is returned
+constexpr double kTouching = 1e-7;  // m; nearer than this the points tell no normal: penetration is asked for
+constexpr double kNormalGap = 1e-8;  // m; the latest direction is taken unless another one proves this much more
+constexpr double kSureGap = 5e-8;  // m; where rounding ends the search with a wider gap, the lower bound is returned
 constexpr int kGjkSteps = 200;
 
 struct GjkResult {
     enum class Status { apart, beyond_cutoff, touching } status;
-    double lower;    // bound of the distance, m
+    double lower;  // bound of the distance, m
     Vec3 direction;  // from B to A, of any length: the plane across it proves the bound
     Simplex simplex;
 };
 
 // Distance, nearest points and normal in the frame of A; of a result that is apart.
 //
-// Close to its least value |v| hardly changes with direction, and the bound does much: the points give the distance, and
-// the plane that proves the bound the normal.
+// Close to its least value |v| hardly changes with direction, and the bound does much: the points give the distance,
+// and the plane that proves the bound the normal.
 inline Witness witness_of(const GjkResult &found) {
     const double upper = norm(found.simplex.v()), distance = upper - found.lower <= kSureGap ? upper : found.lower;
     const Vec3 a = found.simplex.on_a(), normal = (-1.0 / norm(found.direction)) * found.direction;
@@ -41,8 +41,7 @@ Simplex simplex_of(const Difference<A, B> &difference, const Features *before, d
 }
 
 // The points of A and B that a result that is apart rests on, or the direction that proves it to be beyond the cutoff.
-template <class A, class B>
-Features features_of(const Difference<A, B> &difference, const GjkResult &found) {
+template <class A, class B> Features features_of(const Difference<A, B> &difference, const GjkResult &found) {
     Features features;
     if (found.status == GjkResult::Status::touching) return features;
     features.direction = found.direction;
@@ -53,8 +52,8 @@ Features features_of(const Difference<A, B> &difference, const GjkResult &found)
     return features;
 }
 
-// Stops early with a lower bound above `cutoff` (m), or as soon as the distance is at most `enough` (status touching); else
-// where the bounds of the distance are within `gap`, m.
+// Stops early with a lower bound above `cutoff` (m), or as soon as the distance is at most `enough` (status touching);
+// else where the bounds of the distance are within `gap`, m.
 template <class A, class B>
 GjkResult gjk(const Difference<A, B> &difference, double cutoff, double enough = kTouching,
               const Features *before = nullptr, double gap = kDistanceGap) {

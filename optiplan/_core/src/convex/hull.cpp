@@ -8,7 +8,8 @@ namespace optiplan {
 
 namespace {
 
-constexpr double kRounding = 1e-13;  // of a dot product, as a part of the extent: a vertex is left out by more than that
+constexpr double kRounding =
+    1e-13;  // of a dot product, as a part of the extent: a vertex is left out by more than that
 
 // Cells along an edge of the cube, a power of two.
 std::uint32_t cells_for(std::size_t points) { return points <= 8 ? 1 : points <= 32 ? 4 : points <= 400 ? 16 : 32; }

@@ -10,11 +10,11 @@ namespace optiplan {
 
 // The convex hull of points; points within it are allowed and never found.
 //
-// Directions are sorted into cells of a cube's surface. For each cell the vertices that can be the farthest one for some
-// direction in it are listed (a handful, for the hulls of robots of 100 to 250 vertices), so that a support point is the
-// best of a short list: exact, and independent of what was asked before, which hill climbing along edges is not.
+// Directions are sorted into cells of a cube's surface. For each cell the vertices that can be the farthest one for
+// some direction in it are listed (a handful, for the hulls of robots of 100 to 250 vertices), so that a support point
+// is the best of a short list: exact, and independent of what was asked before, which hill climbing along edges is not.
 class Hull {
-public:
+  public:
     explicit Hull(std::vector<Vec3> points);
 
     // The vertex farthest along d, which must not be zero.
@@ -31,7 +31,7 @@ public:
     const Vec3 &half() const { return half_; }      // half edges of that box
     double radius() const { return radius_; }       // of the ball about `centre` that holds all points
 
-private:
+  private:
     // Candidates of a cell: two, and pairs of `more_`.
     struct Cell {
         std::uint16_t first[2];

@@ -7,7 +7,8 @@ namespace optiplan {
 
 namespace simplex {
 
-constexpr double kFlat = 1e-14;  // volume as a part of the edges' product: below it rounding decides on which side is what
+constexpr double kFlat =
+    1e-14;  // volume as a part of the edges' product: below it rounding decides on which side is what
 
 // Points of a face by index, barycentric weights, the nearest point and its squared distance from the origin.
 struct Face {
@@ -34,7 +35,7 @@ inline Face edge(const DifferencePoint *points, int i, int j) {
     return {2, {i, j, 0}, {1.0 - t, t, 0.0}, v, squared_norm(v)};
 }
 
-inline const Face &nearer(const Face &a, const Face &b) { return b.squared < a.squared ? b : a; }
+inline Face nearer(const Face &a, const Face &b) { return b.squared < a.squared ? b : a; }
 
 // Weights come from cross products of edges, which lose fewer digits in slender triangles than products of lengths do.
 inline Face triangle(const DifferencePoint *points, int i, int j, int k) {
@@ -77,9 +78,10 @@ inline bool tetrahedron(const DifferencePoint *points, int i, const int (&others
 
 // Up to four points, and the one of their hull that is nearest to the origin.
 class Simplex {
-public:
-    // Adds a point and keeps the smallest face that holds the point nearest to the origin; the face contains the new point,
-    // since that lies nearer along v than the others. Without effect, and false, if that does not come nearer than before.
+  public:
+    // Adds a point and keeps the smallest face that holds the point nearest to the origin; the face contains the new
+    // point, since that lies nearer along v than the others. Without effect, and false, if that does not come nearer
+    // than before.
     bool add(const DifferencePoint &point) {
         const int slot = free_slot();
         points_[slot] = point;
@@ -110,11 +112,12 @@ public:
     // The point of A that v = a - b is made of.
     Vec3 on_a() const {
         Vec3 a;
+        // NOLINTNEXTLINE(clang-analyzer-security.ArrayBound): a face has three points at most
         for (int i = 0; i < nearest_.size; ++i) a += nearest_.weights[i] * points_[nearest_.at[i]].a;
         return a;
     }
 
-private:
+  private:
     int free_slot() const {
         int taken = 0;
         for (int i = 0; i < nearest_.size; ++i) taken |= 1 << nearest_.at[i];

@@ -20,9 +20,7 @@ Vec3 half_in(const Mat3 &R_AB, const Vec3 &half) {
 }
 
 // Distance of two boxes along the same axes, whose centres are `apart`.
-double gap(const Vec3 &apart, const Vec3 &halves) {
-    return norm(most(absolute(apart) - halves, {}));
-}
+double gap(const Vec3 &apart, const Vec3 &halves) { return norm(most(absolute(apart) - halves, {})); }
 
 // The nearest pair of triangles found so far, and below which distance another one is of interest.
 struct Search {
@@ -36,8 +34,7 @@ struct Search {
     bool over() const { return best.distance <= enough; }
 
     // The direction from B to A that kept the latest two farthest apart.
-    template <class A, class B>
-    Vec3 ask(const A &a, const B &b, const Pose &X_AB) {
+    template <class A, class B> Vec3 ask(const A &a, const B &b, const Pose &X_AB) {
         const GjkResult found = gjk(difference_of(a, b, X_AB), limit);
         if (found.status == GjkResult::Status::beyond_cutoff) {
             // Nothing is nearer than what was found; without that, the least bound of all is what is known.
@@ -60,8 +57,7 @@ struct Plane {
     Vec3 direction;       // a unit vector from the core to the mesh, or zero: no plane yet
     double reach = 0.0;   // of the core along it
 
-    template <class Core>
-    void take(const Vec3 &found, const Core &core, const Pose &X_AB) {
+    template <class Core> void take(const Vec3 &found, const Core &core, const Pose &X_AB) {
         const double length = norm(found);
         if (!(length > 0.0)) return;
         direction = (1.0 / length) * found;
@@ -177,8 +173,9 @@ Witness TriangleMesh::distance(const TriangleMesh &other, const Pose &X_AB, doub
     const auto waiting = [&](std::uint32_t a, std::uint32_t b) {
         const Node &one = nodes_[a], &two = other.nodes_[b];
         const Vec3 apart = X_AB * two.centre - one.centre;
-        return Waiting{a, b, std::max(gap(apart, one.half + half_in(X_AB.R, two.half)),
-                                      gap(transposed(X_AB.R, apart), two.half + half_in(transpose(X_AB.R), one.half)))};
+        return Waiting{a, b,
+                       std::max(gap(apart, one.half + half_in(X_AB.R, two.half)),
+                                gap(transposed(X_AB.R, apart), two.half + half_in(transpose(X_AB.R), one.half)))};
     };
     Search search(cutoff, enough);
     double left_out = std::numeric_limits<double>::infinity();

@@ -11,11 +11,11 @@ namespace optiplan {
 
 // The surface that triangles make; it encloses nothing.
 //
-// Distances are in the mesh's frame, A being the mesh, and to the core of the other shape. Where a triangle meets it they
-// are 0, with a point that both have in common: triangles do not tell how deep, or which way is out. Above `cutoff` (m)
-// they are lower bounds; any pair of points at most `enough` (m) apart ends the search.
+// Distances are in the mesh's frame, A being the mesh, and to the core of the other shape. Where a triangle meets it
+// they are 0, with a point that both have in common: triangles do not tell how deep, or which way is out. Above
+// `cutoff` (m) they are lower bounds; any pair of points at most `enough` (m) apart ends the search.
 class TriangleMesh {
-public:
+  public:
     using Corners = std::array<std::uint32_t, 3>;
 
     // Throws std::invalid_argument without triangles, for vertices that are not there and numbers that are not finite.
@@ -27,7 +27,7 @@ public:
     // To the points with n . p <= offset: the height of the lowest point, negative below the plane.
     Witness above(const Vec3 &n, double offset) const;
 
-private:
+  private:
     struct Node {
         Vec3 centre, half;   // of a box along the axes that holds its triangles
         std::uint32_t child; // the second one (the first follows its parent); of a leaf its triangle

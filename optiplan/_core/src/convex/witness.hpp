@@ -18,9 +18,9 @@ inline Witness flipped(const Witness &w) { return {w.distance, w.b, w.a, -w.norm
 // From the frame that X is the pose of.
 inline Witness moved(const Pose &X, const Witness &w) { return {w.distance, X * w.a, X * w.b, X.R * w.normal}; }
 
-// Where a search for the same shapes at poses not far from these may begin: points of A and of B, each in its own frame,
-// whose differences hold the nearest point of A - B; without points, a direction from B to A in the frame of A across which
-// they were apart; without that, between the middles.
+// Where a search for the same shapes at poses not far from these may begin: points of A and of B, each in its own
+// frame, whose differences hold the nearest point of A - B; without points, a direction from B to A in the frame of A
+// across which they were apart; without that, between the middles.
 struct Features {
     int size = 0;
     Vec3 a[3], b[3], direction;

@@ -31,8 +31,8 @@ struct SoftRows {
     Vec right;    // (K,)
 };
 
-// Minimise  1/2 x' H x + gradient . x + gradient_t t + price . s + regularisation  within box, derivative and soft rows.
-// x (M n,): M control points of n joints, one control point after another.
+// Minimise  1/2 x' H x + gradient . x + gradient_t t + price . s + regularisation  within box, derivative and soft
+// rows. x (M n,): M control points of n joints, one control point after another.
 struct ArrowProgram {
     std::size_t points = 0, joints = 0;  // M, n, which must be a multiple of LANES
     Vec hessian;   // (M, REACH, n): entry (i, d, j) couples joint j of control points i and i + d

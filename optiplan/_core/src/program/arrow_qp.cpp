@@ -48,16 +48,17 @@ void ArrowQp::prepare() {
     const ArrowProgram &p = *p_;
     size_ = p.size(), band_ = REACH * p.joints;
     const std::size_t derivative = p.derivatives.order.size() * p.joints;
-    const std::size_t counts[KINDS] = {size_, size_, 1, 1, derivative, derivative, p.soft.right.size(), p.soft.groups.size()};
+    const std::size_t counts[KINDS] = {
+        size_, size_, 1, 1, derivative, derivative, p.soft.right.size(), p.soft.groups.size()};
     begin_[0] = 0;
     for (int kind = 0; kind < KINDS; ++kind) begin_[kind + 1] = begin_[kind] + counts[kind];
     total_ = begin_[KINDS];
     matrix_.resize(size_, band_ / LANES);
-    for (Vec* rows : {&z_, &y_, &inverse_, &weight_, &shift_, &row_residual_, &moved_, &dz_, &dy_, &affine_})
+    for (Vec *rows : {&z_, &y_, &inverse_, &weight_, &shift_, &row_residual_, &moved_, &dz_, &dy_, &affine_})
         rows->assign(padded(total_), 0.0);
-    for (Vec* each : {&x_, &dx_, &grad_, &bent_}) each->assign(size_ + band_, 0.0);
+    for (Vec *each : {&x_, &dx_, &grad_, &bent_}) each->assign(size_ + band_, 0.0);
     const std::size_t groups = p.soft.groups.size();
-    for (Vec* each : {&s_, &ds_, &grad_s_, &damping_, &mean_weight_}) each->assign(groups, 0.0);
+    for (Vec *each : {&s_, &ds_, &grad_s_, &damping_, &mean_weight_}) each->assign(groups, 0.0);
     mean_.assign(groups * padded(band_ + 1), 0.0);
     local_.assign(padded(band_ + 1), 0.0);
     cross_.assign(p.joints, 0.0);
@@ -89,7 +90,8 @@ void ArrowQp::rows(const Vec &x, double t, const Vec &s, Vec &out) {
         const std::size_t stride = p.stride(group);
         gather(group, x, t);
         for (std::size_t i = group.begin; i < group.end; ++i)
-            out[begin_[SOFT] + i] = dot(p.soft.entries.data() + group.offset + (i - group.begin) * stride, local_.data(), stride) - s[g];
+            out[begin_[SOFT] + i] =
+                dot(p.soft.entries.data() + group.offset + (i - group.begin) * stride, local_.data(), stride) - s[g];
         out[begin_[SLACK] + g] = -s[g];
     }
 }
@@ -98,7 +100,8 @@ void ArrowQp::gather(const Group &group, const Vec &x, double t) {
     const std::size_t n = p_->joints, width = p_->width(group);
     std::fill(local_.begin(), local_.end(), 0.0);
     if (group.compact)
-        for (std::size_t k = 0; k < REACH; ++k) add_vectors(local_.data(), group.over.weights[k], x.data() + (group.over.first + k) * n, n);
+        for (std::size_t k = 0; k < REACH; ++k)
+            add_vectors(local_.data(), group.over.weights[k], x.data() + (group.over.first + k) * n, n);
     else
         std::copy_n(x.data() + group.over.first * n, width - 1, local_.data()), local_[width - 1] = t;
 }
@@ -138,7 +141,8 @@ void ArrowQp::transposed(const Vec &m, Vec &x, double &t, Vec &s) {
         for (std::size_t i = group.begin; i < group.end; ++i) {
             const double factor = m[begin_[SOFT] + i];
             sum += factor;
-            add_vectors(local_.data(), factor, p.soft.entries.data() + group.offset + (i - group.begin) * stride, stride);
+            add_vectors(local_.data(), factor, p.soft.entries.data() + group.offset + (i - group.begin) * stride,
+                        stride);
         }
         scatter(group, local_.data(), 1.0, x, t);
         s[g] -= sum + m[begin_[SLACK] + g];
@@ -184,7 +188,8 @@ void ArrowQp::start() {
         const Group &group = p.soft.groups[g];
         const double count = static_cast<double>(group.end - group.begin);
         y_[begin_[SLACK] + g] = 0.5 * group.price;
-        for (std::size_t i = group.begin; i < group.end; ++i) y_[begin_[SOFT] + i] = std::min(0.5 * group.price / count, START_PRODUCT/z_[begin_[SOFT]+i]);
+        for (std::size_t i = group.begin; i < group.end; ++i)
+            y_[begin_[SOFT] + i] = std::min(0.5 * group.price / count, START_PRODUCT / z_[begin_[SOFT] + i]);
     }
 }
 
@@ -263,9 +268,11 @@ bool ArrowQp::factor() {
     for (std::size_t i = 0; i < p.points; ++i)
         for (std::size_t d = 0; d < REACH && i + d < p.points; ++d)
             for (std::size_t j = 0; j < n; ++j)
-                matrix_.tile(i * tiles + j / LANES, d * tiles)[j % LANES * diagonal] = diagonals_[(i * REACH + d) * n + j];
+                matrix_.tile(i * tiles + j / LANES, d * tiles)[j % LANES * diagonal] =
+                    diagonals_[(i * REACH + d) * n + j];
     for (std::size_t i = 0; i < size_; ++i)
-        matrix_.tile(i / LANES, 0)[i % LANES * diagonal] += p.regularisation + weight_[begin_[LOW] + i] + weight_[begin_[HIGH] + i];
+        matrix_.tile(i / LANES, 0)[i % LANES * diagonal] +=
+            p.regularisation + weight_[begin_[LOW] + i] + weight_[begin_[HIGH] + i];
     for (std::size_t g = 0; g < s_.size(); ++g) add_group(g);
     return matrix_.factor();
 }
@@ -289,7 +296,8 @@ void ArrowQp::add_derivatives() {
             const std::size_t point = stencil.first + k;
             add_vectors(matrix_.border.data() + point * n, stencil.weights[k], cross, n);
             for (std::size_t d = 0; k + d < stencil.count; ++d)
-                add_vectors(diagonals_.data() + (point * REACH + d) * n, stencil.weights[k] * stencil.weights[k + d], both, n);
+                add_vectors(diagonals_.data() + (point * REACH + d) * n, stencil.weights[k] * stencil.weights[k + d],
+                            both, n);
         }
         matrix_.corner += rows.order[r] * rows.order[r] * sum;
     }
@@ -324,8 +332,10 @@ void ArrowQp::add_group(std::size_t g) {
     take(sum * own / (sum + own), mean, false);
     if (count > 1)
         for (std::size_t i = 0; i < count; ++i) take(weight[group.begin + i], entries + i * stride, true);
-    if (group.compact) add_compact(group, used);
-    else add_wide(group, used);
+    if (group.compact)
+        add_compact(group, used);
+    else
+        add_wide(group, used);
 }
 
 void ArrowQp::product(std::size_t count, std::size_t stride, std::size_t column, std::size_t row, double *tile) const {
@@ -349,7 +359,8 @@ void ArrowQp::add_compact(const Group &group, std::size_t count) {
                 for (std::size_t d = b < a; k + d < REACH; ++d) {
                     const double weight = weights[k] * weights[k + d];
                     if (weight == 0.0) continue;
-                    add_vectors(matrix_.tile((group.over.first + k) * tiles + a, d * tiles + b - a), weight, tile, LANES * LANES);
+                    add_vectors(matrix_.tile((group.over.first + k) * tiles + a, d * tiles + b - a), weight, tile,
+                                LANES * LANES);
                 }
         }
 }
@@ -393,13 +404,15 @@ void ArrowQp::newton(double target, bool second) {
     for (std::size_t g = 0; g < ds_.size(); ++g) {
         const Group &group = p.soft.groups[g];
         gather(group, dx_, dt_);
-        ds_[g] = (ds_[g] + mean_weight_[g] * dot(mean_.data() + mean_at(g), local_.data(), p.stride(group))) / damping_[g];
+        ds_[g] =
+            (ds_[g] + mean_weight_[g] * dot(mean_.data() + mean_at(g), local_.data(), p.stride(group))) / damping_[g];
     }
     rows(dx_, dt_, ds_, moved_);
     Lanes most_z = {}, most_y = {};
     for (std::size_t k = 0; k < z_.size(); k += LANES) {
         const Lanes moved = lanes(moved_.data() + k);
-        const Lanes dz = -lanes(row_residual_.data() + k) - moved, dy = lanes(shift_.data() + k) + lanes(weight_.data() + k) * moved;
+        const Lanes dz = -lanes(row_residual_.data() + k) - moved,
+                    dy = lanes(shift_.data() + k) + lanes(weight_.data() + k) * moved;
         lanes(dz_.data() + k) = dz, lanes(dy_.data() + k) = dy;
         const Lanes ratio_z = -dz * lanes(inverse_.data() + k), ratio_y = -dy / lanes(y_.data() + k);
         most_z = larger(most_z, ratio_z);

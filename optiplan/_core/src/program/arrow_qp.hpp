@@ -6,7 +6,7 @@
 namespace optiplan {
 
 struct ArrowSettings {
-    double gap = 1e-6;       // complementarity summed over all rows, in the objective's unit, at the point looked for
+    double gap = 1e-6;  // complementarity summed over all rows, in the objective's unit, at the point looked for
     double residual = 1e-5;  // largest violation of a row
     double stationarity = 1e-3;
     int iterations = 60;
@@ -17,31 +17,31 @@ struct ArrowSolution {
     int iterations = 0;
     double t = 0.0, gap = 0.0, residual = 0.0, stationarity = 0.0;
     Vec x, slack;  // (M n,), (groups,) what the rows of each group lack at (x, t)
-    Vec prices;    // (K,) multipliers of the soft rows
+    Vec prices;  // (K,) multipliers of the soft rows
 };
 
 class ArrowQp {
-public:
+  public:
     ArrowSolution solve(const ArrowProgram &program, const ArrowSettings &settings = {});
 
-private:
+  private:
     // Kinds of rows, in the order in which their slacks z and multipliers lie in memory.
     enum Kind { LOW, HIGH, LOW_T, HIGH_T, ABOVE, BELOW, SOFT, SLACK, KINDS };
 
-    const ArrowProgram* p_ = nullptr;
+    const ArrowProgram *p_ = nullptr;
     std::size_t size_ = 0, band_ = 0, total_ = 0;
     std::size_t begin_[KINDS + 1] = {};
     BandArrow matrix_;
-    Vec x_, s_;               // variables; x_ padded
+    Vec x_, s_;  // variables; x_ padded
     double t_ = 0.0;
-    Vec z_, y_;               // slack and multiplier of every row
+    Vec z_, y_;  // slack and multiplier of every row
     Vec inverse_, weight_, shift_;  // 1 / z; y / z; what the step adds to the right side, row by row
     Vec row_residual_, moved_;
     double worst_z_ = 0.0, worst_y_ = 0.0;  // most of -dz / z and of -dy / y
     Vec dx_, ds_, dz_, dy_, affine_;
     double dt_ = 0.0;
-    Vec grad_, grad_s_;       // stationarity residual
-    Vec bent_;                // H dx
+    Vec grad_, grad_s_;  // stationarity residual
+    Vec bent_;  // H dx
     double grad_t_ = 0.0;
     Vec mean_, mean_weight_, damping_;  // group by group: mean row, total weight of the rows, and with the slack's
     Vec local_, cross_, diagonals_;
@@ -87,7 +87,8 @@ private:
     void add_derivatives();
 
     // With total weight w of its rows and w_s of its slack, mean row m and rows a:
-    // sum w_i a_i a_i' - (w m)(w m)' / (w + w_s) = sum w_i (a_i - m)(a_i - m)' + w w_s / (w + w_s) m m', without cancellation.
+    // sum w_i a_i a_i' - (w m)(w m)' / (w + w_s) = sum w_i (a_i - m)(a_i - m)' + w w_s / (w + w_s) m m', without
+    // cancellation.
     void add_group(std::size_t g);
 
     // Tile of the sum of `weighted` `centred`' over `count` rows: its columns and its rows, in whole vectors.

@@ -10,9 +10,10 @@ namespace optiplan {
 
 // [ K  k ]
 // [ k' d ]  with K (size, size), kept as tiles of LANES x LANES: tile(c, d) holds columns c LANES, … of K from row
-// (c + d) LANES on, for d < `reach`, one column after another. What lies beyond is zero. Tiles on the diagonal are whole.
+// (c + d) LANES on, for d < `reach`, one column after another. What lies beyond is zero. Tiles on the diagonal are
+// whole.
 class BandArrow {
-public:
+  public:
     Vec border;
     double corner = 0.0;
 
@@ -56,7 +57,7 @@ public:
         backward(x);
     }
 
-private:
+  private:
     static constexpr std::size_t TILE = LANES * LANES;
 
     const double *tile(std::size_t c, std::size_t d) const { return tiles_.data() + (c * reach_ + d) * TILE; }
@@ -82,7 +83,8 @@ private:
             Lanes sum[NATIVE];
             for (std::size_t b = 0; b < NATIVE; ++b) sum[b] = lanes(target + (from + b) * LANES);
             for (std::size_t a = 0; a < LANES; ++a)
-                for (std::size_t b = 0; b < NATIVE; ++b) sum[b] -= left[a * LANES + from + b] * lanes(right + a * LANES);
+                for (std::size_t b = 0; b < NATIVE; ++b)
+                    sum[b] -= left[a * LANES + from + b] * lanes(right + a * LANES);
             for (std::size_t b = 0; b < NATIVE; ++b) lanes(target + (from + b) * LANES) = sum[b];
         }
     }

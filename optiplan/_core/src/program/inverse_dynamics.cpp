@@ -41,7 +41,8 @@ SpatialInertia placed(const Joint &joint, const Pose &pose) {
     const double c[3] = {centre.x, centre.y, centre.z}, square = squared_norm(centre);
     for (int i = 0; i < 3; ++i) {
         const double along[3] = {i == 0 ? square : 0.0, i == 1 ? square : 0.0, i == 2 ? square : 0.0};
-        found.rotational.rows[i] += joint.mass * Vec3{along[0] - c[i] * c[0], along[1] - c[i] * c[1], along[2] - c[i] * c[2]};
+        found.rotational.rows[i] +=
+            joint.mass * Vec3{along[0] - c[i] * c[0], along[1] - c[i] * c[1], along[2] - c[i] * c[2]};
     }
     return found;
 }
@@ -131,7 +132,8 @@ void InverseDynamics::derivatives(double *by_q, double *by_v, double *by_a) {
             return cross_motion(acceleration_[tree_.joints[i].parent], axis_[i]) +
                    cross_motion(twist_[tree_.joints[i].parent], axis_rate_[i]);
         };
-        const Spatial own_q = twice_coriolis(axis_rate_[j]) + composite_[j] * lift(j) + cross_force(axis_[j], carried_[j]);
+        const Spatial own_q =
+            twice_coriolis(axis_rate_[j]) + composite_[j] * lift(j) + cross_force(axis_[j], carried_[j]);
         const Spatial own_v = twice_coriolis(axis_[j]) + composite_[j] * (2.0 * axis_rate_[j]);
         const Spatial own_a = composite_[j] * axis_[j];
         for (int i = j; i > 0; i = tree_.joints[i].parent) {

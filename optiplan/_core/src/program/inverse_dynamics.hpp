@@ -12,7 +12,10 @@ namespace optiplan {
 struct Spatial {
     Vec3 angular, linear;
 
-    Spatial &operator+=(const Spatial &b) { angular += b.angular, linear += b.linear; return *this; }
+    Spatial &operator+=(const Spatial &b) {
+        angular += b.angular, linear += b.linear;
+        return *this;
+    }
 };
 
 // Spatial inertia about the world's origin: mass, mass times centre, rotational inertia.
@@ -22,10 +25,10 @@ struct SpatialInertia {
     Mat3 rotational{{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}};
 };
 
-// tau(q, v, a) of all planned joints by recursive Newton-Euler, and its derivatives by the formulas of Singh, Russell and
-// Wensing (Efficient analytical derivatives of rigid-body dynamics using spatial vector algebra, RA-L 2022).
+// tau(q, v, a) of all planned joints by recursive Newton-Euler, and its derivatives by the formulas of Singh, Russell
+// and Wensing (Efficient analytical derivatives of rigid-body dynamics using spatial vector algebra, RA-L 2022).
 class InverseDynamics {
-public:
+  public:
     explicit InverseDynamics(const Tree &tree);
 
     std::size_t joints() const { return static_cast<std::size_t>(tree_.planned); }
@@ -39,7 +42,7 @@ public:
     // Derivatives (n, n) by q, v and a at the state of the last call of `torques`.
     void derivatives(double *by_q, double *by_v, double *by_a);
 
-private:
+  private:
     void pass_down(std::vector<Spatial> &wrenches, double *tau) const;  // from each link to those that carry it
     Spatial coriolis_row(int joint, const Spatial &x) const;
 

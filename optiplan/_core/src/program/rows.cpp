@@ -11,8 +11,9 @@ namespace {
 // Share of a pair's clearance at an end that is aimed at near this end, where the pair is nearer than the margin.
 constexpr double KEPT = 0.6;
 
-// Of the pieces of a hand near one body those get rows that are at most this much farther than the nearest, m: what a step
-// turns the hand by seldom makes another one the nearest, and rows of pieces that all penetrate push every way at once.
+// Of the pieces of a hand near one body those get rows that are at most this much farther than the nearest, m: what a
+// step turns the hand by seldom makes another one the nearest, and rows of pieces that all penetrate push every way at
+// once.
 constexpr double WINDOW = 0.015;
 
 // Digits of distances, m: steps are far coarser.
@@ -127,7 +128,8 @@ void TorqueRows::add(const Spline &spline, const Samples &samples, std::size_t i
                 const std::size_t whole = samples.first[i] + point;  // among all control points
                 if (whole < spline.fixed || whole >= spline.fixed + free) continue;
                 const std::size_t place = whole - spline.fixed - rows.over[i].first;
-                add_scaled(rows.entries.data() + at + place * n, scale * power * samples.weights[i][order][point], slope, n);
+                add_scaled(rows.entries.data() + at + place * n, scale * power * samples.weights[i][order][point],
+                           slope, n);
             }
         }
         rows.sample.push_back(static_cast<int>(i));

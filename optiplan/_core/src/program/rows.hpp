@@ -19,7 +19,8 @@ struct Margins {
     double at(double u, int pair) const;
 };
 
-// What is near at samples: sample, value (clearance beyond the margin, m) and gradient (n,) of each row, rising samples.
+// What is near at samples: sample, value (clearance beyond the margin, m) and gradient (n,) of each row, rising
+// samples.
 struct NearRows {
     std::vector<int> sample;
     Vec value, gradient;
@@ -28,9 +29,9 @@ struct NearRows {
 // At u (N,), Q (N, n).
 using NearBodies = std::function<NearRows(const Vec &u, const Vec &Q)>;
 
-// Pairs nearer than `cutoff`, of a cluster's only the nearest ones to each body; those that penetrate at consecutive samples
-// get the mean of their normals, for in deep penetration the nearest way out changes sides, and pushing a curve both ways at
-// once leaves it in place.
+// Pairs nearer than `cutoff`, of a cluster's only the nearest ones to each body; those that penetrate at consecutive
+// samples get the mean of their normals, for in deep penetration the nearest way out changes sides, and pushing a curve
+// both ways at once leaves it in place.
 NearRows near_rows(const World &world, const Margins &margins, const Vec &u, const Vec &Q, double cutoff);
 
 // Where a torque is above its limit, or was when a step was refused: (samples, limited joints).
@@ -38,7 +39,7 @@ using Mask = std::vector<char>;
 
 // Rows 1 - |tau| / limit >= 0 of joints and samples above a share of the limit, or watched.
 class TorqueRows {
-public:
+  public:
     TorqueRows(const Tree &tree, Vec limit);
 
     void of(const Spline &spline, const Samples &samples, const double *control, double duration, const Mask &watched,
@@ -46,7 +47,7 @@ public:
 
     std::size_t limited() const { return which_.size(); }
 
-private:
+  private:
     void add(const Spline &spline, const Samples &samples, std::size_t sample, double duration, const Mask &watched,
              Inequalities &rows);
 

@@ -27,7 +27,8 @@ Stencil stencil_of(const double *row, std::size_t count);
 
 // What depends on the spline and the robot's limits alone.
 struct Spline {
-    std::size_t points = 0, joints = 0, fixed = 0;  // K control points of n joints, of which `fixed` are held at each end
+    std::size_t points = 0, joints = 0,
+                fixed = 0;  // K control points of n joints, of which `fixed` are held at each end
     std::vector<Stencil> derivatives;               // (R,) control points of the first three derivatives by u
     std::vector<int> order;                         // (R,) 1 to 3
     Vec rates;                                      // (3, n) limits of velocity, acceleration, jerk

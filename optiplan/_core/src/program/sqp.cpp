@@ -40,7 +40,8 @@ CurvePoint Sqp::evaluate(Vec control, double duration, double &span) {
 }
 
 Step Sqp::solve(const CurvePoint &point, double radius) {
-    return solver_.solve(point.control.data(), point.duration, {&point.contacts, &point.torques}, radius, span_, settings_.gap);
+    return solver_.solve(point.control.data(), point.duration, {&point.contacts, &point.torques}, radius, span_,
+                         settings_.gap);
 }
 
 // Where no torque binds, the derivative control points alone determine the least T.

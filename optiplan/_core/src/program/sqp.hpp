@@ -23,20 +23,22 @@ struct CurvePoint {
     Mask exceeded;
 
     double missing() const { return contacts.violation(); }  // m, over all samples
-    double nearest() const;                                  // least clearance beyond its margin, m; infinite without any
+    double nearest() const;  // least clearance beyond its margin, m; infinite without any
     bool feasible() const;
 };
 
 class Sqp {
-public:
+  public:
     Sqp(std::shared_ptr<const Spline> spline, NearBodies near, TorqueRows torques, SqpSettings settings)
-        : spline_(spline), near_(std::move(near)), torques_(std::move(torques)), settings_(settings), solver_(spline) {}
+        : spline_(spline), near_(std::move(near)), torques_(std::move(torques)), settings_(settings),
+          solver_(std::move(spline)) {}
 
     const Spline &spline() const { return *spline_; }
 
     void set_samples(Samples samples);
 
-    // The curve of control points (K, n) at its least duration, which is the scale of penalties and trust region from now on.
+    // The curve of control points (K, n) at its least duration, which is the scale of penalties and trust region from
+    // now on.
     CurvePoint begin(const double *control);
 
     // The curve at the least duration that its derivative control points allow, but at least `duration`.
@@ -49,7 +51,7 @@ public:
     // Torques that are too large at the end of a refused step get rows from now on.
     void watch(CurvePoint &point, const CurvePoint &trial);
 
-private:
+  private:
     void find_contacts(CurvePoint &point);
 
     std::shared_ptr<const Spline> spline_;

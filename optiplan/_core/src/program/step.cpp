@@ -156,8 +156,7 @@ void StepSolver::soften(const std::vector<const Inequalities *> &soft, double du
                 rows.entries.resize(at + program_.stride(group), 0.0);
                 for (std::size_t k = 0; k < width; ++k)
                     rows.entries[at + k / n * wide + k % n] = entries[k] * scale_[k % n] / -part->unit;
-                if (!part->compact)
-                    rows.entries[at + REACH * wide] = part->by_duration[i] * duration / -part->unit;
+                if (!part->compact) rows.entries[at + REACH * wide] = part->by_duration[i] * duration / -part->unit;
                 rows.right.push_back(part->value[i] / part->unit);
             }
             group.end = rows.right.size();

@@ -43,7 +43,7 @@ struct Step {
 
 // Builds and solves the programs of one curve; formulas and units are those of planners/trajopt/qp.py.
 class StepSolver {
-public:
+  public:
     explicit StepSolver(std::shared_ptr<const Spline> spline) : spline_(std::move(spline)) {}
 
     const Spline &spline() const { return *spline_; }
@@ -54,7 +54,7 @@ public:
     Step solve(const double *control, double duration, const std::vector<const Inequalities *> &soft, double radius,
                double span, double gap, const SmoothCosts &costs = {});
 
-private:
+  private:
     void bound(const double *control, double duration, double radius);
     void shape(const double *control, double duration);
     void add_costs(const SmoothCosts &costs, double duration);

@@ -30,22 +30,39 @@ struct Lanes {
     Lanes &operator-=(const Lanes &b) { return *this = *this - b; }
     Lanes &operator*=(double factor) { return *this = factor * *this; }
 
-    template <class F>
-    static Lanes of(const F &each) {
+    template <class F> static Lanes of(const F &each) {
         Lanes made;
         for (std::size_t i = 0; i < PARTS; ++i) made.part[i] = each(i);
         return made;
     }
 
-    friend Lanes operator+(const Lanes &a, const Lanes &b) { return of([&](std::size_t i) { return a.part[i] + b.part[i]; }); }
-    friend Lanes operator-(const Lanes &a, const Lanes &b) { return of([&](std::size_t i) { return a.part[i] - b.part[i]; }); }
-    friend Lanes operator*(const Lanes &a, const Lanes &b) { return of([&](std::size_t i) { return a.part[i] * b.part[i]; }); }
-    friend Lanes operator/(const Lanes &a, const Lanes &b) { return of([&](std::size_t i) { return a.part[i] / b.part[i]; }); }
-    friend Lanes operator-(const Lanes &a) { return of([&](std::size_t i) { return -a.part[i]; }); }
-    friend Lanes operator*(double a, const Lanes &b) { return of([&](std::size_t i) { return a * b.part[i]; }); }
-    friend Lanes operator-(double a, const Lanes &b) { return of([&](std::size_t i) { return a - b.part[i]; }); }
-    friend Lanes operator-(const Lanes &a, double b) { return of([&](std::size_t i) { return a.part[i] - b; }); }
-    friend Lanes operator/(double a, const Lanes &b) { return of([&](std::size_t i) { return a / b.part[i]; }); }
+    friend Lanes operator+(const Lanes &a, const Lanes &b) {
+        return of([&](std::size_t i) { return a.part[i] + b.part[i]; });
+    }
+    friend Lanes operator-(const Lanes &a, const Lanes &b) {
+        return of([&](std::size_t i) { return a.part[i] - b.part[i]; });
+    }
+    friend Lanes operator*(const Lanes &a, const Lanes &b) {
+        return of([&](std::size_t i) { return a.part[i] * b.part[i]; });
+    }
+    friend Lanes operator/(const Lanes &a, const Lanes &b) {
+        return of([&](std::size_t i) { return a.part[i] / b.part[i]; });
+    }
+    friend Lanes operator-(const Lanes &a) {
+        return of([&](std::size_t i) { return -a.part[i]; });
+    }
+    friend Lanes operator*(double a, const Lanes &b) {
+        return of([&](std::size_t i) { return a * b.part[i]; });
+    }
+    friend Lanes operator-(double a, const Lanes &b) {
+        return of([&](std::size_t i) { return a - b.part[i]; });
+    }
+    friend Lanes operator-(const Lanes &a, double b) {
+        return of([&](std::size_t i) { return a.part[i] - b; });
+    }
+    friend Lanes operator/(double a, const Lanes &b) {
+        return of([&](std::size_t i) { return a / b.part[i]; });
+    }
     friend Lanes larger(const Lanes &a, const Lanes &b) {
         return of([&](std::size_t i) { return b.part[i] > a.part[i] ? b.part[i] : a.part[i]; });
     }

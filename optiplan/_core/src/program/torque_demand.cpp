@@ -39,7 +39,8 @@ std::vector<double> torque_demand(InverseDynamics &dynamics, const Curve &curve,
             if (std::fabs(gravity[j]) > allowed[j]) return std::vector<double>(count, INF);
             const double moving = tau[j] - gravity[j];
             if (moving == 0.0 || !std::isfinite(allowed[j])) continue;
-            found[i] = std::max(found[i], std::fabs(moving) / (moving > 0.0 ? allowed[j] - gravity[j] : allowed[j] + gravity[j]));
+            found[i] = std::max(found[i],
+                                std::fabs(moving) / (moving > 0.0 ? allowed[j] - gravity[j] : allowed[j] + gravity[j]));
         }
     }
     return found;

@@ -6,11 +6,7 @@
 namespace optiplan {
 
 EdgeChecker::EdgeChecker(const World &world, std::vector<double> arms, std::vector<double> torque, EdgeRules rules)
-    : world_(world),
-      arms_(arms.size()),
-      torque_(std::move(torque)),
-      rules_(rules),
-      at_(world.placement()),
+    : world_(world), arms_(arms.size()), torque_(std::move(torque)), rules_(rules), at_(world.placement()),
       trail_(world.trail()) {
     const std::size_t n = joints(), count = world.pairs().size();
     for (std::size_t p = 0; p < count; ++p)
@@ -90,7 +86,8 @@ double EdgeChecker::measure_travel(const double *d) {
     }
     for (std::size_t g = 0; g < together_.size(); ++g) {
         together_[g] = 0.0;
-        for (const Member &member : world_.groups()[g].members) together_[g] = std::max(together_[g], travel_[member.pair]);
+        for (const Member &member : world_.groups()[g].members)
+            together_[g] = std::max(together_[g], travel_[member.pair]);
     }
     double farthest = 0.0;
     for (int p : world_.alone()) farthest = std::max(farthest, travel_[p]);

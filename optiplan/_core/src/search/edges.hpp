@@ -17,9 +17,9 @@ struct EdgeRules {
 };
 
 // Half a part of a motion, of length |d_j| in each joint, moves the bodies of pair p against each other by at most
-// t_p = sum_j arms[p][j] |d_j|, or by what bounds the travel from the middle of the part (`World::travel`), where that is
-// less. The part is free of the pair when its distance in the middle of the part exceeds t_p;
-// else the part is cut in two, and only such pairs are asked again. Not for two threads at once.
+// t_p = sum_j arms[p][j] |d_j|, or by what bounds the travel from the middle of the part (`World::travel`), where that
+// is less. The part is free of the pair when its distance in the middle of the part exceeds t_p; else the part is cut
+// in two, and only such pairs are asked again. Not for two threads at once.
 class EdgeChecker {
   public:
     // `arms` (P, n); `torque` (n,) that gravity may take of each joint, empty for any.

@@ -91,7 +91,8 @@ void RrtConnect::draw() {
         double low = std::numeric_limits<double>::infinity(), high = -low;
         for (int goal = 0; goal < goals_; ++goal) {
             const double end = trees_[1].at(goal)[j], slack = std::max(0.0, 0.5 * (way - std::fabs(end - start[j])));
-            low = std::min({low, start[j] - slack, end - slack}), high = std::max({high, start[j] + slack, end + slack});
+            low = std::min({low, start[j] - slack, end - slack}),
+            high = std::max({high, start[j] + slack, end + slack});
         }
         low_[j] = std::max(low, space_.lower[j] / space_.units[j]);
         high_[j] = std::min(high, space_.upper[j] / space_.units[j]);

@@ -32,8 +32,8 @@ struct Touched {
 
 // An interval is free of a pair when the distance in its middle exceeds the bound on how far the pair travels to both
 // ends; where it does not, it is cut into as many parts as the ratio of the two requires, and only such pairs are asked
-// again. Before that, the pairs that are apart all along some intervals in a row are found, and not asked about in any of
-// them. Not for two threads at once.
+// again. Before that, the pairs that are apart all along some intervals in a row are found, and not asked about in any
+// of them. Not for two threads at once.
 class Sweep {
   public:
     Sweep(const World &world, Curve curve, SweepRules rules);

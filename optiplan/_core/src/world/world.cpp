@@ -71,7 +71,8 @@ void World::gather(int first, const std::vector<char> &never) {
 
 bool World::outlines_apart(const Placement &at, int pair, double gap, Features *features) const {
     const auto [a, b, by_outline] = pairs_[pair];
-    return !overlap_within(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], gap + ROUNDING, features);
+    return !overlap_within(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], gap + ROUNDING,
+                           features);
 }
 
 bool World::group_apart(const Placement &at, int group, double gap, Features *features) const {
@@ -153,7 +154,8 @@ bool World::collides(Placement &at, Trail *trail) const {
         if (!balls_apart(at, alone_[k], 0.0)) ask(alone_[k]);
     }
     for (std::size_t k = 0; k < groups_.size() && touching < 0; ++k)
-        if (!group_apart(at, static_cast<int>(k), 0.0, trail ? &trail->groups[k] : nullptr)) visit_near(at, groups_[k], 0.0, ask);
+        if (!group_apart(at, static_cast<int>(k), 0.0, trail ? &trail->groups[k] : nullptr))
+            visit_near(at, groups_[k], 0.0, ask);
     if (touching >= 0) at.touching = touching;
     return touching >= 0;
 }
@@ -161,7 +163,8 @@ bool World::collides(Placement &at, Trail *trail) const {
 bool World::collides(Placement &at, const std::vector<int> &pairs, Trail &trail) const {
     std::vector<char> known(groups_.size());
     for (int pair : pairs) {
-        if (settled(at, pair, known, [](int) { return 0.0; }, trail.groups.data()) || boxes_apart(at, pair, 0.0)) continue;
+        if (settled(at, pair, known, [](int) { return 0.0; }, trail.groups.data()) || boxes_apart(at, pair, 0.0))
+            continue;
         if (within(at, pair, 0.0, &trail.pairs[pair])) return true;
     }
     return false;
@@ -226,6 +229,7 @@ double World::outline_bound(const Placement &at, int pair) const {
 
 Contact World::nearest(const Placement &at) const {
     std::vector<std::pair<double, int>> order;
+    order.reserve(pairs_.size());
     for (int pair = 0; pair < static_cast<int>(pairs_.size()); ++pair) order.push_back({lower_bound(at, pair), pair});
     std::sort(order.begin(), order.end());
     Contact best{0, -1, {}};
@@ -315,11 +319,14 @@ double World::gap(const Placement &at, int pair, double cutoff, Features *featur
     const auto [a, b, by_outline] = pairs_[pair];
     if (by_outline) {
         const double outer = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
-                                                cutoff + ROUNDING, features).distance - ROUNDING;
+                                                cutoff + ROUNDING, features)
+                                 .distance -
+                             ROUNDING;
         if (outer > SETTLED || outer > cutoff) return outer;
         return distance(at, pair, cutoff).distance;
     }
-    return optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff, features).distance;
+    return optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff, features)
+        .distance;
 }
 
 }  // namespace optiplan

@@ -56,7 +56,8 @@ struct Contact {
     Witness witness;
 };
 
-// Along configurations that are asked one after another: where bodies were nearest, or apart, when they were last asked.
+// Along configurations that are asked one after another: where bodies were nearest, or apart, when they were last
+// asked.
 struct Trail {
     std::vector<Features> pairs, groups;        // of each pair, and of the hull of each group
     std::vector<std::pair<double, int>> asked;  // lower bound and pair, of those of a group that are asked
@@ -113,10 +114,11 @@ class World {
     // Whether all pairs of a group are apart by more than `gap`, m, because the hull of its cluster is.
     bool group_apart(const Placement &at, int group, double gap, Features *features = nullptr) const;
 
-    // Asks `group_apart` once a group, at one placement: whether a pair is apart by its group's `gap`, m. Where that does
-    // not tell, its bodies are in place afterwards.
+    // Asks `group_apart` once a group, at one placement: whether a pair is apart by its group's `gap`, m. Where that
+    // does not tell, its bodies are in place afterwards.
     template <class Gap>
-    bool settled(Placement &at, int pair, std::vector<char> &known, const Gap &gap, Features *features = nullptr) const {
+    bool settled(Placement &at, int pair, std::vector<char> &known, const Gap &gap,
+                 Features *features = nullptr) const {
         const int group = group_of_[pair];
         if (group >= 0) {
             Features *known_before = features ? features + group : nullptr;
@@ -128,8 +130,7 @@ class World {
     }
 
     // Visits the pairs of a group whose balls are not farther apart than `gap`, m, with their bodies in place.
-    template <class Visit>
-    void visit_near(Placement &at, const Together &group, double gap, const Visit &visit) const {
+    template <class Visit> void visit_near(Placement &at, const Together &group, double gap, const Visit &visit) const {
         const Pose &X = at.joints[bodies_[group.hull].joint];
         const Vec3 other = transposed(X.R, at.centres[group.other] - X.p);
         for (const Member &member : group.members) {

@@ -1,6 +1,5 @@
 """`optiplan bench`: run or resume a suite of problems and planners, export its results."""
 
-import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -78,6 +77,7 @@ def run(
 
     Exit code: 0 every run was made, verified or not · 2 bad input, or results cannot be written · 130 interrupted.
     """
+    from optiplan.bench.bench import held_against, results_folder, scratch_folder
     from optiplan.bench.execution.runner import found_runs, open_results, other_versions, run_suite
     from optiplan.bench.results.best_known import BestKnownTable
     from optiplan.bench.suite.suite import load_suite
@@ -85,14 +85,14 @@ def run(
     table = None if best_known is None else BestKnownTable(best_known)
     pool, label = _workforce(workers, dask, pin)
     with stdout_is_ours(), ProgressLine() as line:
-        chosen = load_suite(suite, _scratch(suite, out), line)
-    folder = out or Path("runs", "bench", chosen.spec.name)
+        chosen = load_suite(suite, scratch_folder(suite, out), line)
+    folder = out or results_folder(chosen.spec.name)
     with open_results(chosen, folder, add) as store:
         for words in other_versions(store):
             messages().print(f"note: earlier runs were made with another version of {words}", style="yellow")
         with _stopped_by_signals(pool), progress(chosen.size, found_runs(chosen, store)) as watch:
             done = run_suite(chosen, store, pool, label, watch)
-        standing = None if table is None else _held_against(store, table)
+        standing = None if table is None else held_against(store, table)
         _tell(store, done, standing, as_json)
     if not done.complete:
         left = done.total - done.found - done.made
@@ -190,35 +190,20 @@ def import_results(
 
 def _workforce(workers: int | None, dask: str | None, pin: bool) -> tuple[Any, str]:
     """Return the workforce, and its name in the results."""
-    if dask is None:
-        from optiplan.bench.execution.pool import LocalPool
+    from optiplan.bench.bench import available_cores, workforce
 
-        cores = len(os.sched_getaffinity(0))
-        count = workers or cores
-        if pin and count > cores:
-            raise typer.BadParameter(f"--pin: {count} workers, and {cores} cores for them: expected --workers {cores}")
-        return LocalPool(count, pin), f"{count} local" + (", each on a core of its own" if pin else "")
-    if workers is not None or pin:
+    cores = available_cores()
+    count = workers or cores
+    if dask is None and pin and count > cores:
+        raise typer.BadParameter(f"--pin: {count} workers, and {cores} cores for them: expected --workers {cores}")
+    if dask is not None and (workers is not None or pin):
         raise typer.BadParameter("--dask brings its own workers: leave out --workers and --pin")
-    from optiplan.bench.dask.cluster import DaskCluster
-
-    cluster = DaskCluster(dask)
-    return cluster, f"{cluster.slots} dask {dask}"
+    return workforce(workers, dask, pin)
 
 
 app.command("report")(report.report)
 app.command("show")(report.show)
 app.command("compare")(report.compare)
-
-
-def _held_against(store: Any, table: Any) -> Any:
-    """Compare the runs with a table of best known durations, and write what beats it."""
-    from optiplan.bench.results.best_known import hold_against
-
-    standing = hold_against(store, table)
-    if standing.new or standing.beaten:
-        table.write()
-    return standing
 
 
 def _tell(store: Any, done: Any, standing: Any, as_json: bool) -> None:
@@ -235,11 +220,6 @@ def _tell(store: Any, done: Any, standing: Any, as_json: bool) -> None:
     show_summary(results(), store, done, standing)
     if page:
         results().print(f"report: {page}", markup=False, soft_wrap=True)
-
-
-def _scratch(suite: Path, out: Path | None) -> Path:
-    """Return the folder of files generated for problems, such as meshes of scenes."""
-    return (out or Path("runs", "bench", suite.stem)).resolve() / "files"
 
 
 @contextmanager

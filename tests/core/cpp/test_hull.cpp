@@ -1,0 +1,23 @@
+#include "convex/hull.hpp"
+
+#include "check.hpp"
+
+using namespace optiplan;
+
+TEST(supports_are_the_farthest_of_all_points_which_lie_within) {
+    std::vector<Vec3> points;
+    for (int k = 0; k < 200; ++k) points.push_back({uniform(-1, 1), uniform(-0.5, 0.5), uniform(0.0, 0.3)});
+    const Hull hull(points);
+    for (int k = 0; k < 500; ++k) {
+        const Vec3 d{uniform(-1, 1), uniform(-1, 1), k % 3 ? uniform(-1, 1) : 0.0};
+        const double found = dot(hull.support(d), d);
+        double most = -HUGE_VAL;
+        for (const Vec3 &p : points) most = std::fmax(most, dot(p, d));
+        CHECK(found == most);
+    }
+    for (const Vec3 &p : points) {
+        const Vec3 off = p - hull.centre();
+        CHECK(norm(off) <= hull.radius() + 1e-12);
+        for (int axis = 0; axis < 3; ++axis) CHECK(std::fabs(off[axis]) <= hull.half()[axis] + 1e-12);
+    }
+}

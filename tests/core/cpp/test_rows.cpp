@@ -1,0 +1,59 @@
+#include "program/rows.hpp"
+
+#include "arm.hpp"
+#include "bezier.hpp"
+#include "check.hpp"
+
+using namespace optiplan;
+
+TEST(rows_of_clearance_are_distances_beyond_the_margin) {
+    const World world = arm_and_box();
+    const Margins margins{0.02, {0.5, 0.01}, {0.5, 0.01}};
+    NEAR(margins.at(0.5, 0), 0.02, 0.0);
+    CHECK(margins.at(0.5, 1) < 0.01);
+    const Vec u{0.2, 0.5, 0.8}, Q{0.05, 0.1, 0.3, 0.2, 0.2, -0.4};
+    const NearRows rows = near_rows(world, margins, u, Q, 5.0);
+    CHECK(rows.sample.size() == 6 && rows.value.size() == 6 && rows.gradient.size() == 12);
+    const double h = 1e-6;
+    for (std::size_t k = 0; k < rows.sample.size(); ++k) {
+        const int i = rows.sample[k];
+        const double x = Q[2 * i], y = Q[2 * i + 1];
+        bool known = false;
+        for (int pair = 0; pair < 2 && !known; ++pair) {
+            known = std::fabs(rows.value[k] + margins.at(u[i], pair) - distance_at(world, pair, x, y)) < 1e-7;
+            if (!known) continue;
+            const double first = distance_at(world, pair, x + h, y) - distance_at(world, pair, x - h, y);
+            const double second = distance_at(world, pair, x, y + h) - distance_at(world, pair, x, y - h);
+            NEAR(rows.gradient[2 * k], first / (2 * h), 1e-5);
+            NEAR(rows.gradient[2 * k + 1], second / (2 * h), 1e-5);
+        }
+        CHECK(known);
+    }
+    CHECK(near_rows(world, margins, u, Q, 0.0).sample.empty());
+}
+
+TEST(rows_of_torque_are_what_is_left_of_the_limit) {
+    const Tree tree = arm();
+    const Spline spline = bezier();
+    const Vec u{0.3, 0.6}, C = control();
+    const Samples samples = bezier_samples(u);
+    TorqueRows weak(tree, {30.0, HUGE_VAL}), strong(tree, {1e6, 1e6});
+    CHECK(weak.limited() == 1 && strong.limited() == 2);
+    Inequalities rows;
+    Mask exceeded;
+    const double T = 2.0;
+    weak.of(spline, samples, C.data(), T, Mask(2), rows, exceeded);
+    InverseDynamics dynamics(tree);
+    CHECK(rows.value.size() == 2);
+    for (std::size_t i = 0; i < rows.value.size(); ++i) {
+        double q[2], v[2], a[2], tau[2];
+        samples.at(i, 0, C.data(), spline, q), samples.at(i, 1, C.data(), spline, v);
+        samples.at(i, 2, C.data(), spline, a);
+        for (int j = 0; j < 2; ++j) v[j] /= T, a[j] /= T * T;
+        dynamics.torques(q, v, a, tau);
+        NEAR(rows.value[i], 1.0 - std::fabs(tau[0]) / 30.0, 1e-12);
+        CHECK(static_cast<bool>(exceeded[i]) == (rows.value[i] < 0.0));
+    }
+    strong.of(spline, samples, C.data(), T, Mask(4), rows, exceeded);
+    CHECK(rows.value.empty());
+}
