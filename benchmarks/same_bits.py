@@ -69,7 +69,7 @@ def main() -> None:
 
 
 def recorded(path: Path) -> dict[tuple[str, str], str]:
-    """Return the hashes of a table: of `same_bits.csv` those after the move."""
+    """Return the hashes of a table: of `same_bits.csv` the column `after`."""
     with path.open() as file:
         rows = csv.DictReader(line for line in file if not line.startswith("#"))
         return {(row["problem"], row["planner"]): row.get("after") or row["now"] for row in rows}

@@ -20,7 +20,10 @@ def program() -> Path:
     if shutil.which(compiler, path=search) is None or shutil.which("cmake", path=search) is None:
         pytest.skip("no C++ compiler, or no CMake")
     folder = ROOT / "build" / "core-tests"
-    for step in (["-S", str(ROOT), "-B", str(folder), "-DOPTIPLAN_CORE_TESTS=ON"], ["--build", str(folder)]):
+    for step in (
+        ["-G", "Ninja", "-S", str(ROOT), "-B", str(folder), "-DOPTIPLAN_CORE_TESTS=ON"],
+        ["--build", str(folder)],
+    ):
         done = subprocess.run(
             ["cmake", *step], env={**os.environ, "PATH": search}, capture_output=True, text=True, check=False
         )

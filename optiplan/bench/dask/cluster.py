@@ -5,7 +5,8 @@ import threading
 import time
 import uuid
 import warnings
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final
 
@@ -16,6 +17,8 @@ from optiplan.errors import OptiPlanError
 
 CONNECT = 10.0
 """s within which a scheduler has to answer."""
+STARTS = 3
+"""Attempts to start the thread of a client, each of which `distributed` ends with an assertion after 10 s."""
 WAIT = 300.0
 """s without a single worker after which we give up; a cluster that grows on demand needs some of them."""
 LOOK = 2.0
@@ -58,8 +61,8 @@ class DaskCluster:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # other versions of Dask: below we say so ourselves
-                self._client: Any = distributed.Client(address, timeout=CONNECT, set_as_default=False)
-        except (OSError, ValueError, TypeError, ImportError) as error:
+                self._client = _connect(distributed.Client, address)
+        except (OSError, ValueError, TypeError, ImportError, AssertionError) as error:
             expected = "a running one, as of `dask scheduler` (docs/how-to/cluster.md)"
             raise ClusterError(f"no Dask scheduler at {address}: {_one_line(error)}; expected {expected}") from error
         try:
@@ -184,6 +187,14 @@ class DaskCluster:
             self._client.run(cluster_worker.end_session, self._session, on_error="ignore")
         self._running.clear()
         self._client.close(timeout=2)
+
+
+def _connect(client: Callable[..., Any], address: str) -> Any:
+    """Return a client of a scheduler; on a crowded machine its thread may not start in time and is tried again."""
+    for _ in range(STARTS - 1):
+        with suppress(AssertionError):
+            return client(address, timeout=CONNECT, set_as_default=False)
+    return client(address, timeout=CONNECT, set_as_default=False)
 
 
 _SAME = "every machine needs the same versions: docs/how-to/cluster.md"

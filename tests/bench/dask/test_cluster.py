@@ -137,6 +137,24 @@ def test_no_scheduler(address, monkeypatch):
         DaskCluster(address)
 
 
+@pytest.mark.parametrize(("late", "answer"), [(2, "a client"), (3, None)])
+def test_a_client_whose_thread_starts_late_is_tried_again(late, answer, monkeypatch):
+    attempts = []
+
+    def client(address, **options):
+        attempts.append(address)
+        assert len(attempts) > late  # as distributed does when its thread has not started after 10 s
+        return "a client"
+
+    monkeypatch.setattr("distributed.Client", client)
+    monkeypatch.setattr(DaskCluster, "_compare", lambda self: None)
+    if answer:
+        assert DaskCluster("tcp://127.0.0.1:9")._client == answer
+    else:
+        with pytest.raises(ClusterError, match="no Dask scheduler at"):
+            DaskCluster("tcp://127.0.0.1:9")
+
+
 def test_a_worker_of_another_version_is_refused(write_suite, dask, tmp_path, monkeypatch):
     theirs = cluster_worker.signature()
     dask.workers(1)

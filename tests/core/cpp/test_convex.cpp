@@ -26,6 +26,9 @@ TEST(points_and_normal_agree_and_order_does_not_matter) {
         NEAR(norm(found.normal), 1.0, 1e-9);
         NEAR(norm(found.b - found.a - found.distance * found.normal), 0.0, 1e-8);
         if (found.distance < 1e-6) continue;
+        const Shape point = Shape::sphere(0.0);  // the nearest points lie on their shapes
+        NEAR(distance(point, {{}, found.a}, a, {}).distance, 0.0, 1e-7);
+        NEAR(distance(point, {{}, found.b}, b, X).distance, 0.0, 1e-7);
         CHECK(overlap_within(a, {}, b, X, found.distance + 1e-6));
         CHECK(!overlap_within(a, {}, b, X, found.distance - 1e-6));
     }

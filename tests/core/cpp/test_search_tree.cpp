@@ -6,11 +6,11 @@ using namespace optiplan;
 
 TEST(the_nearest_node_is_that_of_a_comparison_with_all) {
     SearchTree tree(3);
-    for (int k = 0; k < 500; ++k) {
-        const double x[3] = {uniform(-1, 1), uniform(-1, 1), k % 5 ? uniform(-0.1, 0.1) : 0.0};
+    for (int k = 0; k < 2000; ++k) {
+        const double x[3] = {uniform(-1, 1), uniform(-1, 1), k % 5 ? uniform(-1, 1) : 0.0};
         CHECK(tree.add(x, k - 1) == k);
         CHECK(tree.parent(k) == k - 1);
-        const double y[3] = {uniform(-1.5, 1.5), uniform(-1.5, 1.5), uniform(-1.5, 1.5)};
+        const double y[3] = {uniform(-1.2, 1.2), uniform(-1.2, 1.2), uniform(-1.2, 1.2)};
         const auto squared = [&](int node) {
             double sum = 0.0;
             for (int j = 0; j < 3; ++j) sum += (tree.at(node)[j] - y[j]) * (tree.at(node)[j] - y[j]);
