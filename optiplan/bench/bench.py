@@ -103,7 +103,6 @@ def bench(  # noqa: PLR0913  # one keyword for each option of the command
         >>> import optiplan as op
         >>> results = op.bench("benchmarks/suites/quick.yaml", workers=2)  # doctest: +SKIP
         >>> print(results)  # doctest: +SKIP
-        1.0
     """
     file = path_argument("bench", "suite", suite, "the path of a suite file")
     given = None if out is None else path_argument("bench", "out", out, "the path of a folder")
