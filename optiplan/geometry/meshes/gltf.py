@@ -1,4 +1,8 @@
-"""Binary glTF 2.0 files: their scene, by the specification in m and with y up."""
+"""Binary glTF 2.0 files: their scene, by the specification in m and with y up.
+
+Not by trimesh: it drops triangle fans, sparse values and a node's second parent without a message, and takes a skin or
+an unknown required extension for a rigid mesh.
+"""
 
 import json
 from typing import Any

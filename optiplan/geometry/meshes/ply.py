@@ -1,19 +1,17 @@
-"""PLY files, ASCII or binary of either byte order."""
+"""PLY files, ASCII or binary of either byte order.
+
+Not by trimesh: it fills the notches of concave polygons, guesses at unknown lines of a header, and accepts an ASCII
+file that is cut off within its last number.
+"""
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from optiplan.geometry.meshes.triangles import (
-    MOST_TRIANGLES,
-    MeshError,
-    Soup,
-    check_numbers,
-    triangulate,
-)
+from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, MeshError, Soup, check_numbers, triangulate
 
 PLY_TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -63,8 +61,8 @@ def ply_tables(content: bytes) -> "dict[str, Table]":
     if not content.startswith(b"ply") or end is None:
         raise MeshError("a PLY file without its header")
     order, elements = _ply_header(content[: end.start()].decode("ascii", "replace").splitlines())
-    rows = _ply_ascii if order == "" else _ply_binary
-    return rows(content[end.end() :], elements, order)
+    body = content[end.end() :]
+    return _binary_tables(_Bytes(body, order), elements) if order else _ascii_tables(_Words(body), elements)
 
 
 def _ply_header(lines: Sequence[str]) -> tuple[str, list[_Element]]:
@@ -93,89 +91,89 @@ Table = dict[str, Any]
 """Columns of an element by name: numbers, or lists of numbers."""
 
 
-def _ply_ascii(body: bytes, elements: Sequence[_Element], _: str) -> dict[str, Table]:
-    check_numbers(body)
+class _Words:
+    """The numbers of an ASCII body, one after another."""
+
+    def __init__(self, body: bytes) -> None:
+        check_numbers(body)
+        self._words = iter(body.split())
+
+    def length(self, _: str) -> int:
+        return int(next(self._words))
+
+    def values(self, _: str, count: int) -> list[float]:
+        return [float(next(self._words)) for _value in range(count)]
+
+    def ended(self) -> bool:
+        return next(self._words, None) is None
+
+
+class _Bytes:
+    """The numbers of a binary body of a byte order, from `place` on."""
+
+    def __init__(self, body: bytes, order: str) -> None:
+        self.body, self.order, self.place = body, order, 0
+
+    def length(self, kind: str) -> int:
+        return int(self.values(kind, 1)[0])
+
+    def values(self, kind: str, count: int) -> list[float]:
+        found = np.frombuffer(self.body, self.order + kind, count, self.place)
+        self.place += found.nbytes
+        return list(found.tolist())
+
+
+def _ascii_tables(words: _Words, elements: Sequence[_Element]) -> dict[str, Table]:
     try:
-        return _ply_tables(iter(body.split()), elements)
+        tables = {element.name: _rows(element, words) for element in elements}
     except StopIteration:
         raise MeshError("fewer values than its header says") from None
-
-
-def _ply_tables(words: Iterator[bytes], elements: Sequence[_Element]) -> dict[str, Table]:
-    tables: dict[str, Table] = {}
-    for element in elements:
-        table: dict[str, list[list[float]]] = {item.name: [] for item in element.properties}
-        for _row in range(element.count):
-            for item in element.properties:
-                count = int(next(words)) if item.length else 1
-                if not 0 <= count <= MOST_TRIANGLES:
-                    raise MeshError(f"a list of {count} values")
-                table[item.name].append([float(next(words)) for _value in range(count)])
-        tables[element.name] = {item.name: _column(table[item.name], item) for item in element.properties}
-    if next(words, None) is not None:
+    if not words.ended():
         raise MeshError("more values than its header says")
     return tables
 
 
-def _column(rows: list[list[float]], item: _Property) -> list[list[float]] | list[float]:
-    return rows if item.length else [row[0] for row in rows]
+def _rows(element: _Element, source: _Words | _Bytes) -> Table:
+    table: dict[str, list[list[float]]] = {item.name: [] for item in element.properties}
+    for _row in range(element.count):
+        for item in element.properties:
+            count = source.length(item.length) if item.length else 1
+            if not 0 <= count <= MOST_TRIANGLES:
+                raise MeshError(f"a list of {count} values")
+            table[item.name].append(source.values(item.kind, count))
+    return {
+        item.name: table[item.name] if item.length else [row[0] for row in table[item.name]]
+        for item in element.properties
+    }
 
 
-def _ply_binary(body: bytes, elements: Sequence[_Element], order: str) -> dict[str, Table]:
+def _binary_tables(source: _Bytes, elements: Sequence[_Element]) -> dict[str, Table]:
+    """Read each element as one array, or row by row if its lists have other lengths than those of its first row."""
     tables: dict[str, Table] = {}
-    place = 0
+    size = len(source.body)
     for element in elements:
-        lists = any(item.length for item in element.properties)
-        tables[element.name], place = (_ply_lists if lists else _ply_table)(body, place, element, order)
-    if place != len(body):
-        raise MeshError(f"{len(body)} bytes of data where its header says {place}")
+        record, start = _record_of_first_row(element, source), source.place
+        end = start + element.count * record.itemsize
+        lengths = [f"#{item.name}" for item in element.properties if item.length]
+        if end > size and not lengths:
+            raise MeshError(f"{size} bytes of data where its header says {end}")
+        values = np.frombuffer(source.body, record, element.count if end <= size else 0, start)
+        if end <= size and all((values[name] == values[name][0]).all() for name in lengths):
+            tables[element.name], source.place = {item.name: values[item.name] for item in element.properties}, end
+        else:
+            tables[element.name] = _rows(element, source)
+    if source.place != size:
+        raise MeshError(f"{size} bytes of data where its header says {source.place}")
     return tables
 
 
-def _ply_table(body: bytes, place: int, element: _Element, order: str) -> tuple[Table, int]:
-    record = np.dtype([(item.name, order + item.kind) for item in element.properties])
-    end = place + element.count * record.itemsize
-    if end > len(body):
-        raise MeshError(f"{len(body)} bytes of data where its header says {end}")
-    values = np.frombuffer(body, record, element.count, place)
-    return {item.name: values[item.name] for item in element.properties}, end
-
-
-def _ply_lists(body: bytes, place: int, element: _Element, order: str) -> tuple[Table, int]:
-    """Read an element with lists, as one table if all lists have the length of those in the first row."""
-    first, row = _ply_row(body, place, element, order)
-    fields = [(f"#{item.name}", order + item.length) for item in element.properties if item.length]
-    record = np.dtype([field for item in element.properties for field in _ply_fields(item, first, order)])
-    if element.count * record.itemsize <= len(body) - place:
-        values = np.frombuffer(body, record, element.count, place)
-        if all((values[name] == values[name][0]).all() for name, _ in fields):
-            return {item.name: values[item.name] for item in element.properties}, place + element.count * row
-    table: dict[str, list[list[float]]] = {item.name: [] for item in element.properties}
-    for _row in range(element.count):
-        found, size = _ply_row(body, place, element, order)
-        place += size
-        for item in element.properties:
-            table[item.name].append(found[item.name])
-    return {item.name: _column(table[item.name], item) for item in element.properties}, place
-
-
-def _ply_fields(item: _Property, first: dict[str, list[float]], order: str) -> list[tuple[str, str, tuple[int, ...]]]:
-    if not item.length:
-        return [(item.name, order + item.kind, ())]
-    return [(f"#{item.name}", order + item.length, ()), (item.name, order + item.kind, (len(first[item.name]),))]
-
-
-def _ply_row(body: bytes, place: int, element: _Element, order: str) -> tuple[dict[str, list[float]], int]:
-    """Return the values of one row, and its size in bytes."""
-    found: dict[str, list[float]] = {}
-    start = place
+def _record_of_first_row(element: _Element, source: _Bytes) -> np.dtype[Any]:
+    """Return the type of the first row, with the length of list `name` in the field `#name`."""
+    lists = any(item.length for item in element.properties)
+    start, first = source.place, _rows(replace(element, count=1), source) if lists else {}
+    source.place = start
+    fields: list[tuple[str, str, tuple[int, ...]]] = []
     for item in element.properties:
-        count = 1
-        if item.length:
-            count = int(np.frombuffer(body, order + item.length, 1, place)[0])
-            place += np.dtype(item.length).itemsize
-        if not 0 <= count <= MOST_TRIANGLES:
-            raise MeshError(f"a list of {count} values")
-        found[item.name] = np.frombuffer(body, order + item.kind, count, place).tolist()
-        place += count * np.dtype(item.kind).itemsize
-    return found, place - start
+        fields += [(f"#{item.name}", source.order + item.length, ())] if item.length else []
+        fields.append((item.name, source.order + item.kind, (len(first[item.name][0]),) if item.length else ()))
+    return np.dtype(fields)

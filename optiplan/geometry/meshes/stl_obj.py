@@ -1,7 +1,9 @@
 """Mesh files that are lists of triangles or polygons: STL and OBJ.
 
-These readers are strict: an unknown statement is an error, because collision checks would miss an ignored part. They
-run in a process of their own (`reading_process`) and import NumPy alone.
+These readers are strict: an unknown statement is an error, because collision checks would miss an ignored part.
+
+Not by trimesh: it accepts an ASCII STL that lacks lines or has foreign bytes in its numbers; of an OBJ it drops
+malformed faces and free-form surfaces without a message, fills notches of polygons, and accepts a file that is cut off.
 """
 
 import re
