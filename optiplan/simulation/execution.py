@@ -5,13 +5,14 @@ from typing import Literal
 
 import numpy as np
 
+from optiplan.arrays import Array
 from optiplan.errors import wrong_argument
 from optiplan.problem.problem import Problem
 from optiplan.simulation.closed_loop import OF_TASKS, Loop, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque
 from optiplan.simulation.log import Log
-from optiplan.simulation.plants.base import Payload, Plant, PlantOptions
-from optiplan.simulation.plants.dynamics import RigidBodyDynamics, check_inertias
+from optiplan.simulation.plants.base import Payload, Plant, PlantOptions, assumed_dynamics
+from optiplan.simulation.plants.dynamics import check_inertias
 from optiplan.simulation.plants.imperfections import PERFECT, Imperfections
 from optiplan.simulation.plants.rigid_body import RigidBodyPlant
 from optiplan.simulation.references.joints import TrajectoryReference
@@ -56,15 +57,14 @@ def execute(problem: Problem, trajectory: Trajectory, options: ExecutionOptions 
         raise wrong_argument("execute", "problem", found, parts)
     robot = problem.robot
     check_inertias(robot)
-    payload = options.payload
-    assumed = (0.0, None) if payload is None else (payload.assumed, payload.centre)
-    controller = ComputedTorque(RigidBodyDynamics(robot, *assumed), options.frequency)
+    start = np.asarray(trajectory.start)
+    made = PlantOptions(payload=options.payload, velocity=trajectory(np.zeros(1), 1)[0])
     loop = Loop(
         robot=robot,
         limits=problem.limits,
         reference=TrajectoryReference(trajectory),
-        controller=controller,
-        plant=_plant(problem, trajectory, options),
+        controller=ComputedTorque(assumed_dynamics(robot, options.payload), options.frequency),
+        plant=torque_plant(problem, options.engine, start, options.step, made),
         dt=options.dt,
         settle=options.settle,
         imperfections=options.imperfections,
@@ -73,11 +73,10 @@ def execute(problem: Problem, trajectory: Trajectory, options: ExecutionOptions 
     return simulate(loop)
 
 
-def _plant(problem: Problem, trajectory: Trajectory, options: ExecutionOptions) -> Plant:
-    q = np.asarray(trajectory.start)
-    made = PlantOptions(payload=options.payload, velocity=trajectory(np.zeros(1), 1)[0])
-    if options.engine == "mujoco":
+def torque_plant(problem: Problem, engine: Engine, q: Array, step: float, options: PlantOptions) -> Plant:
+    """Return the plant of a problem's robot in its scene, at q (n,), rad or m, with a step, s."""
+    if engine == "mujoco":
         from optiplan.simulation.plants.mujoco_plant import MujocoPlant
 
-        return MujocoPlant(problem.robot, problem.scene, q, options.step, made)
-    return RigidBodyPlant(problem.robot, q, options.step, made)
+        return MujocoPlant(problem.robot, problem.scene, q, step, options)
+    return RigidBodyPlant(problem.robot, q, step, options)

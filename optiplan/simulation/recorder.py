@@ -76,7 +76,7 @@ class Recorder:
         if watch is not None:
             watch.look(t, q)
         rows = np.arange(-self._count % self._every, len(t), self._every)
-        columns = {"t": t, "q": q, "v": v, "wanted": wanted, "applied": applied, "tool": tool}
+        columns = {"t": t, "q": q, "v": v, "wanted": wanted, "applied": applied, "tool_error": tool}
         self._kept.append({name: values[rows] for name, values in columns.items()})
         self._count += len(t)
         self._begin()
@@ -102,13 +102,8 @@ class Recorder:
         return Log(
             joint_names=self._robot.joint_names,
             dt=self._dt,
-            t=arrays["t"],
-            q=arrays["q"],
-            v=arrays["v"],
-            wanted=arrays["wanted"],
-            applied=arrays["applied"],
+            **arrays,
             input=self._input,
-            tool_error=arrays["tool"],
             tracking=tracking,
             contacts=None if watch is None else watch.result(),
             slack=slack,

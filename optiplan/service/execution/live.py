@@ -13,7 +13,8 @@ from optiplan.errors import InputError, wrong_argument
 from optiplan.problem.problem import Problem
 from optiplan.simulation.closed_loop import OF_TASKS
 from optiplan.simulation.controllers.joints import ComputedTorque
-from optiplan.simulation.controllers.task_space import TaskSpaceLoop, TaskSpaceSettings
+from optiplan.simulation.controllers.task_space import TaskSpaceLoop
+from optiplan.simulation.files.schema import TaskSpaceSpec
 from optiplan.simulation.plants.base import Plant
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics, check_inertias
 from optiplan.simulation.plants.ideal import IdealPlant
@@ -58,7 +59,7 @@ class LiveLoop:
             check_inertias(robot)
             self._plant = RigidBodyPlant(robot, problem.start, FINE)
             inner = ComputedTorque(RigidBodyDynamics(robot), FREQUENCY)
-        self._loop = TaskSpaceLoop(problem, TaskSpaceSettings(), PERIOD, robot.tool_frame, inner)
+        self._loop = TaskSpaceLoop(problem, TaskSpaceSpec(), PERIOD, robot.tool_frame, inner)
         self._poses, self._data = Poses(problem), robot.model.createData()
         self._frame = robot.model.getFrameId(robot.tool_frame)
         self._target = self._tool(problem.start)

@@ -1,7 +1,6 @@
 """The task-space controller of `optiplan.control` in a closed loop: alone on velocities, or above torques."""
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,25 +16,10 @@ from optiplan.control.tasks.joint_tasks import PostureTask
 from optiplan.problem.problem import Problem
 from optiplan.simulation.controllers.base import Command, JointTarget
 from optiplan.simulation.controllers.joints import ComputedTorque
+from optiplan.simulation.files.schema import TaskSpaceSpec
 from optiplan.simulation.plants.base import Input
 from optiplan.simulation.references.base import ToolTarget
 from optiplan.trajectory.state import State
-
-
-@dataclass(frozen=True)
-class TaskSpaceSettings:
-    """Settings of the task-space controller; docs/how-to/closed-loop.md says what they mean."""
-
-    form: Literal["velocity", "acceleration"] = "velocity"
-    solver: str = "proxqp"
-    feedback: Literal["commanded", "measured"] = "commanded"
-    position_cost: float = 1.0
-    orientation_cost: float = 1.0
-    posture_cost: float = 1e-3
-    gain: float | None = None
-    clearance: float | None = 0.005
-    response: float | None = None
-
 
 JOINT_GAIN = 10.0
 """1/s, of references of the joints where none is given."""
@@ -74,7 +58,7 @@ class TaskSpaceLoop:
     def __init__(
         self,
         problem: Problem,
-        options: TaskSpaceSettings,
+        options: TaskSpaceSpec,
         dt: float,
         frame: str | None,
         inner: ComputedTorque | None = None,
@@ -83,7 +67,7 @@ class TaskSpaceLoop:
 
         Args:
             problem: robot, limits and scene.
-            options: see `TaskSpaceSettings`.
+            options: as in a control file.
             dt: the control period, s.
             frame: that has a target; None: the joints have one.
             inner: makes torques; None: velocities are wanted.

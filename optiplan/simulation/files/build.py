@@ -6,14 +6,14 @@ from optiplan.planners.base import Failure
 from optiplan.simulation.closed_loop import Loop, Push
 from optiplan.simulation.controllers.base import LoopController
 from optiplan.simulation.controllers.joints import ComputedTorque, PidController, VelocityTracking
+from optiplan.simulation.execution import torque_plant
 from optiplan.simulation.files.read import ControlFile
 from optiplan.simulation.files.references import reference_of
 from optiplan.simulation.files.schema import ComputedTorqueSpec, PidSpec, TaskSpaceSpec, VelocitySpec
-from optiplan.simulation.plants.base import Friction, Payload, Plant, PlantOptions
+from optiplan.simulation.plants.base import Friction, Payload, Plant, PlantOptions, assumed_dynamics
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
 from optiplan.simulation.plants.ideal import IdealPlant
 from optiplan.simulation.plants.imperfections import Imperfections
-from optiplan.simulation.plants.rigid_body import RigidBodyPlant
 from optiplan.simulation.references.base import Reference, ToolReference
 
 
@@ -42,12 +42,8 @@ def build_loop(control: ControlFile) -> Loop | Failure:
     )
 
 
-def _believed(control: ControlFile) -> RigidBodyDynamics:
-    """The model of the controller."""
-    payload = _payload(control)
-    if payload is None:
-        return RigidBodyDynamics(control.robot)
-    return RigidBodyDynamics(control.robot, payload.assumed, payload.centre)
+def _assumed(control: ControlFile) -> RigidBodyDynamics:
+    return assumed_dynamics(control.robot, _payload(control))
 
 
 def _controller(control: ControlFile, reference: Reference) -> LoopController:
@@ -55,20 +51,19 @@ def _controller(control: ControlFile, reference: Reference) -> LoopController:
         case PidSpec() as spec:
             gains = (control.per_joint(spec.p), control.per_joint(spec.i), control.per_joint(spec.d))
             most = None if spec.integral_limit is None else control.per_joint(spec.integral_limit)
-            gravity = _believed(control) if spec.gravity_compensation else None
+            gravity = _assumed(control) if spec.gravity_compensation else None
             return PidController(gains, 1.0 / control.spec.rate, most, gravity)
         case ComputedTorqueSpec() as spec:
-            return ComputedTorque(_believed(control), spec.frequency, spec.damping)
+            return ComputedTorque(_assumed(control), spec.frequency, spec.damping)
         case VelocitySpec() as spec:
             return VelocityTracking(spec.gain)
         case TaskSpaceSpec() as spec:
-            from optiplan.simulation.controllers.task_space import TaskSpaceLoop, TaskSpaceSettings
+            from optiplan.simulation.controllers.task_space import TaskSpaceLoop
 
-            keys = spec.model_dump(exclude={"frequency", "damping"})
             frame = reference.frame if isinstance(reference, ToolReference) else None
             torque = control.spec.plant.engine != "ideal"
-            inner = ComputedTorque(_believed(control), spec.frequency, spec.damping) if torque else None
-            return TaskSpaceLoop(control.problem, TaskSpaceSettings(**keys), 1.0 / control.spec.rate, frame, inner)
+            inner = ComputedTorque(_assumed(control), spec.frequency, spec.damping) if torque else None
+            return TaskSpaceLoop(control.problem, spec, 1.0 / control.spec.rate, frame, inner)
         case other:
             raise TypeError(f"no controller for {other!r}")
 
@@ -80,11 +75,7 @@ def _plant(control: ControlFile) -> Plant:
     friction = Friction(control.per_joint(spec.friction.viscous), control.per_joint(spec.friction.coulomb))
     rotor, limit = control.per_joint(spec.rotor_inertia), control.problem.limits.torque
     options = PlantOptions(limit, friction, _payload(control), rotor)
-    if spec.engine == "mujoco":
-        from optiplan.simulation.plants.mujoco_plant import MujocoPlant
-
-        return MujocoPlant(control.robot, control.problem.scene, start, spec.step, options)
-    return RigidBodyPlant(control.robot, start, spec.step, options)
+    return torque_plant(control.problem, spec.engine, start, spec.step, options)
 
 
 def _payload(control: ControlFile) -> Payload | None:

@@ -1,12 +1,15 @@
 """What every plant can do, and what it is made of."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import ClassVar, Literal
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.robot.robot import Robot
+from optiplan.simulation.plants.dynamics import RigidBodyDynamics
 
 Input = Literal["velocity", "torque"]
 """What a plant takes: joint velocities, rad/s (m/s), or joint torques, N·m (N)."""
@@ -38,6 +41,13 @@ class Payload:
     mass: float
     assumed: float
     centre: Array = field(default_factory=lambda: np.zeros(3))
+
+
+def assumed_dynamics(robot: Robot, payload: Payload | None) -> RigidBodyDynamics:
+    """Return the model that the controller takes the robot for."""
+    if payload is None:
+        return RigidBodyDynamics(robot)
+    return RigidBodyDynamics(robot, payload.assumed, payload.centre)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,23 +83,25 @@ NOMINAL = PlantOptions()
 """The robot as it is described."""
 
 
-class Plant(Protocol):
-    """A robot that moves; its state changes by `advance` only."""
+class Plant(ABC):
+    """A robot that moves; its state changes by `advance` only.
 
-    input: Input
+    Attributes:
+        input: what it takes.
+        step: s.
+        q: positions (n,), rad or m; `v`: velocities (n,).
+    """
+
+    input: ClassVar[Input]
     step: float
+    q: Array
+    v: Array
 
-    @property
-    def q(self) -> Array:
-        """Positions (n,), rad or m."""
-
-    @property
-    def v(self) -> Array:
-        """Velocities (n,)."""
-
+    @abstractmethod
     def holding(self) -> Array:
         """The input (n,) that leaves the plant where it is."""
 
+    @abstractmethod
     def advance(self, command: Array, steps: int, wrench: pin.Force | None = None) -> Array:
         """Hold an input for so many steps; `wrench` acts on the tool's origin, along the world's axes, N and N·m.
 
@@ -98,4 +110,34 @@ class Plant(Protocol):
         """
 
     def contacts(self) -> list[tuple[str, str]]:
-        """Names of the bodies that touched since the last call; empty for a plant without bodies."""
+        """Names of the bodies that touched since the last call; empty for a plant whose bodies meet nothing."""
+        return []
+
+
+class TorquePlant(Plant):
+    """A plant that takes torques within the limits of its drives."""
+
+    input = "torque"
+
+    def __init__(self, robot: Robot, step: float, options: PlantOptions) -> None:
+        """Set the drives and the model.
+
+        Args:
+            robot: with n joints.
+            step: s.
+            options: drives, friction, payload, velocity.
+        """
+        self.step = step
+        self._limit = robot.limits.torque if options.limit is None else options.limit
+        self.dynamics = RigidBodyDynamics(robot, options.mass, options.centre)
+
+    def holding(self) -> Array:
+        """Gravity's torque, within the limits."""
+        return self._within_limits(self.dynamics.gravity(self.q))
+
+    def _within_limits(self, torque: Array) -> Array:
+        return np.minimum(np.maximum(torque, -self._limit), self._limit)
+
+    def _pushed(self, torque: Array, q: Array, wrench: pin.Force | None) -> Array:
+        """Add the torque (n,) of a wrench on the tool at q (n,)."""
+        return torque if wrench is None else torque + self.dynamics.tool_jacobian(q).T @ wrench.vector

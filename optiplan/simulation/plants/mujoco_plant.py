@@ -11,42 +11,29 @@ from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
-from optiplan.simulation.plants.base import NOMINAL, Input, PlantOptions
-from optiplan.simulation.plants.dynamics import RigidBodyDynamics
+from optiplan.simulation.plants.base import NOMINAL, PlantOptions, TorquePlant
 from optiplan.simulation.plants.mjcf import SEPARATOR, mjcf
 
 TOUCHING = 1e-6
 """m; bodies that MuJoCo sees overlap by more are in contact. Its distances of hulls are exact to about 1e-7 m."""
 
 
-class MujocoPlant:
+class MujocoPlant(TorquePlant):
     """The robot of a problem in MuJoCo, with its obstacles; torques act on the planned joints."""
 
-    input: Input = "torque"
-
     def __init__(self, robot: Robot, scene: Scene, q: Array, step: float, options: PlantOptions = NOMINAL) -> None:
-        """Begin at q.
-
-        Args:
-            robot: with n joints.
-            scene: obstacles, which may move, and held objects.
-            q: (n,), rad or m.
-            step: s.
-            options: drives, friction, payload, velocity.
+        """Begin at q (n,), rad or m; obstacles of the scene may move, objects are held; the rest as of `TorquePlant`.
 
         Raises:
             OptiPlanError: MuJoCo is not installed.
         """
+        super().__init__(robot, step, options)  # its dynamics are for holding and for pushes; the motion is MuJoCo's
         self._mujoco = mujoco_module()
-        self.step = step
         self.model: Any = self._mujoco.MjModel.from_xml_string(mjcf(robot, scene, step, options))
         self.data: Any = self._mujoco.MjData(self.model)
-        self._limit = robot.limits.torque if options.limit is None else options.limit
         joints = [self.model.joint(name) for name in robot.joint_names]
         self._at = np.array([joint.qposadr[0] for joint in joints])
         self._dof = np.array([joint.dofadr[0] for joint in joints])
-        # For holding and for pushes; the motion is MuJoCo's.
-        self._dynamics = RigidBodyDynamics(robot, options.mass, options.centre)
         velocity = np.zeros(robot.n) if options.velocity is None else options.velocity
         for name, mimic in robot.followers.items():
             follower, source = self.model.joint(name), robot.joint_names.index(mimic.source)
@@ -58,40 +45,28 @@ class MujocoPlant:
         self._touched: set[tuple[str, str]] = set()
         self._mujoco.mj_forward(self.model, self.data)
         self._note()
-
-    @property
-    def q(self) -> Array:
-        """Positions (n,), rad or m."""
-        return np.asarray(self.data.qpos[self._at])
-
-    @property
-    def v(self) -> Array:
-        """Velocities (n,)."""
-        return np.asarray(self.data.qvel[self._dof])
-
-    def holding(self) -> Array:
-        """Gravity's torque, within the limits."""
-        return np.clip(self._dynamics.gravity(self.q), -self._limit, self._limit)
+        self._take_state()
 
     def advance(self, command: Array, steps: int, wrench: pin.Force | None = None) -> Array:
         """Hold the torque `command` (n,), N·m (N), as far as the drives can give it."""
-        applied = np.clip(command, -self._limit, self._limit)
-        drive = applied
-        if wrench is not None:
-            drive = applied + self._dynamics.tool_jacobian(self.q).T @ wrench.vector
-        self.data.qfrc_applied[self._dof] = drive
+        applied = self._within_limits(command)
+        self.data.qfrc_applied[self._dof] = self._pushed(applied, self.q, wrench)
         for _ in range(steps):
             self._move_obstacles()
             self._mujoco.mj_step(self.model, self.data)
             if self.data.ncon:
                 self._note()
-        return np.asarray(applied)
+        self._take_state()
+        return applied
 
     def contacts(self) -> list[tuple[str, str]]:
         """Names of the bodies that touched since the last call."""
         found = sorted(self._touched)
         self._touched.clear()
         return found
+
+    def _take_state(self) -> None:
+        self.q, self.v = np.asarray(self.data.qpos[self._at]), np.asarray(self.data.qvel[self._dof])
 
     def _move_obstacles(self) -> None:
         """Put moving obstacles to where they are at the time of the data."""
