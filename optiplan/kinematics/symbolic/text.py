@@ -4,13 +4,14 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise, product
+from math import prod
+from operator import add
 from typing import Any
 
 import numpy as np
 
 from optiplan.errors import OptiPlanError
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
-from optiplan.kinematics.symbolic.trig_polynomial import Polynomial, Powers, trig_polynomial
 from optiplan.robot.robot import Robot
 
 MOST_JOINTS = 6
@@ -20,8 +21,10 @@ LEGEND = "c1 = cos q1, s23 = sin(q2 + q3), c2-3 = cos(q2 - q3); lengths in m"
 
 Addend = tuple[float, tuple[str, ...]]
 """Coefficient and factors; a factor is a word such as c23, or a sum in parentheses."""
-Sinusoid = tuple[str, tuple[int, ...]]
-"""("c" or "s", k): cosine or sine of sum k_i q_i over the joints of a block."""
+Exponents = tuple[int, ...]
+"""(k_1, m_1, k_2, …) of the product of exp(i k_j q_j) q_j^m_j over all joints."""
+Waves = dict[Exponents, complex]
+"""Coefficient of each such product: cos q = (exp(i q) + exp(-i q)) / 2, so equal functions have equal sums."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +58,9 @@ def symbolic_text(robot: Robot, frame: str) -> SymbolicText:
 
     def rows(matrix: Any) -> list[list[str]]:
         """Text of a CasADi matrix."""
-        known: dict[int, Polynomial] = {}  # of this matrix only: nodes have no identity beyond their lives
+        known: dict[int, Waves] = {}  # of this matrix only: nodes have no identity beyond their lives
         cells = [
-            [trig_polynomial(matrix[i, j], names, known) for j in range(matrix.shape[1])]
-            for i in range(matrix.shape[0])
+            [multiplied_out(matrix[i, j], names, known) for j in range(matrix.shape[1])] for i in range(matrix.shape[0])
         ]
         return [[as_text(cell, blocks) for cell in row] for row in cells]
 
@@ -79,50 +81,73 @@ def parallel_blocks(robot: Robot) -> list[list[int]]:
     return blocks
 
 
-def as_text(polynomial: Polynomial, blocks: list[list[int]]) -> str:
-    """A polynomial as text, common factors of the first blocks put before parentheses; 0 for none."""
+def as_text(waves: Waves, blocks: list[list[int]]) -> str:
+    """A sum of waves as text, common factors of the first blocks put before parentheses; 0 for none."""
     terms: dict[tuple[str, ...], float] = defaultdict(float)
-    for powers, coefficient in polynomial.items():
-        for choice in product(*(_block_terms(powers, block) for block in blocks)):
-            terms[tuple(word for word, _ in choice)] += coefficient * float(np.prod([value for _, value in choice]))
+    for exponents, value in waves.items():
+        for choice in product(*(_block_words(exponents, block) for block in blocks)):
+            terms[tuple(word for word, _ in choice)] += (value * prod(factor for _, factor in choice)).real
     return _sum_text(_factored((words, value) for words, value in terms.items() if abs(value) > ROUNDING))
 
 
-def _block_terms(powers: Powers, block: list[int]) -> list[tuple[str, float]]:
-    """What the joints of one block contribute to a product: words, "" for 1, and their coefficients."""
-    if len(block) == 1:
-        c, s, slide = powers[3 * block[0] : 3 * block[0] + 3]
-        joint = block[0] + 1
-        return [("*".join([f"c{joint}"] * c + [f"s{joint}"] * s + [f"q{joint}"] * slide), 1.0)]
-    found: dict[Sinusoid, float] = {("c", (0,) * len(block)): 1.0}
-    for place, joint in enumerate(block):
-        cosines, sines, _ = powers[3 * joint : 3 * joint + 3]
-        for kind in "c" * cosines + "s" * sines:
-            found = _times(found, kind, place)
-    return [(_word(wave, block), value) for wave, value in found.items()]
+def _block_words(exponents: Exponents, block: list[int]) -> list[tuple[str, complex]]:
+    """exp(i k·q) q^m of one block as c23 + i s23, or q4: words, "" for 1, and their coefficients."""
+    angle = [(joint + 1, exponents[2 * joint]) for joint in block if exponents[2 * joint]]
+    if not angle:
+        return [("*".join(f"q{joint + 1}" for joint in block for _ in range(exponents[2 * joint + 1])), 1.0)]
+    sign = 1 if angle[0][1] > 0 else -1  # cos(-A) = cos A, sin(-A) = -sin A
+    name = "".join(("-" if sign * k < 0 else "") + str(joint) * abs(k) for joint, k in angle)
+    return [(f"c{name}", 1.0), (f"s{name}", sign * 1j)]
 
 
-def _times(waves: dict[Sinusoid, float], kind: str, place: int) -> dict[Sinusoid, float]:
-    """A sum of sinusoids of A times cos B or sin B, by formulas such as 2 cos A cos B = cos(A+B) + cos(A-B)."""
-    result: dict[Sinusoid, float] = defaultdict(float)
-    for (first, k), value in waves.items():
-        for step in (1, -1):  # A + B, then A - B
-            sign = {"cc": 1, "sc": 1, "cs": step, "ss": -step}[first + kind]
-            angle = tuple(x + step * (i == place) for i, x in enumerate(k))
-            lead = next((x for x in angle if x), 0)
-            wave = "s" if first != kind else "c"
-            if lead < 0:  # cos(-A) = cos A, sin(-A) = -sin A
-                angle, sign = tuple(-x for x in angle), -sign if wave == "s" else sign
-            if lead or wave == "c":
-                result[wave, angle] += 0.5 * sign * value
-    return {wave: value for wave, value in result.items() if value}
+def multiplied_out(expression: Any, names: tuple[str, ...], known: dict[int, Waves]) -> Waves:
+    """A scalar CasADi SX of sums, products, and sines and cosines of symbols, multiplied out.
+
+    Args:
+        expression: the scalar.
+        names: of the symbols, in the order of the joints.
+        known: what has been multiplied out before, by the hash of the node; filled.
+
+    Raises:
+        ValueError: another operation, or the sine or cosine of something else than a symbol.
+    """
+    key = expression.element_hash()
+    if key not in known:
+        known[key] = _expand(expression, names, known)
+    return known[key]
 
 
-def _word(wave: Sinusoid, block: list[int]) -> str:
-    """c23 for cos(q2 + q3), s2-3 for sin(q2 - q3), c22 for cos(2 q2)."""
-    kind, angle = wave
-    parts = [("-" if x < 0 else "") + str(joint + 1) * abs(x) for x, joint in zip(angle, block, strict=True) if x]
-    return kind + "".join(parts) if parts else ""
+def _expand(expression: Any, names: tuple[str, ...], known: dict[int, Waves]) -> Waves:
+    import casadi
+
+    def power(symbol: Any, place: int, exponent: int) -> Exponents:
+        at = 2 * names.index(symbol.name()) + place
+        return tuple(exponent * (k == at) for k in range(2 * len(names)))
+
+    if expression.is_constant():
+        return _collected([((0,) * (2 * len(names)), complex(float(expression)))])
+    if expression.is_symbolic():
+        return {power(expression, 1, 1): 1.0}
+    operation = expression.op()
+    if operation in (casadi.OP_COS, casadi.OP_SIN) and expression.dep(0).is_symbolic():
+        half = 0.5 + 0.0j if operation == casadi.OP_COS else -0.5j
+        return {power(expression.dep(0), 0, 1): half, power(expression.dep(0), 0, -1): half.conjugate()}
+    parts = [multiplied_out(expression.dep(k), names, known) for k in range(expression.n_dep())]
+    if operation in (casadi.OP_MUL, casadi.OP_SQ):
+        pairs = product(parts[0].items(), parts[-1].items())
+        return _collected((tuple(map(add, a, b)), x * y) for (a, x), (b, y) in pairs)
+    factors = {casadi.OP_ADD: (1, 1), casadi.OP_SUB: (1, -1), casadi.OP_NEG: (-1,), casadi.OP_TWICE: (2,)}
+    if operation not in factors:
+        raise ValueError(f"'{expression}' is not a sum or product of sines and cosines of joint angles")
+    scaled = zip(factors[operation], parts, strict=True)
+    return _collected((exponents, factor * value) for factor, part in scaled for exponents, value in part.items())
+
+
+def _collected(terms: Iterable[tuple[Exponents, complex]]) -> Waves:
+    found: Waves = defaultdict(complex)
+    for exponents, value in terms:
+        found[exponents] += value
+    return {exponents: value for exponents, value in found.items() if value}
 
 
 def _factored(terms: Iterable[tuple[tuple[str, ...], float]]) -> list[Addend]:

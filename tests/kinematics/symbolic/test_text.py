@@ -7,8 +7,7 @@ import pytest
 
 from optiplan.errors import OptiPlanError, UnknownChoiceError
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
-from optiplan.kinematics.symbolic.text import parallel_blocks, symbolic_text
-from optiplan.kinematics.symbolic.trig_polynomial import trig_polynomial
+from optiplan.kinematics.symbolic.text import multiplied_out, parallel_blocks, symbolic_text
 from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import chain, joint, write_robot
@@ -89,8 +88,8 @@ def test_what_is_no_polynomial_is_refused():
     x = casadi.SX.sym("x")
     for expression in (casadi.sqrt(x), casadi.sin(2 * x)):
         with pytest.raises(ValueError, match="not a sum or product"):
-            trig_polynomial(expression, ("x",), {})
-    assert trig_polynomial(casadi.sin(x) ** 2 + casadi.cos(x) ** 2, ("x",), {}) == {(0, 0, 0): 1.0}
+            multiplied_out(expression, ("x",), {})
+    assert multiplied_out(casadi.sin(x) ** 2 + casadi.cos(x) ** 2, ("x",), {}) == {(0, 0): 1.0}
 
 
 def test_the_twin_is_the_source():
