@@ -1,4 +1,8 @@
-"""Work in chunks on all cores: results in the order of the chunks, whatever the number of processes."""
+"""Work in chunks on all cores: results in the order of the chunks, whatever the number of processes.
+
+Not by `ProcessPoolExecutor`: that of Python 3.11 may not notice the death of the process that it started last, and its
+processes stay behind if their parent is killed.
+"""
 
 import multiprocessing
 from collections.abc import Callable
