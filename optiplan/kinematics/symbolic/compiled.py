@@ -46,20 +46,11 @@ def compiled(name: str, parts: list[bytes], build: Callable[[], Any]) -> Any:
         parts: all that the function depends on.
         build: makes the `casadi.Function`.
     """
-    command = compiler()
-    if command is None:
+    if compiler() is None:
         return build()
     tags = [_VERSION, load_casadi().CasadiMeta.version(), platform.machine(), name, *FLAGS]
     file = f"twin/{name}-{cache.digest([*(tag.encode() for tag in tags), *parts])}.so"
-    found = _open(name, file)
-    if found is not None:
-        return found
-    function = build()
-    library = _compile(function, command)
-    if library is None:
-        return function
-    cache.store(file, library)
-    return _open(name, file) or function
+    return _open(name, file) or _compile(build(), file, True)
 
 
 def as_machine_code(function: Any) -> Any:
@@ -68,8 +59,7 @@ def as_machine_code(function: Any) -> Any:
     The library is cached under a hash of the function's content. A function of more than `MOST_INSTRUCTIONS` without a
     cached library is returned itself: the compiler would take seconds.
     """
-    command = compiler()
-    if command is None:
+    if compiler() is None:
         return function
     name, content = function.name(), function.serialize().encode()
     tags = [_VERSION, platform.machine(), name, "-O1"]
@@ -77,11 +67,7 @@ def as_machine_code(function: Any) -> Any:
     found = _open(name, file)
     if found is not None or function.n_instructions() > MOST_INSTRUCTIONS:
         return found or function
-    library = _compile(function, command, derivative=False)
-    if library is None:
-        return function
-    cache.store(file, library)
-    return _open(name, file) or function
+    return _compile(function, file, False)
 
 
 def _open(name: str, file: str) -> Any | None:
@@ -92,8 +78,8 @@ def _open(name: str, file: str) -> Any | None:
         return None
 
 
-def _compile(function: Any, command: list[str], derivative: bool = True) -> bytes | None:
-    """Shared library of a function, and its Jacobian if wanted; None if the compiler refuses or the disk does."""
+def _compile(function: Any, file: str, derivative: bool) -> Any:
+    """Return a function, with its Jacobian if wanted, from a new library; itself if compiler or disk refuse."""
     code = load_casadi().CodeGenerator(f"{function.name()}.c")
     code.add(function)
     if derivative:
@@ -103,8 +89,9 @@ def _compile(function: Any, command: list[str], derivative: bool = True) -> byte
             source, library = Path(folder, "twin.c"), Path(folder, "twin.so")
             source.write_text(code.dump(), encoding="utf-8")
             # Contraction to fused multiply-add depends on the machine; without it results are the same everywhere.
-            run = [*command, *FLAGS, "-ffp-contract=off", "-o", str(library), str(source), "-lm"]
+            run = [*(compiler() or ()), *FLAGS, "-ffp-contract=off", "-o", str(library), str(source), "-lm"]
             subprocess.run(run, check=True, capture_output=True)
-            return library.read_bytes()
+            cache.store(file, library.read_bytes())
     except (OSError, subprocess.CalledProcessError):
-        return None
+        return function
+    return _open(function.name(), file) or function

@@ -47,7 +47,7 @@ class SymbolicRobot:
 
     def pose(self, frame: str) -> Any:
         """Pose of a frame: q -> X_WF (4, 4), homogeneous."""
-        return self._function("pose", frame, lambda q, v, a: ([q], [_homogeneous(*self.frame_expression(q, frame))]))
+        return self._function("pose", frame, "q", lambda q: _homogeneous(*self.frame_expression(q, frame)))
 
     def jacobian(self, frame: str, reference: str = "local_world_aligned") -> Any:
         """Jacobian of a frame: q -> J (6, nv), linear rows (m) first; J v is the velocity of the frame at its origin.
@@ -62,36 +62,29 @@ class SymbolicRobot:
         if reference not in REFERENCES:
             raise UnknownChoiceError("reference", reference, list(REFERENCES))
         local = reference == "local"
-        return self._function(
-            f"jacobian_{reference}", frame, lambda q, v, a: ([q], [self.jacobian_expression(q, frame, local)])
-        )
+        return self._function(f"jacobian_{reference}", frame, "q", lambda q: self.jacobian_expression(q, frame, local))
 
     def centre_of_mass(self) -> Any:
         """Centre of mass of all that moves with a joint: q -> p_WC (3,), m."""
-
-        def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
-            return [q], [expressions.centre_of_mass(self._tree, self._poses(q))]
-
-        return self._function("centre_of_mass", None, build)
+        return self._function(
+            "centre_of_mass", None, "q", lambda q: expressions.centre_of_mass(self._tree, self._poses(q))
+        )
 
     def rnea(self) -> Any:
         """Inverse dynamics: (q, v, a) -> tau (nv,) = M(q) a + C(q, v) v + g(q), N m or N."""
         gravity = np.array(self.model.gravity.linear)
-
-        def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
-            return [q, v, a], [self.torque_expression(q, v, a, gravity)]
-
-        return self._function("rnea", None, build)
+        return self._function("rnea", None, "qva", lambda q, v, a: self.torque_expression(q, v, a, gravity))
 
     def mass_matrix(self) -> Any:
         """Mass matrix: q -> M (nv, nv) = d tau / d a of the inverse dynamics, kg m², kg m or kg."""
 
-        def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
+        def build(q: Any) -> Any:
             casadi = load_casadi()
+            a = casadi.SX.sym("a", self.model.nv)
             tau = self.torque_expression(q, casadi.SX.zeros(self.model.nv), a, np.zeros(3))
-            return [q], [casadi.densify(casadi.jacobian(tau, a))]
+            return casadi.densify(casadi.jacobian(tau, a))
 
-        return self._function("mass_matrix", None, build)
+        return self._function("mass_matrix", None, "q", build)
 
     def manipulability(self, frame: str, rows: tuple[int, ...] = ALL_ROWS) -> Any:
         """Yoshikawa's measure: q -> w = sqrt(det(J J^T)), or sqrt(det(J^T J)) where J has fewer columns than rows.
@@ -100,11 +93,7 @@ class SymbolicRobot:
         differentiable where w = 0. Source: Yoshikawa, "Manipulability of robotic mechanisms", IJRR 1985.
         """
         label = "manipulability_" + "".join(str(row) for row in rows)
-
-        def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
-            return [q], [self.manipulability_expression(q, frame, rows)]
-
-        return self._function(label, frame, build)
+        return self._function(label, frame, "q", lambda q: self.manipulability_expression(q, frame, rows))
 
     def manipulability_expression(self, q: Any, frame: str, rows: tuple[int, ...] = ALL_ROWS) -> Any:
         """Return Yoshikawa's measure at a symbolic configuration."""
@@ -116,12 +105,12 @@ class SymbolicRobot:
     def tangent(self) -> Any:
         """Rate of the configuration: q -> G (nq, nv) with dq/dt = G(q) v (angles may be kept as cos, sin)."""
 
-        def build(q: Any, v: Any, a: Any) -> tuple[list[Any], list[Any]]:
+        def build(q: Any) -> Any:
             if self._follows:  # every joint of such a model has one degree of freedom
-                return [q], [load_casadi().SX(np.eye(self.model.nv))]
-            return [q], [load_casadi().densify(expressions.tangent(self._tree, q, self.model.nv))]
+                return load_casadi().SX(np.eye(self.model.nv))
+            return load_casadi().densify(expressions.tangent(self._tree, q, self.model.nv))
 
-        return self._function("tangent", None, build)
+        return self._function("tangent", None, "q", build)
 
     @cached_property
     def _plain(self) -> Unfolded:
@@ -147,24 +136,19 @@ class SymbolicRobot:
             numbers += [repr(places).encode(), *(np.ascontiguousarray(array).tobytes() for array in arrays)]
         return numbers
 
-    def _function(
-        self, name: str, frame: str | None, build: Callable[[Any, Any, Any], tuple[list[Any], list[Any]]]
-    ) -> Any:
+    def _function(self, name: str, frame: str | None, inputs: str, build: Callable[..., Any]) -> Any:
+        """Return the function of some of q, v, a whose value `build` makes of their symbols."""
         key = (name, frame or "")
         if key not in self._made:
             parts = [*self._content] if frame is None else [*self._content, _frame_bytes(self._find(frame))]
 
             def make() -> Any:
-                casadi = load_casadi()
-                q, v, a = (casadi.SX.sym(*sized) for sized in zip("qva", self._sizes(), strict=True))
-                inputs, outputs = build(q, v, a)
-                return casadi.Function(name, inputs, outputs, list("qva")[: len(inputs)], ["value"], {"cse": True})
+                casadi, sizes = load_casadi(), {"q": self.model.nq, "v": self.model.nv, "a": self.model.nv}
+                symbols = [casadi.SX.sym(letter, sizes[letter]) for letter in inputs]
+                return casadi.Function(name, symbols, [build(*symbols)], list(inputs), ["value"], {"cse": True})
 
             self._made[key] = compiled(name, parts, make) if self.machine_code else make()
         return self._made[key]
-
-    def _sizes(self) -> tuple[int, int, int]:
-        return self.model.nq, self.model.nv, self.model.nv
 
     def _find(self, frame: str) -> pin.Frame:
         model = self._plain.model
