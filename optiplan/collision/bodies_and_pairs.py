@@ -1,6 +1,6 @@
 """Bodies of a robot in a scene, and the pairs that must stay apart."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import coal
 import numpy as np
@@ -73,15 +73,28 @@ def pairs_of(
     return kept, np.array(standing, dtype=np.intp).reshape(-1, 2)
 
 
+def same_scene(a: Scene, b: Scene) -> bool:
+    """Return whether two scenes without attached objects have the same obstacles at the same places."""
+
+    def same(one: Obstacle, other: Obstacle) -> bool:
+        X, Y = one.X_WO.homogeneous, other.X_WO.homogeneous
+        return one is other or (_same_standing_body(one, other) and np.array_equal(X, Y))
+
+    return _alike(a, b, same)
+
+
 def only_moved(a: Scene, b: Scene) -> bool:
     """Return whether two scenes have the same static obstacles, perhaps moved, and nothing attached or moving."""
+    return _alike(a, b, _same_standing_body)
+
+
+def _alike(a: Scene, b: Scene, same: Callable[[Obstacle, Obstacle], bool]) -> bool:
     if a.attached or b.attached or a.allowed != b.allowed or len(a.obstacles) != len(b.obstacles):
         return False
-    return all(same_standing_body(one, other) for one, other in zip(a.obstacles, b.obstacles, strict=True))
+    return all(map(same, a.obstacles, b.obstacles))
 
 
-def same_standing_body(one: Obstacle, other: Obstacle) -> bool:
-    """Return whether two static obstacles have the same name and body, perhaps at different places."""
+def _same_standing_body(one: Obstacle, other: Obstacle) -> bool:
     alike = one.name == other.name and one.shape.same_body(other.shape)
     return alike and one.motion is None and other.motion is None
 

@@ -2,9 +2,7 @@
 
 import threading
 
-import numpy as np
-
-from optiplan.collision.bodies_and_pairs import same_standing_body
+from optiplan.collision.bodies_and_pairs import same_scene
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
@@ -51,15 +49,4 @@ def kept_planning_model(robot: Robot, scene: Scene) -> CollisionModel:
 
 def _is_of(model: CollisionModel, robot: Robot, scene: Scene) -> bool:
     """Return whether the model has this very robot, in this scene or one of the same content."""
-    return model.robot is robot and (model.scene is scene or _equal(model.scene, scene))
-
-
-def _equal(a: Scene, b: Scene) -> bool:
-    """Return whether two scenes without attached objects have the same obstacles at the same places."""
-    if a.attached or b.attached or a.allowed != b.allowed or len(a.obstacles) != len(b.obstacles):
-        return False
-    return all(
-        one is other
-        or (same_standing_body(one, other) and np.array_equal(one.X_WO.homogeneous, other.X_WO.homogeneous))
-        for one, other in zip(a.obstacles, b.obstacles, strict=True)
-    )
+    return model.robot is robot and (model.scene is scene or same_scene(model.scene, scene))

@@ -15,13 +15,7 @@ from optiplan.config.values import Length, Name, Quaternion, Vector
 from optiplan.errors import InputError, described, wrong_argument
 from optiplan.geometry.poses import check_angles, in_radians, pose_from_data, pose_to_data
 
-
-def _angles(values: tuple[float, ...]) -> tuple[float, ...]:
-    check_angles(values)
-    return values
-
-
-Angles = Annotated[Vector, AfterValidator(_angles)]
+Angles = Annotated[Vector, AfterValidator(check_angles)]
 """Roll, pitch and yaw, rad, each within a turn."""
 
 

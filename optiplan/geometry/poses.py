@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -17,8 +17,11 @@ _LARGEST_ANGLE = 2.0 * math.pi + 1e-3
 """rad; a turn to either side, with room for rounding: a larger angle was meant in degrees."""
 
 
-def check_angles(rpy: Sequence[float]) -> None:
-    """Refuse angles beyond a whole turn.
+Angles = TypeVar("Angles", bound=Sequence[float])
+
+
+def check_angles(rpy: Angles) -> Angles:
+    """Return angles, none of which is beyond a whole turn.
 
     Raises:
         ValueError: there is one, most likely in degrees.
@@ -26,6 +29,7 @@ def check_angles(rpy: Sequence[float]) -> None:
     for angle in rpy:
         if not abs(angle) <= _LARGEST_ANGLE:
             raise ValueError(f"found {angle:g}; expected angles in rad, within a turn (6.2832); for degrees: rpy_deg")
+    return rpy
 
 
 def in_radians(data: Any) -> Any:

@@ -5,7 +5,7 @@ support function for the verifier's proofs, and the drawing for the page. All ot
 """
 
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import coal
 import numpy as np
@@ -101,6 +101,8 @@ class _Round(Shape):
     radius: float
     length: float
 
+    body_type: ClassVar[type[coal.CollisionGeometry]]
+
     @classmethod
     def from_data(cls, data: RoundSpec) -> Self:
         """`{radius: r, length: l}`."""
@@ -110,10 +112,18 @@ class _Round(Shape):
         """Radius and length."""
         return {"radius": self.radius, "length": self.length}
 
+    def body(self) -> coal.CollisionGeometry:
+        """See `Shape`."""
+        return self.body_type(self.radius, self.length)
+
     @classmethod
     def of_body(cls, body: Any) -> Self:
         """See `Shape`."""
         return cls(body.radius, 2.0 * body.halfLength)
+
+    def picture(self) -> dict[str, Any]:
+        """See `Shape`."""
+        return {"kind": type(self).__name__.lower(), **self.to_data()}
 
 
 @dataclass(frozen=True)
@@ -122,17 +132,9 @@ class Cylinder(_Round):
 
     body_type = coal.Cylinder
 
-    def body(self) -> coal.CollisionGeometry:
-        """See `Shape`."""
-        return coal.Cylinder(self.radius, self.length)
-
     def support(self, n: Array) -> Array:
         """h(n) = r ||(n_x, n_y)|| + l / 2 |n_z|."""
         return np.asarray(self.radius * np.hypot(n[:, 0], n[:, 1]) + 0.5 * self.length * np.abs(n[:, 2]))
-
-    def picture(self) -> dict[str, Any]:
-        """See `Shape`."""
-        return {"kind": "cylinder", **self.to_data()}
 
 
 @dataclass(frozen=True)
@@ -141,17 +143,9 @@ class Capsule(_Round):
 
     body_type = coal.Capsule
 
-    def body(self) -> coal.CollisionGeometry:
-        """See `Shape`."""
-        return coal.Capsule(self.radius, self.length)
-
     def support(self, n: Array) -> Array:
         """h(n) = r ||n|| + l / 2 |n_z|."""
         return np.asarray(self.radius * np.linalg.norm(n, axis=1) + 0.5 * self.length * np.abs(n[:, 2]))
-
-    def picture(self) -> dict[str, Any]:
-        """See `Shape`."""
-        return {"kind": "capsule", **self.to_data()}
 
 
 class HalfSpaceSpec(Strict):

@@ -6,10 +6,8 @@ from pydantic import Field, model_validator
 
 from optiplan.config.document import Number, Strict
 from optiplan.config.values import FileVersion
-from optiplan.robot.dh.spec import DhSpec
+from optiplan.robot.dh.spec import DhSpec, Length, Name
 
-Name = Annotated[str, Field(min_length=1)]
-Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 Treatment = Literal["auto", "hull", "mesh", "convex_pieces"]
 PerJoint = Number | list[Number]
 """One value for each planned joint, or one for all of them."""
@@ -48,9 +46,9 @@ class MecanumSpec(Strict):
     """
 
     joints: Annotated[list[Name], Field(min_length=3, max_length=3)]
-    radius: Positive
-    half_wheelbase: Positive
-    half_track: Positive
+    radius: Length
+    half_wheelbase: Length
+    half_track: Length
 
 
 class RobotSpec(Strict):

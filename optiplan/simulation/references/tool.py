@@ -1,6 +1,7 @@
 """References of the tool: lines, arcs, circles and screws in time, targets that move for ever, recorded poses."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -28,10 +29,7 @@ class PathReference:
 
     def at(self, t: float) -> ToolTarget:
         """Target at time t, s: twist X'(s) s', acceleration X'(s) s'' + X''(s) s'²."""
-        u = min(max(t / self.duration, 0.0), 1.0)
-        s = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-        rate = 30.0 * u**2 * (1.0 - u) ** 2 / self.duration
-        change = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / self.duration**2
+        s, rate, change = _eased(max(t, 0.0), self.duration)
         along = self.path.twist(s)
         return ToolTarget(self.path.pose(s), along * rate, along * change + self.path.twist_rate(s) * rate**2)
 
@@ -113,12 +111,20 @@ class RecordedPath:
         return ToolTarget(X, twist, np.concatenate([self._position(t, 2), R @ self._rotation(t, 2)]))
 
 
-def _eased(t: float, ease: float) -> tuple[float, float, float]:
-    """Weight, its rate and the rate of that, 1/s and 1/s²."""
+class _Eased(NamedTuple):
+    """Weight, its rate, 1/s, and the rate of that, 1/s²."""
+
+    weight: float
+    rate: float
+    change: float
+
+
+def _eased(t: float, ease: float) -> _Eased:
+    """10 u³ - 15 u⁴ + 6 u⁵ at u = t / ease, and 1 beyond."""
     if t >= ease:
-        return 1.0, 0.0, 0.0
+        return _Eased(1.0, 0.0, 0.0)
     u = t / ease
-    return (
+    return _Eased(
         u**3 * (10.0 - 15.0 * u + 6.0 * u**2),
         30.0 * u**2 * (1.0 - u) ** 2 / ease,
         60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / ease**2,
