@@ -22,9 +22,9 @@ from matplotlib.figure import Figure
 from published import ROOT, commit, print_json, print_table, write_markdown
 
 from optiplan.config.document import read_yaml
+from optiplan.robot.frames import frame_poses
 from optiplan.simulation.log import Log
 from optiplan.simulation.pictures import response_picture
-from optiplan.simulation.recorder import ToolPoses
 from optiplan.simulation.simulation import Simulation, run_control
 
 ROTORS = [3.0, 3.0, 2.0, 0.3, 0.3, 0.2]
@@ -119,7 +119,8 @@ def delbot() -> tuple[tuple[str, ...], list[list[str]], Figure]:
     rows = []
     for name, done in loops.items():
         log = needed(done)
-        p = ToolPoses(done.control.robot).of(log.q)[:, :3, 3]
+        robot = done.control.robot
+        p = frame_poses(robot, log.q, robot.tool_frame)[:, :3, 3]
         wanted = np.array([-0.257425, -0.11235, 0.38750709])
         off = p - wanted
         radius = np.hypot(off[:, 1], off[:, 2]) - 0.0625

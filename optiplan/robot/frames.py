@@ -28,6 +28,16 @@ def frame_pose(robot: "Robot", q: Array, frame: str) -> pin.SE3:
     return pin.SE3(data.oMf[index])
 
 
+def frame_poses(robot: "Robot", Q: Array, frame: str) -> Array:
+    """Return the poses X_WF (N, 4, 4) of a frame at Q (N, n).
+
+    Raises:
+        UnknownChoiceError: there is no such frame.
+    """
+    placed = robot.model.frames[robot.frame_id(frame)]
+    return np.asarray(robot.kinematics.poses(Q)[:, int(placed.parentJoint)] @ np.array(placed.placement.homogeneous))
+
+
 def geometric_jacobian(robot: "Robot", q: Array, frame: str, axes: Axes = "world") -> Array:
     """Return J (6, n) with [v; w] = J q̇: velocity v, m/s, of the frame's origin, and angular velocity w, rad/s.
 
@@ -46,3 +56,11 @@ def geometric_jacobian(robot: "Robot", q: Array, frame: str, axes: Axes = "world
     data, index = robot.model.createData(), robot.frame_id(frame)
     jacobian: Array = pin.computeFrameJacobian(robot.model, data, np.asarray(q, dtype=np.float64), index, reference)
     return jacobian.reshape(6, -1)  # of one joint it is (6,)
+
+
+def pose_errors(X: Array, X_goal: Array) -> Array:
+    """Return distance (m) and angle (rad) of poses (..., 4, 4), each (..., 2), by |R - S|_F = 2 sqrt(2) sin(angle / 2)."""
+    difference = X[..., :3, :] - X_goal[..., :3, :]
+    squares = np.einsum("...ij,...ij->...j", difference, difference)
+    chord = np.sqrt(squares[..., :3].sum(-1)) / np.sqrt(8.0)
+    return np.stack([np.sqrt(squares[..., 3]), 2.0 * np.arcsin(np.minimum(chord, 1.0))], axis=-1)

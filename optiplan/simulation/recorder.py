@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.robot.frames import frame_poses, pose_errors
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 from optiplan.simulation.contacts import ContactWatch
@@ -23,7 +23,6 @@ class Recorder:
     def __init__(self, robot: Robot, limits: Limits, steps: int, dt: float, input: Input) -> None:
         self._robot, self._limits, self._dt, self._input = robot, limits, dt, input
         self._every = -(-(steps + 1) // MOST_SAMPLES)
-        self._poses = ToolPoses(robot)
         self._count = 0
         self._squares, self._peak = np.zeros(robot.n), np.zeros(robot.n)
         self._tool_squares, self._tool_peak = np.zeros(2), np.zeros(2)
@@ -62,10 +61,11 @@ class Recorder:
         error = wanted - q
         self._squares += (error**2).sum(axis=0)
         self._peak = np.maximum(self._peak, np.abs(error).max(axis=0))
-        there = self._poses.of(wanted)
-        if self._targets:
-            there = homogeneous([target.X_WF for target in self._targets])
-        tool = pose_errors(there, self._poses.of(q))
+        frame = self._robot.tool_frame
+        there = np.array([target.X_WF.homogeneous for target in self._targets])
+        if not self._targets:
+            there = frame_poses(self._robot, wanted, frame)
+        tool = pose_errors(frame_poses(self._robot, q, frame), there)
         self._tool_squares += (tool**2).sum(axis=0)
         self._tool_peak = np.maximum(self._tool_peak, tool.max(axis=0))
         if self._input == "torque":
@@ -112,32 +112,3 @@ class Recorder:
             solve_seconds=np.array(self._seconds)[:: self._every],
             stopped=stopped,
         )
-
-
-class ToolPoses:
-    """Poses of a frame of a robot at many configurations."""
-
-    def __init__(self, robot: Robot, frame: str | None = None) -> None:
-        index = robot.frame_id(frame or robot.tool_frame)
-        placed = robot.model.frames[index]
-        self._joint, self._placement = int(placed.parentJoint), np.array(placed.placement.homogeneous)
-        self._kinematics = robot.kinematics
-
-    def of(self, Q: Array) -> Array:
-        """X_WF at configurations Q (K, n): (K, 4, 4)."""
-        return np.asarray(self._kinematics.poses(Q)[:, self._joint] @ self._placement)
-
-
-def pose_errors(wanted: Array, actual: Array) -> Array:
-    """Distance, m, and angle, rad, between poses (K, 4, 4) and (K, 4, 4): (K, 2).
-
-    The angle is 2 asin(|R - R'|_F / sqrt 8), exact for small angles as well, where the arc cosine of the trace is not.
-    """
-    distance = np.linalg.norm(wanted[:, :3, 3] - actual[:, :3, 3], axis=1)
-    chord = np.linalg.norm(wanted[:, :3, :3] - actual[:, :3, :3], axis=(1, 2))
-    return np.column_stack([distance, 2.0 * np.arcsin(np.clip(chord / np.sqrt(8.0), 0.0, 1.0))])
-
-
-def homogeneous(poses: list[pin.SE3]) -> Array:
-    """Poses as an array (K, 4, 4)."""
-    return np.array([X.homogeneous for X in poses]).reshape(-1, 4, 4)

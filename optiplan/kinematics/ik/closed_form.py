@@ -22,6 +22,7 @@ from optiplan.arrays import Array, Flags, Index
 from optiplan.kinematics.ik.arm_recognition import ArmGeometry, recognise
 from optiplan.kinematics.ik.closed_form_branches import SIGNS, Places, branch_names, spherical_wrist, three_parallel
 from optiplan.robot.batched.kinematics import BatchKinematics
+from optiplan.robot.frames import pose_errors
 from optiplan.robot.robot import Robot
 
 ACCURACY = 1e-9
@@ -104,7 +105,7 @@ class ClosedForm:
     def _block(self, X: Array) -> _Branches:
         q, measures = self._angles(X[:, None], SIGNS)
         placed = self.forward(q.reshape(-1, 6)).reshape(*q.shape[:2], 4, 4)
-        found = _Branches(q, _errors(placed, X[:, None]), measures)
+        found = _Branches(q, pose_errors(placed, X[:, None]), measures)
         worst = found.error.max(-1)
         rows, columns = np.nonzero((worst > _EXACT_ERROR) & (worst < _REFINED_ERROR))
         if len(rows):
@@ -122,7 +123,7 @@ class ClosedForm:
         for _ in range(_REFINEMENTS):
             new, new_measures = self._angles(aim, signs)
             placed = self.forward(new)
-            new_error = _errors(placed, X)
+            new_error = pose_errors(placed, X)
             better = new_error.max(-1) < result.error[at].max(-1)
             chosen = _Branches(new[better], new_error[better], new_measures[better])
             result.put((at[0][better], at[1][better]), chosen)
@@ -158,11 +159,3 @@ def _inverse(X: Array) -> Array:
     result[..., :3, 3] = -np.einsum("...ji,...j->...i", X[..., :3, :3], X[..., :3, 3])
     result[..., 3, 3] = 1.0
     return result
-
-
-def _errors(X: Array, X_goal: Array) -> Array:
-    """Return distance, m, and angle, rad, between poses, (..., 2), by |R - S|_F = 2 sqrt(2) sin(angle / 2)."""
-    difference = X[..., :3, :] - X_goal[..., :3, :]
-    squares = np.einsum("...ij,...ij->...j", difference, difference)
-    chord = np.sqrt(squares[..., :3].sum(-1)) / np.sqrt(8.0)
-    return np.stack([np.sqrt(squares[..., 3]), 2.0 * np.arcsin(np.minimum(chord, 1.0))], axis=-1)
