@@ -59,7 +59,7 @@ def geometric_jacobian(robot: "Robot", q: Array, frame: str, axes: Axes = "world
 
 
 def pose_errors(X: Array, X_goal: Array) -> Array:
-    """Return distance (m) and angle (rad) of poses (..., 4, 4), each (..., 2), by |R - S|_F = 2 sqrt(2) sin(angle / 2)."""
+    """Return distance (m) and angle (rad) of poses (..., 4, 4): (..., 2), by |R - S|_F = 2 sqrt(2) sin(angle / 2)."""
     difference = X[..., :3, :] - X_goal[..., :3, :]
     squares = np.einsum("...ij,...ij->...j", difference, difference)
     chord = np.sqrt(squares[..., :3].sum(-1)) / np.sqrt(8.0)
