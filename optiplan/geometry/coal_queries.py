@@ -6,6 +6,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from optiplan.arrays import Array, Index
+
 DISTANCE_ERROR = 1e-6
 """m; GJK and EPA stop at this error (coal's default tolerance), so a distance is known up to it."""
 
@@ -13,6 +15,18 @@ _GJK_TOLERANCE = 1e-9
 """m; at coal's default of 1e-6 m distances to cylinders come out up to 0.17 mm too large."""
 
 _GJK_ITERATIONS = 500
+
+
+def coal_mesh(vertices: Array, triangles: Index | None = None) -> coal.BVHModelOBBRSS:
+    """Return the bounding-volume hierarchy of triangles (m, 3), indices of vertices (k, 3), m; None: each three."""
+    if triangles is None:
+        triangles = np.arange(len(vertices)).reshape(-1, 3)
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(len(triangles), len(vertices))
+    mesh.addVertices(vertices)
+    mesh.addTriangles(triangles)
+    mesh.endModel()
+    return mesh
 
 
 def exact_distance_request() -> coal.DistanceRequest:

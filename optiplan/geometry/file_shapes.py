@@ -13,6 +13,7 @@ from pydantic import Field
 from optiplan.arrays import Array
 from optiplan.config.document import Strict, plain
 from optiplan.config.values import LARGEST_COORDINATE, FileName, Length, Scale
+from optiplan.geometry.coal_queries import coal_mesh
 from optiplan.geometry.convex_hulls import convex_hull
 from optiplan.geometry.meshes.box_surfaces import surface_of_boxes
 from optiplan.geometry.meshes.reading import (
@@ -72,11 +73,7 @@ def triangle_mesh(vertices: Array, triangles: Triangles) -> coal.BVHModelBase:
         ValueError: a vertex that is too far away.
     """
     _check_reach(vertices)
-    mesh = coal.BVHModelOBBRSS()
-    mesh.beginModel(len(triangles), len(vertices))
-    mesh.addVertices(vertices)
-    mesh.addTriangles(triangles)
-    mesh.endModel()
+    mesh = coal_mesh(vertices, triangles)
     mesh.computeLocalAABB()
     return mesh
 

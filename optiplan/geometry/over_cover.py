@@ -6,6 +6,7 @@ import coal
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.geometry.coal_queries import coal_mesh
 
 _GRID = 64
 """Columns along each axis into which triangles are sorted."""
@@ -27,11 +28,7 @@ class MeshSolid:
     def __init__(self, triangles: Array) -> None:
         """Take triangles (k, 3, 3), in m."""
         self.triangles = triangles
-        self._surface = coal.BVHModelOBBRSS()
-        self._surface.beginModel(len(triangles), 3 * len(triangles))
-        self._surface.addVertices(triangles.reshape(-1, 3))
-        self._surface.addTriangles(np.arange(3 * len(triangles)).reshape(-1, 3))
-        self._surface.endModel()
+        self._surface = coal_mesh(triangles.reshape(-1, 3))
 
     def nearest(self, points: Array) -> tuple[Array, Index]:
         """Return the distance (p,), m, of points (p, 3) from the surface, and the nearest triangle."""
@@ -139,17 +136,17 @@ def over_cover(solid: MeshSolid, faces: Array, tolerance: float, allowed: float 
         best = max(best, float(distance[loose[~inside]].max(initial=0.0)))
         still = upper > max(floor, best + tolerance)
         bound = max(bound, float(upper[~still].max(initial=0.0)))
-        faces, rest = _halved(faces[still]), float(upper[still].max(initial=0.0))
+        faces, rest = halves(faces[still]), float(upper[still].max(initial=0.0))
     return max(best, bound, rest)
 
 
-def _halved(faces: Array) -> Array:
-    """Return triangles (k, 3, 3), each cut in two across its longest edge."""
-    edges = np.linalg.norm(faces - np.roll(faces, -1, axis=1), axis=2)  # edge i goes from corner i to corner i + 1
-    order = (np.argmax(edges, axis=1)[:, None] + np.arange(3)) % 3
-    a, b, c = np.moveaxis(np.take_along_axis(faces, order[:, :, None], axis=1), 1, 0)
+def halves(triangles: Array) -> Array:
+    """Return both halves of each triangle (k, 3, 3), cut across its longest edge: (2 k, 3, 3)."""
+    edges = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)  # edge i: from corner i to i + 1
+    order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.moveaxis(np.take_along_axis(triangles, order[:, :, None], axis=1), 1, 0)
     middle = 0.5 * (a + b)
-    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+    return np.stack([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)], axis=1).reshape(-1, 3, 3)
 
 
 def _to_triangles(points: Array, triangles: Array) -> Array:

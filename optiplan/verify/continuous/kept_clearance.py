@@ -17,6 +17,7 @@ import numpy as np
 from optiplan import cache
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.coal_queries import coal_mesh
 from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Scene
 from optiplan.robot.loaded_robots import once_for_each_robot
@@ -290,7 +291,7 @@ class _Residue:
     """Two surfaces of which all other triangles stay `gap` apart at every angle, the second turned about the z axis."""
 
     def __init__(self, surfaces: list[Array], gap: float) -> None:
-        self._surfaces, self._gap = [_surface(triangles) for triangles in surfaces], gap
+        self._surfaces, self._gap = [coal_mesh(triangles.reshape(-1, 3)) for triangles in surfaces], gap
         # How far the nearer one's points are from the axis: either may be taken as the one that turns.
         self._radius = min(float(np.linalg.norm(own[..., :2], axis=2).max()) for own in surfaces)
 
@@ -331,16 +332,6 @@ def _triangles(shape: coal.CollisionGeometry) -> Array | None:
         except QhullError:
             return None
     return None
-
-
-def _surface(triangles: Array) -> coal.BVHModelOBBRSS:
-    """A mesh of coal from triangles (k, 3, 3), m."""
-    surface = coal.BVHModelOBBRSS()
-    surface.beginModel(len(triangles), 3 * len(triangles))
-    surface.addVertices(triangles.reshape(-1, 3))
-    surface.addTriangles(np.arange(3 * len(triangles)).reshape(-1, 3))
-    surface.endModel()
-    return surface
 
 
 def _pack(tables: Mapping[Pair, KeptClearance]) -> bytes:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.geometry.over_cover import halves
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 _MOST_PAIRS = 1_000_000
@@ -67,9 +68,9 @@ def _halved(triangles: list[Array], owners: list[Index], pairs: Index, first: Fl
     left = []
     for side, chosen in ((0, first), (1, ~first)):
         own, back = np.unique(pairs[chosen, side], return_inverse=True)
-        halves = _halves(triangles[side][own])
+        parts = halves(triangles[side][own])
         start = len(triangles[side])
-        triangles[side] = np.concatenate([triangles[side], halves])
+        triangles[side] = np.concatenate([triangles[side], parts])
         owners[side] = np.concatenate([owners[side], np.repeat(owners[side][own], 2)])
         fresh = np.repeat(pairs[chosen], 2, axis=0)
         fresh[:, side] = start + (2 * back[:, None] + np.arange(2)).ravel()
@@ -79,15 +80,6 @@ def _halved(triangles: list[Array], owners: list[Index], pairs: Index, first: Fl
         used, joined[:, side] = np.unique(joined[:, side], return_inverse=True)
         triangles[side], owners[side] = triangles[side][used], owners[side][used]
     return joined
-
-
-def _halves(triangles: Array) -> Array:
-    """Return both halves of each triangle (k, 3, 3), cut across its longest edge: (2 k, 3, 3)."""
-    edges = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)  # edge i: from corner i to i + 1
-    order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
-    a, b, c = np.moveaxis(np.take_along_axis(triangles, order[:, :, None], axis=1), 1, 0)
-    middle = 0.5 * (a + b)
-    return np.stack([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)], axis=1).reshape(-1, 3, 3)
 
 
 def _image(points: Array) -> Array:

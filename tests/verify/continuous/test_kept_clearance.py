@@ -10,13 +10,14 @@ import trimesh
 
 from optiplan import cache
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.coal_queries import coal_mesh
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.geometry.shapes import Sphere
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.verify.collision_check import collision
 from optiplan.verify.continuous import kept_clearance
 from optiplan.verify.continuous.certificate import certify
-from optiplan.verify.continuous.kept_clearance import _surface, prove_kept_clearances
+from optiplan.verify.continuous.kept_clearance import prove_kept_clearances
 from optiplan.verify.continuous.rings import near_rings
 from optiplan.verify.report import VerifyPolicy
 from tests.verify.motions import problem_of, quintic
@@ -215,7 +216,7 @@ def test_triangles_not_flagged_stay_apart_at_every_angle(seed: int) -> None:
             least = np.inf
             for angle in np.linspace(0.0, 2.0 * np.pi, 90):
                 turned = other[j] @ pin.utils.rotate("z", angle).T
-                a, b = (_surface(corners[None]) for corners in (one[i], turned))
+                a, b = (coal_mesh(corners) for corners in (one[i], turned))
                 still, result = coal.Transform3s(), coal.DistanceResult()
                 least = min(least, coal.distance(a, still, b, still, coal.DistanceRequest(), result))
             if near[0][i] and near[1][j]:
