@@ -9,7 +9,7 @@ from optiplan.errors import described, progress_argument, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.simulation.execution import Engine, ExecutionOptions
 from optiplan.simulation.execution import execute as follow
-from optiplan.simulation.files.examples import find_control
+from optiplan.simulation.files.read import find_control
 from optiplan.simulation.log import Log
 from optiplan.simulation.plants.base import Payload
 from optiplan.simulation.plants.imperfections import Imperfections

@@ -1,28 +1,36 @@
 """Read the parts of a robot from its files: the robot.yaml, its URDF or table, SRDF and meshes."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from optiplan import cache
 from optiplan.arrays import Array
 from optiplan.config.document import Document, read_yaml, validate
+from optiplan.config.messages import choices
+from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError
 from optiplan.files import bound, read_bytes
 from optiplan.robot.description_files import read_sources
 from optiplan.robot.dh.table import DhTable
+from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
 from optiplan.robot.limits import Limits, build_limits
 from optiplan.robot.link_geometry import LinkGeometry, treat
 from optiplan.robot.mimic_joints import Mimic
-from optiplan.robot.named_configurations import configurations, tool_frame
 from optiplan.robot.reference import DESCRIPTION, UNKNOWN, Reference, description, inline_content, referred, robot_file
 from optiplan.robot.self_collision.pairs import Locked, declared_pairs, set_pairs, unchecked_pairs
 from optiplan.robot.spec import MecanumSpec, RobotSpec
-from optiplan.robot.urdf.srdf import LinkPair
+from optiplan.robot.urdf.reader import UrdfSource
+from optiplan.robot.urdf.srdf import LinkPair, Srdf
+
+_TOOL = re.compile(r"(^|_)(tcp|tool0|grasp(ing)?(_frame|_link)?|end_effector|eef?)($|_)", re.IGNORECASE)
+"""Common names of tool frames."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,7 +74,7 @@ def read_robot(
     reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
     limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
     treated = _bodies(reduced, spec, document)
-    tool, choices = tool_frame(spec, document, reduced, urdf, planned)
+    tool, chosen = _tool_frame(spec, document, reduced, urdf, planned)
     read = (document.path, urdf.path, srdf_path, *urdf.meshes)
     files = tuple(dict.fromkeys(path for path in read if path is not None and path.name != DESCRIPTION))
     declared = declared_pairs(spec, document, reduced.model, srdf)
@@ -84,11 +92,11 @@ def read_robot(
         limits=limits,
         joint_names=planned.joints,
         tool_frame=tool,
-        configurations=configurations(spec, document, srdf, planned),
+        configurations=_configurations(spec, document, srdf, planned),
         link_geometry=treated.kinds,
         over_cover=treated.over_cover,
         build_visual=bound(reduced.build_visual),
-        notes=(*choices, *urdf.notes, *reduced.notes, *limit_notes, *treated.notes, *pair_notes),
+        notes=(*chosen, *urdf.notes, *reduced.notes, *limit_notes, *treated.notes, *pair_notes),
         locked=reduced.locked,
         allowed=allowed,
         files=files,
@@ -119,3 +127,71 @@ def _bodies(reduced: Reduced, spec: RobotSpec, document: Document) -> LinkGeomet
         expected = "bodies for at least one link, or `collision: none` to have limits checked and no contact"
         raise InputError([document.issue(("urdf",) if spec.dh is None else ("dh",), found, expected)])
     return treat(reduced.model, reduced.geometry, spec.collision, document)
+
+
+def _tool_frame(
+    spec: RobotSpec, document: Document, reduced: Reduced, urdf: UrdfSource, group: Group
+) -> tuple[str, list[str]]:
+    """Return the group's frame in `tool_frames`, else `tool_frame`, else a link at the end of the last planned joint.
+
+    Returns:
+        The frame, and notes on the joints and the frame chosen because the robot.yaml names none.
+
+    Raises:
+        InputError: an unknown frame or group.
+    """
+    frames = [frame.name for frame in reduced.model.frames]
+    named: list[tuple[Place, str]] = [(("tool_frames", key), frame) for key, frame in spec.tool_frames.items()]
+    named += [] if spec.tool_frame is None else [(("tool_frame",), spec.tool_frame)]
+    wrong = [(place, frame) for place, frame in named if frame not in frames]
+    issues = [document.issue(place, f"unknown frame '{frame}'", choices(frame, frames)) for place, frame in wrong]
+    for key in (key for key in spec.tool_frames if key not in spec.groups):
+        issues.append(document.issue(("tool_frames", key), f"unknown group '{key}'", choices(key, list(spec.groups))))
+    if issues:
+        raise InputError(issues)
+    frame = spec.tool_frames.get((group.name or "").partition("+")[0], spec.tool_frame)
+    notes = []
+    if group.chosen:
+        notes.append(f"no group is given: planned is the longest chain of joints, {', '.join(group.joints)}")
+    if frame is None:
+        frame = _last_link(reduced.model, urdf, group.joints[-1])
+        notes.append(f"no tool frame is given: {frame}, at the end of {group.joints[-1]}, is taken")
+    return frame, notes
+
+
+def _last_link(model: pin.Model, urdf: UrdfSource, joint: str) -> str:
+    """Return the last link fixed to the last planned joint, preferably one with the name of a tool."""
+    joined = [urdf.children[joint]]
+    for link in joined:
+        joined += [child for name, child in urdf.children.items() if urdf.fixed_to(name) == link]
+    moved = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY and frame.name in joined]
+    named = [name for name in moved if _TOOL.search(name)]
+    return str((named or moved)[-1])
+
+
+def _configurations(spec: RobotSpec, document: Document, srdf: Srdf | None, group: Group) -> dict[str, Array]:
+    """Return the named configurations, each (n,): of the robot.yaml, then further ones of the SRDF.
+
+    Raises:
+        InputError: a list of another length, an unknown joint, or a joint without a value.
+    """
+    result: dict[str, Array] = {}
+    issues = []
+    for name, given in spec.configurations.items():
+        if isinstance(given, dict):
+            place: Place = ("configurations", name)
+            wrong = wrong_names(group.listed, given)
+            issues += [document.issue(place if j is None else (*place, j), found, so) for j, found, so in wrong]
+            if not wrong:
+                result[name] = np.array([given[joint] for joint in group.joints], float)
+        elif len(given) == len(group.listed):
+            result[name] = group.pick(given)
+        else:
+            found, expected = f"a list of {len(given)} values", f"{len(group.listed)}, one a planned joint"
+            issues.append(document.issue(("configurations", name), found, expected))
+    if issues:
+        raise InputError(issues)
+    for name, values in ({} if srdf is None else srdf.states).items():
+        if set(group.joints) <= set(values):
+            result.setdefault(name, np.array([values[joint] for joint in group.joints]))
+    return result

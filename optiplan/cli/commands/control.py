@@ -36,7 +36,7 @@ def control(
     """
     from optiplan.cli.printing.control_log import show_simulation
     from optiplan.runs.run_folder import check_folder
-    from optiplan.simulation.files.examples import find_control
+    from optiplan.simulation.files.read import find_control
     from optiplan.simulation.simulation import run_control
     from optiplan.verify.report import jsonable
 

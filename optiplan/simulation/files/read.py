@@ -18,6 +18,7 @@ from optiplan.problem.examples import find_problem
 from optiplan.problem.from_data import read_problem
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
+from optiplan.resources import control_dir
 from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.robot import Robot
 from optiplan.simulation.closed_loop import OF_TASKS
@@ -68,6 +69,23 @@ class ControlFile:
         """Name, reference, controller and plant."""
         spec = self.spec
         return f"ControlFile: {self.name}, {spec.reference.kind}, {spec.controller.kind}, engine {spec.plant.engine}"
+
+
+def find_control(name: str) -> Path:
+    """Find the file of `name`: a path that exists, else `delbot_circle`, `delbot_circle.yaml` or `control/…`.
+
+    Raises:
+        InputError: no such file, with the examples.
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    examples = {example.stem: example for example in sorted(control_dir().glob("*.yaml"))}
+    if path.parent in (Path(), Path("control")) and path.suffix in ("", ".yaml") and path.stem in examples:
+        return examples[path.stem]
+    found = "is a folder" if path.is_dir() else "no such file" if name else "an empty name"
+    expected = f"a control file, or an example, {choices(path.stem, list(examples))}"
+    raise InputError([Issue(name or "''", None, "file", found, expected)])
 
 
 def read_control(source: Path | str | Mapping[str, Any]) -> ControlFile:
