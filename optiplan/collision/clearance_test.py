@@ -44,8 +44,6 @@ class PairMargins:
 
 
 class _Margins:
-    """Margins of the pairs of one set of bodies."""
-
     def __init__(self, model: CollisionModel, geometry: pin.GeometryModel) -> None:
         self._model, self._geometry = model.model, geometry
         self._data, self._queries = model.model.createData(), geometry.createData()

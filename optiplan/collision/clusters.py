@@ -69,7 +69,6 @@ def clusters_of(robot: Robot) -> Clusters:
 
 
 def _alike(bodies: list[int], key: Callable[[int], object]) -> list[list[int]]:
-    """Return the bodies grouped by key."""
     found: dict[object, list[int]] = {}
     for body in bodies:
         found.setdefault(key(body), []).append(body)

@@ -102,7 +102,6 @@ class Containment:
 
     @cached_property
     def _table(self) -> _Candidates:
-        """The pairs with a mesh as arrays."""
         meshes, mesh_of = np.unique(self._meshes, return_inverse=True)
         low, high = (np.array(corners) for corners in zip(*map(self._box, meshes.tolist()), strict=True))
         bodies, body_of = np.unique(self._others, return_inverse=True)

@@ -126,7 +126,6 @@ class NativeCollisionModel(CollisionModel):
 
 
 def _packed(values: Array) -> Array:
-    """Return an array in the layout of the core."""
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
@@ -140,7 +139,6 @@ def _links_of(model: CollisionModel) -> "list[Body | None]":
 
 @once_for_each_robot
 def _link_shapes(robot: Robot) -> "list[list[Shape]]":
-    """Return `_shapes_of` each body of a robot."""
     return [_shapes_of(body.geometry) for body in robot.geometry.geometryObjects]
 
 
@@ -152,7 +150,6 @@ def _shapes_of(solid: coal.CollisionGeometry) -> "list[Shape]":
 
 
 def _body(model: CollisionModel, body: int, shapes: "list[Shape]") -> "Body | None":
-    """Return a body of these shapes in the core; None without shapes."""
     if not shapes:
         return None
     found, bounds = model.geometry.geometryObjects[body], model.bounds

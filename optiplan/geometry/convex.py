@@ -279,7 +279,6 @@ def _unpack_cover(content: bytes, vertices: Array) -> Cover:
 
 
 def _pack(pieces: Sequence[Array], **figures: npt.ArrayLike) -> bytes:
-    """Return convex pieces, (k, 3) each, and their figures as an NPZ file."""
     buffer = io.BytesIO()
     sizes = np.array([len(piece) for piece in pieces], dtype=np.int64)
     points = np.concatenate([np.empty((0, 3)), *pieces])

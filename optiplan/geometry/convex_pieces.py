@@ -161,7 +161,6 @@ def _halves(solid: MeshSolid, cell: _Cell, cuts: Sequence[tuple[int, float]]) ->
 
 
 def _inner_corners(solid: MeshSolid, boxes: Array) -> list[Array]:
-    """Return the corners (k, 3) of each box (b, 2, 3) that are inside the mesh."""
     corners = boxes[:, BOX_CORNERS, np.arange(3)]  # (b, 8, 3)
     inside = solid.inside(corners.reshape(-1, 3)).reshape(len(boxes), len(BOX_CORNERS))
     return [own[flags] for own, flags in zip(corners, inside, strict=True)]
@@ -234,7 +233,6 @@ def _join(solid: MeshSolid, pieces: list[tuple[Array, float]], options: PieceOpt
 
 
 def _touch(a: Array, b: Array) -> bool:
-    """Return whether the boxes of two pieces meet."""
     gap = np.maximum(a.min(axis=0) - b.max(axis=0), b.min(axis=0) - a.max(axis=0))
     return bool((gap <= 1e-6).all())
 

@@ -149,7 +149,6 @@ def _product(a: Array, b: Array) -> Array:
 
 
 def _sinc(x: float) -> float:
-    """The function sin x / x."""
     return math.sin(x) / x if x != 0.0 else 1.0
 
 

@@ -16,15 +16,7 @@ from optiplan.config.values import LARGEST_COORDINATE, FileName, Length, Scale
 from optiplan.geometry.coal_queries import coal_mesh
 from optiplan.geometry.convex_hulls import convex_hull
 from optiplan.geometry.meshes.box_surfaces import surface_of_boxes
-from optiplan.geometry.meshes.reading import (
-    FORMATS,
-    OCTREE_FORMATS,
-    POINT_FORMATS,
-    Kind,
-    known,
-    open_mesh,
-    read_mesh,
-)
+from optiplan.geometry.meshes.reading import KINDS, Kind, known, open_mesh, read_mesh
 from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, Soup, Triangles
 from optiplan.geometry.shape import Shape
 
@@ -87,7 +79,6 @@ class FileShape(Shape):
     """
 
     kind: ClassVar[Kind]
-    formats: ClassVar[str]
 
     file: Path
     key: str = field(default="", compare=False, kw_only=True)
@@ -138,7 +129,7 @@ class FileShape(Shape):
     @property
     def wanted(self) -> str:
         """The kind of file and its formats, as the expected value in a message."""
-        return f"{'an' if self.kind[0] in 'aeiou' else 'a'} {self.kind} file ({self.formats})"
+        return f"{'an' if self.kind[0] in 'aeiou' else 'a'} {self.kind} file ({KINDS[self.kind].words})"
 
 
 class MeshSpec(Strict):
@@ -157,7 +148,6 @@ class Mesh(FileShape):
     """
 
     kind = "mesh"
-    formats = FORMATS
 
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
     convex: bool = False
@@ -184,7 +174,6 @@ class PointCloud(FileShape):
     """
 
     kind = "point cloud"
-    formats = POINT_FORMATS
 
     radius: float = 0.0
 
@@ -204,7 +193,6 @@ class Octree(FileShape):
     """The occupied cells of an OctoMap file (BT, OT); cells that it does not know are free."""
 
     kind = "octree"
-    formats = OCTREE_FORMATS
 
     def build(self, soup: Soup) -> coal.CollisionGeometry:
         """Return a bounding-volume hierarchy of the surface around the cells."""

@@ -279,7 +279,6 @@ def _later(body: Obstacle, t: float) -> Obstacle:
 
 
 def _three_rows(polynomial: Any) -> bool:
-    """Return whether this is a sequence of three sequences."""
     try:
         rows = [list(row) for row in polynomial]
     except TypeError:

@@ -65,7 +65,6 @@ class _Tree:
         return bool(_WHEEL.search(self.model.names[j])) or (not before and turning and not alone and not self._arm(j))
 
     def _arm(self, j: int) -> bool:
-        """Return whether j carries all other movable joints."""
         return set(self.movable) <= set(self.model.subtrees[j])
 
     def _in_hand(self, j: int) -> bool:

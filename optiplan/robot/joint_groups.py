@@ -132,7 +132,6 @@ def _joint_issues(
 
 
 def _check_locked(wanted: Mapping[str, float], planned: Sequence[str], urdf: UrdfSource, document: Document) -> None:
-    """Refuse positions of planned joints and of unknown joints."""
     names = list(urdf.joint_types)
     free = [name for name in names if name not in planned and urdf.joint_types[name] != "fixed"]
     issues: list[Issue] = []

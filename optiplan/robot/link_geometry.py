@@ -81,7 +81,6 @@ class _Treated(NamedTuple):
 
 
 def _treated(item: pin.GeometryObject, wanted: Treatment, notes: list[str]) -> _Treated:
-    """Return what a shape becomes; add notes on meshes."""
     mesh = item.geometry
     if not isinstance(mesh, coal.BVHModelBase):
         return _Treated(PRIMITIVE, 0.0, [item.copy()])

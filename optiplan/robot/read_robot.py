@@ -160,7 +160,6 @@ def _tool_frame(
 
 
 def _last_link(model: pin.Model, urdf: UrdfSource, joint: str) -> str:
-    """Return the last link fixed to the last planned joint, preferably one with the name of a tool."""
     joined = [urdf.children[joint]]
     for link in joined:
         joined += [child for name, child in urdf.children.items() if urdf.fixed_to(name) == link]

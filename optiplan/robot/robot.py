@@ -252,7 +252,6 @@ class Robot(RobotParts):
         return geometric_jacobian(self, values, self._frame(frame, "Robot.jacobian"))
 
     def _frame(self, name: str | None, function: str) -> str:
-        """Return the frame of that name, or the tool frame."""
         if name is None:
             return self.tool_frame
         if not isinstance(name, str) or not self.model.existFrame(name):

@@ -127,7 +127,6 @@ def _unkept(step: ControlStep | None) -> str:
 
 
 def _targets(reference: Reference, t: Array, dt: float) -> Callable[[int], JointTarget | ToolTarget]:
-    """Targets by row of the times t (K,), s."""
     if isinstance(reference, JointReference):
         now, ahead = reference.sample(t), reference.sample(t + 0.5 * dt)
         return lambda k: JointTarget(now.q[k], now.v[k], ahead.v[k], ahead.a[k])

@@ -39,5 +39,4 @@ def surface_of_cells(low: Index, edge: Index) -> tuple[Index, Triangles]:
 
 
 def _halved(faces: Index) -> Triangles:
-    """Return two triangles of each face (m, 4)."""
     return np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]]).astype(np.int64)

@@ -34,8 +34,6 @@ def read_dae(content: bytes) -> Soup:
 
 
 class _Collada:
-    """A COLLADA document: its elements by id, its geometries read at the first use."""
-
     def __init__(self, root: ET.Element) -> None:
         self.root = root
         self.ids = {name: element for element in root.iter() if (name := element.get("id")) is not None}
@@ -120,7 +118,6 @@ _ACCESSOR = (("count", ""), ("stride", "1"), ("offset", "0"))
 
 
 def _collada_pose(node: ET.Element) -> Array:
-    """Return the product (4, 4) of the transforms of a node."""
     X = np.eye(4)
     for item in node:
         if item.tag in ("skew", "lookat"):

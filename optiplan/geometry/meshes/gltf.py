@@ -42,8 +42,6 @@ def read_glb(content: bytes) -> Soup:
 
 
 class _Gltf:
-    """A glTF document and the data behind it."""
-
     def __init__(self, document: dict[str, Any], data: bytes) -> None:
         self.document, self.data = document, data
         self.read: dict[int, MeshPart] = {}
@@ -119,7 +117,6 @@ class _Gltf:
 
 
 def _gltf_pose(node: dict[str, Any]) -> Array:
-    """Return the pose of a node in its parent, (4, 4)."""
     if "matrix" in node:
         return floats(map(str, node["matrix"])).reshape(4, 4).T
     X = np.eye(4)

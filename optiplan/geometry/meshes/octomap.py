@@ -43,7 +43,6 @@ def read_ot(content: bytes) -> Soup:
 
 
 def _header(content: bytes, first: bytes) -> tuple[dict[str, str], bytes]:
-    """Return the values of the header by key, and the data."""
     end = _HEADER.search(content[:100_000])
     if not content.startswith(first) or end is None:
         raise MeshError(f"a file that does not begin with the header of its kind ('{first.decode()}', … data)")

@@ -113,7 +113,6 @@ _Fields = list[tuple[str, str, tuple[int, ...]]]
 
 
 def _pcd_columns(form: str, body: bytes, fields: _Fields, many: int) -> dict[str, Array]:
-    """Return the columns x, y, z of the data of a PCD file."""
     if form == "ascii":
         check_numbers(body)
         widths = [count for _, _, (count,) in fields]

@@ -34,7 +34,7 @@ class _Formats(NamedTuple):
     prefix: str = ""
 
 
-_KINDS: dict[Kind, _Formats] = {
+KINDS: dict[Kind, _Formats] = {
     "mesh": _Formats(FORMATS, (".stl", ".obj", ".dae", ".ply", ".glb")),
     "point cloud": _Formats(POINT_FORMATS, (".ply", ".pcd", ".npz"), "points"),
     "octree": _Formats(OCTREE_FORMATS, (".bt", ".ot")),
@@ -67,7 +67,7 @@ class MeshFile:
     @property
     def reader(self) -> str:
         """Its key in `reading_process.READERS`."""
-        return _KINDS[self.kind].prefix + self.path.suffix.lower()
+        return KINDS[self.kind].prefix + self.path.suffix.lower()
 
 
 def open_mesh(path: Path, kind: Kind = "mesh") -> MeshFile:
@@ -80,7 +80,7 @@ def open_mesh(path: Path, kind: Kind = "mesh") -> MeshFile:
         content = files.read_bytes(path)
     except OSError as error:
         raise MeshError(f"cannot read {kind} {path}: {(error.strerror or str(error)).lower()}") from error
-    suffix, formats = path.suffix.lower(), _KINDS[kind]
+    suffix, formats = path.suffix.lower(), KINDS[kind]
     if suffix not in formats.suffixes:
         raise MeshError(f"cannot read {kind} {path}: '{suffix}' is none of {formats.words}")
     reader = formats.prefix + suffix
@@ -104,9 +104,7 @@ def read_mesh(file: MeshFile) -> Soup:
 def known(key: str) -> Soup | None:
     """Return the mesh of a key from memory or disk; None if there is none."""
     with _lock:
-        found = _kept.get(key)
-        if found is None and (stored := cache.load(_name(key))) is not None:
-            found = _keep(key, unpack_soup(stored))
+        found = _find(key)
     return found if isinstance(found, Soup) else None
 
 
@@ -119,14 +117,7 @@ def read_together(meshes: Iterable[MeshFile]) -> None:
     """Read several mesh files at once, so that unknown ones share one process."""
     wanted = {mesh.key: mesh for mesh in meshes}
     with _lock:
-        for key in wanted.keys() & _kept.keys():
-            _kept.move_to_end(key)
-        unknown = [mesh for key, mesh in wanted.items() if key not in _kept]
-        for mesh in unknown:
-            stored = cache.load(_name(mesh.key))
-            if stored is not None:
-                _keep(mesh.key, unpack_soup(stored))
-        unknown = [mesh for mesh in unknown if mesh.key not in _kept]
+        unknown = [mesh for key, mesh in wanted.items() if _find(key) is None]
         for mesh, found in zip(unknown, _read_apart(unknown), strict=True):
             if isinstance(found, Soup):
                 cache.store(_name(mesh.key), pack_soup(found))
@@ -135,6 +126,15 @@ def read_together(meshes: Iterable[MeshFile]) -> None:
 
 def _name(key: str) -> str:
     return f"meshes/{key}"
+
+
+def _find(key: str) -> Soup | str | None:
+    """Return the mesh of a key, or the reason why there is none, from memory or disk; None for an unknown key."""
+    if key in _kept:
+        _kept.move_to_end(key)
+        return _kept[key]
+    stored = cache.load(_name(key))
+    return None if stored is None else _keep(key, unpack_soup(stored))
 
 
 def _keep(key: str, found: Soup | str) -> Soup | str:
@@ -193,7 +193,6 @@ def _run_worker(meshes: Sequence[MeshFile]) -> tuple[list[Soup | str], str]:
 
 
 def _answers(output: bytes) -> Iterator[Soup | str]:
-    """Yield the complete answers."""
     place = 0
     while (end := output.find(b"\n", place)) >= 0:
         kind, size = output[place:end].split()

@@ -206,7 +206,6 @@ def _origin(element: ET.Element, X: pin.SE3) -> None:
 
 
 def _numbers(values: Sequence[float] | Array) -> str:
-    """Return numbers as text without loss of digits."""
     return " ".join(repr(float(value)) for value in values)
 
 
@@ -283,7 +282,6 @@ def _volume(body: BodySpec) -> float:
 
 
 def _unit_inertia(body: BodySpec, mass: float) -> pin.Inertia:
-    """Inertia of one body of `mass` in its own frame."""
     if body.box is not None:
         return pin.Inertia.FromBox(mass, *body.box)
     if body.sphere is not None:

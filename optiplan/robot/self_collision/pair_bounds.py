@@ -290,7 +290,6 @@ class PairBounds:
 
 
 def _placements(bodies: Sequence[pin.GeometryObject]) -> Array:
-    """Poses (G, 4, 4) of bodies in the frames of their joints."""
     return np.array([body.placement.homogeneous for body in bodies]).reshape(-1, 4, 4)
 
 

@@ -161,7 +161,6 @@ class PairProof:
         return [not fault for fault in failed.tolist()]
 
     def _allowed(self, members: Index) -> int:
-        """Boxes for a pair of links with these pairs of bodies."""
         if self._surface[members].any():
             return OF_MESHES
         return ALONG if self.moves[members].any(axis=0).sum() == 1 else BOXES

@@ -56,7 +56,6 @@ def _take_meshes(root: ET.Element, tag: str) -> Iterator[tuple[Place, ET.Element
 
 
 def _exchange(item: pin.GeometryObject, mesh: ET.Element, files: dict[str, MeshFile]) -> None:
-    """Make the geometry of `item` the mesh."""
     file = files[mesh.get("filename", "")]
     scale = np.array([float(word) for word in mesh.get("scale", "1 1 1").split()])
     soup = read_mesh(file)

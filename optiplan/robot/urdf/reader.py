@@ -178,8 +178,6 @@ def _refuse_xacro(path: Path, root: ET.Element | None) -> None:
 
 
 class _MeshFinder:
-    """Turns the mesh names of a URDF into files."""
-
     def __init__(self, urdf: Path, folder: Path) -> None:
         self.urdf = urdf
         self.collision: list[Path] = []
@@ -253,7 +251,6 @@ def _rename_links(root: ET.Element, joints: list[ET.Element]) -> dict[str, str]:
 
 
 def _edges(joints: list[ET.Element]) -> tuple[tuple[str, str], ...]:
-    """Names of parent and child link of every joint."""
     ends = [(joint.find("parent"), joint.find("child")) for joint in joints]
     return tuple((a.get("link", ""), b.get("link", "")) for a, b in ends if a is not None and b is not None)
 

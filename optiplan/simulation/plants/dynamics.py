@@ -29,7 +29,6 @@ def check_inertias(robot: Robot, file: str = "robot", line: int | None = None) -
 
 
 def _link(robot: Robot, joint: str) -> str:
-    """Name of the first link that the joint moves."""
     index = robot.model.getJointId(joint)
     for frame in robot.model.frames:
         if frame.type == pin.FrameType.BODY and frame.parentJoint == index:

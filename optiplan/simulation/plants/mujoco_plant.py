@@ -69,7 +69,6 @@ class MujocoPlant(TorquePlant):
         self.q, self.v = np.asarray(self.data.qpos[self._at]), np.asarray(self.data.qvel[self._dof])
 
     def _move_obstacles(self) -> None:
-        """Put moving obstacles to where they are at the time of the data."""
         for k, motion in enumerate(self._motions):
             self.data.mocap_pos[k] = motion.at(np.array([self.data.time]))[0]
 
