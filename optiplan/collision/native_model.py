@@ -7,7 +7,7 @@ import coal
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array
 from optiplan.cache import MostRecent, digest
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.contacts import Contact, Contacts
@@ -192,16 +192,10 @@ def native_shape(body: coal.CollisionGeometry) -> "Shape | None":
         case coal.Halfspace():
             return core.Shape.half_space(np.array(body.n), body.d)
         case coal.ConvexBase():
-            return _hull_shape(np.array(body.points()))
+            points = np.array(body.points())
+            return _made.get(digest([points.tobytes()]), lambda: core.Shape.convex_hull(points))
         case coal.BVHModelBase():
-            return _mesh_shape(mesh_vertices(body), mesh_triangles(body))
+            vertices, corners = mesh_vertices(body), np.ascontiguousarray(mesh_triangles(body), dtype=np.int64)
+            key = digest([vertices.tobytes(), corners.tobytes()])
+            return _made.get(key, lambda: core.Shape.triangles(vertices, corners))
     return None
-
-
-def _hull_shape(points: Array) -> "Shape":
-    return _made.get(digest([points.tobytes()]), lambda: core.Shape.convex_hull(points))
-
-
-def _mesh_shape(vertices: Array, triangles: Index) -> "Shape":
-    corners = np.ascontiguousarray(triangles, dtype=np.int64)
-    return _made.get(digest([vertices.tobytes(), corners.tobytes()]), lambda: core.Shape.triangles(vertices, corners))

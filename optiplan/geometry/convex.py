@@ -130,8 +130,16 @@ class Cover:
 def cover_of(mesh: coal.BVHModelBase) -> Cover:
     """Return the hull of a mesh if it is within `WITHIN` of it, else such pieces, else the mesh; cached on disk."""
     vertices, triangles = mesh_vertices(mesh), mesh_triangles(mesh)
-    content = cache.kept(cover_name(vertices, triangles), lambda: _pack_cover(_cover(vertices, triangles)))
-    return _unpack_cover(content, vertices)
+
+    def make() -> bytes:
+        made = _cover(vertices, triangles)
+        pieces = made.pieces if made.kind == "convex_pieces" else ()
+        return _pack(pieces, figures=[made.over_cover, made.hull], kind=made.kind)
+
+    with np.load(io.BytesIO(cache.kept(cover_name(vertices, triangles), make))) as data:
+        kind, (beyond, hull) = str(data["kind"]), data["figures"].tolist()
+        known: dict[str, tuple[Array, ...]] = {"hull": (vertices,), "mesh": ()}
+        return Cover(kind, known[kind] if kind in known else _pieces(data), beyond, hull)
 
 
 def cover_name(vertices: Array, triangles: Triangles) -> str:
@@ -264,18 +272,6 @@ def _corners(points: Array) -> Array:
     from scipy.spatial import ConvexHull
 
     return np.asarray(points[ConvexHull(points).vertices], dtype=np.float64)
-
-
-def _pack_cover(cover: Cover) -> bytes:
-    pieces = cover.pieces if cover.kind == "convex_pieces" else ()
-    return _pack(pieces, figures=[cover.over_cover, cover.hull], kind=cover.kind)
-
-
-def _unpack_cover(content: bytes, vertices: Array) -> Cover:
-    with np.load(io.BytesIO(content)) as data:
-        kind, (beyond, hull) = str(data["kind"]), data["figures"].tolist()
-        known: dict[str, tuple[Array, ...]] = {"hull": (vertices,), "mesh": ()}
-        return Cover(kind, known[kind] if kind in known else _pieces(data), beyond, hull)
 
 
 def _pack(pieces: Sequence[Array], **figures: npt.ArrayLike) -> bytes:

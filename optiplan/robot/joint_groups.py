@@ -170,7 +170,9 @@ def reduce_to(planned: Sequence[str], wanted: Mapping[str, float], urdf: UrdfSou
         mimic = urdf.mimics[name]
         value = mimic.multiplier * locked.get(mimic.source, 0.0) + mimic.offset
         locked[name] = reference[model.joints[model.getJointId(name)].idx_q] = value
-    notes += [_follower_note(name, mimic) for name, mimic in followers.items()]
+    for name, mimic in followers.items():
+        offset = f" {mimic.offset:+g}" if mimic.offset else ""
+        notes.append(f"joint {name} moves with {mimic.source}: q = {mimic.multiplier:g} · {mimic.source}{offset}")
     for name in wanted:
         if name in urdf.mimics and urdf.mimics[name].source in planned:
             notes.append(f"joint {name} is locked here and does not follow {urdf.mimics[name].source}")
@@ -186,7 +188,8 @@ def reduce_to(planned: Sequence[str], wanted: Mapping[str, float], urdf: UrdfSou
         small = fold(plain, followers)
     except MimicError as error:
         raise urdf.error(error.joint, error.found, error.expected) from error
-    notes += _wide_notes(urdf)
+    wide = [(name, kind) for name, kind in urdf.joint_types.items() if kind in ("floating", "planar")]
+    notes += [f"joint {name} is {kind}: it is fixed here, where the URDF puts it" for name, kind in wide]
     return Reduced(small, plain, followers, geometry, build_visual, locked, tuple(notes))
 
 
@@ -198,16 +201,6 @@ def _refuse_broken_turns(followers: Mapping[str, Mimic], urdf: UrdfSource) -> No
             found = f"<mimic> of '{mimic.source}', which turns without end, by {mimic.multiplier:g}"
             expected = f"a whole multiplier of a joint that turns, or limits for '{mimic.source}' (type revolute)"
             raise urdf.error(name, found, expected)
-
-
-def _follower_note(name: str, mimic: Mimic) -> str:
-    offset = f" {mimic.offset:+g}" if mimic.offset else ""
-    return f"joint {name} moves with {mimic.source}: q = {mimic.multiplier:g} · {mimic.source}{offset}"
-
-
-def _wide_notes(urdf: UrdfSource) -> list[str]:
-    wide = [(name, kind) for name, kind in urdf.joint_types.items() if kind in ("floating", "planar")]
-    return [f"joint {name} is {kind}: it is fixed here, where the URDF puts it" for name, kind in wide]
 
 
 def _rest(model: pin.Model, index: int, name: str, wanted: float | None, notes: list[str]) -> float:

@@ -8,7 +8,7 @@ import logging
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -258,19 +258,16 @@ def _edges(joints: list[ET.Element]) -> tuple[tuple[str, str], ...]:
 def _mimics(joints: list[ET.Element], types: Mapping[str, str], path: Path) -> dict[str, Mimic]:
     """The joints that follow another, and which one that is in the end."""
     movable = [name for name, kind in types.items() if kind in MOVING]
-    stated = {name: mimic for name, mimic in _stated_mimics(joints) if name in movable}
+    stated: dict[str, Mimic] = {}
+    for joint in joints:
+        name, mimic = joint.get("name", ""), joint.find("mimic")
+        if mimic is not None and name in movable:
+            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+            stated[name] = Mimic(mimic.get("joint", ""), multiplier, offset)
     try:
         return resolve(stated, movable)
     except MimicError as error:
         raise element_error(path, error.joint, error.found, error.expected) from error
-
-
-def _stated_mimics(joints: list[ET.Element]) -> Iterator[tuple[str, Mimic]]:
-    for joint in joints:
-        mimic = joint.find("mimic")
-        if mimic is not None:
-            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
-            yield joint.get("name", ""), Mimic(mimic.get("joint", ""), multiplier, offset)
 
 
 def _settle_joint(joint: ET.Element, path: Path) -> None:
