@@ -22,7 +22,7 @@ from tests.waiting import wait_until
 pytestmark = pytest.mark.skipif(core is None, reason="threads are for the native core")
 
 
-def planned(problem: Problem, workers: int, seconds: float = 60.0) -> PlanResult:
+def planned(problem: Problem, workers: int, seconds: float = 120.0) -> PlanResult:
     """Plan with so many workers and few attempts."""
     options = TrajOptOptions(workers=workers, seeds=3)
     return TrajOpt(options).plan(problem, Budget(seconds), lambda stage, share: None)
