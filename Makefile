@@ -12,6 +12,7 @@ RUN := $(VENV)/.run-stamp
 TEST := $(VENV)/.test-stamp
 DEV := $(VENV)/.dev-stamp
 DOCS := $(VENV)/.docs-stamp
+TOOLS := $(VENV)/.tools-stamp
 CORE := $(VENV)/.core-stamp
 DEMO_PROBLEM ?= 02_shelf
 PORT ?= 7000
@@ -23,7 +24,7 @@ BUILD_TOOLS := 'cmake>=3.18,<5' 'ninja>=1.11,<2' 'nanobind>=2.4,<4'
 CPP = $(shell find optiplan/_core/src tests/core -name '*.[ch]pp')
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help demo core test sanitize bench-smoke docs lint format tidy core-tests clean
+.PHONY: help demo core environment browser compiler test sanitize bench-smoke docs lint format tidy core-tests clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
@@ -41,6 +42,15 @@ endif
 core: $(RUN) ## build the native core into the checkout (needs a C++ compiler; planners work without, slower)
 	@rm -f $(CORE)
 	@$(MAKE) --no-print-directory $(CORE)
+
+# One installation instead of one for each extra, and beside it what needs no library: make -j3 environment
+environment: $(VENV)/.environment-stamp $(CORE) browser ## all that test, lint and docs need (-j3: at the same time)
+
+$(VENV)/.environment-stamp: pyproject.toml constraints.txt | $(TOOLS)
+	@echo "installing optiplan, its libraries and what tests, linters and pages need"
+	$(PIP) --editable '.[test,dev,docs]'
+	@$(BIN)/python -m compileall -q optiplan
+	@touch $(RUN) && touch $(TEST) $(DEV) $(DOCS) $@
 
 # Half of the tests' time is waiting for processes and pages: a worker more than two hardware threads fills it.
 test: $(TEST) $(CORE) ## every test, with the coverage gate of 90 % of lines
@@ -104,34 +114,41 @@ $(BIN)/python:
 	    apt-get update -qq && apt-get install -y -qq python3-venv && $(PYTHON) -m venv $(VENV); \
 	  else echo "$(PYTHON) has no working venv module (on Debian: apt-get install python3-venv)" >&2; exit 1; fi; fi
 
-$(RUN): pyproject.toml constraints.txt | $(BIN)/python
+$(RUN): pyproject.toml constraints.txt | $(BIN)/python $(TOOLS)  # one pip at a time, also with -j
 	@echo "installing optiplan and its libraries (about 300 MB the first time)"
 	$(PIP) --editable .
 	@$(BIN)/python -m compileall -q optiplan  # as pip does for a wheel: else the first start, or each, compiles 300 files
 	@touch $@
 
-# With a compiler, or with root rights to install one; without, a line says so and planners run in Python.
-$(CORE): $(wildcard optiplan/_core/src/*) CMakeLists.txt | $(RUN)
+compiler: | $(BIN)/python
 	@if ! command -v $${CXX:-c++} >/dev/null && [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	   echo "installing a C++ compiler"; \
 	   apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends g++ || true; fi
+
+$(TOOLS): | $(BIN)/python
+	$(PIP) $(BUILD_TOOLS)
+	@touch $@
+
+# With a compiler, or with root rights to install one; without, a line says so and planners run in Python.
+$(CORE): $(wildcard optiplan/_core/src/*) CMakeLists.txt | compiler $(TOOLS)
 	@if ! command -v $${CXX:-c++} >/dev/null; then \
 	   echo "no C++ compiler: planners run on their reference path in Python, which is slower" >&2; \
 	 else \
 	   echo "building the native core (less than a minute)"; \
-	   $(PIP) $(BUILD_TOOLS); \
 	   export PATH="$(abspath $(BIN)):$$PATH"; \
 	   cmake -S . -B build/core -G Ninja -DOPTIPLAN_IN_PLACE=ON -DPython_EXECUTABLE="$(abspath $(BIN))/python" \
 	     --log-level=NOTICE && cmake --build build/core -- --quiet || \
 	   echo "the native core could not be built: planners run on their reference path in Python" >&2; fi
 	@touch $@
 
-$(TEST): $(RUN)
-	$(PIP) --editable '.[test]'
+browser: | compiler
 	@if command -v chromium chromium-browser google-chrome >/dev/null; then :; \
 	 elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	   apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium; \
 	 else echo "no chromium found: the browser tests will be skipped (on Debian: apt-get install chromium)" >&2; fi
+
+$(TEST): $(RUN) | browser
+	$(PIP) --editable '.[test]'
 	@touch $@
 
 $(DEV): $(RUN)

@@ -2,9 +2,8 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "optiplan"
@@ -45,10 +44,15 @@ def level(module: str) -> int:
     return 0 if room(module) in GROUND | {"__init__"} else LEVELS[room(module)]
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
 def imports(path: Path) -> set[str]:
     """Every optiplan module that the file imports, inside functions too; what only names a type is not imported."""
     found = set()
-    for node in imported(ast.parse(path.read_text())):
+    for node in imported(parsed(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -71,26 +75,30 @@ def submodule(module: str, name: str) -> str:
     return f"{module}.{name}" if inner.with_suffix(".py").exists() or inner.is_dir() else module
 
 
-GRAPH = {module_name(path): imports(path) for path in FILES}
+@cache
+def graph() -> dict[str, set[str]]:
+    """Every module with those that it imports; made by the worker that has these tests alone."""
+    return {module_name(path): imports(path) for path in FILES}
 
 
 def test_every_room_has_a_level():
-    unknown = {room(module) for module in GRAPH} - GROUND - set(LEVELS) - {"__init__"}
+    unknown = {room(module) for module in graph()} - GROUND - set(LEVELS) - {"__init__"}
     assert not unknown, f"give these a level in this test and in docs/architecture.md: {sorted(unknown)}"
 
 
-@pytest.mark.parametrize("module", sorted(GRAPH))
-def test_imports_point_down(module):
-    for target in GRAPH[module]:
-        same_room = room(target) == room(module)
-        below = level(target) < level(module) or level(target) == level(module) == 0
-        assert same_room or below, f"{module} imports {target}, which is not below it"
+def test_imports_point_down():
+    def below(module, target):
+        return level(target) < level(module) or level(target) == level(module) == 0
+
+    pairs = [(module, target) for module, targets in graph().items() for target in targets]
+    wrong = [pair for pair in pairs if room(pair[1]) != room(pair[0]) and not below(*pair)]
+    assert not wrong, f"modules and what they import, which is not below them: {wrong}"
 
 
 def test_rooms_of_planners_point_one_way():
     """Also between the rooms of `planners/`: docs/architecture.md has them from the bottom up."""
     used: dict[str, set[str]] = {}
-    for module, targets in GRAPH.items():
+    for module, targets in graph().items():
         own = planner_room(module)
         used.setdefault(own, set()).update({planner_room(target) for target in targets} - {own, ""})
     del used[""]
@@ -113,35 +121,32 @@ def test_no_cycles():
     def visit(module: str, path: tuple[str, ...]) -> None:
         assert module not in path, "import cycle: " + " -> ".join([*path[path.index(module) :], module])
         if module not in done:
-            for target in GRAPH.get(module, set()):
+            for target in graph().get(module, set()):
                 visit(target, (*path, module))
             done.add(module)
 
-    for module in GRAPH:
+    for module in graph():
         visit(module, ())
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_file_is_small_and_honest(path):
-    text = path.read_text()
-    assert text.strip(), "an empty file says nothing: give it a docstring"
-    assert len(text.splitlines()) <= MAX_FILE
+def test_files_are_small_and_honest():
+    texts = {str(path.relative_to(ROOT)): path.read_text() for path in FILES}
+    empty = [name for name, text in texts.items() if not text.strip()]
+    assert not empty, f"an empty file says nothing, give it a docstring: {empty}"
+    assert not [name for name, text in texts.items() if len(text.splitlines()) > MAX_FILE]
 
 
-FOLDERS = sorted({path.parent for path in FILES})
+def test_a_room_can_be_seen_at_a_glance():
+    for folder in sorted({path.parent for path in FILES}):
+        files = [path.name for path in folder.glob("*.py") if path.name != "__init__.py"]
+        assert len(files) <= MAX_SIDE_BY_SIDE, f"more than {MAX_SIDE_BY_SIDE} files side by side in {folder}: {files}"
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: str(path.relative_to(ROOT)))
-def test_a_room_can_be_seen_at_a_glance(folder):
-    files = [path.name for path in folder.glob("*.py") if path.name != "__init__.py"]
-    assert len(files) <= MAX_SIDE_BY_SIDE, f"more than {MAX_SIDE_BY_SIDE} files side by side: {files}"
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_functions_are_short(path):
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            assert code_lines(node) <= MAX_FUNCTION, f"{path.name}:{node.lineno}: {node.name} is too long"
+def test_functions_are_short():
+    for path in FILES:
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                assert code_lines(node) <= MAX_FUNCTION, f"{path}:{node.lineno}: {node.name} is too long"
 
 
 def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
@@ -155,7 +160,7 @@ def code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 def test_a_class_name_is_used_once():
     places: dict[str, list[str]] = {}
     for path in FILES:
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.ClassDef):
                 places.setdefault(node.name, []).append(f"{path.relative_to(ROOT)}:{node.lineno}")
     assert not {name: where for name, where in places.items() if len(where) > 1}

@@ -1,6 +1,7 @@
 """Suites small enough to be run in a blink: a planar arm, planners of the tests' own."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -58,6 +59,29 @@ def run(tmp_path):
         return done, rows
 
     return run
+
+
+@pytest.fixture(scope="session")
+def kept_results():
+    """Folders of results by the suite that was run, for all tests of this process."""
+    return {}
+
+
+@pytest.fixture
+def results_of(write_suite, run, tmp_path, tmp_path_factory, kept_results):
+    """Writes a suite and puts its results into `out` of this test, copied where another test ran the same before."""
+
+    def results_of(**keys):
+        path, said = write_suite(**keys), json.dumps(keys, sort_keys=True)
+        if said in kept_results:
+            shutil.copytree(kept_results[said], tmp_path / "out")
+        else:
+            run(path)
+            kept_results[said] = tmp_path_factory.mktemp("results") / "out"
+            shutil.copytree(tmp_path / "out", kept_results[said])
+        return path
+
+    return results_of
 
 
 TETRAHEDRON = """\

@@ -45,8 +45,8 @@ def test_arguments_that_do_not_fit(arguments, words, write_suite):
         op.bench(**({"suite": write_suite()} | arguments))
 
 
-def test_results_of_another_suite_are_named(write_suite, tmp_path):
-    op.bench(write_suite(1), tmp_path / "out", workers=1)
+def test_results_of_another_suite_are_named(results_of, write_suite, tmp_path):
+    results_of(count=1)
     with pytest.raises(op.InputError, match=r"^op\.bench: .*results of another suite.*add=True.*as `out`"):
         op.bench(write_suite(1, seeds=[0, 1]), tmp_path / "out")
     assert op.bench(write_suite(1, seeds=[0, 1]), tmp_path / "out", add=True).made == 1

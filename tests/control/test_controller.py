@@ -174,7 +174,7 @@ def test_through_singularities(name, kind):
     start[4] += 0.15
     state = op.State(np.clip(start, robot.limits.lower, robot.limits.upper))
     errors = []
-    for k in range(3000):
+    for k in range(2200):
         s = min(1.0, k * 0.004 / 6.0) - 0.5
         twist = [*(along / 3.0), 0, 0, 0] if s < 0.5 else None
         task.set_target(pin.SE3(X.rotation, X.translation + 2.0 * s * along), twist)

@@ -147,7 +147,8 @@ def test_delbot_urdf_states(published, model, tmp_path):
     joints = expected["joint_order"]
     lines = [f"urdf: {published / 'urdf' / 'vehicle_assembly.urdf'}", f"group: [{', '.join(joints)}]"]
     states = [f"  {name}: {expected[name]}" for name in ("hand_pickup", "pose_drop")]
-    text = "\n".join(["version: 1", "name: delbot_report", *lines, "configurations:", *states])
+    head = ["version: 1", "name: delbot_report", "collision: none"]  # joints alone are looked at
+    text = "\n".join([*head, *lines, "configurations:", *states])
     (tmp_path / "robot.yaml").write_text(text)
     robot = load_robot(str(tmp_path / "robot.yaml"))
     assert list(robot.joint_names) == joints

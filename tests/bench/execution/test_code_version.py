@@ -102,9 +102,8 @@ def test_changed_code_of_a_planner_is_refused(write_suite, run, mine):
     assert run(path)[0].made == 0
 
 
-def test_changed_code_of_ours_is_refused(write_suite, run, tmp_path):
-    path = write_suite(count=1)
-    run(path)
+def test_changed_code_of_ours_is_refused(results_of, run, tmp_path):
+    path = results_of(count=1)
     with sqlite3.connect(tmp_path / "out" / "results.sqlite") as db:
         db.execute(
             """UPDATE meta SET value = json_set(value, '$.digest', 'x', '$.optiplan', '9 abc') WHERE key='code'"""
@@ -135,9 +134,8 @@ def test_a_planner_that_cannot_be_made_is_that_planner_s_failure(write_suite, tm
     assert "bench_planners.py" in json.loads(witness)["traceback"]
 
 
-def test_results_of_the_first_schema_are_read_and_not_gone_on_with(write_suite, run, tmp_path, capsys):
-    path = write_suite(count=1)
-    run(path)
+def test_results_of_the_first_schema_are_read_and_not_gone_on_with(results_of, run, tmp_path, capsys):
+    path = results_of(count=1)
     with sqlite3.connect(tmp_path / "out" / "results.sqlite") as db:
         for column in ("goal_bound", "plan_cpu", "optiplan", "code", "improvements"):
             db.execute(f"ALTER TABLE runs DROP COLUMN {column}")

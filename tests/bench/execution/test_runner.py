@@ -80,8 +80,8 @@ def test_the_same_again_makes_nothing_twice(write_suite, run):
     assert run(path)[0].made == 0
 
 
-def test_another_suite_is_refused_and_what_differs_is_named(write_suite, run, tmp_path):
-    run(write_suite(count=1))
+def test_another_suite_is_refused_and_what_differs_is_named(results_of, write_suite, run, tmp_path):
+    results_of(count=1)
     with pytest.raises(InputError) as caught:
         run(write_suite(count=2, budget=3, planners=["bench_planners:Straight", SLOW]))
     found = "\n".join(issue.found for issue in caught.value.issues)
@@ -98,9 +98,8 @@ def test_nothing_found_when_the_budget_is_spent_is_cut_short(write_suite, run, b
     assert (row["failure_kind"], row["cut_short"]) == ("no-path", cut)
 
 
-def test_other_versions_are_told(write_suite, run, tmp_path):
-    path = write_suite(count=1)
-    run(path)
+def test_other_versions_are_told(results_of, tmp_path):
+    path = results_of(count=1)
     with sqlite3.connect(tmp_path / "out" / "results.sqlite") as db:
         db.execute("""UPDATE sessions SET versions = json_set(versions, '$.numpy', '0.1')""")
     with open_results(load_suite(path, tmp_path), tmp_path / "out") as store:

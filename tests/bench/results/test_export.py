@@ -18,8 +18,8 @@ DOCS = Path(__file__).parents[3] / "docs" / "how-to" / "benchmarks.md"
 
 
 @pytest.fixture
-def results(write_suite, run, tmp_path):
-    run(write_suite(count=2, seeds=[0, 7]))
+def results(results_of, tmp_path):
+    results_of(count=2, seeds=[0, 7])
     with Store(tmp_path / "out") as store:
         yield store
 

@@ -47,7 +47,7 @@ def start(*arguments, **options):
 @pytest.mark.parametrize("planner", ["rrtconnect", "trajopt"])
 def test_ctrl_c_ends_at_once_and_leaves_nothing(shut_in, tmp_path, planner):
     process = start("plan", shut_in, "--planner", planner, "--budget", 60, "--out", tmp_path / "run")
-    wait_until(lambda: process.poll() is not None or processor_seconds(process.pid) > 3.0)  # imports take one
+    wait_until(lambda: process.poll() is not None or processor_seconds(process.pid) > 2.0)  # imports take one
     assert process.poll() is None, process.stderr.read()
     began = time.perf_counter()
     process.send_signal(signal.SIGINT)
@@ -78,7 +78,9 @@ def test_a_free_space_problem_takes_seconds_from_the_shell():
         after = os.times()
         seconds.append(after.children_user + after.children_system - before.children_user - before.children_system)
         assert process.returncode == 0
-    assert min(seconds) < 5.0
+        if seconds[-1] < 5.0:
+            return
+    raise AssertionError(f"three times it took {seconds} s")
 
 
 @pytest.mark.parametrize("arguments", ["--help", "plan --help"])

@@ -49,5 +49,5 @@ def test_another_package(tmp_path):
 def test_the_real_package_where_it_is_installed(tmp_path):
     if not description_files.package_robots():
         pytest.skip("example-robot-data is not installed")
-    (tmp_path / "robot.yaml").write_text(YAML.format("ur5"))
+    (tmp_path / "robot.yaml").write_text(YAML.format("ur5") + "collision: none\n")
     assert load_robot(str(tmp_path)).n == 6

@@ -2,6 +2,7 @@
 
 import json
 import os
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -109,17 +110,20 @@ print(descendants(os.getpid()))
 """
 
 
-@pytest.mark.parametrize("name", ["LeavesChildren", "KilledWithChildren", "Daemons"])
-def test_nothing_is_left_where_nobody_reaps_orphans(write_suite, tmp_path, monkeypatch, name):
+def test_nothing_is_left_where_nobody_reaps_orphans(write_suite, tmp_path, monkeypatch):
     """Not even a zombie: under a parent that takes up orphans and never waits for them."""
     monkeypatch.setenv("CHILDREN", str(tmp_path / "children"))
-    planner = {"name": f"bench_planners:{name}", "only": "p0"}
-    path = write_suite(count=2, planners=[planner], limits={"wall": 20, "memory": 600})
+    names = ("LeavesChildren", "KilledWithChildren", "Daemons")
+    planners = [{"name": f"bench_planners:{name}", "label": name, "only": "p0"} for name in names]
+    path = write_suite(count=2, planners=planners, limits={"wall": 20, "memory": 600})
     words = ["bench", str(path), "--out", str(tmp_path / "out"), "--workers", "1", "--json"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-c", NEVER_WAITS, *words]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 0, done.stderr
+    with sqlite3.connect(tmp_path / "out" / "results.sqlite") as db:
+        told = dict(db.execute("SELECT planner, failure_kind FROM runs WHERE problem LIKE '%p0'"))
+    assert told == {"LeavesChildren": None, "KilledWithChildren": "crashed (signal 9)", "Daemons": None}
     assert (tmp_path / "children").read_text()
     assert done.stdout.splitlines()[-1] == "[]"
 

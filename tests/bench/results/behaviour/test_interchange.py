@@ -15,8 +15,8 @@ PLANNERS = ["bench_planners:Straight", {"name": "bench_planners:Leaves", "label"
 
 
 @pytest.fixture
-def results(write_suite, run, tmp_path):
-    run(write_suite(seeds=[0, 7], planners=PLANNERS))
+def results(results_of, tmp_path):
+    results_of(seeds=[0, 7], planners=PLANNERS)
     return tmp_path / "out"
 
 
