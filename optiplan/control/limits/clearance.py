@@ -7,11 +7,11 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array, Index
 from optiplan.collision.native_model import NativeCollisionModel, planning_model
+from optiplan.control.arguments import checked_number
 from optiplan.control.braking_path import NativeBrakingPath
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.moving_obstacles import AHEAD, HORIZON, ObstacleJoints, PathAmongMoving
 from optiplan.control.limits.stop_limits import KEPT, DistanceView, StopLimit, StopPath
-from optiplan.control.tasks.base import checked_number
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot

@@ -160,12 +160,11 @@ class StopLimit(ControlLimit):
         towards = g * v < 0.0
         slope = delay + towards * (np.abs(v) * brake)
         G = g * (dt + slope)
-        unit = np.maximum(np.sqrt(np.einsum("ij,ij->i", G, G)), 1e-6)
         held = (g * slope) @ v
         b = view.distance - margin + held - 0.5 * ((towards * g) @ (v * np.abs(v) * brake))
         share = min(1.0, self.rate * dt)
         gain = np.where(view.distance < least, np.minimum(b, 0.0), share * b)
-        return LimitRows(G / unit[:, None], (held - dt * drift - gain) / unit, endless, unit, labels)
+        return LimitRows.normalised(G, held - dt * drift - gain, endless, labels, least=1e-6)
 
     def drift(self, view: DistanceView, t: float) -> Array:
         """How quickly distances in view change at time t where the robot stands, (K,), m/s."""
