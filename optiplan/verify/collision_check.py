@@ -59,7 +59,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     verdict = replace(verdict, worst=proved, limit=policy.clearance, unit="m", detail=_words(proof))
     if near is None:
         return verdict
-    witness |= {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q[: trajectory.n].tolist()}
+    witness |= near.witness(trajectory.n)
     worst = proof.clearance if proof.proved else near.distance
     return replace(verdict, worst=worst, time=near.time, place=" – ".join(near.pair), witness=witness)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index
+from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
@@ -93,10 +93,9 @@ class _Coarse:
     def members(self, chosen: Flags) -> Intervals:
         """All intervals of the blocks chosen (B, T), with their pairs."""
         rows, pairs = np.nonzero(chosen)
-        many = (self.last - self.first)[rows]
-        within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-        items = self.intervals.take(np.repeat(self.first[rows], many) + within)
-        return replace(items, pair=np.repeat(self.pairs[pairs], many))
+        block, within = parts_of((self.last - self.first)[rows])
+        items = self.intervals.take(self.first[rows][block] + within)
+        return replace(items, pair=self.pairs[pairs][block])
 
 
 @dataclass(eq=False)
