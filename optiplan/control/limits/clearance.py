@@ -67,7 +67,7 @@ class ClearanceLimit(StopLimit):
         stroke = np.append(np.where(np.isfinite(stroke), stroke, np.pi), np.zeros(self._obstacles.size))
         self.arms = bounds.moment_arms(stroke)
         self.labels = tuple(f"{pair.name_a} and {pair.name_b}" for pair in self.model.pairs)
-        self.ask()
+        self.require_least()
         self.structure = self._structure(robot)
         self._follows = bool(robot.followers)
         self._leaders = np.abs(bounds.kinematics.coupling) > 0.0  # columns of followers have their multiplier already

@@ -53,7 +53,7 @@ class HalfSpaceLimit(StopLimit):
         arms = kinematics.moment_arms(int(placed.parentJoint), point_J[None], stroke)
         self.arms = kinematics.planned_bound(arms[None])
         self.labels = (f"half-space of {self.frame}",)
-        self.ask()
+        self.require_least()
 
     def distances(self, c: Configuration, which: Index) -> Array:
         """Normal · p - offset, m."""

@@ -89,7 +89,7 @@ class StopLimit(ControlLimit):
         self.turns = robot.kinematics.planned_bound(revolute.astype(np.float64))
         self.slides = robot.kinematics.planned_bound((~revolute).astype(np.float64))
 
-    def ask(self) -> None:
+    def require_least(self) -> None:
         """Ask `at_least` of all distances; after `labels` are known."""
         self.least = np.full(len(self.labels), self.at_least)
         self.margin, self.moving = self.least + BUFFER, np.zeros(len(self.labels), dtype=bool)

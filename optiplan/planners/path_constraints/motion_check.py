@@ -8,9 +8,8 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Failure
-from optiplan.planners.path_constraints.clearance import PairsApart
 from optiplan.planners.path_constraints.inequalities import inequalities
-from optiplan.planners.path_constraints.inequality import CompiledInequality
+from optiplan.planners.path_constraints.inequality import CompiledInequality, PairsApart
 from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.measures import ROUNDING, FramePoses, Measure, measures

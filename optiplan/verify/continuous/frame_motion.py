@@ -81,13 +81,13 @@ class FrameMotion:
                 lever[:, j] += travelled
             travelled = travelled + reach[:, j] * lever[:, j]
         before = np.cumsum(speed, axis=1) - speed
-        bend = acceleration + speed * (speed + 2.0 * before)
+        curvatures = acceleration + speed * (speed + 2.0 * before)
         turning = speed * self._turns
         turns_before = np.cumsum(turning, axis=1) - turning
-        turn_bend = self._turns * (acceleration + turning * (turning + 2.0 * turns_before))
+        turn_curvatures = self._turns * (acceleration + turning * (turning + 2.0 * turns_before))
         turn, turn_step = ((bound * self._turns).sum(axis=1) for bound in (reach, jump))
-        curvature, step = ((lever * bound).sum(axis=1) for bound in (bend, jump))
-        return FrameBounds(travelled, turn, curvature, turn_bend.sum(axis=1), step, turn_step)
+        curvature, step = ((lever * bound).sum(axis=1) for bound in (curvatures, jump))
+        return FrameBounds(travelled, turn, curvature, turn_curvatures.sum(axis=1), step, turn_step)
 
     def _world(self, joints: Array) -> Array:
         return np.asarray(joints[:, self._joint] @ self._placement)

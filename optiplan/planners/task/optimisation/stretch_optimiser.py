@@ -269,8 +269,8 @@ def _law(path: Trajectory, motion: Trajectory, w: Array) -> tuple[Array, Array]:
         p1, p2 = path(at, 1), path(at, 2)
         v, a = (motion(at * motion.duration, order) for order in (1, 2))
         rate = float(p1 @ v / (p1 @ p1)) if p1.any() else 0.0
-        bend = float(p1 @ (a - p2 * rate**2) / (p1 @ p1)) if p1.any() else 0.0
-        ends[i] = at, rate * motion.duration, bend * motion.duration**2
+        rate_change = float(p1 @ (a - p2 * rate**2) / (p1 @ p1)) if p1.any() else 0.0
+        ends[i] = at, rate * motion.duration, rate_change * motion.duration**2
     return s, ends
 
 

@@ -303,7 +303,7 @@ def descend(  # noqa: C901
     missing: list[float] = []
     log: list[tuple[float, ...]] = []
     ended: Ending | None = None
-    ask = None if point.feasible else options.go_on
+    go_on = None if point.feasible else options.go_on
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
         if taken >= SLOW and (point.merit > WORSE * options.best or point.duration > options.longest):
             ended = "too slow"
@@ -338,11 +338,11 @@ def descend(  # noqa: C901
         if settled == SETTLED:
             ended = "converged"
             break
-        if ask is not None and point.feasible:
-            if not ask(point.control, point.duration):
+        if go_on is not None and point.feasible:
+            if not go_on(point.control, point.duration):
                 ended = "contact between samples"
                 break
-            ask = None
+            go_on = None
     if ended is None:
         ended = _ending(taken >= iterations, radius < LEAST_RADIUS, _stalled(missing))
     return Descended(point.control, point.duration, point.missing, point.nearest, taken, IterationLog.of(log, ended))
