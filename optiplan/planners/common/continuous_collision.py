@@ -39,6 +39,12 @@ class Touch:
     q: Array
     contact: Contact
 
+    @property
+    def words(self) -> str:
+        """Which bodies touch."""
+        pair = self.contact.pair
+        return f"'{pair.name_a}' meets '{pair.name_b}'"
+
     def witness(self, motion: Trajectory | None = None) -> dict[str, Any]:
         """Return the contact as a JSON-ready `Failure.witness`, with the `motion` that touches if it is given."""
         moving = {} if motion is None else {"motion": motion.to_dict()}

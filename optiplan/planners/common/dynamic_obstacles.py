@@ -69,9 +69,8 @@ def delayed(
         touch = touch or met
     if touch is None:
         return Failure("budget", f"{budget.seconds:.3g} s ended while waiting times were tried")
-    pair = touch.contact.pair
     detail = (
-        f"'{pair.name_a}' meets '{pair.name_b}' at {touch.t:.3f} s, and neither waiting up to "
+        f"{touch.words} at {touch.t:.3f} s, and neither waiting up to "
         f"{_horizon(problem):.3g} s nor going {max(_SLOWER):g} times slower avoids what moves"
     )
     return Failure("collision", detail, touch.witness(motions[0]))

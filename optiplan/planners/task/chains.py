@@ -187,10 +187,7 @@ def _straight(stage: Stage, action: Move) -> Trajectory | Failure:
     problem = stage.problem
     motion = stop_at_corners(np.array([problem.start, goal.q]), problem.limits, problem.robot.joint_names)
     touch = first_contact(stage.model, motion)
-    if touch is None:
-        return motion
-    pair = touch.contact.pair
-    return Failure("collision", f"'{pair.name_a}' meets '{pair.name_b}'", touch.witness())
+    return motion if touch is None else Failure("collision", touch.words, touch.witness())
 
 
 def _line(stage: Stage, frame: str, path: FollowedPath, budget: Budget) -> Trajectory | Failure:

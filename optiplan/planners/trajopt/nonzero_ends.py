@@ -106,9 +106,7 @@ class _NonzeroEndRun:
             touch = first_contact(self.model, motion, lambda: self.budget.over)
         if touch is None:
             return None
-        pair = touch.contact.pair
-        detail = f"'{pair.name_a}' meets '{pair.name_b}' after {touch.t:.3f} s"
-        return Failure("collision", detail, touch.witness(motion))
+        return Failure("collision", f"{touch.words} after {touch.t:.3f} s", touch.witness(motion))
 
     def _detour(self) -> Failure | None:
         """Stop, go from rest to rest, run up; then optimise from that."""
