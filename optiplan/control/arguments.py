@@ -53,7 +53,6 @@ def spread_vector(owner: object, argument: str, value: object, size: int, expect
 
 
 def _good(owner: object, argument: str, vector: Array, good: Array, expected: str) -> Array:
-    """The vector, if all of its entries are good."""
     for k in np.flatnonzero(~good)[:1].tolist():
         raise wrong_argument(type(owner).__name__, f"{argument}[{k}]", f"{vector[k]:g}", expected)
     return vector

@@ -385,7 +385,6 @@ def _not_finite(state: State) -> tuple[str, str]:
 
 
 def _check_kinds(robot: Any, scene: Any, relax: Any, guess: Any) -> None:
-    """Raise an `InputError` for an argument of another kind."""
     if not isinstance(robot, Robot):
         raise wrong_argument("Controller", "robot", described(robot), "op.load_robot(…)")
     if scene is not None and not isinstance(scene, Scene):

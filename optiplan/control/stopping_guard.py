@@ -184,5 +184,4 @@ def _raise(least: Array, limit: StopLimit, view: DistanceView) -> None:
 
 
 def _abilities(box: JointBox, dt: float) -> Abilities:
-    """How joints brake within their limits."""
     return Abilities(box.delay + dt, 1.0 / box.acceleration)

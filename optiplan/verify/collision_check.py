@@ -86,7 +86,6 @@ def _finite(value: float) -> float | None:
 
 
 def _words(proof: Proof) -> str:
-    """Describe the proof in one sentence."""
     work = f"{proof.intervals} intervals, {proof.queries} distance queries"
     trust = f", {proof.gjk_only} of them of non-convex meshes, as measured less 1e-6 m" if proof.gjk_only else ""
     count = len(proof.kept)

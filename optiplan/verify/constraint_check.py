@@ -138,7 +138,7 @@ def _poses(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: 
     at = frame if base is None else f"{frame} in {base}"
     proof = _ConstraintProof(FrameMotion(problem.robot, frame, base), trajectory, policy)
     return [
-        proof.check(one, _Limit(f"{at}: {each.quantity}", each.unit, each.allowed, _of_pose(each), each.told))
+        proof.check(one, _Limit(f"{at}: {each.quantity}", each.unit, each.allowed, _of_pose(each), each.shown))
         for each in measures(one)
     ]
 
@@ -148,13 +148,13 @@ Evaluate = Callable[["_ConstraintProof", _TimeParts], _Values]
 
 @dataclass(frozen=True, eq=False)
 class _Limit:
-    """A quantity and its limit; `told` as of `Measure`."""
+    """A quantity and its limit; `shown` as of `Measure`."""
 
     place: str
     unit: str
     limit: float
     values: Evaluate
-    told: Callable[[float], float] = float
+    shown: Callable[[float], float] = float
 
 
 class _ConstraintProof:
@@ -215,7 +215,7 @@ class _ConstraintProof:
             reason, worst = "nothing of the motion is in its part", np.nan
         detail = f"{reason or 'proved at all times'}: {evaluated} intervals{of_the_motion(one)}"
         witness: dict[str, Any] = {"q": self.trajectory(when).tolist()}
-        worst, allowed = limit.told(worst), limit.told(limit.limit)
+        worst, allowed = limit.shown(worst), limit.shown(limit.limit)
         return Check(
             title(one), "continuous", not reason, worst, allowed, limit.unit, when, limit.place, detail, witness
         )

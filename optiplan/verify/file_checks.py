@@ -123,7 +123,6 @@ def _unlike(found: Any, expected: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _same(found: Any, seconds: float) -> bool:
-    """Return whether these are the seconds."""
     return is_finite(found) and abs(found - seconds) <= SAME_TIME
 
 

@@ -152,7 +152,6 @@ def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
 
 
 def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
-    """Check where moves and lines end."""
     for k, part in enumerate(parts):
         action = part.step.action
         if isinstance(action, Move):
@@ -176,7 +175,6 @@ def _of_all(problem: Problem, joints: Iterable[str], end: End, q: Array) -> End 
 
 
 def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
-    """Check the vias of moves."""
     for k, part in enumerate(parts):
         action = part.step.action
         if not isinstance(action, Move) or not action.vias:

@@ -14,6 +14,7 @@ from optiplan.control.limits.moving_obstacles import AHEAD, HORIZON, ObstacleJoi
 from optiplan.control.limits.stop_limits import KEPT, DistanceView, StopLimit, StopPath
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.scene import Scene
+from optiplan.robot.batched.kinematics import inverse_poses
 from optiplan.robot.robot import Robot
 
 AT_LEAST = 0.005
@@ -190,20 +191,11 @@ class ClearanceLimit(StopLimit):
         Poses are those against the joint that carries both bodies.
         """
         joints, common = self._joints[which], self._common[which]
-        X, Y = (_inverse(mark[common])[:, None] @ mark[joints] for mark in (first, second))
+        X, Y = (inverse_poses(mark[common])[:, None] @ mark[joints] for mark in (first, second))
         change = (Y - X) ** 2
         shift = np.sqrt(change[:, :, :3, 3].sum(axis=2))
         turn = np.sqrt(0.5 * change[:, :, :3, :3].sum(axis=(2, 3)))
         return np.asarray((shift + turn * self._reaches[which]).sum(axis=1))
-
-
-def _inverse(X: Array) -> Array:
-    """Of homogeneous poses (K, 4, 4)."""
-    result = np.zeros_like(X)
-    result[:, :3, :3] = X[:, :3, :3].swapaxes(1, 2)
-    result[:, :3, 3] = -(result[:, :3, :3] @ X[:, :3, 3:])[:, :, 0]
-    result[:, 3, 3] = 1.0
-    return result
 
 
 def _cross(a: Array, b: Array) -> Array:

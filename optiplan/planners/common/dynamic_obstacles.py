@@ -89,7 +89,6 @@ def _in_order(problem: Problem, motions: Sequence[Trajectory]) -> Iterator[Delay
 
 
 def _sooner(problem: Problem, good: Delayed, motions: Sequence[Trajectory], model: CollisionModel) -> Delayed:
-    """Shorten a wait by bisection."""
     low = max(0.0, good.wait - _horizon(problem) / (_WAITS - 1))
     motion = next(one for one in motions if np.isclose(one.duration * good.slower + good.wait, good.motion.duration))
     for _ in range(_HALVINGS if good.wait else 0):

@@ -69,7 +69,6 @@ def join_steps(parts: Sequence[TaskPart], budget: Budget, progress: Progress, th
 
 
 def _stretches_and_pauses(parts: Sequence[TaskPart]) -> list[Group]:
-    """Return the parts in groups between which the arm must stop."""
     groups: list[Group] = []
     for part in parts:
         last = groups[-1] if groups else None

@@ -215,7 +215,6 @@ class _Run:
         return self.optimiser.along(np.array([self.problem.start, goals[number % len(goals)]]))
 
     def _with_bump(self, control: Array, rng: np.random.Generator) -> Array:
-        """Return a curve with a bump."""
         limits = self.problem.limits
         duration = self.optimiser.basis.shortest_duration(control, limits.rates)
         return with_bump(self.optimiser.basis, control, duration, limits, rng)

@@ -17,7 +17,7 @@ from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair at first
-_TOLD = 0.8  # share of the smallest distance measured that is proved as clearance
+_PROVED_SHARE = 0.8  # share of the smallest distance measured that is proved as clearance
 _FAR = 0.1  # m: a larger clearance is not refined
 _HULLS = 5e-3  # m: where hulls are proved farther apart, meshes are not queried
 _ROOM = 1.25  # factor on the clearance to prove, below which meshes are queried instead of hulls
@@ -348,7 +348,7 @@ class _Search:
         """
         asked = self.policy.clearance
         least = self.proof.measured(asked)
-        target = asked + _TOLD * np.maximum(least - asked, 0.0)
+        target = asked + _PROVED_SHARE * np.maximum(least - asked, 0.0)
         if self.tightest is not None:
             target[SELF] = min(target[SELF], self.tightest[0])
         return np.asarray(target[self.kinds[pairs]])

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags
+from optiplan.robot.batched.kinematics import inverse_poses
 from optiplan.robot.robot import Robot
 from optiplan.verify.continuous.motion_bounds import Boxes
 
@@ -52,7 +53,7 @@ class FrameMotion:
     def poses(self, Q: Array) -> Array:
         """X_AF at configurations Q (N, n): (N, 4, 4)."""
         joints = self.kinematics.poses(Q)
-        return np.asarray(_inverse(joints[:, self._base_joint] @ self._base_placement) @ self._world(joints))
+        return np.asarray(inverse_poses(joints[:, self._base_joint] @ self._base_placement) @ self._world(joints))
 
     def twists(self, Q: Array, V: Array) -> tuple[Array, Array]:
         """Velocity of F's origin, m/s, and angular velocity, rad/s, in the world, each (N, 3); of A at rest only."""
@@ -97,12 +98,3 @@ def _placed(robot: Robot, frame: str) -> tuple[int, Array]:
     """The joint that carries a frame, and the frame's pose there (4, 4)."""
     found: pin.Frame = robot.model.frames[robot.frame_id(frame)]
     return int(found.parentJoint), np.array(found.placement.homogeneous)
-
-
-def _inverse(X: Array) -> Array:
-    """Inverse of poses (N, 4, 4)."""
-    result = np.zeros_like(X)
-    result[:, :3, :3] = X[:, :3, :3].transpose(0, 2, 1)
-    result[:, :3, 3] = -np.einsum("nij,nj->ni", result[:, :3, :3], X[:, :3, 3])
-    result[:, 3, 3] = 1.0
-    return result

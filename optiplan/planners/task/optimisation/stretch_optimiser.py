@@ -165,7 +165,6 @@ class StretchOptimiser:
         return found
 
     def _motion(self, curve: StretchCurve, k: int) -> Trajectory:
-        """Return the motion of a part."""
         part, motion = self.parts[k], self._spline(curve, k)
         return motion if isinstance(part, MovePart) else along(part.path, motion)
 
@@ -190,7 +189,6 @@ class StretchOptimiser:
         return found
 
     def _broken(self, stretch: Stretch) -> bool:
-        """Whether a step violates one of its path constraints."""
         for step, begin, end in zip(stretch.steps, (0.0, *stretch.ends), stretch.ends, strict=False):
             kept = PathConstraints(step.stage.problem)
             if kept.all and list(kept.broken(cut_trajectory(stretch.motion, begin, end))):
@@ -199,7 +197,6 @@ class StretchOptimiser:
 
 
 def _line(run: SmoothRun, rests: tuple[bool, bool]) -> LinePart:
-    """Return the part of a line."""
     problem, path = run.steps[0].stage.problem, run.curve.scaled(1.0)
     slow = _slow(problem.robot, path, run)
     return LinePart(path, problem.robot, with_reserve(problem).limits, rests, slow, len(run.steps))
