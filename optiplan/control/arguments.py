@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array, Flags, is_finite
 from optiplan.errors import UnknownChoiceError, described, wrong_argument
 from optiplan.robot.robot import Robot
 
@@ -52,7 +52,7 @@ def spread_vector(owner: object, argument: str, value: object, size: int, expect
         raise wrong_argument(type(owner).__name__, argument, described(value), expected) from None
 
 
-def _good(owner: object, argument: str, vector: Array, good: Array, expected: str) -> Array:
+def _good(owner: object, argument: str, vector: Array, good: Flags, expected: str) -> Array:
     for k in np.flatnonzero(~good)[:1].tolist():
         raise wrong_argument(type(owner).__name__, f"{argument}[{k}]", f"{vector[k]:g}", expected)
     return vector

@@ -123,9 +123,10 @@ class Subproblem:
             problem = qpsolvers.Problem(
                 program.quadratic, program.linear, sp.csc_matrix(matrix), right, None, None, low, high
             )
-            x = solution_of(problem, self.solver)
-            if x is None:
+            solved = solution_of(problem, self.solver)
+            if solved is None:
                 return None
+            x = solved
             change = (x[:count] * scale).reshape(moving.shape)
             after = share + (self._free_rows @ change) / (self._limit * duration ** self._order[:, None])
             allowed = 1.0 + self._order[:, None] * x[count] + EXCEEDED
