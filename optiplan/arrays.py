@@ -30,6 +30,12 @@ def is_finite(value: Any) -> TypeGuard[float]:
         return False
 
 
+def parts_of(counts: Index) -> tuple[Index, Index]:
+    """Of K wholes cut into `counts` (K,) parts each: the whole of each part, and its place in it, (N,) each."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
 def distinct(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """The values of an array, rising, each once: `np.unique`, whose first call imports masked arrays (5 ms)."""
     ordered = np.sort(values, axis=None)

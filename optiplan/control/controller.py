@@ -159,19 +159,16 @@ class Controller:
         c = self._configuration
         c.update(state.q, state.v)
         outcome = self._linearise(c, state, dt)
-        brake = outcome.brake
         self._programs.solve_seconds = 0.0
         x = self._solve(c, state, dt, outcome)
-        if x is not None and not self._accept(x, outcome):
-            x = self._way_out(outcome)
-        if x is None:
-            self._guard.keep(state, brake, dt, self.time + dt)
-            self._programs.reset()
-        outcome.x, outcome.how = (brake.v, "braking") if x is None else (x, self._programs.how)
-        outcome.next = self._guard.state
-        self.time += dt
+        accepted = None if x is None else self._accept(x, outcome) or self._way_out(outcome)
         outcome.solve_seconds = self._programs.solve_seconds
-        return self._report.step(outcome, self._guard.nearest, begin)
+        if accepted is None:
+            self._programs.reset()
+            return self._brake(outcome, begin)
+        outcome.how = self._programs.how
+        self.time += dt
+        return self._report.step(outcome, accepted, self._guard.nearest, begin)
 
     def build(self, state: State, dt: float) -> ControlProblem:
         """Return the quadratic program that `step` would solve, with a name for every row; nothing is commanded.
@@ -254,11 +251,14 @@ class Controller:
 
     def _braking(self, state: State, dt: float, begin: float, why: str) -> ControlStep:
         """A step along the stop."""
-        brake = self._box.brake(state, dt)
-        outcome = StepOutcome(state, dt, brake, next=brake, x=brake.v, how="braking", why=why)
-        self._guard.keep(state, brake, dt, self.time + dt)
-        self.time += dt
-        return self._report.step(outcome, self._guard.nearest, begin)
+        return self._brake(StepOutcome(state, dt, self._box.brake(state, dt), why=why), begin)
+
+    def _brake(self, outcome: StepOutcome, begin: float) -> ControlStep:
+        """Go along the stop."""
+        brake = outcome.brake
+        self.time += outcome.dt
+        self._guard.keep(outcome.state, brake, outcome.dt, self.time)
+        return self._report.step(outcome, brake, self._guard.nearest, begin)
 
     def configuration(self, state: State) -> Configuration:
         """Kinematics at a state, to ask tasks for their errors; a new object."""
@@ -304,25 +304,34 @@ class Controller:
         outcome.manipulability = float(np.prod(values))
         return float(values[-1])
 
-    def _accept(self, x: Array, outcome: StepOutcome) -> bool:
-        """Whether the robot can stop from there; if not, from half the way back to braking, or a quarter of it."""
-        state, dt, brake, t = outcome.state, outcome.dt, self._box.slowing, self.time + outcome.dt
-        for share in (1.0, 0.5, 0.25):
-            candidate = x if share == 1.0 else brake + share * (x - brake)
-            if self._guard.accepts(self._next(state, candidate, dt), dt, t, outcome.brake, outcome.slack):
-                outcome.share = share
-                x[:] = candidate
-                return True
-        return False
+    def _accept(self, x: Array, outcome: StepOutcome) -> State | None:
+        """The state with velocities x (n,), or half or a quarter of them beyond braking, if the robot can stop clear.
 
-    def _way_out(self, outcome: StepOutcome) -> Array | None:
-        """Velocities away from what is too near, where the robot stands and can stop clear from them; None otherwise.
+        None where it cannot from any of these.
+        """
+        brake = self._box.slowing
+        for share in (1.0, 0.5, 0.25):
+            outcome.share = share
+            accepted = self._if_clear(x if share == 1.0 else brake + share * (x - brake), outcome)
+            if accepted is not None:
+                return accepted
+        outcome.share = 1.0
+        return None
+
+    def _if_clear(self, x: Array, outcome: StepOutcome) -> State | None:
+        """The state at the end of the step with velocities x (n,); None where the robot could not stop clear of it."""
+        dt = outcome.dt
+        reached = self._next(outcome.state, x, dt)
+        clear = self._guard.accepts(reached, dt, self.time + dt, outcome.brake, outcome.slack)
+        return reached if clear else None
+
+    def _way_out(self, outcome: StepOutcome) -> State | None:
+        """A state away from what is too near, where the robot stands and can stop clear from there; None otherwise.
 
         `why` of the outcome then says what stands in the way, and what was tried.
         """
-        state, dt, t = outcome.state, outcome.dt, self.time + outcome.dt
         outcome.why = "no command was found that keeps all limits and can be stopped clear"
-        if state.v.any():
+        if outcome.state.v.any():
             return None
         tried: list[str] = []
         low, high = self._box.low, self._box.high
@@ -336,10 +345,10 @@ class Controller:
             ends = np.where(d > 0.0, high, low)
             most = float((ends[np.abs(d) > 1e-3] / d[np.abs(d) > 1e-3]).min())
             for share in (1.0, 0.25):
-                x = self._box_clip(share * most * d)
-                if self._guard.accepts(self._next(state, x, dt), dt, t, outcome.brake, outcome.slack):
+                found = self._if_clear(self._box_clip(share * most * d), outcome)
+                if found is not None:
                     self._programs.how, outcome.share = "way out", share
-                    return x
+                    return found
         nearest = self._guard.nearest
         if nearest is not None and tried:
             outcome.why += (
@@ -376,7 +385,6 @@ def _not_finite(state: State) -> tuple[str, str]:
 
 
 def _check_kinds(robot: Any, scene: Any, relax: Any, guess: Any) -> None:
-    """Raise an `InputError` for an argument of another kind."""
     if not isinstance(robot, Robot):
         raise wrong_argument("Controller", "robot", described(robot), "op.load_robot(…)")
     if scene is not None and not isinstance(scene, Scene):

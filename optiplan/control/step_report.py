@@ -30,9 +30,7 @@ class StepOutcome:
     state: State
     dt: float
     brake: State
-    next: State | None = None
-    x: Array | None = None
-    how: str = ""
+    how: str = "braking"
     demand: Demand | None = None
     program: Program | None = None
     level: int = 0
@@ -49,15 +47,14 @@ class StepReporter:
     def __init__(self, robot: Robot, box: JointBox, rows: RowStack) -> None:
         self._names, self._box, self._rows = robot.joint_names, box, rows
 
-    def step(self, outcome: StepOutcome, nearest: NearestPair | None, begin: float) -> ControlStep:
-        """The record of a step that began at `begin` of the clock `time.perf_counter`."""
-        state, x, demand = outcome.next, outcome.x, outcome.demand
-        assert state is not None
-        assert x is not None
+    def step(self, outcome: StepOutcome, state: State, nearest: NearestPair | None, begin: float) -> ControlStep:
+        """The record of a step to a state that began at `begin` of the clock `time.perf_counter`."""
+        x, demand = state.v, outcome.demand
         active: tuple[str, ...] = ()
         slack: dict[str, float] = {}
         if outcome.how == "braking":
-            status, reason = self._stopping(outcome)
+            stopping: tuple[Status, str] = ("stopping", "brakes") if x.any() else ("stopped", "stands")
+            status, reason = stopping[0], f"{stopping[1]}: {outcome.why}"
         else:
             if outcome.how != "unconstrained":
                 active = self._active(x)
@@ -76,10 +73,6 @@ class StepReporter:
             seconds=time.perf_counter() - begin,
             solver=outcome.how,
         )
-
-    def _stopping(self, outcome: StepOutcome) -> tuple[Status, str]:
-        still = outcome.x is not None and not outcome.x.any()
-        return ("stopped", f"stands: {outcome.why}") if still else ("stopping", f"brakes: {outcome.why}")
 
     def _active(self, x: Array) -> tuple[str, ...]:
         found = [f"{name} of {self._names[j]} ({end})" for name, j, end in self._box.at(x)]

@@ -23,19 +23,9 @@ WAYS = 4
 
 
 class StoppingGuard:
-    """What is near the robot in one state; kept for the next step, which starts there.
+    """What is near the robot in the last accepted state; kept for the next step, which starts there."""
 
-    Attributes:
-        state: the last accepted one.
-    """
-
-    def __init__(
-        self,
-        robot: Robot,
-        limits: Sequence[StopLimit],
-        kept: Sequence[KeptRowLimit],
-        box: JointBox,
-    ) -> None:
+    def __init__(self, robot: Robot, limits: Sequence[StopLimit], kept: Sequence[KeptRowLimit], box: JointBox) -> None:
         self._limits, self._kept, self._box = tuple(limits), tuple(kept), box
         self._path = make_braking_path(robot)
         self._configuration = Configuration(robot)
@@ -43,7 +33,7 @@ class StoppingGuard:
         self._least: list[Array] = []
         self._dt, self._per_jerk = 0.0, 1.0 / box.jerk
         self._abilities = _abilities(box, 0.0)
-        self.state: State | None = None
+        self._last: State | None = None
         self._t, self._timed = 0.0, not all(limit.still for limit in self._limits)
         self._spare = make_braking_path(robot)
         self._braked: State | None = None
@@ -102,7 +92,7 @@ class StoppingGuard:
                             return False
                 views.append(view)
             self._views = views
-        self.state, self._t = candidate, t
+        self._last, self._t = candidate, t
         return True
 
     def _stays_as_far(self, limit: StopLimit, brake: State, dt: float, t: float) -> bool:
@@ -124,7 +114,7 @@ class StoppingGuard:
         """
         if not self._continues(start, t - dt):
             self._least = []
-        self.state, self._t = state, t
+        self._last, self._t = state, t
         if self._limits:
             self._configuration.update(state.q, state.v)
             self._look(self._configuration, t)
@@ -172,7 +162,7 @@ class StoppingGuard:
         return np.asarray(speed * (late + 0.5 * speed * self._abilities.per_acceleration))
 
     def _continues(self, state: State, t: float) -> bool:
-        last = self.state
+        last = self._last
         if not self._views or last is None or (self._timed and abs(t - self._t) > 1e-9):
             return False
         return state is last or bool((state.q == last.q).all())
@@ -194,5 +184,4 @@ def _raise(least: Array, limit: StopLimit, view: DistanceView) -> None:
 
 
 def _abilities(box: JointBox, dt: float) -> Abilities:
-    """How joints brake within their limits."""
     return Abilities(box.delay + dt, 1.0 / box.acceleration)

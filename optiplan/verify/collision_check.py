@@ -59,7 +59,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     verdict = replace(verdict, worst=proved, limit=policy.clearance, unit="m", detail=_words(proof))
     if near is None:
         return verdict
-    witness |= {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q[: trajectory.n].tolist()}
+    witness |= near.witness(trajectory.n)
     worst = proof.clearance if proof.proved else near.distance
     return replace(verdict, worst=worst, time=near.time, place=" – ".join(near.pair), witness=witness)
 
@@ -86,7 +86,6 @@ def _finite(value: float) -> float | None:
 
 
 def _words(proof: Proof) -> str:
-    """Describe the proof in one sentence."""
     work = f"{proof.intervals} intervals, {proof.queries} distance queries"
     trust = f", {proof.gjk_only} of them of non-convex meshes, as measured less 1e-6 m" if proof.gjk_only else ""
     count = len(proof.kept)

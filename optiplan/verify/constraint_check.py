@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index
+from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.mecanum import wheel_matrix
 from optiplan.problem.constraints.expression import Expression
@@ -34,14 +34,14 @@ from optiplan.verify.joint_constraint_check import (
     expression,
     joint_coupling,
     manipulability,
+    of_the_motion,
     part_of,
+    title,
     tool_acceleration,
 )
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import constraint, covering
-
-SPEED_SHARE = 1e-3
-"""Share of a tool speed limit within which it is proved: a motion at its limit has no margin to prove it by."""
+from optiplan.verify.tolerances import RATE_SHARE
 
 _FIRST, _MOST_FIRST = 0.02, 20_000
 """s; intervals to begin with, and about how many at most: a motion of hours is slow, so longer ones do."""
@@ -68,8 +68,7 @@ class _TimeParts:
         inside = (end > begin) | ((low >= starts) & (high <= starts + h))
         piece, begin, length = np.flatnonzero(inside), begin[inside], (end - begin)[inside]
         parts = np.maximum(1, np.ceil(length / first)).astype(np.intp)
-        which = np.repeat(np.arange(len(piece)), parts)
-        within = np.arange(len(which)) - np.repeat(np.cumsum(parts) - parts, parts)
+        which, within = parts_of(parts)
         width = (length / parts)[which]
         return cls(piece[which], begin[which] + within * width, width)
 
@@ -107,7 +106,7 @@ def _nothing(one: PathConstraint) -> Check:
     """Return the failed check of a constraint that no check was made of."""
     key = getattr(one, "KEY", type(one).__name__)
     detail = f"no check is known of '{key}' as it is stated here, so nothing was checked of it"
-    return Check(f"{key.replace('_', ' ')} constraint", "unchecked", False, detail=detail)
+    return Check(title(one), "unchecked", False, detail=detail)
 
 
 ChecksOf = Callable[[Problem, Trajectory, VerifyPolicy, Any], list[Check]]
@@ -120,7 +119,7 @@ def _checks_of(one: PathConstraint) -> ChecksOf:
 
 def _wheel_speed(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: WheelSpeed) -> list[Check]:
     proof = _ConstraintProof(FrameMotion(problem.robot, problem.robot.tool_frame), trajectory, policy)
-    limit = one.at_most * (1.0 + SPEED_SHARE)
+    limit = one.at_most * (1.0 + RATE_SHARE)
     return [proof.check(one, _Limit("the fastest wheel", "rad/s", limit, _wheels(problem.robot)))]
 
 
@@ -128,7 +127,7 @@ def _tool_speed(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, 
     proof = _ConstraintProof(FrameMotion(problem.robot, one.frame), trajectory, policy)
     limits = [("speed", one.linear, "m/s", 0), ("turning speed", one.angular, "rad/s", 1)]
     return [
-        proof.check(one, _Limit(f"{one.frame}: {quantity}", unit, limit * (1.0 + SPEED_SHARE), _speeds(which)))
+        proof.check(one, _Limit(f"{one.frame}: {quantity}", unit, limit * (1.0 + RATE_SHARE), _speeds(which)))
         for quantity, limit, unit, which in limits
         if limit != np.inf
     ]
@@ -139,7 +138,7 @@ def _poses(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: 
     at = frame if base is None else f"{frame} in {base}"
     proof = _ConstraintProof(FrameMotion(problem.robot, frame, base), trajectory, policy)
     return [
-        proof.check(one, _Limit(f"{at}: {each.quantity}", each.unit, each.allowed, _of_pose(each), each.told))
+        proof.check(one, _Limit(f"{at}: {each.quantity}", each.unit, each.allowed, _of_pose(each), each.shown))
         for each in measures(one)
     ]
 
@@ -149,13 +148,13 @@ Evaluate = Callable[["_ConstraintProof", _TimeParts], _Values]
 
 @dataclass(frozen=True, eq=False)
 class _Limit:
-    """A quantity and its limit; `told` as of `Measure`."""
+    """A quantity and its limit; `shown` as of `Measure`."""
 
     place: str
     unit: str
     limit: float
     values: Evaluate
-    told: Callable[[float], float] = float
+    shown: Callable[[float], float] = float
 
 
 class _ConstraintProof:
@@ -175,11 +174,16 @@ class _ConstraintProof:
         """Return times at a share of each interval (K,), s."""
         return np.asarray(self.trajectory.breakpoints[spans.piece] + spans.begin + share * spans.width)
 
+    def rates(self, spans: _TimeParts) -> Array:
+        """Return bounds of the joints' speed and acceleration on the intervals: (2, K, n)."""
+        half = 0.5 * spans.width[:, None]
+        c = self.trajectory.coefficients[spans.piece]
+        return derivative_bounds(c, spans.begin[:, None] + half, half, 3)[1:]
+
     def bounds(self, spans: _TimeParts) -> FrameBounds:
         """Return the bounds of the frame's motion on the intervals."""
         half = 0.5 * spans.width[:, None]
-        c = self.trajectory.coefficients[spans.piece]
-        _, speed, acceleration = derivative_bounds(c, spans.begin[:, None] + half, half, 3)
+        speed, acceleration = self.rates(spans)
         jump, q, v = self._jump[spans.piece], self.state(spans, 0.5), self.state(spans, 0.5, 1)
         return self.motion.bounds(Boxes(half[:, 0], q, v, speed * half + jump, speed, acceleration, jump))
 
@@ -209,12 +213,12 @@ class _ConstraintProof:
             spans = spans.halved(open_)
         if not evaluated:
             reason, worst = "nothing of the motion is in its part", np.nan
-        name = f"{one.KEY.replace('_', ' ')} constraint"
-        detail = f"{reason or 'proved at all times'}: {evaluated} intervals"
-        detail += "" if one.during == (0.0, 1.0) else f" of {one.during[0]:g} to {one.during[1]:g} of the motion"
+        detail = f"{reason or 'proved at all times'}: {evaluated} intervals{of_the_motion(one)}"
         witness: dict[str, Any] = {"q": self.trajectory(when).tolist()}
-        told, allowed = limit.told(worst), limit.told(limit.limit)
-        return Check(name, "continuous", not reason, told, allowed, limit.unit, when, limit.place, detail, witness)
+        worst, allowed = limit.shown(worst), limit.shown(limit.limit)
+        return Check(
+            title(one), "continuous", not reason, worst, allowed, limit.unit, when, limit.place, detail, witness
+        )
 
 
 def _of_pose(measure: Measure) -> Evaluate:
@@ -275,12 +279,10 @@ def _wheels(robot: Robot) -> Evaluate:
     def values(proof: _ConstraintProof, spans: _TimeParts) -> _Values:
         q, v = proof.state(spans, 0.5), proof.state(spans, 0.5, 1)
         rates = np.array([np.abs(wheel_matrix(robot, at) @ rate).max() for at, rate in zip(q, v, strict=True)])
-        half = 0.5 * spans.width[:, None]
-        c = proof.trajectory.coefficients[spans.piece]
-        _, speed, acceleration = derivative_bounds(c, spans.begin[:, None] + half, half, 3)[..., place]
+        speed, acceleration = proof.rates(spans)[..., place]
         change = np.hypot(acceleration[:, 0], acceleration[:, 1]) + speed[:, 2] * np.hypot(speed[:, 0], speed[:, 1])
         rate = (np.sqrt(2.0) * change + k * acceleration[:, 2]) / spec.radius
-        return _Values(rates, proof.time(spans, 0.5), rates + half[:, 0] * rate)
+        return _Values(rates, proof.time(spans, 0.5), rates + 0.5 * spans.width * rate)
 
     return values
 
@@ -300,11 +302,7 @@ def _clearance(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, o
     place = ", ".join(" – ".join(pair) for pair in one.pairs) if near is None else " – ".join(near.pair)
     worst = proof.clearance if proof.proved else None if near is None else near.distance
     time = None if near is None else begin + near.time
-    witness = (
-        {}
-        if near is None
-        else {"pair": list(near.pair), "points": near.points.tolist(), "q": near.q[: trajectory.n].tolist()}
-    )
+    witness = {} if near is None else near.witness(trajectory.n)
     finite = worst if worst is not None and np.isfinite(worst) else None
     return Check("clearance constraint", "continuous", passed, finite, one.at_least, "m", time, place, detail, witness)
 

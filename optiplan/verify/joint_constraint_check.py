@@ -1,5 +1,6 @@
 """Checks of path constraints on joints, wheels, accelerations and manipulability."""
 
+from dataclasses import replace
 from math import factorial
 
 import numpy as np
@@ -16,16 +17,13 @@ from optiplan.robot.limits import joint_units
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check
-from optiplan.verify.tolerances import POSITION_ROUNDING
+from optiplan.verify.tolerances import POSITION_ROUNDING, RATE_SHARE
 
 RATE = 1000.0
 """Hz, at which sampled quantities are looked at …"""
 
 LEAST, MOST = 200, 200_000
 """… and at so many instants at least, and about so many at most: a motion of minutes is slow."""
-
-RATE_SHARE = 1e-3
-"""Share of a limit of speed or acceleration by which it may be passed, as of `constraint_check.SPEED_SHARE`."""
 
 
 def joint_coupling(problem: Problem, trajectory: Trajectory, one: JointCoupling) -> Check:
@@ -45,7 +43,8 @@ def joint_coupling(problem: Problem, trajectory: Trajectory, one: JointCoupling)
     place = " + ".join(f"{weight:g} {name}" for name, weight in one.joints.items())
     passed = worst <= one.within + POSITION_ROUNDING
     unit = joint_units("position", problem.robot.revolute[weights != 0.0])
-    return Check(_name(one), "exact", passed, worst, one.within, unit, when, place, _words(passed, one))
+    detail = f"{'holds at all times' if passed else 'beyond its limit'}{of_the_motion(one)}"
+    return Check(title(one), "exact", passed, worst, one.within, unit, when, place, detail)
 
 
 def manipulability(problem: Problem, trajectory: Trajectory, one: ManipulabilityAbove) -> Check:
@@ -55,10 +54,8 @@ def manipulability(problem: Problem, trajectory: Trajectory, one: Manipulability
     value = np.prod(np.linalg.svd(J, compute_uv=False), axis=1)
     k = int(np.argmin(value))
     passed = bool(value[k] >= one.at_least - POSITION_ROUNDING)
-    witness = {"q": trajectory(float(times[k])).tolist()}
-    detail = _sampled(passed, len(times), one)
-    time = float(times[k])
-    return Check(_name(one), "sampled", passed, float(value[k]), one.at_least, "", time, one.frame, detail, witness)
+    found = Check(title(one), "sampled", passed, float(value[k]), one.at_least, place=one.frame)
+    return _at_sample(found, trajectory, times, k, one)
 
 
 def tool_acceleration(problem: Problem, trajectory: Trajectory, one: ToolAcceleration) -> list[Check]:
@@ -80,10 +77,8 @@ def tool_acceleration(problem: Problem, trajectory: Trajectory, one: ToolAcceler
             value = np.linalg.norm(found[:, part], axis=1)
             k = int(np.argmax(value))
             passed, place = bool(value[k] <= limit * (1.0 + RATE_SHARE)), f"{one.frame}: {quantity}"
-            witness = {"q": trajectory(float(times[k])).tolist()}
-            detail = _sampled(passed, len(times), one)
-            time, worst = float(times[k]), float(value[k])
-            checks.append(Check(_name(one), "sampled", passed, worst, limit, unit, time, place, detail, witness))
+            check = Check(title(one), "sampled", passed, float(value[k]), limit, unit, place=place)
+            checks.append(_at_sample(check, trajectory, times, k, one))
     return checks
 
 
@@ -95,14 +90,13 @@ def expression(problem: Problem, trajectory: Trajectory, one: Expression) -> Che
     wrong = ~np.isfinite(violation)
     k = int(np.flatnonzero(wrong)[0]) if wrong.any() else int(np.argmax(violation))
     passed = not wrong.any() and bool(violation[k] <= POSITION_ROUNDING)
-    detail = "not finite" if wrong.any() else _sampled(passed, len(times), one)
     below = np.isfinite(one.lower) and (
         not np.isfinite(one.upper) or value[k].min() - one.lower <= one.upper - value[k].max()
     )
     worst, limit = (value[k].min(), one.lower) if below else (value[k].max(), one.upper)
-    witness = {"q": trajectory(float(times[k])).tolist()}
-    name = f"{one.name} constraint"
-    return Check(name, "sampled", passed, float(worst), float(limit), "", float(times[k]), one.name, detail, witness)
+    check = Check(f"{one.name} constraint", "sampled", passed, float(worst), float(limit), place=one.name)
+    found = _at_sample(check, trajectory, times, k, one)
+    return replace(found, detail="not finite") if wrong.any() else found
 
 
 def _times(trajectory: Trajectory, one: PathConstraint) -> Array:
@@ -112,19 +106,20 @@ def _times(trajectory: Trajectory, one: PathConstraint) -> Array:
     return np.unique(np.concatenate([even, knots[(knots > low) & (knots < high)]]))
 
 
-def _name(one: PathConstraint) -> str:
-    return f"{one.KEY.replace('_', ' ')} constraint"
+def _at_sample(check: Check, trajectory: Trajectory, times: Array, k: int, one: PathConstraint) -> Check:
+    """Return a check with the time and the configuration of its worst sample k, and their number."""
+    time, words = float(times[k]), "holds" if check.passed else "beyond its limit"
+    detail = f"{words} at {len(times)} samples{of_the_motion(one)}"
+    return replace(check, time=time, detail=detail, witness={"q": trajectory(time).tolist()})
 
 
-def _words(passed: bool, one: PathConstraint) -> str:
-    return ("holds at all times" if passed else "beyond its limit") + _of_the_motion(one)
+def title(one: PathConstraint) -> str:
+    """Return the name of a constraint's check, by its key in a problem file."""
+    return f"{getattr(one, 'KEY', type(one).__name__).replace('_', ' ')} constraint"
 
 
-def _sampled(passed: bool, count: int, one: PathConstraint) -> str:
-    return f"{'holds' if passed else 'beyond its limit'} at {count} samples" + _of_the_motion(one)
-
-
-def _of_the_motion(one: PathConstraint) -> str:
+def of_the_motion(one: PathConstraint) -> str:
+    """Return the part of the motion that a constraint is about, in words; nothing where it is all of it."""
     return "" if tuple(one.during) == WHOLE else f" of {one.during[0]:g} to {one.during[1]:g} of the motion"
 
 

@@ -91,7 +91,6 @@ def _torque(problem: Problem, checks: Sequence[Check]) -> list[str]:
 
 
 def _carried(problem: Problem) -> str:
-    """Describe what attached objects weigh."""
     weights = {held.name: held.mass or 0.0 for held in problem.scene.attached}
     if not any(weights.values()):
         return ", attached objects weigh nothing" if weights else ""

@@ -23,8 +23,7 @@ from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import collision
 from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.torque import torque
-from optiplan.verify.line_speeds import LineSpeed, line_speed
-from optiplan.verify.line_ways import LineWay, frame_at, line_constraints, line_way
+from optiplan.verify.line_ways import LineSpeed, LineWay, frame_at, line_constraints, line_speed, line_way
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import constraint, covering, masses, step_place
 from optiplan.verify.via_check import vias
@@ -153,7 +152,6 @@ def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
 
 
 def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
-    """Check where moves and lines end."""
     for k, part in enumerate(parts):
         action = part.step.action
         if isinstance(action, Move):
@@ -164,7 +162,7 @@ def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
             continue
         check = limit_checks.goal(derived(part.problem, goal=tuple(ends)), standing_at(part.problem, part.q))
         length = 0.0 if part.motion is None else part.motion.duration
-        yield covering(replace(_named(check, part), time=part.begin + length), f"{step_place(k)}.end")
+        yield covering(replace(_of_part(check, part), time=part.begin + length), f"{step_place(k)}.end")
 
 
 def _of_all(problem: Problem, joints: Iterable[str], end: End, q: Array) -> End | JointGoal:
@@ -177,7 +175,6 @@ def _of_all(problem: Problem, joints: Iterable[str], end: End, q: Array) -> End 
 
 
 def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
-    """Check the vias of moves."""
     for k, part in enumerate(parts):
         action = part.step.action
         if not isinstance(action, Move) or not action.vias:
@@ -189,7 +186,7 @@ def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
         at = [_of_all(part.problem, action.joints, via.at, part.q) for via in action.vias]
         check = vias(derived(part.problem, vias=tuple(Via(one) for one in at)), motion)
         passed = [f"{step_place(k)}.via[{i}]" for i in range(len(action.vias))]
-        yield covering(_later(_named(check, part), part.begin), *passed)
+        yield covering(_of_part(check, part), *passed)
 
 
 def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
@@ -200,7 +197,7 @@ def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
         lasting = part.lasting()
         own = derived(part.problem, path_constraints=tuple(line_constraints(part.way, part.problem.robot, lasting)))
         for check in path_constraints(own, lasting, policy):
-            known = replace(_later(_named(check, part), part.begin), name="line", covers=())
+            known = replace(_of_part(check, part), name="line", covers=())
             yield covering(known, f"{step_place(k)}.line")
 
 
@@ -212,7 +209,7 @@ def _speeds(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
             continue
         own = derived(part.problem, path_constraints=(ToolSpeed(action.frame, action.speed, np.inf),))
         for check in path_constraints(own, part.lasting(), policy):
-            known = replace(_later(_named(check, part), part.begin), covers=())
+            known = replace(_of_part(check, part), covers=())
             yield covering(known, f"{step_place(k)}.speed")
 
 
@@ -294,7 +291,7 @@ def _constraints(
         own = derived(part.problem, path_constraints=part.step.constraints)
         for check in path_constraints(own, part.lasting(), policy):
             covers = tuple(f"{step_place(k)}.{one}" for one in check.covers)
-            yield replace(_later(_named(check, part), part.begin), covers=covers)
+            yield replace(_of_part(check, part), covers=covers)
 
 
 SceneCheck = Callable[[Problem, Trajectory, VerifyPolicy], Check]
@@ -348,10 +345,10 @@ def _collision(checks: Iterable[Check]) -> Check:
     return replace(worst, passed=passed, detail=detail, witness=witness, covers=covers)
 
 
-def _named(check: Check, part: _Part) -> Check:
-    """Return a check that says of which step it is."""
+def _of_part(check: Check, part: _Part) -> Check:
+    """Return a check of a step in the time of the whole, which says of which step it is."""
     words = f"{part.step.words}: {check.detail}" if check.detail else part.step.words
-    return replace(check, detail=words)
+    return _later(replace(check, detail=words), part.begin)
 
 
 def _later(check: Check, begin: float) -> Check:

@@ -22,14 +22,11 @@ _CHUNK = 5_000  # samples at once, to limit memory
 
 @dataclass(frozen=True)
 class _Passage:
-    """Passage of a via: first at `entered` (s), None when never; nearest at `nearest` (s), `error` (unit) off."""
+    """Passage of a via: first at `entered` (s), None when never; nearest at `nearest` (s), where it has this miss."""
 
     entered: float | None
     nearest: float
-    error: float
-    limit: float
-    what: str
-    unit: str
+    miss: Miss
 
 
 def vias(problem: Problem, trajectory: Trajectory) -> Check:
@@ -47,26 +44,26 @@ def vias(problem: Problem, trajectory: Trajectory) -> Check:
         if passage.entered is None:
             break
         since = passage.entered
-    worst = max(passages, key=lambda one: (one.entered is None, one.error / (one.limit + POSITION_ROUNDING)))
-    k = passages.index(worst) + 1
+    worst = max(passages, key=lambda one: (one.entered is None, one.miss.ratio))
+    k, off = passages.index(worst) + 1, worst.miss
     passed = worst.entered is not None
-    detail = f"all {count} in order; nearest to its tolerance is via {k}" if passed else _missed(k, count, since, worst)
+    detail = f"all {count} in order; nearest to its tolerance is via {k}" if passed else _missed(k, count, since, off)
     witness: dict[str, Any] = {"via": k, "times": [one.nearest for one in passages if one.entered is not None]}
-    witness |= {"errors": [one.error for one in passages], "q": trajectory(np.array([worst.nearest]))[0].tolist()}
-    kind, place = "exact" if exact else "sampled", worst.what
-    return Check("via", kind, passed, worst.error, worst.limit, worst.unit, worst.nearest, place, detail, witness)
+    witness |= {"errors": [one.miss.error for one in passages], "q": trajectory(np.array([worst.nearest]))[0].tolist()}
+    kind = "exact" if exact else "sampled"
+    return Check("via", kind, passed, off.error, off.limit, off.unit, worst.nearest, off.what, detail, witness)
 
 
-def _missed(k: int, count: int, since: float, worst: _Passage) -> str:
+def _missed(k: int, count: int, since: float, off: Miss) -> str:
     after = f" after via {k - 1}, which is passed at {since:.3f} s," if k > 1 else ""
-    return f"via {k} of {count} is missed by {worst.error:.3g} {worst.unit}{after} allowed are {worst.limit:.3g}"
+    return f"via {k} of {count} is missed by {off.error:.3g} {off.unit}{after} allowed are {off.limit:.3g}"
 
 
 def _passage(problem: Problem, trajectory: Trajectory, at: JointGoal | PoseGoal, since: float) -> _Passage:
     if isinstance(at, JointGoal):
         return _of_joints(problem, trajectory, at, since)
     if not miss(problem, at, trajectory.start):
-        return _Passage(None, since, np.inf, 0.0, "a via that nothing can be measured of", "")
+        return _Passage(None, since, Miss(np.inf, 0.0, "a via that nothing can be measured of", ""))
     return _of_pose(problem, trajectory, at, since)
 
 
@@ -97,7 +94,7 @@ def _of_joints(problem: Problem, trajectory: Trajectory, at: JointGoal, since: f
     error = np.abs(trajectory(np.array([nearest]))[0] - at.q)
     j = int(error.argmax())
     name, unit = problem.robot.joint_names[j], problem.robot.unit("position", j)
-    return _Passage(entered, nearest, float(error[j]), at.tolerance, name, unit)
+    return _Passage(entered, nearest, Miss(float(error[j]), at.tolerance, name, unit))
 
 
 def _entry(trajectory: Trajectory, q: Array, tolerance: float, since: float) -> float | None:
@@ -154,4 +151,4 @@ def _of_pose(problem: Problem, trajectory: Trajectory, at: PoseGoal, since: floa
             entered = found[1]
             break
     worst = max(parts(best[1]), key=lambda part: part.ratio)
-    return _Passage(entered, best[1], *worst)
+    return _Passage(entered, best[1], worst)

@@ -127,20 +127,20 @@ static nb::object part(nb::handle self, const std::vector<T> &values, std::initi
     return nb::cast(nb::ndarray<nb::numpy, T>(const_cast<T *>(values.data()), shape, self));
 }
 
+// The getter of a member that is such an array.
+template <typename Owner, typename T> static auto member(std::vector<T> Owner::*values) {
+    return [values](nb::handle self) {
+        const std::vector<T> &found = nb::cast<const Owner &>(self).*values;
+        return part(self, found, {found.size()});
+    };
+}
+
 void bind_control(nb::module_ &m) {
     nb::class_<StopPath>(m, "StopPath")
         .def_static("of", &make_path, "q"_a, "v"_a, "a"_a, "limit"_a, "jerk"_a, "dt"_a)
         .def_ro("steps", &StopPath::steps)
-        .def_prop_ro("end",
-                     [](nb::handle self) {
-                         const StopPath &path = nb::cast<const StopPath &>(self);
-                         return part(self, path.end, {path.end.size()});
-                     })
-        .def_prop_ro("way",
-                     [](nb::handle self) {
-                         const StopPath &path = nb::cast<const StopPath &>(self);
-                         return part(self, path.way, {path.way.size()});
-                     })
+        .def_prop_ro("end", member(&StopPath::end))
+        .def_prop_ro("way", member(&StopPath::way))
         .def(
             "strongest",
             [](const StopPath &self, int first, int last) {
@@ -182,21 +182,9 @@ void bind_control(nb::module_ &m) {
             },
             "steps"_a);
     nb::class_<View>(m, "View")
-        .def_prop_ro("bound",
-                     [](nb::handle self) {
-                         const View &view = nb::cast<const View &>(self);
-                         return part(self, view.bound, {view.bound.size()});
-                     })
-        .def_prop_ro("near",
-                     [](nb::handle self) {
-                         const View &view = nb::cast<const View &>(self);
-                         return part(self, view.near, {view.near.size()});
-                     })
-        .def_prop_ro("distance",
-                     [](nb::handle self) {
-                         const View &view = nb::cast<const View &>(self);
-                         return part(self, view.distance, {view.distance.size()});
-                     })
+        .def_prop_ro("bound", member(&View::bound))
+        .def_prop_ro("near", member(&View::near))
+        .def_prop_ro("distance", member(&View::distance))
         .def_prop_ro("gradient", [](nb::handle self) {
             const View &view = nb::cast<const View &>(self);
             return part(self, view.gradient, {view.near.size(), view.q.size()});

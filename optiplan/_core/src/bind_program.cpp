@@ -47,6 +47,10 @@ std::shared_ptr<Spline> make_spline(Matrix derivatives, Indices order, Matrix ra
     return spline;
 }
 
+void expect_control(const Spline &spline, const Matrix &control) {
+    expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
+}
+
 // The same rows with entries of the control points around their sample alone.
 Inequalities near_the_diagonal(const DenseRows &dense, const Spline &spline) {
     const auto &[sample, value, by_control, by_duration, price, unit] = dense;
@@ -97,7 +101,7 @@ std::optional<StepFound> solve(StepSolver &solver, Matrix control, double durati
                "costs of M n variables");
         smooth = {to_vector(gradient), to_vector(band), by_duration, twice};
     }
-    expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
+    expect_control(spline, control);
     std::vector<Inequalities> rows;
     std::vector<const Inequalities *> pointers;
     rows.reserve(soft.size()), pointers.reserve(soft.size());
@@ -164,7 +168,7 @@ std::unique_ptr<Sqp> among_others(std::shared_ptr<const Spline> spline, const Tr
 
 CurvePoint begin(Sqp &sqp, Matrix control) {
     const Spline &spline = sqp.spline();
-    expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
+    expect_control(spline, control);
     const double *start = control.data();
     nb::gil_scoped_release released;
     return sqp.begin(start);
@@ -198,7 +202,7 @@ Laid laid_out(const Inequalities &rows, const Spline &spline) {
 
 std::tuple<double, double, Laid, Laid> evaluate(Sqp &sqp, Matrix control, double duration) {
     const Spline &spline = sqp.spline();
-    expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
+    expect_control(spline, control);
     double span = 0.0;
     CurvePoint point;
     {
@@ -244,7 +248,7 @@ void bind_program(nb::module_ &m) {
         .def(nb::new_(&make_spline), "derivatives"_a, "order"_a, "rates"_a, "gram"_a, "limits"_a, "fixed"_a, "time"_a,
              "jerk"_a, "open_end"_a = false)
         .def("shortest_duration", [](const Spline &spline, Matrix control) {
-            expect(control.shape(0) == spline.points && control.shape(1) == spline.joints, "control points (K, n)");
+            expect_control(spline, control);
             return spline.shortest_duration(control.data());
         });
     nb::class_<StepSolver>(m, "StepSolver")

@@ -7,13 +7,14 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array, Index
 from optiplan.collision.native_model import NativeCollisionModel, planning_model
+from optiplan.control.arguments import checked_number
 from optiplan.control.braking_path import NativeBrakingPath
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.moving_obstacles import AHEAD, HORIZON, ObstacleJoints, PathAmongMoving
 from optiplan.control.limits.stop_limits import KEPT, DistanceView, StopLimit, StopPath
-from optiplan.control.tasks.base import checked_number
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.scene import Scene
+from optiplan.robot.batched.kinematics import inverse_poses
 from optiplan.robot.robot import Robot
 
 AT_LEAST = 0.005
@@ -67,7 +68,7 @@ class ClearanceLimit(StopLimit):
         stroke = np.append(np.where(np.isfinite(stroke), stroke, np.pi), np.zeros(self._obstacles.size))
         self.arms = bounds.moment_arms(stroke)
         self.labels = tuple(f"{pair.name_a} and {pair.name_b}" for pair in self.model.pairs)
-        self.ask()
+        self.require_least()
         self.structure = self._structure(robot)
         self._follows = bool(robot.followers)
         self._leaders = np.abs(bounds.kinematics.coupling) > 0.0  # columns of followers have their multiplier already
@@ -190,20 +191,11 @@ class ClearanceLimit(StopLimit):
         Poses are those against the joint that carries both bodies.
         """
         joints, common = self._joints[which], self._common[which]
-        X, Y = (_inverse(mark[common])[:, None] @ mark[joints] for mark in (first, second))
+        X, Y = (inverse_poses(mark[common])[:, None] @ mark[joints] for mark in (first, second))
         change = (Y - X) ** 2
         shift = np.sqrt(change[:, :, :3, 3].sum(axis=2))
         turn = np.sqrt(0.5 * change[:, :, :3, :3].sum(axis=(2, 3)))
         return np.asarray((shift + turn * self._reaches[which]).sum(axis=1))
-
-
-def _inverse(X: Array) -> Array:
-    """Of homogeneous poses (K, 4, 4)."""
-    result = np.zeros_like(X)
-    result[:, :3, :3] = X[:, :3, :3].swapaxes(1, 2)
-    result[:, :3, 3] = -(result[:, :3, :3] @ X[:, :3, 3:])[:, :, 0]
-    result[:, 3, 3] = 1.0
-    return result
 
 
 def _cross(a: Array, b: Array) -> Array:

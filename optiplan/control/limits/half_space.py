@@ -5,9 +5,9 @@ from typing import ClassVar
 import numpy as np
 
 from optiplan.arrays import Array, Index, is_finite
+from optiplan.control.arguments import checked_direction, checked_number, checked_vector, frame_index
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.stop_limits import StopLimit
-from optiplan.control.tasks.base import checked_number, checked_vector, frame_index
 from optiplan.errors import described, wrong_argument
 from optiplan.robot.robot import Robot
 
@@ -32,13 +32,10 @@ class HalfSpaceLimit(StopLimit):
         self, frame: str, normal: object, offset: float, point: object = (0.0, 0.0, 0.0), rate: float = 50.0
     ) -> None:
         self.frame = frame
-        along = checked_vector(self, "normal", normal, 3)
-        length = float(np.linalg.norm(along))
-        if length == 0.0:
-            raise wrong_argument("HalfSpaceLimit", "normal", "a vector of length 0", "a direction of the world")
+        self.normal = checked_direction(self, "normal", normal, "a direction of the world")
         if not is_finite(offset):
             raise wrong_argument("HalfSpaceLimit", "offset", described(offset), "a finite number, m")
-        self.normal, self.offset = along / length, float(offset)
+        self.offset = float(offset)
         self.point = checked_vector(self, "point", point, 3)
         self.rate = checked_number(self, "rate", rate, 1e-3)
         self.at_least, self.influence = 0.0, np.inf
@@ -56,7 +53,7 @@ class HalfSpaceLimit(StopLimit):
         arms = kinematics.moment_arms(int(placed.parentJoint), point_J[None], stroke)
         self.arms = kinematics.planned_bound(arms[None])
         self.labels = (f"half-space of {self.frame}",)
-        self.ask()
+        self.require_least()
 
     def distances(self, c: Configuration, which: Index) -> Array:
         """Normal · p - offset, m."""

@@ -5,8 +5,9 @@ from typing import ClassVar
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.control.limits.base import ControlLimit, positive_vector
-from optiplan.errors import described, wrong_argument
+from optiplan.control.arguments import positive_vector, spread_vector
+from optiplan.control.limits.base import ControlLimit
+from optiplan.errors import wrong_argument
 from optiplan.robot.robot import Robot
 
 
@@ -91,7 +92,7 @@ class PositionLimit(ControlLimit):
         """Take the robot's own values where none are given."""
         own = robot.limits.lower, robot.limits.upper
         ends = [
-            default if given is None else _ends(side, given, robot.n)
+            default if given is None else self._checked(side, given, robot.n)
             for side, given, default in zip(("lower", "upper"), self._given, own, strict=True)
         ]
         self.lower, self.upper = ends
@@ -100,12 +101,9 @@ class PositionLimit(ControlLimit):
             found = f"{self.lower[wrong[0]]:g} with upper {self.upper[wrong[0]]:g}"
             raise wrong_argument("PositionLimit", f"lower[{wrong[0]}]", found, "lower <= upper")
 
-
-def _ends(side: str, value: object, n: int) -> Array:
-    try:
-        vector = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)))
-    except (TypeError, ValueError):
-        raise wrong_argument("PositionLimit", side, described(value), f"{n} numbers") from None
-    if np.isnan(vector).any():
-        raise wrong_argument("PositionLimit", side, "NaN", f"{n} numbers")
-    return vector
+    def _checked(self, side: str, value: object, n: int) -> Array:
+        """Numbers (n,) that may be infinite, but not NaN."""
+        vector = spread_vector(self, side, value, n, f"{n} numbers")
+        if np.isnan(vector).any():
+            raise wrong_argument("PositionLimit", side, "NaN", f"{n} numbers")
+        return vector

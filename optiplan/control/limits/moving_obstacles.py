@@ -65,10 +65,10 @@ class PathAmongMoving(StopPath):
         """See `StopPath.strongest`; a sudden stop by w in a time T strays by w T / 4, as 2 w / T does."""
         powers, begin, end = self._powers, first * self.dt, last * self.dt
         time = np.minimum(end, self._left)[:, None]
-        bend = (self._sizes * powers * (powers - 1) * time ** np.maximum(powers - 2, 0)).sum(axis=1)
+        steady = (self._sizes * powers * (powers - 1) * time ** np.maximum(powers - 2, 0)).sum(axis=1)
         speed = (self._sizes * powers * time ** np.maximum(powers - 1, 0)).sum(axis=1)
         sudden = (begin < self._left) & (self._left < end)
-        return np.append(self._path.strongest(first, last), bend + np.where(sudden, 2.0 * speed / (end - begin), 0.0))
+        return np.append(self._path.strongest(first, last), steady + np.where(sudden, 2.0 * speed / (end - begin), 0.0))
 
     def configuration(self, step: int) -> Configuration:
         """See `StopPath.configuration`."""

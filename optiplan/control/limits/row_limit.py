@@ -28,6 +28,12 @@ class LimitRows:
     unit: Array
     labels: tuple[str, ...]
 
+    @classmethod
+    def normalised(cls, G: Array, low: Array, high: Array, labels: tuple[str, ...], least: float = 1e-9) -> "LimitRows":
+        """Return rows of any size divided by it; smaller ones than `least` by that."""
+        unit = np.maximum(np.sqrt(np.einsum("ij,ij->i", G, G)), least)
+        return cls(G / unit[:, None], low / unit, high / unit, unit, labels)
+
 
 class RowLimit(ControlLimit):
     """A limit that is rows of the velocities at the end of the step.
@@ -50,9 +56,7 @@ class RowLimit(ControlLimit):
         """Rows |G (x + delay · a)| <= high, a = (x - v) / dt: speeds approached so slowly that they can be kept."""
         late = self.delay / dt
         held = G @ (late * state.v)
-        ahead = G * (1.0 + late)
-        unit = np.maximum(np.sqrt(np.einsum("ij,ij->i", ahead, ahead)), 1e-9)
-        return LimitRows(ahead / unit[:, None], (held - high) / unit, (held + high) / unit, unit, labels)
+        return LimitRows.normalised(G * (1.0 + late), held - high, held + high, labels)
 
 
 class KeptRowLimit(RowLimit):

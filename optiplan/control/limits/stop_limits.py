@@ -89,7 +89,7 @@ class StopLimit(ControlLimit):
         self.turns = robot.kinematics.planned_bound(revolute.astype(np.float64))
         self.slides = robot.kinematics.planned_bound((~revolute).astype(np.float64))
 
-    def ask(self) -> None:
+    def require_least(self) -> None:
         """Ask `at_least` of all distances; after `labels` are known."""
         self.least = np.full(len(self.labels), self.at_least)
         self.margin, self.moving = self.least + BUFFER, np.zeros(len(self.labels), dtype=bool)
@@ -160,12 +160,11 @@ class StopLimit(ControlLimit):
         towards = g * v < 0.0
         slope = delay + towards * (np.abs(v) * brake)
         G = g * (dt + slope)
-        unit = np.maximum(np.sqrt(np.einsum("ij,ij->i", G, G)), 1e-6)
         held = (g * slope) @ v
         b = view.distance - margin + held - 0.5 * ((towards * g) @ (v * np.abs(v) * brake))
         share = min(1.0, self.rate * dt)
         gain = np.where(view.distance < least, np.minimum(b, 0.0), share * b)
-        return LimitRows(G / unit[:, None], (held - dt * drift - gain) / unit, endless, unit, labels)
+        return LimitRows.normalised(G, held - dt * drift - gain, endless, labels, least=1e-6)
 
     def drift(self, view: DistanceView, t: float) -> Array:
         """How quickly distances in view change at time t where the robot stands, (K,), m/s."""

@@ -6,10 +6,9 @@ from typing import ClassVar
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.control.arguments import frame_index, positive_vector
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.base import positive_vector
 from optiplan.control.limits.row_limit import LimitRows, RowLimit
-from optiplan.control.tasks.base import frame_index
 from optiplan.errors import wrong_argument
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State

@@ -4,10 +4,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from optiplan.control.arguments import positive_vector, robot_with_masses
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.base import positive_vector
 from optiplan.control.limits.row_limit import LimitRows, RowLimit
-from optiplan.errors import wrong_argument
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State
 
@@ -28,9 +27,7 @@ class TorqueLimit(RowLimit):
 
     def bind(self, robot: Robot) -> None:
         """Take the robot's own values where none are given."""
-        if not robot.has_inertia:
-            expected = "a robot with masses in its description"
-            raise wrong_argument("TorqueLimit", "robot", f"'{robot.name}', which has none", expected)
+        robot_with_masses(self, robot)
         own = robot.limits.torque
         self.torque = own if self._given is None else positive_vector(self, "torque", self._given, robot.n)
         self._labels = tuple(f"torque of {name}" for name in robot.joint_names)

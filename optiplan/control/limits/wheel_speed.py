@@ -5,9 +5,9 @@ from typing import ClassVar
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.control.arguments import positive_vector
 from optiplan.control.braking_path import FINEST, make_braking_path
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.base import positive_vector
 from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.limits.row_limit import KeptRowLimit, LimitRows
 from optiplan.errors import wrong_argument
@@ -81,11 +81,10 @@ class WheelSpeedLimit(KeptRowLimit):
         still = (np.einsum("mwj,mj->mw", W, V) - change @ x).ravel()
         G = np.zeros((len(still), n))
         G[:, columns] = change.reshape(-1, 3)
-        unit = np.maximum(np.sqrt(np.einsum("ij,ij->i", G, G)), 1e-9)
         rate, braking = np.tile((1.0 - _RESERVE) * self._rate, len(_MOMENTS)), G @ self._box.slowing
         low = np.minimum(-rate - still, braking - _ROUNDING)  # what braking does is never forbidden
         high = np.maximum(rate - still, braking + _ROUNDING)
-        return LimitRows(G / unit[:, None], low / unit, high / unit, unit, self._labels)
+        return LimitRows.normalised(G, low, high, self._labels)
 
     def _stop(self, q: Array, v: Array, x: Array, dt: float) -> tuple[Array, Array]:
         """Positions and velocities (moments, 3) of the base in the stop after a step with velocities x."""

@@ -68,7 +68,7 @@ class QpSequence:
                 self._active[level] = found[1]
                 self.how = "active set" if found[1].bounds or found[1].rows or len(program.A) else "unconstrained"
                 return found[0]
-        x = self._ask(program)
+        x = self._answer(program)
         if x is None:
             return None
         self.how = self._solver.name
@@ -81,7 +81,7 @@ class QpSequence:
             return x
         return None
 
-    def _ask(self, program: Program) -> Array | None:
+    def _answer(self, program: Program) -> Array | None:
         """The solver's answer if it is numbers of the right size."""
         try:
             x = self._solver.solve(program)
@@ -145,7 +145,7 @@ class QpSequence:
         )
         start = np.append(witness, room)
         found = solve_from(phase, active_at(phase, start, _TOUCHES))
-        x = self._ask(phase) if found is None else found[0]
+        x = self._answer(phase) if found is None else found[0]
         if x is None:
             return witness
         x = program.clipped(x[:n])

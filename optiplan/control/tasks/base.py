@@ -6,9 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array
+from optiplan.control.arguments import checked_number, checked_vector, frame_index
 from optiplan.control.configuration import Configuration
-from optiplan.errors import UnknownChoiceError, described, wrong_argument
+from optiplan.control.tasks.tool_abilities import Ability, default_gain, tool_abilities
+from optiplan.errors import described, wrong_argument
 from optiplan.robot.robot import Robot
 
 Weight = float | Sequence[float] | Array
@@ -35,10 +37,6 @@ class ControlTask(ABC):
     """Names of the rows of the error; empty: numbers, or the joints where `by_joint` is set."""
     by_joint: ClassVar[bool] = False
     """Whether each row is about one joint, in the robot's order."""
-    scale: Array | None = None
-    """(k,), rates of the error that the robot can give, unit/s; where the error is large they cap what is asked."""
-    brake: Array | None = None
-    """(k,), unit/s²: how quickly the robot can change these rates."""
 
     def __init__(self, size: int, cost: Weight, gain: float, priority: int) -> None:
         self.size = size
@@ -106,6 +104,31 @@ class ControlTask(ABC):
         return f"{type(self).__name__}(cost={np.unique(self.cost).tolist()}, gain={self.gain:g})"
 
 
+class MovedFrameTask(ControlTask):
+    """A task that moves a frame F of the robot, no faster than the robot's joints can where no gain is given.
+
+    Attributes:
+        frame: name of F.
+    """
+
+    def __init__(self, frame: str, size: int, cost: Weight, gain: float | None, priority: int) -> None:
+        super().__init__(size, cost, 0.0 if gain is None else gain, priority)
+        self._has_gain = gain is not None
+        self.frame, self._frame = frame, -1
+        self._moves, self._turns = Ability(), Ability()
+
+    def bind(self, robot: Robot) -> None:
+        """Find F, and how quickly the robot moves it."""
+        self._frame = frame_index(self, "frame", robot, self.frame)
+        if not self._has_gain:
+            self.gain = default_gain(robot)
+            self._moves, self._turns = tool_abilities(robot, self.frame)
+
+    def _pose_rate(self, e: Array) -> Array:
+        """Rates (6,) for the error of a pose: metres and radians each within what the robot's joints give."""
+        return np.concatenate([capped(e[:3], self.gain, *self._moves), capped(e[3:], self.gain, *self._turns)])
+
+
 def capped(e: Array, gain: float, speed: float, brake: float) -> Array:
     """-gain e for a vector e, slower where |e| is large: sqrt(2 brake (|e| - brake / (2 gain²))), at most `speed`.
 
@@ -119,45 +142,3 @@ def capped(e: Array, gain: float, speed: float, brake: float) -> Array:
     if wanted > speed:
         wanted = speed
     return e * (-wanted / size) if size > 0.0 else -e
-
-
-def checked_number(owner: object, argument: str, value: object, least: float) -> float:
-    """A finite number of at least `least`.
-
-    Raises:
-        InputError: it is none.
-    """
-    if not is_finite(value) or value < least:
-        raise wrong_argument(type(owner).__name__, argument, described(value), f"a finite number >= {least:g}")
-    return float(value)
-
-
-def checked_vector(owner: object, argument: str, value: object, size: int, least: float | None = None) -> Array:
-    """Numbers (size,), all finite; one number stands for all.
-
-    Raises:
-        InputError: other than that.
-    """
-    expected = f"{size} finite numbers" + ("" if least is None else f" >= {least:g}")
-    try:
-        vector = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (size,)))
-    except (TypeError, ValueError):
-        raise wrong_argument(type(owner).__name__, argument, described(value), expected) from None
-    bad = ~np.isfinite(vector) | (vector < (-np.inf if least is None else least))
-    if bad.any():
-        k = int(np.flatnonzero(bad)[0])
-        raise wrong_argument(type(owner).__name__, f"{argument}[{k}]", f"{vector[k]:g}", expected)
-    return vector
-
-
-def frame_index(owner: object, argument: str, robot: Robot, name: str) -> int:
-    """Index of a frame of the robot.
-
-    Raises:
-        InputError: there is none of that name.
-    """
-    try:
-        return robot.frame_id(name)
-    except UnknownChoiceError as error:
-        expected = f"one of: {', '.join(error.choices)}"
-        raise wrong_argument(type(owner).__name__, argument, f"'{name}'", expected) from None

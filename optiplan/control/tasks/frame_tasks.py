@@ -6,39 +6,26 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.control.arguments import checked_vector, pose_cost
 from optiplan.control.configuration import Configuration
-from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector, frame_index
+from optiplan.control.tasks.base import MovedFrameTask, Weight, capped
 from optiplan.control.tasks.targets import Target, as_pose, as_position, as_rotation
-from optiplan.control.tasks.tool_abilities import default_gain, tool_abilities
-from optiplan.robot.robot import Robot
 
 
-class FrameTask(ControlTask):
-    """What tasks of a frame F of the robot share: its index, its target T and how that moves.
+class FrameTask(MovedFrameTask):
+    """What tasks of a frame F of the robot share: its target T and how that moves.
 
     Attributes:
-        frame: name of F.
         target: X_WT; None until one is set: the task then holds the pose that F has in the first step.
         twist: (6,) velocity, m/s, of the origin of T and its angular velocity, rad/s, axes of the world.
         acceleration: (6,) rates of the twist, m/s² and rad/s².
     """
 
     def __init__(self, frame: str, size: int, cost: Weight, gain: float | None, priority: int) -> None:
-        super().__init__(size, cost, 0.0 if gain is None else gain, priority)
-        self._has_gain = gain is not None
-        self.frame = frame
-        self._frame = -1
+        super().__init__(frame, size, cost, gain, priority)
         self._target: pin.SE3 | None = None
         self.twist: Array | None = None
         self.acceleration: Array | None = None
-        self.speed, self.brake_rates = (np.inf, np.inf), (np.inf, np.inf)
-
-    def bind(self, robot: Robot) -> None:
-        """Find F, and how quickly the robot moves it."""
-        self._frame = frame_index(self, "frame", robot, self.frame)
-        if not self._has_gain:
-            self.gain = default_gain(robot)
-            self.speed, self.brake_rates = tool_abilities(robot, self.frame)
 
     @property
     def target(self) -> pin.SE3 | None:
@@ -73,6 +60,30 @@ class FrameTask(ControlTask):
         if self._target is None:
             self._target = pin.SE3(X_WF)
         return X_WF, self._target
+
+    def _rows_of(self, c: Configuration, motion: Array) -> Array:
+        """Rates (k,) of the error that a motion (6,) of F or T in the axes of the world is.
+
+        Of a rotation to first order in the angle between F and T.
+        """
+        raise NotImplementedError
+
+    def feed_forward(self, c: Configuration) -> Array | None:
+        """The target's twist as rates of the error."""
+        return None if self.twist is None else self._rows_of(c, self.twist)
+
+    def feed_forward_rate(self, c: Configuration) -> Array | None:
+        """The target's acceleration as rates of the error."""
+        return None if self.acceleration is None else self._rows_of(c, self.acceleration)
+
+    def drift(self, c: Configuration) -> Array:
+        """J̇ v (k,)."""
+        return self._rows_of(c, c.jacobian_rate(self._frame) @ c.v)
+
+    def _turning(self, X_WF: pin.SE3, X_WT: pin.SE3) -> Array:
+        """Jlog(R_TF) R_FW (3, 3), which takes angular velocities to rates of log(R_TF)."""
+        R = X_WF.rotation
+        return np.asarray(pin.Jlog3(X_WT.rotation.T @ R) @ R.T)
 
 
 class PoseTask(FrameTask):
@@ -109,11 +120,7 @@ class PoseTask(FrameTask):
         priority: int = 0,
     ) -> None:
         super().__init__(frame, 6, 1.0, gain, priority)
-        parts = [
-            checked_vector(self, "position_cost", position_cost, 3, least=0.0),
-            checked_vector(self, "orientation_cost", orientation_cost, 3, least=0.0),
-        ]
-        self.cost = np.concatenate(parts)
+        self.cost = pose_cost(self, position_cost, orientation_cost)
         if target is not None:
             self.set_target(target)
 
@@ -128,43 +135,22 @@ class PoseTask(FrameTask):
     def evaluate(self, c: Configuration) -> tuple[Array, Array]:
         """Error and Jacobian."""
         X_WF, X_WT = self._poses(c)
-        R = X_WF.rotation
-        R_TF = X_WT.rotation.T @ R
         e = np.empty(6)
         np.subtract(X_WF.translation, X_WT.translation, out=e[:3])
-        e[3:] = pin.log3(R_TF)
+        e[3:] = pin.log3(X_WT.rotation.T @ X_WF.rotation)
         J = c.jacobian(self._frame).copy()
-        self._turn = pin.Jlog3(R_TF) @ R.T
+        self._turn = self._turning(X_WF, X_WT)
         J[3:] = self._turn @ J[3:]
         return e, J
 
-    def feed_forward(self, c: Configuration) -> Array | None:
-        """The target's twist in the rows' axes; to first order in the angle between F and T."""
-        return self._rows_of(self.twist)
-
-    def feed_forward_rate(self, c: Configuration) -> Array | None:
-        """The target's acceleration in the rows' axes."""
-        return self._rows_of(self.acceleration)
-
-    def drift(self, c: Configuration) -> Array:
-        """J̇ v; of the rotation to first order in the angle between F and T."""
-        rows = self._rows_of(c.jacobian_rate(self._frame) @ c.v)
-        assert rows is not None
-        return rows
-
-    def _rows_of(self, motion: Array | None) -> Array | None:
-        if motion is None:
-            return None
+    def _rows_of(self, c: Configuration, motion: Array) -> Array:
         rows = motion.copy()
         rows[3:] = self._turn @ motion[3:]
         return rows
 
     def wanted_rate(self, e: Array) -> Array:
-        """Metres and radians each within what the robot's joints give."""
-        rate = np.empty(6)
-        rate[:3] = capped(e[:3], self.gain, self.speed[0], self.brake_rates[0])
-        rate[3:] = capped(e[3:], self.gain, self.speed[1], self.brake_rates[1])
-        return rate
+        """See `MovedFrameTask`."""
+        return self._pose_rate(e)
 
     def __repr__(self) -> str:
         """Frame and weights."""
@@ -172,9 +158,7 @@ class PoseTask(FrameTask):
 
 
 class _HalfOfPose(FrameTask):
-    """The position or the orientation of a frame, as `_part` 0 or 1 of the pairs of speeds that the joints give."""
-
-    _part: ClassVar[int]
+    """The position or the orientation of a frame."""
 
     def __init__(
         self, frame: str, target: object = None, cost: Weight = 1.0, gain: float | None = None, priority: int = 0
@@ -182,10 +166,6 @@ class _HalfOfPose(FrameTask):
         super().__init__(frame, 3, cost, gain, priority)
         if target is not None:
             self.set_target(target)
-
-    def wanted_rate(self, e: Array) -> Array:
-        """Within what the robot's joints give."""
-        return capped(e, self.gain, self.speed[self._part], self.brake_rates[self._part])
 
 
 class PositionTask(_HalfOfPose):
@@ -202,7 +182,6 @@ class PositionTask(_HalfOfPose):
 
     name: ClassVar[str] = "position"
     components = ("x", "y", "z")
-    _part = 0
 
     def _read(self, pose: Target) -> pin.SE3:
         return as_position(self, pose)
@@ -216,17 +195,12 @@ class PositionTask(_HalfOfPose):
         """(3, n)."""
         return c.jacobian(self._frame)[:3]
 
-    def feed_forward(self, c: Configuration) -> Array | None:
-        """Velocity of the target."""
-        return None if self.twist is None else self.twist[:3]
+    def _rows_of(self, c: Configuration, motion: Array) -> Array:
+        return motion[:3]
 
-    def feed_forward_rate(self, c: Configuration) -> Array | None:
-        """Acceleration of the target."""
-        return None if self.acceleration is None else self.acceleration[:3]
-
-    def drift(self, c: Configuration) -> Array:
-        """J̇ v."""
-        return np.asarray(c.jacobian_rate(self._frame)[:3] @ c.v)
+    def wanted_rate(self, e: Array) -> Array:
+        """Within what the robot's joints give."""
+        return capped(e, self.gain, *self._moves)
 
 
 class OrientationTask(_HalfOfPose):
@@ -245,7 +219,6 @@ class OrientationTask(_HalfOfPose):
 
     name: ClassVar[str] = "orientation"
     components = ("rotation x", "rotation y", "rotation z")
-    _part = 1
 
     def _read(self, pose: Target) -> pin.SE3:
         return as_rotation(self, pose)
@@ -257,20 +230,11 @@ class OrientationTask(_HalfOfPose):
 
     def jacobian(self, c: Configuration) -> Array:
         """(3, n)."""
-        return self._turning(c) @ c.jacobian(self._frame)[3:]
+        return self._turning(*self._poses(c)) @ c.jacobian(self._frame)[3:]
 
-    def _turning(self, c: Configuration) -> Array:
-        X_WF, X_WT = self._poses(c)
-        return np.asarray(pin.Jlog3(X_WT.rotation.T @ X_WF.rotation) @ X_WF.rotation.T)
+    def _rows_of(self, c: Configuration, motion: Array) -> Array:
+        return np.asarray(self._turning(*self._poses(c)) @ motion[3:])
 
-    def feed_forward(self, c: Configuration) -> Array | None:
-        """Angular velocity of the target; to first order in the angle between F and T."""
-        return None if self.twist is None else self._turning(c) @ self.twist[3:]
-
-    def feed_forward_rate(self, c: Configuration) -> Array | None:
-        """Angular acceleration of the target."""
-        return None if self.acceleration is None else self._turning(c) @ self.acceleration[3:]
-
-    def drift(self, c: Configuration) -> Array:
-        """J̇ v; to first order in the angle between F and T."""
-        return np.asarray(self._turning(c) @ (c.jacobian_rate(self._frame)[3:] @ c.v))
+    def wanted_rate(self, e: Array) -> Array:
+        """Within what the robot's joints give."""
+        return capped(e, self.gain, *self._turns)

@@ -7,8 +7,9 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.control.arguments import checked_vector
 from optiplan.control.configuration import Configuration
-from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector
+from optiplan.control.tasks.base import ControlTask, Weight, capped
 from optiplan.errors import described, wrong_argument
 from optiplan.robot.given_configurations import configuration, is_by_name
 from optiplan.robot.robot import Robot
@@ -17,7 +18,27 @@ POSTURE_COST = 1e-2
 """Per rad or m: a hundredth of a pose's, so that posture decides only what the tool leaves open."""
 
 
-class PostureTask(ControlTask):
+class _EachJoint(ControlTask):
+    """A task whose rows are the joints: J is the identity, and size and cost are taken when the robot is known."""
+
+    by_joint = True
+
+    def __init__(self, cost: Weight, gain: float, priority: int) -> None:
+        self._given_cost = cost
+        super().__init__(1, 0.0, gain, priority)
+
+    def bind(self, robot: Robot) -> None:
+        """Take the size from the robot."""
+        self.size = robot.n
+        self.cost = self._given_cost
+        self._eye = np.eye(robot.n)
+
+    def jacobian(self, c: Configuration) -> Array:
+        """(n, n), the identity."""
+        return self._eye
+
+
+class PostureTask(_EachJoint):
     """Joints at a configuration: e = q - target; J the identity.
 
     Args:
@@ -29,7 +50,6 @@ class PostureTask(ControlTask):
     """
 
     name: ClassVar[str] = "posture"
-    by_joint = True
 
     def __init__(
         self,
@@ -38,15 +58,13 @@ class PostureTask(ControlTask):
         gain: float = 1.0,
         priority: int = 0,
     ) -> None:
-        self._given_cost, self._given = cost, target
-        super().__init__(1, 0.0, gain, priority)
+        super().__init__(cost, gain, priority)
+        self._given = target
         self._target: Array | None = None
 
     def bind(self, robot: Robot) -> None:
         """Take sizes and named configurations from the robot."""
-        self.size = robot.n
-        self.cost = self._given_cost
-        self._eye = np.eye(robot.n)
+        super().bind(robot)
         self._speed, self._brake = robot.limits.velocity, 0.5 * robot.limits.acceleration
         if isinstance(self._given, str) or is_by_name(self._given):
             names = robot.joint_names, robot.configurations
@@ -69,10 +87,6 @@ class PostureTask(ControlTask):
             self._target = c.q.copy()
         return c.q - self._target
 
-    def jacobian(self, c: Configuration) -> Array:
-        """(n, n), the identity."""
-        return self._eye
-
     def wanted_rate(self, e: Array) -> Array:
         """Each joint within half of its acceleration, so that it can slow down in time."""
         rate = -self.gain * e
@@ -84,7 +98,7 @@ class PostureTask(ControlTask):
         return np.asarray(-np.sign(e) * np.minimum(curbed, self._speed))
 
 
-class DampingTask(ControlTask):
+class DampingTask(_EachJoint):
     """Joints at rest: J v = 0 with J the identity.
 
     Args:
@@ -93,25 +107,13 @@ class DampingTask(ControlTask):
     """
 
     name: ClassVar[str] = "damping"
-    by_joint = True
 
     def __init__(self, cost: Weight = 1e-2, priority: int = 0) -> None:
-        self._given_cost = cost
-        super().__init__(1, 0.0, 0.0, priority)
-
-    def bind(self, robot: Robot) -> None:
-        """Take the size from the robot."""
-        self.size = robot.n
-        self.cost = self._given_cost
-        self._zero, self._eye = np.zeros(robot.n), np.eye(robot.n)
+        super().__init__(cost, 0.0, priority)
 
     def error(self, c: Configuration) -> Array:
         """Zeros (n,)."""
-        return self._zero
-
-    def jacobian(self, c: Configuration) -> Array:
-        """(n, n), the identity."""
-        return self._eye
+        return np.zeros(self.size)
 
 
 class JointCouplingTask(ControlTask):

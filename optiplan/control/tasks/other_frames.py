@@ -6,15 +6,14 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.control.arguments import checked_direction, checked_vector, frame_index, pose_cost
 from optiplan.control.configuration import Configuration
-from optiplan.control.tasks.base import ControlTask, Weight, capped, checked_vector, frame_index
+from optiplan.control.tasks.base import MovedFrameTask, Weight, capped
 from optiplan.control.tasks.targets import Target, as_pose
-from optiplan.control.tasks.tool_abilities import default_gain, tool_abilities
-from optiplan.errors import wrong_argument
 from optiplan.robot.robot import Robot
 
 
-class RelativePoseTask(ControlTask):
+class RelativePoseTask(MovedFrameTask):
     """Frame F at a pose T in another frame R of the robot: e = (p_RF - p_RT, log(R_TF)), in the axes of R and F.
 
     J = (R_RW (J_vF - J_vR + [p_WF - p_WR]× J_wR), Jlog(R_TF) R_FW (J_wF - J_wR)).
@@ -40,24 +39,15 @@ class RelativePoseTask(ControlTask):
         gain: float | None = None,
         priority: int = 0,
     ) -> None:
-        super().__init__(6, 1.0, 0.0 if gain is None else gain, priority)
-        self._has_gain = gain is not None
-        parts = [
-            checked_vector(self, "position_cost", position_cost, 3, least=0.0),
-            checked_vector(self, "orientation_cost", orientation_cost, 3, least=0.0),
-        ]
-        self.cost = np.concatenate(parts)
-        self.frame, self.root = frame, root
-        self._frame = self._root = -1
+        super().__init__(frame, 6, 1.0, gain, priority)
+        self.cost = pose_cost(self, position_cost, orientation_cost)
+        self.root, self._root = root, -1
         self._target = None if target is None else as_pose(self, target)
-        self._abilities = ((np.inf, np.inf), (np.inf, np.inf))
 
     def bind(self, robot: Robot) -> None:
         """Find F and R."""
-        self._frame = frame_index(self, "frame", robot, self.frame)
+        super().bind(robot)
         self._root = frame_index(self, "root", robot, self.root)
-        if not self._has_gain:
-            self.gain, self._abilities = default_gain(robot), tool_abilities(robot, self.frame)
 
     @property
     def target(self) -> pin.SE3 | None:
@@ -84,9 +74,8 @@ class RelativePoseTask(ControlTask):
         return np.vstack([linear, angular])
 
     def wanted_rate(self, e: Array) -> Array:
-        """Metres and radians each within what the robot's joints give."""
-        (speed, turning), (brake, turn_brake) = self._abilities
-        return np.concatenate([capped(e[:3], self.gain, speed, brake), capped(e[3:], self.gain, turning, turn_brake)])
+        """See `MovedFrameTask`."""
+        return self._pose_rate(e)
 
     def _relative(self, c: Configuration) -> pin.SE3:
         X_RF = c.pose(self._root).actInv(c.pose(self._frame))
@@ -98,7 +87,7 @@ class RelativePoseTask(ControlTask):
         return np.asarray(self._held.rotation.T @ X_RF.rotation)
 
 
-class LookAtTask(ControlTask):
+class LookAtTask(MovedFrameTask):
     """An axis of a frame F towards a point P of the world, such as a camera's; F may turn about that axis.
 
     With the direction d = R_FW (P - p_WF) / |P - p_WF| seen from F, B (3, 2) perpendicular to the axis and the angle
@@ -127,15 +116,9 @@ class LookAtTask(ControlTask):
         gain: float | None = None,
         priority: int = 0,
     ) -> None:
-        super().__init__(2, cost, 0.0 if gain is None else gain, priority)
-        self._has_gain = gain is not None
-        self.frame, self._frame = frame, -1
+        super().__init__(frame, 2, cost, gain, priority)
         self.point = point
-        along = checked_vector(self, "axis", axis, 3)
-        length = float(np.linalg.norm(along))
-        if length == 0.0:
-            raise wrong_argument("LookAtTask", "axis", "a vector of length 0", "a direction in the frame")
-        self.axis = along / length
+        self.axis = checked_direction(self, "axis", axis, "a direction in the frame")
         self._across = np.linalg.svd(self.axis[None])[2][1:].T
 
     @property
@@ -146,12 +129,6 @@ class LookAtTask(ControlTask):
     @point.setter
     def point(self, value: object) -> None:
         self._point = checked_vector(self, "point", value, 3)
-
-    def bind(self, robot: Robot) -> None:
-        """Find F."""
-        self._frame = frame_index(self, "frame", robot, self.frame)
-        if not self._has_gain:
-            self.gain, self._abilities = default_gain(robot), tool_abilities(robot, self.frame)
 
     def error(self, c: Configuration) -> Array:
         """(2,), rad."""
@@ -176,7 +153,7 @@ class LookAtTask(ControlTask):
 
     def wanted_rate(self, e: Array) -> Array:
         """Within what the robot's joints give."""
-        return capped(e, self.gain, self._abilities[0][1], self._abilities[1][1])
+        return capped(e, self.gain, *self._turns)
 
     def _seen(self, c: Configuration) -> tuple[Array, Array, float]:
         """Direction of P seen from F and in the world, and its distance; straight ahead where F is at P."""

@@ -1,5 +1,7 @@
 """How fast, and how much faster within a second, a robot's joints move a frame: limits of what a task may ask for."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from optiplan.arrays import Array
@@ -14,8 +16,15 @@ _RESERVE = 0.5
 """Share of the accelerations that slowing down may take; the rest is for steering."""
 
 
-def tool_abilities(robot: Robot, frame: str) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Speeds (m/s, rad/s), and rates of change of them (m/s², rad/s²), that a frame can have in every direction.
+class Ability(NamedTuple):
+    """Speed that a frame can have in every direction, m/s or rad/s, and how quickly it can lose it, per s."""
+
+    speed: float = np.inf
+    brake: float = np.inf
+
+
+def tool_abilities(robot: Robot, frame: str) -> tuple[Ability, Ability]:
+    """What a frame can do in translation and in rotation.
 
     At configurations spread over the limits (their seed is fixed), with J the rows of translation or of rotation, an
     acceleration of any direction u needs J⁺ u of the joints: |u| <= 1 / max_j |row j of J⁺| / limit_j.
@@ -25,13 +34,14 @@ def tool_abilities(robot: Robot, frame: str) -> tuple[tuple[float, float], tuple
     low, high = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
     Q = rng.uniform(np.minimum(low, high), np.maximum(low, high), (_SAMPLES, robot.n))
     J = ToolKinematics(robot, frame).evaluate(Q)[1]
-    parts = J[:, :3], J[:, 3:]
-    speeds = tuple(_ability(part, limits.velocity) for part in parts)
-    rates = tuple(_RESERVE * _ability(part, limits.acceleration) for part in parts)
-    return (speeds[0], speeds[1]), (rates[0], rates[1])
+    moves, turns = (
+        Ability(_largest_rate(part, limits.velocity), _RESERVE * _largest_rate(part, limits.acceleration))
+        for part in (J[:, :3], J[:, 3:])
+    )
+    return moves, turns
 
 
-def _ability(J: Array, limit: Array) -> float:
+def _largest_rate(J: Array, limit: Array) -> float:
     """Of Jacobians (N, 3, n) and limits (n,); infinity where the rows never move, or nothing is limited."""
     inverse = np.linalg.pinv(J, rcond=1e-3)  # (N, n, 3)
     need = (np.linalg.norm(inverse, axis=2) / limit).max(axis=1)

@@ -5,9 +5,9 @@ from typing import ClassVar
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.control.arguments import checked_number, checked_vector, frame_index, robot_with_masses
 from optiplan.control.configuration import Configuration
-from optiplan.control.tasks.base import ControlTask, Weight, checked_number, checked_vector, frame_index
-from optiplan.errors import wrong_argument
+from optiplan.control.tasks.base import ControlTask, Weight
 from optiplan.kinematics.manipulability import (
     ROWS,
     JacobianRows,
@@ -49,9 +49,7 @@ class CentreOfMassTask(ControlTask):
 
     def bind(self, robot: Robot) -> None:
         """Ask whether the robot has masses."""
-        if not robot.has_inertia:
-            expected = "a robot with masses in its description"
-            raise wrong_argument("CentreOfMassTask", "robot", f"'{robot.name}', which has none", expected)
+        robot_with_masses(self, robot)
 
     def error(self, c: Configuration) -> Array:
         """(3,), m."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Index, parts_of
 from optiplan.collision.contacts import Contact
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel
@@ -38,6 +38,12 @@ class Touch:
     t: float
     q: Array
     contact: Contact
+
+    @property
+    def words(self) -> str:
+        """Which bodies touch."""
+        pair = self.contact.pair
+        return f"'{pair.name_a}' meets '{pair.name_b}'"
 
     def witness(self, motion: Trajectory | None = None) -> dict[str, Any]:
         """Return the contact as a JSON-ready `Failure.witness`, with the `motion` that touches if it is given."""
@@ -172,9 +178,9 @@ def _prove(
 def _subdivide(edges: Array, parts: Array) -> tuple[Array, Array]:
     """Return middles and half widths of the intervals between `edges` (m + 1,), each in `parts` (m,) equal parts."""
     count = np.maximum(parts, 1).astype(int)
-    half = np.repeat(np.diff(edges) / (2.0 * count), count)
-    place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    return np.repeat(edges[:-1], count) + (2 * place + 1) * half, half
+    piece, place = parts_of(count)
+    half = (np.diff(edges) / (2.0 * count))[piece]
+    return edges[:-1][piece] + (2 * place + 1) * half, half
 
 
 def _gaps(
@@ -202,14 +208,11 @@ def _cut(middle: Array, half: Array, rows: Index, pairs: Index, ratio: Array) ->
     """Subdivide every remaining interval into equal parts, as many as its worst pair requires."""
     used, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
     need = np.clip(np.ceil(np.maximum.reduceat(ratio, first) * 1.05), 2, _MOST_CUTS).astype(int)
-    parent = np.repeat(np.arange(len(used)), need)
-    place = np.arange(len(parent)) - np.repeat(np.cumsum(need) - need, need)
+    parent, place = parts_of(need)
     new_half = (half[used] / need)[parent]
     new_middle = (middle - half)[used][parent] + (2 * place + 1) * new_half
-    count = need[inverse]  # every pair goes to all children of its interval
-    start = (np.cumsum(need) - need)[inverse]
-    offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    new_rows = np.repeat(start, count) + offset
-    new_pairs = np.repeat(pairs, count)
+    pair, child = parts_of(need[inverse])  # every pair goes to all children of its interval
+    new_rows = (np.cumsum(need) - need)[inverse][pair] + child
+    new_pairs = pairs[pair]
     order = np.lexsort((new_pairs, new_rows))
     return new_middle, new_half, new_rows[order], new_pairs[order]

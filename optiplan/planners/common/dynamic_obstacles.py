@@ -69,9 +69,8 @@ def delayed(
         touch = touch or met
     if touch is None:
         return Failure("budget", f"{budget.seconds:.3g} s ended while waiting times were tried")
-    pair = touch.contact.pair
     detail = (
-        f"'{pair.name_a}' meets '{pair.name_b}' at {touch.t:.3f} s, and neither waiting up to "
+        f"{touch.words} at {touch.t:.3f} s, and neither waiting up to "
         f"{_horizon(problem):.3g} s nor going {max(_SLOWER):g} times slower avoids what moves"
     )
     return Failure("collision", detail, touch.witness(motions[0]))
@@ -90,7 +89,6 @@ def _in_order(problem: Problem, motions: Sequence[Trajectory]) -> Iterator[Delay
 
 
 def _sooner(problem: Problem, good: Delayed, motions: Sequence[Trajectory], model: CollisionModel) -> Delayed:
-    """Shorten a wait by bisection."""
     low = max(0.0, good.wait - _horizon(problem) / (_WAITS - 1))
     motion = next(one for one in motions if np.isclose(one.duration * good.slower + good.wait, good.motion.duration))
     for _ in range(_HALVINGS if good.wait else 0):

@@ -45,7 +45,7 @@ class NearerEnds:
     def __init__(self, problem: Problem, goal: PoseGoal | RegionGoal) -> None:
         robot = problem.robot
         self._start, self._limits, self._box = problem.start, problem.limits, robot.limits
-        self._set = goal_set(robot, goal)
+        self._set = PoseSet(robot, goal) if isinstance(goal, PoseGoal) else RegionSet(robot, goal)
         self._moving = joints_that_move(robot, goal.frame)
         self._distances = np.geomspace(1e-4, 100.0, 120)
         self._times = joint_times(np.repeat(self._distances[:, None], robot.n, axis=1), problem.limits)
@@ -197,8 +197,3 @@ class RegionSet:
         G = np.vstack([-J[below], J[above]])
         h = np.concatenate([(c - goal.low)[below], (goal.high - c)[above]])
         return StepRows(J[self._fine], middle - c[self._fine], G, np.maximum(h, 0.0))
-
-
-def goal_set(robot: Robot, goal: PoseGoal | RegionGoal) -> PoseSet | RegionSet:
-    """Return the set of configurations in a pose goal or region."""
-    return PoseSet(robot, goal) if isinstance(goal, PoseGoal) else RegionSet(robot, goal)

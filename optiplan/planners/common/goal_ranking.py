@@ -120,7 +120,8 @@ class GoalSampler:
         ranked = self._ranked(held)
         self.configurations = ranked
         self._add([end for q in ranked[: options.count] if not options.stop() for end in self._sooner(q)])
-        self._draws = self._draw([_draw(problem, goal, self._rng) for goal in poses])
+        draws = [_draw(problem, goal, self._rng) for goal in poses]
+        self._draws = (draw() for draw in cycle(draws))
         systematic = np.random.default_rng(0)
         self._within = [_draw(problem, goal, systematic) for goal in poses]
 
@@ -232,11 +233,6 @@ class GoalSampler:
             if ends.contains(q):
                 passed = ends.towards_start(q)
                 yield from [end for end in passed[::-1] if self._good(end)][:1]
-
-    def _draw(self, draws: "list[_Draw | _RegionDraw]") -> Iterator[Array | None]:
-        """Run the inverse kinematics once for each of the poses in turn."""
-        for draw in cycle(draws):
-            yield draw()
 
 
 def _draw(problem: Problem, goal: PoseGoal | RegionGoal, rng: np.random.Generator) -> "_Draw | _RegionDraw":

@@ -5,7 +5,6 @@ Two hands on one box: inverse kinematics moves one hand to its goal pose and lea
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.path_constraints.goals import goal_inequalities, in_goal
-from optiplan.planners.path_constraints.inequality import CompiledInequality
+from optiplan.planners.path_constraints.inequality import CompiledInequality, RowsAtRest, shortest_step, stepped
 from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.problem.constraints.measures import FramePoses
 from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
@@ -24,9 +23,7 @@ _TRIED = 8
 """Number of configurations, the nearest first, projected onto each goal."""
 
 _ITERATIONS = 40
-_DAMPING = 1e-9  # of the squares of the rows' slopes, so that rows that say the same twice do no harm
 _SETS = 6  # of rows that a step regards, one after another
-_LONGEST = 0.3  # rad or m, of a joint in one step
 _AIMED = 0.5  # share of a goal's tolerance that is aimed at
 _KEPT = 0.2  # share of the reserve of a constraint: its rows and what it measures differ a little
 _INSIDE = 1e-7  # times its unit: how far beyond its bound a row is aimed at least
@@ -70,52 +67,39 @@ class _GoalProjection:
         )
         rows = [CompiledInequality(robot, one) for one in goal_inequalities(aimed)]
         ends = [one for kept in constraints.all if kept.one.during[1] == 1.0 for one in kept.inequalities]
-        self._rows = rows + [one for one in ends if isinstance(one, CompiledInequality) and not one.stated.rate]
-        self._limits, self._still = problem.limits, np.zeros((1, robot.n))
+        rows += [one for one in ends if isinstance(one, CompiledInequality) and not one.stated.rate]
+        self._rows, self._limits = RowsAtRest(robot, rows), problem.limits
+        self._reserve = np.concatenate([np.full(one.size, _KEPT * one.stated.reserve) for one in rows])
+        self._inside = np.concatenate([np.full(one.size, _INSIDE * one.stated.unit) for one in rows])
 
     def __call__(self, q: Array) -> Array | None:
         """Return a configuration (n,) near q in the goal and on the constraints; None if none was found."""
         for _ in range(_ITERATIONS):
-            rows = self._rows_at(q)
-            if (rows.value >= 0.0).all():
+            value, slopes = self._rows(q)
+            value = value - self._reserve
+            if (value >= 0.0).all():
                 return q if in_goal(self._goal, self._poses.at(q)) else None
-            step = _step(rows)
-            largest = float(np.abs(step).max())
-            q = np.clip(q + step * min(1.0, _LONGEST / max(largest, 1e-12)), self._limits.lower, self._limits.upper)
+            q = stepped(q, _step(value, slopes, self._inside), self._limits)
         return None
 
-    def _rows_at(self, q: Array) -> "_Rows":
-        motion = [np.ascontiguousarray(q)[None], self._still, self._still]
-        found = [one(motion) for one in self._rows]
-        inside = [np.full(one.size, _INSIDE * one.stated.unit) for one in self._rows]
-        slopes = np.vstack([slopes[0][0] for _, slopes in found])
-        value = [g[0] - _KEPT * one.stated.reserve for (g, _), one in zip(found, self._rows, strict=True)]
-        return _Rows(np.concatenate(value), slopes, np.concatenate(inside))
 
+def _step(value: Array, slopes: Array, inside: Array) -> Array:
+    """Return the shortest step (n,) that brings violated rows inside, and no other out of it, to first order.
 
-class _Rows(NamedTuple):
-    """Rows at a configuration: g (m,) less a part of its reserve, its slopes (m, n), and the target of g (m,)."""
-
-    value: Array
-    slopes: Array
-    inside: Array
-
-
-def _step(rows: _Rows) -> Array:
-    """Return the shortest step (n,) that brings violated rows g (m,) inside, and no other out of it, to first order."""
-    value, slopes, inside = rows
+    Args:
+        value: (m,) of the rows, less a part of their reserve.
+        slopes: (m, n).
+        inside: (m,), targets of the rows.
+    """
     wrong = value < 0.0
     step = np.zeros(slopes.shape[1])
     for _ in range(_SETS):
-        J, e = slopes[wrong], inside[wrong] - value[wrong]
-        A = J @ J.T
-        A.flat[:: len(e) + 1] += _DAMPING * max(float(np.trace(A)), 1e-12)
-        step = J.T @ np.linalg.solve(A, e)
+        step = shortest_step(slopes[wrong], inside[wrong] - value[wrong])
         more = wrong | (value + slopes @ step < 0.0)
         if (more == wrong).all():
             break
         wrong = more
-    return np.asarray(step)
+    return step
 
 
 def _eased(angle: float) -> float:

@@ -1,4 +1,4 @@
-"""Inequalities of the robot's state that hold a constraint, as CasADi expressions."""
+"""Inequalities of the robot's state that hold a constraint: CasADi expressions, and clearances of named pairs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,14 +7,26 @@ from typing import Any, Literal
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.symbolic.state import BatchedExpression, SymbolicState
-from optiplan.robot.robot import Robot
+from optiplan.problem.constraints.motions import PairClearance
+from optiplan.problem.problem import Problem
+from optiplan.robot.robot import Limits, Robot
 
 KEPT = 0.6
 """Share of g, or of a clearance, at an end of a motion that is the aim near this end, if that is below the reserve."""
 
 _SLOWEST, _CLOSE = 100.0, 1e-3
 """Largest factor on a duration, and relative precision of the least one."""
+
+_FAR = 0.01
+"""Distance beyond the required clearance, m, from which pairs are ignored."""
+
+_DAMPING = 1e-9
+"""Of the squares of rows' slopes, so that redundant rows do no harm."""
+
+_LONGEST = 0.3
+"""rad or m, of a joint in one step of a projection."""
 
 Rate = Literal[0, 1, 2]
 
@@ -100,3 +112,58 @@ class CompiledInequality:
         """Return the least g along a motion that takes so many times as long."""
         q, v, a = motion
         return float(self.least([q, v / factor, a / factor**2]).min())
+
+
+class PairsApart:
+    """The inequality d >= at_least of a few pairs.
+
+    Attributes:
+        wanted: the pairs and their least distance.
+        model: measures the distances.
+        depends_on_rates: False.
+    """
+
+    depends_on_rates = False
+
+    def __init__(self, problem: Problem, wanted: PairClearance) -> None:
+        self.wanted = wanted
+        self.model = NamedPairs(problem.robot, problem.scene, wanted.pairs)
+
+    def least(self, motion: Sequence[Array]) -> Array:
+        """Return the least clearance beyond the required one, m, of each state (N, n): (N,), at most 1 cm."""
+        found = self.model.near(motion[0], self.wanted.at_least + _FAR)
+        least = np.full(len(motion[0]), _FAR)
+        np.minimum.at(least, found.rows, found.distance - self.wanted.at_least)
+        return least
+
+    def slower(self, motion: Sequence[Array]) -> float:
+        """Return 1: no clearance grows with time."""
+        return 1.0
+
+
+class RowsAtRest:
+    """The rows of several inequalities at a configuration at rest."""
+
+    def __init__(self, robot: Robot, inequalities: Sequence[CompiledInequality]) -> None:
+        self._inequalities, self._still = inequalities, np.zeros((1, robot.n))
+
+    def __call__(self, q: Array) -> tuple[Array, Array]:
+        """Return g (m,) and its slopes (m, n) at q (n,)."""
+        motion = [np.ascontiguousarray(q)[None], self._still, self._still]
+        found = [one(motion) for one in self._inequalities]
+        if not found:
+            return np.zeros(0), np.zeros((0, len(q)))
+        return np.concatenate([value[0] for value, _ in found]), np.vstack([slopes[0][0] for _, slopes in found])
+
+
+def shortest_step(J: Array, e: Array) -> Array:
+    """Return the shortest step d (n,) with J d = e, damped: J^T (J J^T + damping)^-1 e."""
+    A = J @ J.T
+    A.flat[:: len(e) + 1] += _DAMPING * max(float(np.trace(A)), 1e-12)
+    return np.asarray(J.T @ np.linalg.solve(A, e))
+
+
+def stepped(q: Array, step: Array, limits: Limits) -> Array:
+    """Return q (n,) after a step, shortened to at most 0.3 rad or m of a joint, within the position limits."""
+    largest = float(np.abs(step).max())
+    return np.clip(q + step * min(1.0, _LONGEST / max(largest, 1e-12)), limits.lower, limits.upper)

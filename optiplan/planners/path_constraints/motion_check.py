@@ -8,9 +8,8 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Failure
-from optiplan.planners.path_constraints.clearance import PairsApart
 from optiplan.planners.path_constraints.inequalities import inequalities
-from optiplan.planners.path_constraints.inequality import CompiledInequality
+from optiplan.planners.path_constraints.inequality import CompiledInequality, PairsApart
 from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.measures import ROUNDING, FramePoses, Measure, measures
@@ -90,8 +89,8 @@ class Kept:
         for measure in self._measures:
             value = measure.value(X)
             k = int(np.argmax(value))
-            told, limit = measure.told(float(value[k])), measure.told(measure.limit)
-            words = f"{measure.quantity} by {told:.4g} {measure.unit} of {limit:.4g} {measure.unit} allowed"
+            shown, limit = measure.shown(float(value[k])), measure.shown(measure.limit)
+            words = f"{measure.quantity} by {shown:.4g} {measure.unit} of {limit:.4g} {measure.unit} allowed"
             found.append(WorstViolation(float(value[k]) - measure.limit, k, words, self.name))
         return max(found)
 

@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.kinematics.mecanum import Mecanum
 from optiplan.kinematics.symbolic.state import SymbolicState
 from optiplan.planners.path_constraints.inequality import Inequality
-from optiplan.planners.path_constraints.parts import ANGLE, held_to, stacked
+from optiplan.planners.path_constraints.parts import ANGLE, both_sides, held_to, stacked
 from optiplan.problem.constraints.motions import (
     JointCoupling,
     ManipulabilityAbove,
@@ -75,7 +75,7 @@ def _manipulability(one: ManipulabilityAbove) -> list[Inequality]:
 def _coupling(one: JointCoupling) -> list[Inequality]:
     def build(k: SymbolicState) -> Any:
         off = sum(k.constant(weight) * k.joint(name) for name, weight in one.joints.items()) - k.constant(one.equals)
-        return stacked(k.constant(one.within) - off, k.constant(one.within) + off)
+        return both_sides(k, off, one.within)
 
     return [held_to("coupling", build, one.within, ANGLE)]
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from optiplan.arrays import Array
 from optiplan.kinematics.symbolic.state import SymbolicState
 from optiplan.planners.path_constraints.inequality import Inequality
 
@@ -55,8 +56,13 @@ def within_ball(k: SymbolicState, e: Any, radius: float) -> Any:
 
 def within_box(k: SymbolicState, e: Any, radius: float) -> Any:
     """Return rows of: |e_i| <= radius / sqrt(number of coordinates)."""
-    within = k.constant(radius / np.sqrt(e.shape[0]))
-    return stacked(within - e, within + e)
+    return both_sides(k, e, radius / np.sqrt(e.shape[0]))
+
+
+def both_sides(k: SymbolicState, e: Any, within: float | Array) -> Any:
+    """Return rows of: |e_i| <= within, one for all coordinates or one each."""
+    limit = k.constant(within)
+    return stacked(limit - e, limit + e)
 
 
 def stacked(*parts: Any) -> Any:

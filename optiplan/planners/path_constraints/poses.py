@@ -12,6 +12,7 @@ from optiplan.planners.path_constraints.parts import (
     ANGLE,
     LENGTH,
     NARROW,
+    both_sides,
     held_to,
     stacked,
     turned_within,
@@ -52,7 +53,7 @@ def _position(one: PositionBox) -> list[Inequality]:
 
     def build(k: SymbolicState) -> Any:
         local = k.constant(X.rotation.T) @ (k.pose(one.frame).p - k.constant(X.translation))
-        return stacked(k.constant(half) - local, k.constant(half) + local)
+        return both_sides(k, local, half)
 
     return [held_to("position", build, float(half.min()), LENGTH)]
 
@@ -60,7 +61,7 @@ def _position(one: PositionBox) -> list[Inequality]:
 def _plane(one: OnPlane) -> list[Inequality]:
     def build(k: SymbolicState) -> Any:
         height = k.constant(one.normal).T @ k.pose(one.frame).p - k.constant(one.offset)
-        return stacked(k.constant(one.within) - height, k.constant(one.within) + height)
+        return both_sides(k, height, one.within)
 
     return [held_to("plane", build, one.within, LENGTH)]
 

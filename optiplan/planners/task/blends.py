@@ -75,8 +75,8 @@ class Corner:
         rotation = second @ pin.exp3(f[0] * a.turning) @ self.X_WC.rotation
         first, spin = second @ a.turning, g[1] * b.turning
         twist = np.concatenate([f[1] * a.direction + g[1] * b.direction, spin + f[1] * first])
-        bend = g[2] * b.turning + f[1] * np.cross(spin, first) + f[2] * first
-        return pin.SE3(rotation, position), twist, np.concatenate([f[2] * a.direction + g[2] * b.direction, bend])
+        spin_rate = g[2] * b.turning + f[1] * np.cross(spin, first) + f[2] * first
+        return pin.SE3(rotation, position), twist, np.concatenate([f[2] * a.direction + g[2] * b.direction, spin_rate])
 
 
 class BlendedLine:

@@ -110,10 +110,8 @@ class _LineEnds:
 
 def of_step(failure: Failure, step: TaskStep, state: WorldState, robot: Robot, stage: Stage | None = None) -> Failure:
     """Return a failure that names its step, with the configuration of the whole robot as its witness."""
+    failure = failure if stage is None else stage.of_all_joints(failure, state)
     witness: dict[str, Any] = {**failure.witness, "step": step.number, "step_name": step.name}
-    q = witness.get("q")
-    if q is not None and stage is not None and len(q) == len(stage.columns):
-        witness["q"] = stage.all_joints(np.asarray(q, float), state).tolist()
     if "motion" in witness and stage is not None and len(stage.columns) < len(state.q):
         del witness["motion"]
     return replace(
@@ -157,13 +155,8 @@ def _do(stages: Stages, state: WorldState, step: TaskStep, budget: Budget, ends:
         path, corner = ends.of(action, frame_pose(stage.problem.robot, stage.problem.start, action.frame))
         curve = _line(stage, action.frame, path, budget)
     if isinstance(curve, Failure):
-        q = curve.witness.get("q")
-        if q is not None and len(q) == len(stage.columns):
-            q_all = stage.all_joints(np.asarray(q, float), state).tolist()
-            return replace(curve, witness={**curve.witness, "q": q_all})
-        return curve
-    after = WorldState(stage.all_joints(curve.end, state), state.scene)
-    return PlannedMotion(step, state, after, stage, curve, corner)
+        return stage.of_all_joints(curve, state)
+    return PlannedMotion(step, state, stage.arrived(curve.end, state), stage, curve, corner)
 
 
 def _event(stages: Stages, state: WorldState, step: TaskStep, action: Attach | Detach) -> PlannedStep | Failure:
@@ -187,10 +180,7 @@ def _straight(stage: Stage, action: Move) -> Trajectory | Failure:
     problem = stage.problem
     motion = stop_at_corners(np.array([problem.start, goal.q]), problem.limits, problem.robot.joint_names)
     touch = first_contact(stage.model, motion)
-    if touch is None:
-        return motion
-    pair = touch.contact.pair
-    return Failure("collision", f"'{pair.name_a}' meets '{pair.name_b}'", touch.witness())
+    return motion if touch is None else Failure("collision", touch.words, touch.witness())
 
 
 def _line(stage: Stage, frame: str, path: FollowedPath, budget: Budget) -> Trajectory | Failure:

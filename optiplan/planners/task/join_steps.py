@@ -21,7 +21,7 @@ from optiplan.planners.base import Budget, Progress
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.tolerances import LIMIT_ROUNDING, NO_MOTION
 from optiplan.planners.task.planned_steps import Group, Pause, PlannedMotion, Stretch, TaskPart
-from optiplan.planners.task.smooth_runs import SmoothRun, smooth_runs
+from optiplan.planners.task.smooth_runs import SmoothRun, path_state, smooth_runs
 from optiplan.planners.task.stops import why_stop
 from optiplan.trajectory.joining import cut_trajectory, join_trajectories
 from optiplan.trajectory.paths.hermite import hermite_trajectory
@@ -69,7 +69,6 @@ def join_steps(parts: Sequence[TaskPart], budget: Budget, progress: Progress, th
 
 
 def _stretches_and_pauses(parts: Sequence[TaskPart]) -> list[Group]:
-    """Return the parts in groups between which the arm must stop."""
     groups: list[Group] = []
     for part in parts:
         last = groups[-1] if groups else None
@@ -159,7 +158,7 @@ class _PathElement:
 
     def state(self, p: float) -> Array:
         """Return q, dq/dp, d²q/dp² (3, n)."""
-        return np.stack([self.curve(min(max(p, 0.0), self.length), order) for order in range(3)])
+        return path_state(self.curve, min(max(p, 0.0), self.length))
 
     @property
     def length(self) -> float:

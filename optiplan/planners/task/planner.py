@@ -119,7 +119,6 @@ def _optimised(
 
 
 def _flat(groups: Sequence[Group]) -> list[TaskPart]:
-    """Return the parts of all groups."""
     return [part for group in groups for part in (group if isinstance(group, list) else [group])]
 
 
@@ -134,7 +133,6 @@ def _pieces(stretches: list[Stretch], most: int | None) -> list[list[Stretch]]:
 
 
 def _count(stretches: Sequence[Stretch]) -> int:
-    """Return the number of steps."""
     return sum(len(stretch.steps) for stretch in stretches)
 
 

@@ -204,7 +204,7 @@ class TaskSearch:
         while configurations and not self.budget.over:
             for q in configurations:
                 tried += 1
-                arrived = WorldState(stage.all_joints(q, state), state.scene)
+                arrived = stage.arrived(q, state)
                 chain = do_chain(self.stages, arrived, leg.chain, self.budget)
                 if chain.failure is None:
                     good.append(_Node(arrived.q, chain.after(arrived), self._seconds(chain)))
@@ -304,7 +304,7 @@ class TaskSearch:
             self.cut_short |= share.over
             failure = result.failure or Failure("no-path", "no motion was found")
             return of_step(failure, leg.step, state, self.stages.problem.robot, stage)
-        arrived = WorldState(stage.all_joints(result.trajectory.end, state), state.scene)
+        arrived = stage.arrived(result.trajectory.end, state)
         chain = do_chain(self.stages, arrived, leg.chain, self.budget)
         if chain.failure is not None:
             return chain.failure

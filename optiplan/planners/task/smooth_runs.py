@@ -59,7 +59,7 @@ def is_rounded(before: PlannedMotion, after: PlannedMotion) -> bool:
     if before.corner is None:
         return False
     first, second = before.curve.scaled(before.corner.before.length), after.curve.scaled(before.corner.after.length)
-    a, b = _state(first, first.duration), _state(second, 0.0)
+    a, b = path_state(first, first.duration), path_state(second, 0.0)
     scale = np.maximum(np.abs(a).max(axis=1), np.abs(a[1]).max())
     return bool((np.abs(a - b).max(axis=1) <= _SMOOTH * scale).all())
 
@@ -68,13 +68,13 @@ def _longer(run: SmoothRun, after: PlannedMotion) -> SmoothRun:
     """Return a run with one line more, over the length of its lines, m."""
     corners = [step.corner for step in run.steps if step.corner is not None]
     first = run.curve.scaled(sum(corner.before.length for corner in corners))
-    second = _beginning(after.curve.scaled(corners[-1].after.length), _state(first, first.duration))
+    second = _beginning(after.curve.scaled(corners[-1].after.length), path_state(first, first.duration))
     length = first.duration + second.duration
     edges = tuple(edge * first.duration / length for edge in run.edges)
     return SmoothRun((*run.steps, after), join_trajectories([first, second]), (*edges, 1.0))
 
 
-def _state(path: Trajectory, at: float) -> Array:
+def path_state(path: Trajectory, at: float) -> Array:
     """Return value, slope and curvature of a path, (3, n)."""
     return np.array([path(at, order) for order in range(3)])
 
@@ -82,7 +82,7 @@ def _state(path: Trajectory, at: float) -> Array:
 def _beginning(path: Trajectory, state: Array) -> Trajectory:
     """Return a path with exactly this state (3, n) at its beginning: the difference is rounding."""
     h = float(path.breakpoints[1])
-    piece = hermite(state, _state(path, h), np.array([h]))[0] / h ** np.arange(6)[:, None]
+    piece = hermite(state, path_state(path, h), np.array([h]))[0] / h ** np.arange(6)[:, None]
     coefficients = np.pad(path.coefficients, ((0, 0), (0, max(0, 6 - path.coefficients.shape[1])), (0, 0)))
     coefficients[0] = 0.0
     coefficients[0, :6] = piece

@@ -8,6 +8,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Scene
+from optiplan.planners.base import Failure
 from optiplan.problem.problem import Goal, Problem, Via, derived
 from optiplan.problem.task.scene_change import carrying, columns, scene_during, standing
 from optiplan.problem.task.steps import TaskStep
@@ -38,11 +39,18 @@ class Stage:
     model: CollisionModel
     columns: list[int]
 
-    def all_joints(self, q: Array, state: WorldState) -> Array:
-        """Return a configuration of the whole robot (n,) with the joints of this stage at q (k,)."""
-        found = np.array(state.q)
-        found[self.columns] = q
-        return found
+    def arrived(self, q: Array, state: WorldState) -> WorldState:
+        """Return a state of the whole robot with the joints of this stage at q (k,)."""
+        whole = np.array(state.q)
+        whole[self.columns] = q
+        return WorldState(whole, state.scene)
+
+    def of_all_joints(self, failure: Failure, state: WorldState) -> Failure:
+        """Return a failure of this stage whose witness has the configuration of the whole robot."""
+        q = failure.witness.get("q")
+        if q is None or len(q) != len(self.columns):
+            return failure
+        return replace(failure, witness={**failure.witness, "q": self.arrived(q, state).q.tolist()})
 
     def to(self, goal: Goal, vias: tuple[Via, ...] = ()) -> Problem:
         """Return the problem of going somewhere."""

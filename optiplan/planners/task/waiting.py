@@ -50,5 +50,4 @@ def _passing(problem: Problem, part: TaskPart, budget: Budget) -> TaskPart | Fai
     met = first_contact(planning_model(problem.robot, scene), still, lambda: budget.over)
     if met is None:
         return part
-    pair = met.contact.pair
-    return Failure("collision", f"'{pair.name_a}' meets '{pair.name_b}', which moves", met.witness(still))
+    return Failure("collision", f"{met.words}, which moves", met.witness(still))

@@ -11,10 +11,9 @@ from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.continuous_collision import Touch
 from optiplan.planners.path_constraints.motion_check import Broken, broken_constraint
-from optiplan.planners.trajopt.incumbent import CurveIncumbent
+from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser, attempt_record
-from optiplan.planners.trajopt.program.iteration_log import IterationLog
-from optiplan.planners.trajopt.speculative_attempts import AttemptOutcome, SpeculativeAttempts
+from optiplan.planners.trajopt.speculative_attempts import SpeculativeAttempts
 from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.problem.problem import JointGoal
@@ -181,12 +180,15 @@ class Attempts:
             if kind in ("straight", "line", "bump"):
                 known = self.ahead.take(control, budget, incumbent.cost, self.patient)
             if known is not None:
-                attempt, steps, log = self._made(known, late)
+                if known.late and late is not None:
+                    late()
+                if known.first is not None:
+                    incumbent.offer_first(known.first)
+                attempt, steps, log = known.attempt, known.steps, known.log
             else:
-                before = optimiser.steps
                 options = AttemptOptions(margin, incumbent.cost, self.patient, incumbent.offer_first, late)
                 attempt = optimiser.run(control, budget, options)
-                steps, log = optimiser.steps - before, optimiser.log
+                steps, log = optimiser.taken, optimiser.log
         self.patience.work(steps=steps)
         incumbent.info["cut_short"] |= budget.over
         incumbent.info["attempts"].append(attempt_record(kind, attempt, steps, log))
@@ -195,16 +197,6 @@ class Attempts:
         if attempt is not None and attempt.broken:
             self._breaking = attempt.broken[0], attempt.trajectory
         return attempt if attempt is not None and attempt.free else None
-
-    def _made(
-        self, outcome: AttemptOutcome, late: Callable[[], None] | None
-    ) -> tuple[Attempt | None, int, IterationLog]:
-        """Return an attempt that another thread has made, its steps and their log."""
-        if outcome.late and late is not None:
-            late()
-        if outcome.first is not None:
-            self.incumbent.offer_first(outcome.first)
-        return outcome.attempt, outcome.steps, outcome.log
 
     def why_not(self) -> Failure:
         """Return why no attempt has led to a free motion."""

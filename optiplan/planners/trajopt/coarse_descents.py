@@ -1,6 +1,7 @@
 """Short descents of coarse curves: estimate the motion along a sampled path before it is optimised."""
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,19 +30,23 @@ _FITTED = 200
 """Instants of a coarse curve at which one with all spans is fitted to it."""
 
 
-@dataclass(frozen=True, eq=False)
-class GuessPath:
-    """A sampled path, and the coarse curve optimised from it.
+class CoarseCurve(NamedTuple):
+    """The result of a coarse descent.
 
     Attributes:
-        path: sampled.
-        control: (K, n) of the curve to optimise, rad or m; None without a coarse descent.
+        control: (K, n) of the curve with all spans that is to be optimised, rad or m.
         duration: of the coarse curve, s; it may collide between its samples.
     """
 
+    control: Array
+    duration: float
+
+
+class GuessPath(NamedTuple):
+    """A sampled path, and the coarse curve optimised from it; None without a coarse descent."""
+
     path: SampledPath
-    control: Array | None = None
-    duration: float = 0.0
+    curve: CoarseCurve | None = None
 
 
 @dataclass(eq=False)
@@ -64,26 +69,27 @@ class CoarseDescents:
     watch: Stopwatch
     _coarse: dict[CollisionModel, Optimiser] = field(default_factory=dict)
 
-    def descend(self, model: CollisionModel, path: SampledPath, best: float) -> GuessPath | None:
-        """Return the guess from a path among the obstacles of a model; None where its curve stays in them.
+    def descend(self, model: CollisionModel, path: SampledPath, best: float) -> CoarseCurve | None:
+        """Return the curve from a path among the obstacles of a model; None where it stays in them.
 
         Args:
             model: of the robot, obstacles perhaps thinner.
             path: free there.
             best: cost of the best motion known, s.
         """
-        found = self._descended(model, self._among(model).along(path.waypoints), best)
-        return None if found is None else GuessPath(path, *found)
+        return self._descended(model, self._among(model).along(path.waypoints), best)
 
-    def from_curve(self, control: Array, best: float) -> tuple[Array, float] | None:
-        """Return the control points (K, n) and the duration, s, of the coarse curve from one with all spans (K, n)."""
+    def from_curve(self, control: Array, best: float) -> CoarseCurve | None:
+        """Return the coarse curve from control points (K, n) of one with all spans; None where it stays in obstacles.
+
+        `best` as of `descend`.
+        """
         coarse, full = self._among(self.optimiser.model), self.optimiser
         instants = np.linspace(0.0, 1.0, _FITTED)
         points = full.basis.at(instants) @ full.within_limits(control)
         return self._descended(full.model, coarse.basis.fit(instants, points), best)
 
-    def _descended(self, model: CollisionModel, control: Array, best: float) -> tuple[Array, float] | None:
-        """Return a curve with all spans and its duration, s, from a coarse one; None where that stays in obstacles."""
+    def _descended(self, model: CollisionModel, control: Array, best: float) -> CoarseCurve | None:
         with self.watch.stage("sampling"):
             coarse = self._among(model)
             control = coarse.within_limits(control)
@@ -96,7 +102,7 @@ class CoarseDescents:
                 return None
             instants = np.linspace(0.0, 1.0, _FITTED)
             points = coarse.basis.at(instants) @ found.control
-            return self.optimiser.basis.fit(instants, points), found.duration
+            return CoarseCurve(self.optimiser.basis.fit(instants, points), found.duration)
 
     def _among(self, model: CollisionModel) -> Optimiser:
         if model not in self._coarse:

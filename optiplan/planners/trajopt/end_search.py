@@ -9,8 +9,8 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.planners.common.goal_ranking import GoalSampler, apart
 from optiplan.planners.trajopt.attempts import Attempts
-from optiplan.planners.trajopt.coarse_descents import CoarseDescents
-from optiplan.planners.trajopt.incumbent import CurveIncumbent
+from optiplan.planners.trajopt.coarse_descents import CoarseCurve
+from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
 from optiplan.problem.problem import Problem
@@ -33,18 +33,14 @@ class EndSearch:
     motion is not tried: no motion to it is shorter.
 
     Attributes:
-        problem: that is planned.
-        sampler: of its ends.
+        sampler: of the ends of the problem.
         attempts: optimise curves.
-        paths: searches.
-        coarse: short descents.
+        paths: searches, and short descents.
     """
 
-    problem: Problem
     sampler: GoalSampler
     attempts: Attempts
     paths: PathSearch
-    coarse: CoarseDescents
     _ends: list[Array] = field(default_factory=list)
     _surveyed: float = np.inf
     _tries: Counter[bytes] = field(default_factory=Counter)
@@ -55,7 +51,7 @@ class EndSearch:
 
         Path constraints exclude it: coarse curves ignore them.
         """
-        if self.problem.one_end or self.problem.path_constraints:
+        if self._problem.one_end or self._problem.path_constraints:
             return
         while self._incumbent.candidates and not self._over:
             end = self._next()
@@ -72,6 +68,10 @@ class EndSearch:
         return self.attempts.incumbent
 
     @property
+    def _problem(self) -> Problem:
+        return self.paths.problem
+
+    @property
     def _patience(self) -> Patience:
         return self.attempts.patience
 
@@ -86,7 +86,7 @@ class EndSearch:
             self._surveyed = incumbent.cost
             with self.attempts.watch.stage("goals"):
                 self._ends = self._survey()
-        bounds = self.problem.lower_bounds(self._ends) if self._ends else np.zeros(0)
+        bounds = self._problem.lower_bounds(self._ends) if self._ends else np.zeros(0)
         worth: list[tuple[int, int]] = []
         for k, (end, bound) in enumerate(zip(self._ends, bounds, strict=True)):
             least, tries = incumbent.cost_bound(float(bound)), self._tries[end.tobytes()]
@@ -101,9 +101,9 @@ class EndSearch:
         known = [*nearest, *self.paths.promising(self.sampler)]
         ends: list[Array] = []
         for q in known:
-            if all(apart(q, other, self.problem.limits) for other in ends):
+            if all(apart(q, other, self._problem.limits) for other in ends):
                 ends.append(q)
-        bounds = self.problem.lower_bounds(ends) if ends else np.zeros(0)
+        bounds = self._problem.lower_bounds(ends) if ends else np.zeros(0)
         if len(bounds) and bounds.min() < incumbent.soonest:
             incumbent.bounded(float(bounds.min()))
         return ends
@@ -111,22 +111,20 @@ class EndSearch:
     def _try(self, end: Array) -> None:
         """Optimise the most promising of the curves to an end (n,)."""
         found = [one for one in self._curves(end) if one is not None]
-        control, duration = min(found, key=lambda one: one[1], default=(None, np.inf))
-        if control is not None and self._incumbent.cost_bound(duration) < _PROMISING * self._incumbent.rough:
+        best = min(found, key=lambda one: one.duration, default=None)
+        if best is not None and self._incumbent.cost_bound(best.duration) < _PROMISING * self._incumbent.rough:
             before = self._incumbent.cost
-            if self.attempts.attempt("goal", control, self.attempts.before_refining) is None:
+            if self.attempts.attempt("goal", best.control, self.attempts.before_refining) is None:
                 return
             if self._incumbent.cost < before:
                 self.attempts.free_end()
 
-    def _curves(self, end: Array) -> Iterator[tuple[Array, float] | None]:
-        """Yield the optimised coarse curves (K, n) to an end, with their durations, s."""
-        basis, start, rough = self.attempts.optimiser.basis, self.problem.start, self._incumbent.rough
+    def _curves(self, end: Array) -> Iterator[CoarseCurve | None]:
+        """Yield the optimised coarse curves to an end."""
+        basis, start, rough = self.attempts.optimiser.basis, self._problem.start, self._incumbent.rough
         curve, still = self._incumbent.curve, np.zeros((2, len(start)))
-        yield self.coarse.from_curve(self.attempts.optimiser.along(np.array([start, end])), rough)
+        yield self.paths.coarse.from_curve(self.attempts.optimiser.along(np.array([start, end])), rough)
         if curve is not None:
             bent = basis.moved_ends(curve.control, np.vstack([[start], still]), np.vstack([[end], still]))
-            yield self.coarse.from_curve(bent, rough)
-        way = self.paths.toward(self.sampler, [end], _SEARCH)
-        if way is not None and way.control is not None:
-            yield way.control, way.duration
+            yield self.paths.coarse.from_curve(bent, rough)
+        yield self.paths.toward(self.sampler, [end], _SEARCH)

@@ -82,35 +82,35 @@ class NonzeroEndOptimiser:
         own, options = self.optimiser, self.optimiser.options
         control = self.ends.held(self.basis, control, duration)
         descender, u = own.descender(control, margin, own.constraint_terms.begin()), own.instants(control)
-        attempt, before, own.log = None, own.steps, NOTHING
+        attempt, own.taken, own.log = None, 0, NOTHING
         for _ in range(options.refinements + 1):
             descender.set_samples(u)
-            found = self._fixed_point(descender, control, duration, options.iterations + before, lambda: budget.over)
+            found = self._fixed_point(descender, control, duration, lambda: budget.over)
             control, duration = found.control, found.duration
             if budget.cancelled or found.missing > MAX_VIOLATION:
                 return None
-            checked, steps = own.checked(control, self.timed(control, duration), budget), own.steps - before
+            checked = own.checked(control, self.timed(control, duration), budget)
             if checked is None or budget.cancelled:
                 return None
-            attempt = replace(checked, close=found.nearest < ACTIVE, iterations=steps)
-            if attempt.free or steps >= options.iterations or budget.over or found.missing > STUCK:
+            attempt = replace(checked, close=found.nearest < ACTIVE, iterations=own.taken)
+            if attempt.free or own.taken >= options.iterations or budget.over or found.missing > STUCK:
                 break
             u = own.more_instants(u, attempt)
         return attempt
 
     def _fixed_point(
-        self, descender: Descender, control: Array, duration: float, most: int, stop: Callable[[], bool]
+        self, descender: Descender, control: Array, duration: float, stop: Callable[[], bool]
     ) -> Descended:
         """Optimise with the ends of the last duration until the duration converges."""
-        own, times = self.optimiser, [duration]
+        own, most, times = self.optimiser, self.optimiser.options.iterations, [duration]
         for k in range(ROUNDS):
             control = self.ends.held(self.basis, control, times[-1])
-            found = descender.optimise(control, DescentOptions(max(1, most - own.steps), stop))
+            found = descender.optimise(control, DescentOptions(max(1, most - own.taken), stop))
             own.count(found)
             control = found.control
             settled = abs(found.duration - times[-1]) <= SETTLED * found.duration
             times.append(found.duration)
-            if settled or stop() or own.steps >= most:
+            if settled or stop() or own.taken >= most:
                 break
             if k % 3 == 2:
                 times.append(_extrapolated(*times[-3:]))

@@ -9,7 +9,7 @@ from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
 from optiplan.planners.common.context import Stopwatch
-from optiplan.planners.common.continuous_collision import Touch, first_contact
+from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.incumbent import Incumbent
@@ -52,7 +52,6 @@ class _NonzeroEndRun:
         self.incumbent = Incumbent(problem, progress, self.watch)
         self.bound = 0.0
         self.curve: tuple[Attempt, NonzeroEndOptimiser] | None = None
-        self.touching: tuple[Touch, Trajectory] | None = None
         self.patience = Patience(budget, self.options.good_enough)
         with self.watch.stage("set-up"):
             self.model = kept_planning_model(problem.robot, problem.scene)
@@ -107,9 +106,7 @@ class _NonzeroEndRun:
             touch = first_contact(self.model, motion, lambda: self.budget.over)
         if touch is None:
             return None
-        pair = touch.contact.pair
-        detail = f"'{pair.name_a}' meets '{pair.name_b}' after {touch.t:.3f} s"
-        return Failure("collision", detail, touch.witness(motion))
+        return Failure("collision", f"{touch.words} after {touch.t:.3f} s", touch.witness(motion))
 
     def _detour(self) -> Failure | None:
         """Stop, go from rest to rest, run up; then optimise from that."""
@@ -175,20 +172,17 @@ class _NonzeroEndRun:
     def _run(self, kind: str, optimiser: NonzeroEndOptimiser, control: Array, duration: float, budget: Budget) -> None:
         """Optimise a curve and offer it, if it is free."""
         self.progress("optimisation", 1.0 - self.budget.remaining / self.budget.seconds)
-        before = self.optimiser.steps
         with self.watch.stage("optimisation"):
             attempt = optimiser.run(control, duration, budget)
-        steps = self.optimiser.steps - before
+        steps = self.optimiser.taken
         self.patience.work(steps=steps)
         self.info["attempts"].append(attempt_record(kind, attempt, steps, self.optimiser.log))
-        free = attempt is not None and attempt.free
-        if attempt is not None:
-            if attempt.touches:
-                self.touching = attempt.touches[0], attempt.trajectory
-            elif not attempt.broken and self._offer(attempt.trajectory):
-                self.curve = attempt, optimiser
-        cost = self.problem.cost(attempt.trajectory) if attempt is not None and free else None
-        self.patience.record(cost)
+        if attempt is None or not attempt.free:
+            self.patience.record(None)
+            return
+        if self._offer(attempt.trajectory):
+            self.curve = attempt, optimiser
+        self.patience.record(self.problem.cost(attempt.trajectory))
 
     def _offer(self, trajectory: Trajectory) -> bool:
         """Keep a free motion if it is better than the best; return whether it is."""

@@ -99,9 +99,8 @@ def _curves(
         if k >= len(seeds):
             base, T = guesses[0] if best is None else (best.control, best.trajectory.duration)
             guesses.append((with_bump(optimiser.basis, base, T, problem.limits, rng), T))
-        before = optimiser.steps
         attempt = curves.run(*guesses[k], budget)
-        attempts.append(attempt_record("in time", attempt, optimiser.steps - before, optimiser.log))
+        attempts.append(attempt_record("in time", attempt, optimiser.taken, optimiser.log))
         if attempt is not None and attempt.free:
             incumbent.offer(attempt.trajectory)
             if best is None or attempt.trajectory.duration < best.trajectory.duration:

@@ -110,7 +110,7 @@ class Optimiser:
         constraints: on the path.
         constraint_terms: the same as terms.
         objective: parts of the cost.
-        steps: taken so far, in all attempts.
+        steps: taken so far, in all attempts; `taken`: in the latest one.
         log: of the latest attempt.
     """
 
@@ -128,7 +128,7 @@ class Optimiser:
         self.constraint_terms = ConstraintTerms(self.constraints)
         self.objective = problem.objective_parts()
         self._costs = integral_costs(problem, model)
-        self.steps = 0
+        self.steps = self.taken = 0
         self.log: IterationLog = NOTHING
 
     def along(self, waypoints: Array) -> Array:
@@ -151,7 +151,7 @@ class Optimiser:
         control = self.within_limits(control)
         terms = self.constraint_terms.begin() + (() if self.end is None else self.end.terms)
         descender, u = self.descender(control, options.margin, terms), self.instants(control)
-        iterations, attempt, self.log = 0, None, NOTHING
+        attempt, self.taken, self.log = None, 0, NOTHING
         least = self.basis.shortest_duration(control, self.problem.limits.rates)
         best, first, late = options.best, options.first, options.late
         longest = np.inf if options.patient or terms or self._costs else GROWN * least
@@ -175,9 +175,8 @@ class Optimiser:
 
         for _ in range(self.options.refinements + 1):
             descender.set_samples(u)
-            left = self.options.iterations - iterations
+            left = self.options.iterations - self.taken
             found = descender.optimise(control, DescentOptions(left, over, best, longest, None if terms else go_on))
-            iterations += found.steps
             self.count(found)
             control = found.control if self.end is None else self.end.landed(found.control)
             too_late = budget.over and self.problem.objective.time * found.duration >= best
@@ -187,8 +186,8 @@ class Optimiser:
                 looked = self.checked(control, self.timed(control, found.duration), budget)
             if looked is None or budget.cancelled:
                 return None
-            attempt = replace(looked, close=found.nearest < ACTIVE, iterations=iterations)
-            enough = iterations >= self.options.iterations or (iterations >= SLOW and found.duration > longest)
+            attempt = replace(looked, close=found.nearest < ACTIVE, iterations=self.taken)
+            enough = self.taken >= self.options.iterations or (self.taken >= SLOW and found.duration > longest)
             if attempt.free or enough or budget.over or found.missing > STUCK:
                 break
             u = self.more_instants(u, attempt)
@@ -203,6 +202,7 @@ class Optimiser:
     def count(self, found: Descended) -> None:
         """Count a descent as part of the latest attempt."""
         self.steps += found.steps
+        self.taken += found.steps
         self.log = self.log.then(found.log)
 
     def checked(self, control: Array, trajectory: Trajectory | None, budget: Budget) -> Attempt | None:

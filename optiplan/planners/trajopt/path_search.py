@@ -1,7 +1,7 @@
 """Sampled paths for `trajopt`: the searches, and motions along a path without optimisation."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,8 +18,8 @@ from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
-from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
-from optiplan.planners.trajopt.incumbent import CurveIncumbent
+from optiplan.planners.trajopt.coarse_descents import CoarseCurve, CoarseDescents, GuessPath
+from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
@@ -84,7 +84,7 @@ class PathSearch:
     begun: int = 0
     depth: int = 0
     in_vain: int = 0
-    _ways: list[GuessPath] = field(default_factory=list)
+    _waiting: list[tuple[SampledPath, CoarseCurve]] = field(default_factory=list)
     _checks: dict[float, MotionCheck] = field(default_factory=dict)
     _on_constraints: ConstrainedSeeds = field(init=False)
 
@@ -121,12 +121,12 @@ class PathSearch:
         found, self.found = self.found, None
         constrained, none = self._on_constraints.apply, not self.incumbent.candidates
         if found is None and none and not constrained and self.searches and self.depth < _HARD:
-            way = self._compared(sampler, None, _TRIED, enough=1)
-            if isinstance(way, GuessPath):
-                return way
+            guess = self._compared(sampler, None, _TRIED, enough=1)
+            if isinstance(guess, GuessPath):
+                return guess
             self.depth = _HARD
         if found is None and (constrained or none):
-            path = self._sample(sampler, self._check(), self.patience.seconds + self._worth, repair)
+            path = self._sample(sampler, self._check(), self.patience.seconds + self._longest_search, repair)
             if isinstance(path, Failure):
                 return path
             if constrained or self.incumbent.curve is not None or not self.incumbent.candidates:
@@ -134,11 +134,11 @@ class PathSearch:
             found = path
         return self._compared(sampler, found, _COMPARED)
 
-    def tell(self, free: bool) -> None:
+    def record(self, free: bool) -> None:
         """Record whether the last guess became a free motion."""
         self.depth = 0 if free else (self.depth + 1) % len(_DEPTHS)
         if not free:
-            self._ways.clear()
+            self._waiting.clear()
 
     def _compared(
         self, sampler: GoalSampler, found: SampledPath | None, count: int, enough: float = np.inf
@@ -150,31 +150,30 @@ class PathSearch:
         best = rough = self.incumbent.rough
         failure = Failure("no-path", "the curves along all paths stay in obstacles")
         for _ in range(count):
-            if len(self._ways) >= enough:
+            if len(self._waiting) >= enough:
                 break
             path, found = found or self._another(sampler), None
             if isinstance(path, Failure):
                 failure, self.depth, self.in_vain = path, 0, self.in_vain + 1
                 break
-            way = self.coarse.descend(self._check(_DEPTHS[self.depth]).model, path, best)
-            if way is not None:
-                self._ways.append(way)
-                best = min(best, way.duration)
-                if np.isfinite(rough) and self.incumbent.cost_bound(way.duration) < _PROMISING * rough:
+            curve = self.coarse.descend(self._check(_DEPTHS[self.depth]).model, path, best)
+            if curve is not None:
+                self._waiting.append((path, curve))
+                best = min(best, curve.duration)
+                if np.isfinite(rough) and self.incumbent.cost_bound(curve.duration) < _PROMISING * rough:
                     break
-        self._ways.sort(key=lambda way: way.duration)
-        return self._ways.pop(0) if self._ways else failure
+        self._waiting.sort(key=lambda one: one[1].duration)
+        return GuessPath(*self._waiting.pop(0)) if self._waiting else failure
 
-    def anew(
-        self, problem: Problem, patience: Patience, incumbent: CurveIncumbent, coarse: CoarseDescents
-    ) -> "PathSearch":
-        """Return searches from the first seed that share only the models of thinner obstacles."""
-        fresh = PathSearch(problem, self.model, self.budget, patience, incumbent, self.watch, coarse)
+    def anew(self, patience: Patience, incumbent: CurveIncumbent) -> "PathSearch":
+        """Return searches from the first seed that share only the collision models."""
+        coarse = replace(self.coarse, patience=patience)
+        fresh = PathSearch(incumbent.problem, self.model, self.budget, patience, incumbent, self.watch, coarse)
         fresh._checks = self._checks
         return fresh
 
-    def toward(self, sampler: GoalSampler, goals: list[Array], most: float) -> GuessPath | None:
-        """Return the guess along a path to one of some goals (n,), found within `most` of work, s; None without one.
+    def toward(self, sampler: GoalSampler, goals: list[Array], most: float) -> CoarseCurve | None:
+        """Return the coarse curve from a path to one of some goals (n,), found within `most` of work, s, or None.
 
         The path is sampled between thinner obstacles, or the real ones where the straight line is free there.
         """
@@ -191,14 +190,14 @@ class PathSearch:
         """Return a path between thinner obstacles; thicker ones where the straight line is free."""
         while True:
             one = _ONE * 2.0**self.in_vain if self.incumbent.candidates else _FIRST
-            most = self.patience.seconds + min(self._worth, one)
+            most = self.patience.seconds + min(self._longest_search, one)
             path = self._sample(sampler, self._check(_DEPTHS[self.depth]), most, None)
             if isinstance(path, Failure) or len(path.waypoints) > 2 or not _DEPTHS[self.depth]:
                 return path
             self.depth += 1
 
     @property
-    def _worth(self) -> float:
+    def _longest_search(self) -> float:
         """Return the work, s, after which to stop without a gain."""
         incumbent = self.incumbent
         return self.patience.worth(incumbent.cost, incumbent.bound) if incumbent.candidates else np.inf

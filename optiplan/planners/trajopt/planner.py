@@ -21,8 +21,8 @@ from optiplan.planners.path_constraints.goal_projection import hold_goals
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
+from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.end_search import EndSearch
-from optiplan.planners.trajopt.incumbent import CurveIncumbent
 from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.nonzero_ends import plan_nonzero_ends
 from optiplan.planners.trajopt.optimise_in_time import optimise_in_time
@@ -105,8 +105,8 @@ class _Run:
         self.incumbent = CurveIncumbent(
             problem, progress, self.watch, began, constraints=self.optimiser.constraints, info=self.info
         )
-        self.coarse = CoarseDescents(self.optimiser, budget, self.patience, self.watch)
-        self.paths = PathSearch(problem, self.model, budget, self.patience, self.incumbent, self.watch, self.coarse)
+        coarse = CoarseDescents(self.optimiser, budget, self.patience, self.watch)
+        self.paths = PathSearch(problem, self.model, budget, self.patience, self.incumbent, self.watch, coarse)
         self.attempts = Attempts(self.optimiser, budget, self.incumbent, self.patience, self.watch)
 
     def result(self) -> PlanResult:
@@ -168,20 +168,20 @@ class _Run:
         """
         failure: Failure | None = None
         rng = np.random.default_rng(self.problem.seed)
-        ends = EndSearch(self.problem, sampler, self.attempts, self.paths, self.coarse)
-        seedless = SeedlessSearch(self.problem, self.attempts, self.paths, self.coarse)
+        ends = EndSearch(sampler, self.attempts, self.paths)
+        seedless = SeedlessSearch(self.attempts, self.paths)
         for number in range(self.options.seeds):
             if not self._should_continue():
                 break
             self._precompute(self._coming(sampler, number, rng))
             self.repaired = None
-            way = self.paths.next(sampler, self._repaired)
-            if isinstance(way, Failure):
-                failure = way
+            guess = self.paths.next(sampler, self._repaired)
+            if isinstance(guess, Failure):
+                failure = guess
                 self.direct = self.attempts.patient = True
                 self.attempts.keep(None)
-            elif len(way.path.waypoints) > 2 or self.incumbent.curve is None:
-                failure = self._sampled(way) or failure
+            elif len(guess.path.waypoints) > 2 or self.incumbent.curve is None:
+                failure = self._sampled(guess) or failure
             if self.direct and self._should_continue():
                 self._precompute(self._coming(sampler, number, rng))
                 control = self._with_bump(self._line(sampler, number), rng)
@@ -215,41 +215,40 @@ class _Run:
         return self.optimiser.along(np.array([self.problem.start, goals[number % len(goals)]]))
 
     def _with_bump(self, control: Array, rng: np.random.Generator) -> Array:
-        """Return a curve with a bump."""
         limits = self.problem.limits
         duration = self.optimiser.basis.shortest_duration(control, limits.rates)
         return with_bump(self.optimiser.basis, control, duration, limits, rng)
 
-    def _sampled(self, way: GuessPath) -> Failure | None:
+    def _sampled(self, guess: GuessPath) -> Failure | None:
         """Optimise from a sampled path, and time the path itself after several attempts in vain.
 
         A path on an optimised curve is not optimised again unless a shortcut has made it shorter. A path that takes
         far longer than the best motion, even at full speed, is skipped.
         """
-        path, failure, attempt = way.path, None, None
-        if not self.incumbent.candidates and (way.control is None or self.paths.free(path)):
+        path, curve, failure, attempt = guess.path, guess.curve, None, None
+        if not self.incumbent.candidates and (curve is None or self.paths.free(path)):
             failure = self.paths.offer_first(path)
         repaired, self.repaired = self.repaired, None
         if repaired is not None and path.cost > _SHORTER * repaired[1]:
             attempt = repaired[0]
             self.attempts.keep(attempt)
-        elif self._hopeless(way):
+        elif self._hopeless(guess):
             self.attempts.keep(None)
         else:
-            control = self.optimiser.along(path.waypoints) if way.control is None else way.control
+            control = self.optimiser.along(path.waypoints) if curve is None else curve.control
             attempt = self.attempts.attempt("sampled", control, self.attempts.before_refining)
-            self.paths.tell(attempt is not None)
+            self.paths.record(attempt is not None)
         longer = self.incumbent.cost > self.incumbent.cost_bound(path.cost)
         if attempt is None and longer and self.patience.in_vain >= _IN_VAIN and self.paths.free(path):
             self.paths.offer_timed(path)
         return failure
 
-    def _hopeless(self, way: GuessPath) -> bool:
+    def _hopeless(self, guess: GuessPath) -> bool:
         """Return whether a guess promises no improvement of the best curve."""
         incumbent = self.incumbent
-        if way.control is None or incumbent.curve is None:
-            return incumbent.cost_bound(way.path.cost) > WORSE * incumbent.cost
-        return incumbent.cost_bound(way.duration) > incumbent.rough
+        if guess.curve is None or incumbent.curve is None:
+            return incumbent.cost_bound(guess.path.cost) > WORSE * incumbent.cost
+        return incumbent.cost_bound(guess.curve.duration) > incumbent.rough
 
     def _repaired(self, waypoints: Array) -> Array | None:
         """Return waypoints on the optimised curve of a colliding path, if that is free."""

@@ -1,6 +1,6 @@
 """A search for motions to a set of goal configurations that does not depend on the seed of the problem."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -8,8 +8,8 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Failure
 from optiplan.planners.common.goal_ranking import GoalSampler, apart, goal_sampler
 from optiplan.planners.trajopt.attempts import Attempts
-from optiplan.planners.trajopt.coarse_descents import CoarseDescents
-from optiplan.planners.trajopt.incumbent import CurveIncumbent
+from optiplan.planners.trajopt.coarse_descents import CoarseCurve
+from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.optimizer import Attempt
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import SAME, EndsInVain, Patience
@@ -42,30 +42,25 @@ class SeedlessSearch:
     straight lines to new random ends. Coarse curves decide which guess is optimised next.
 
     Attributes:
-        problem: that is planned.
         attempts: of the run; their incumbent is offered the best curve.
         paths: of the run.
-        coarse: of the run.
     """
 
-    problem: Problem
     attempts: Attempts
     paths: PathSearch
-    coarse: CoarseDescents
     _done: bool = False
     _own: Attempts = field(init=False)
     _searches: PathSearch = field(init=False)
-    _descents: CoarseDescents = field(init=False)
     _sampler: GoalSampler = field(init=False)
     _ends: list[Array] = field(default_factory=list)
     _surveyed: float = np.inf
-    _ways: list[tuple[float, Array]] = field(default_factory=list)
+    _curves: list[CoarseCurve] = field(default_factory=list)
     _tried: list[Array] = field(default_factory=list)
 
     def run(self) -> None:
         """Search once, as soon as there is a motion far above the bound; not on path constraints."""
         found = self.attempts.incumbent
-        if self._done or not found.candidates or self.problem.one_end or self.problem.path_constraints:
+        if self._done or not found.candidates or self._problem.one_end or self._problem.path_constraints:
             return
         if found.within(_NEAR):
             return
@@ -80,7 +75,7 @@ class SeedlessSearch:
             before, began = own.cost, self._patience.seconds
             self._round(ends, record.tried)
             record.record(self._patience.seconds - began, SAME * own.cost < before)
-        found.info["ways"] = {"rounds": record.tried, "compared": len(self._tried) + len(self._ways)}
+        found.info["ways"] = {"rounds": record.tried, "compared": len(self._tried) + len(self._curves)}
         curve = self._own.incumbent.curve
         if curve is not None and found.offer_curve(curve):
             self.attempts.waiting = curve
@@ -90,14 +85,13 @@ class SeedlessSearch:
 
         Return whether an end was found.
         """
-        run, problem = self.attempts, derived(self.problem, seed=_STREAM)
+        run, problem = self.attempts, derived(self._problem, seed=_STREAM)
         patience = Patience(run.budget, run.patience.good_enough)
         info = {"attempts": run.incumbent.info["attempts"], "cut_short": False}
         kept, silent = run.incumbent, lambda stage, share: None
         incumbent = CurveIncumbent(problem, silent, run.watch, kept.began, constraints=kept.constraints, info=info)
         self._own = Attempts(run.optimiser, run.budget, incumbent, patience, run.watch)
-        self._descents = replace(self.coarse, patience=patience)
-        self._searches = self.paths.anew(problem, patience, incumbent, self._descents)
+        self._searches = self.paths.anew(patience, incumbent)
         with run.watch.stage("goals"):
             sampler = goal_sampler(problem, run.optimiser.model, run.budget)
         if isinstance(sampler, Failure):
@@ -105,6 +99,10 @@ class SeedlessSearch:
         sampler.more(1, lambda: self._over)
         self._sampler = sampler
         return True
+
+    @property
+    def _problem(self) -> Problem:
+        return self.paths.problem
 
     @property
     def _patience(self) -> Patience:
@@ -118,16 +116,14 @@ class SeedlessSearch:
         """Find some guesses for ends (n,), and optimise the most promising one apart from earlier ones."""
         incumbent = self._own.incumbent
         single = [ends[number % len(ends)]]
+        found: list[CoarseCurve | None] = []
         for goals in (single, ends):
-            way = None if self._over else self._searches.toward(self._sampler, goals, _SEARCH)
-            if way is not None and way.control is not None:
-                self._ways.append((way.duration, way.control))
+            found.append(None if self._over else self._searches.toward(self._sampler, goals, _SEARCH))
         drawn = self._sampler.within(incumbent.longest, _LINES, lambda: self._over)
         for end in [*single, *drawn]:
-            line = self.attempts.optimiser.along(np.array([self.problem.start, end]))
-            found = self._descents.from_curve(line, incumbent.rough)
-            if found is not None:
-                self._ways.append((found[1], found[0]))
+            line = self.attempts.optimiser.along(np.array([self._problem.start, end]))
+            found.append(self._searches.coarse.from_curve(line, incumbent.rough))
+        self._curves += [curve for curve in found if curve is not None]
         self._optimise_best()
 
     def _survey(self) -> list[Array]:
@@ -140,15 +136,15 @@ class SeedlessSearch:
                     self._sampler.nearest_ends(incumbent.longest, lambda: self._over)
             self._ends = self._searches.promising(self._sampler)
             if self._ends:
-                incumbent.bounded(float(self.problem.lower_bounds(self._ends).min()))
+                incumbent.bounded(float(self._problem.lower_bounds(self._ends).min()))
         return self._ends
 
     def _optimise_best(self) -> None:
         """Optimise the shortest coarse curve apart from those tried, where it is short enough."""
-        incumbent, limits = self._own.incumbent, self.problem.limits
-        self._ways.sort(key=lambda way: way[0])
-        while self._ways and incumbent.cost_bound(self._ways[0][0]) < _PROMISING * incumbent.rough:
-            _, control = self._ways.pop(0)
+        incumbent, limits = self._own.incumbent, self._problem.limits
+        self._curves.sort(key=lambda curve: curve.duration)
+        while self._curves and incumbent.cost_bound(self._curves[0].duration) < _PROMISING * incumbent.rough:
+            control = self._curves.pop(0).control
             if not all(apart(control, other, limits) for other in self._tried):
                 continue
             self._tried.append(control)

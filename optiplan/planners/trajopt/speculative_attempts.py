@@ -123,9 +123,8 @@ class SpeculativeAttempts:
         if optimiser is None:
             model = planning_model(self._problem.robot, self._problem.scene)
             optimiser = self._own.optimiser = Optimiser(self._problem, model, self._options)
-        before, free, late = optimiser.steps, list[Attempt](), list[bool]()
+        free, late = list[Attempt](), list[bool]()
         budget = Budget(self._budget.remaining, cancel)
         options = AttemptOptions(None, best, patient, free.append, lambda: late.append(True))
         attempt = optimiser.run(control, budget, options)
-        first = free[0] if free else None
-        return AttemptOutcome(attempt, optimiser.steps - before, first, bool(late), optimiser.log)
+        return AttemptOutcome(attempt, optimiser.taken, free[0] if free else None, bool(late), optimiser.log)

@@ -28,13 +28,13 @@ class Measure:
 
     Attributes:
         quantity: what it is, for people.
-        unit: m or rad, of what `told` gives.
+        unit: m or rad, of what `shown` gives.
         limit: of the value.
         feature: which coordinates it is a convex function of: the origin (3,) of the frame (`point`), a unit vector
             fixed to it (`axis`), or its rotation matrix, nine numbers (`rotation`). No step of these changes the value
             by more than the length of the step.
         value: of poses (N, 4, 4): (N,).
-        told: the value, or the limit, in the words of the constraint: metres as they are, chords as angles.
+        shown: the value, or the limit, in the words of the constraint: metres as they are, chords as angles.
         rounding: of the value; constraints hold up to it.
         growth: of a function that is not convex: by how much it grows at most from poses (N, 4, 4) on when the origin
             travels by at most (N,) m and the frame turns by at most (N,) rad.
@@ -45,7 +45,7 @@ class Measure:
     limit: float
     feature: Feature
     value: Callable[[Array], Array]
-    told: Callable[[float], float] = float
+    shown: Callable[[float], float] = float
     growth: Growth | None = None
     rounding: float = ROUNDING
 
@@ -250,8 +250,8 @@ def _rounding(angle: float) -> float:
 
 def _turned(within: float, value: Callable[[Array], Array]) -> Measure:
     root = float(np.sqrt(2.0))
-    told, rounding = _of_chord_of_rotation, root * _rounding(within)
-    return Measure("turned", "rad", root * _chord(within), "rotation", value, told, rounding=rounding)
+    shown, rounding = _of_chord_of_rotation, root * _rounding(within)
+    return Measure("turned", "rad", root * _chord(within), "rotation", value, shown, rounding=rounding)
 
 
 def _of_chord(value: float) -> float:

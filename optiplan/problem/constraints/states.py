@@ -89,7 +89,7 @@ def _posed(one: PathConstraint, robot: Robot, state: State) -> list[str]:
     X = FramePoses.of(robot, one)(state.q[None])
     values = [(each, float(each.value(X)[0])) for each in own]
     return [
-        f"{each.quantity} by {each.told(value):.4g} {each.unit} of {each.told(each.limit):.4g} {each.unit} allowed"
+        f"{each.quantity} by {each.shown(value):.4g} {each.unit} of {each.shown(each.limit):.4g} {each.unit} allowed"
         for each, value in values
         if value > each.allowed
     ]

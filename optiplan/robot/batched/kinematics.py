@@ -206,3 +206,12 @@ def _turned_back(q: Array) -> npt.NDArray[np.complex128]:
     found = np.empty(q.shape, dtype=np.complex128)
     found.real, found.imag = 2.0 * half - 1.0, -2.0 * u * half
     return found
+
+
+def inverse_poses(X: Array) -> Array:
+    """Return the inverses of homogeneous poses (N, 4, 4)."""
+    result = np.zeros_like(X)
+    result[:, :3, :3] = X[:, :3, :3].transpose(0, 2, 1)
+    result[:, :3, 3] = -np.einsum("nij,nj->ni", result[:, :3, :3], X[:, :3, 3])
+    result[:, 3, 3] = 1.0
+    return result

@@ -43,8 +43,8 @@ class BodyShape:
         return cls(shape, shape_of_body(shape), vertices, *_ball(shape, vertices))
 
     @cached_property
-    def round(self) -> tuple[float, ...]:
-        """A (3,), r, s of h(n) = a . |n| + r ||(n_x, n_y)|| + s ||n||, m, as in `Shape.support`; 0 for other shapes."""
+    def round(self) -> tuple[float, ...] | None:
+        """A (3,), r, s of h(n) = a . |n| + r ||(n_x, n_y)|| + s ||n||, m, as in `Shape.support`; None of others."""
         return _round(self.solid)
 
 
@@ -116,8 +116,8 @@ class Bodies:
         self.pairs = self.tree.pairs
         self.centre = np.array([known.centre for known in self._known]).reshape(-1, 3)
         self.radius = np.array([known.radius for known in self._known])
-        self._round = np.array([known.round for known in self._known]).reshape(-1, 5)
-        self._others = np.array([len(known.vertices) > 0 or not _is_round(known.solid) for known in self._known], bool)
+        self._round = np.array([known.round or (0.0,) * 5 for known in self._known]).reshape(-1, 5)
+        self._others = np.array([known.round is None for known in self._known], bool)
         planes = [abs(shape.d) if isinstance(shape, coal.Halfspace) else 0.0 for shape in self.shapes]
         self._reach = np.where(np.isinf(self.radius), planes, self.radius) + np.linalg.norm(self.centre, axis=1)
         self._put(model)
@@ -215,11 +215,7 @@ def support(shape: Shape | None, vertices: Array, n: Array) -> Array:
     return np.full(len(n), np.inf) if shape is None else shape.support(n)
 
 
-def _is_round(solid: Shape | None) -> bool:
-    return isinstance(solid, Box | Sphere | Cylinder | Capsule)
-
-
-def _round(solid: Shape | None) -> tuple[float, ...]:
+def _round(solid: Shape | None) -> tuple[float, ...] | None:
     match solid:
         case Box():
             x, y, z = solid.size
@@ -230,7 +226,7 @@ def _round(solid: Shape | None) -> tuple[float, ...]:
             return 0.0, 0.0, 0.5 * solid.length, solid.radius, 0.0
         case Capsule():
             return 0.0, 0.0, 0.5 * solid.length, 0.0, solid.radius
-    return 0.0, 0.0, 0.0, 0.0, 0.0
+    return None
 
 
 def support_vertices(shape: coal.CollisionGeometry) -> Array:

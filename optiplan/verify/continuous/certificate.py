@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index
+from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
@@ -17,7 +17,7 @@ from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair at first
-_TOLD = 0.8  # share of the smallest distance measured that is proved as clearance
+_PROVED_SHARE = 0.8  # share of the smallest distance measured that is proved as clearance
 _FAR = 0.1  # m: a larger clearance is not refined
 _HULLS = 5e-3  # m: where hulls are proved farther apart, meshes are not queried
 _ROOM = 1.25  # factor on the clearance to prove, below which meshes are queried instead of hulls
@@ -93,10 +93,9 @@ class _Coarse:
     def members(self, chosen: Flags) -> Intervals:
         """All intervals of the blocks chosen (B, T), with their pairs."""
         rows, pairs = np.nonzero(chosen)
-        many = (self.last - self.first)[rows]
-        within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-        items = self.intervals.take(np.repeat(self.first[rows], many) + within)
-        return replace(items, pair=np.repeat(self.pairs[pairs], many))
+        block, within = parts_of((self.last - self.first)[rows])
+        items = self.intervals.take(self.first[rows][block] + within)
+        return replace(items, pair=self.pairs[pairs][block])
 
 
 @dataclass(eq=False)
@@ -349,7 +348,7 @@ class _Search:
         """
         asked = self.policy.clearance
         least = self.proof.measured(asked)
-        target = asked + _TOLD * np.maximum(least - asked, 0.0)
+        target = asked + _PROVED_SHARE * np.maximum(least - asked, 0.0)
         if self.tightest is not None:
             target[SELF] = min(target[SELF], self.tightest[0])
         return np.asarray(target[self.kinds[pairs]])

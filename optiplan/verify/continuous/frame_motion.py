@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags
+from optiplan.robot.batched.kinematics import inverse_poses
 from optiplan.robot.robot import Robot
 from optiplan.verify.continuous.motion_bounds import Boxes
 
@@ -52,7 +53,7 @@ class FrameMotion:
     def poses(self, Q: Array) -> Array:
         """X_AF at configurations Q (N, n): (N, 4, 4)."""
         joints = self.kinematics.poses(Q)
-        return np.asarray(_inverse(joints[:, self._base_joint] @ self._base_placement) @ self._world(joints))
+        return np.asarray(inverse_poses(joints[:, self._base_joint] @ self._base_placement) @ self._world(joints))
 
     def twists(self, Q: Array, V: Array) -> tuple[Array, Array]:
         """Velocity of F's origin, m/s, and angular velocity, rad/s, in the world, each (N, 3); of A at rest only."""
@@ -81,13 +82,13 @@ class FrameMotion:
                 lever[:, j] += travelled
             travelled = travelled + reach[:, j] * lever[:, j]
         before = np.cumsum(speed, axis=1) - speed
-        bend = acceleration + speed * (speed + 2.0 * before)
+        curvatures = acceleration + speed * (speed + 2.0 * before)
         turning = speed * self._turns
         turns_before = np.cumsum(turning, axis=1) - turning
-        turn_bend = self._turns * (acceleration + turning * (turning + 2.0 * turns_before))
+        turn_curvatures = self._turns * (acceleration + turning * (turning + 2.0 * turns_before))
         turn, turn_step = ((bound * self._turns).sum(axis=1) for bound in (reach, jump))
-        curvature, step = ((lever * bound).sum(axis=1) for bound in (bend, jump))
-        return FrameBounds(travelled, turn, curvature, turn_bend.sum(axis=1), step, turn_step)
+        curvature, step = ((lever * bound).sum(axis=1) for bound in (curvatures, jump))
+        return FrameBounds(travelled, turn, curvature, turn_curvatures.sum(axis=1), step, turn_step)
 
     def _world(self, joints: Array) -> Array:
         return np.asarray(joints[:, self._joint] @ self._placement)
@@ -97,12 +98,3 @@ def _placed(robot: Robot, frame: str) -> tuple[int, Array]:
     """The joint that carries a frame, and the frame's pose there (4, 4)."""
     found: pin.Frame = robot.model.frames[robot.frame_id(frame)]
     return int(found.parentJoint), np.array(found.placement.homogeneous)
-
-
-def _inverse(X: Array) -> Array:
-    """Inverse of poses (N, 4, 4)."""
-    result = np.zeros_like(X)
-    result[:, :3, :3] = X[:, :3, :3].transpose(0, 2, 1)
-    result[:, :3, 3] = -np.einsum("nij,nj->ni", result[:, :3, :3], X[:, :3, 3])
-    result[:, 3, 3] = 1.0
-    return result

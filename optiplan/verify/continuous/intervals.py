@@ -7,7 +7,7 @@ from math import perm
 
 import numpy as np
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Index, parts_of
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.motion_bounds import Boxes
 
@@ -42,8 +42,7 @@ class Intervals:
     def split(self, halvings: Index) -> "Intervals":
         """Split every item k into 2^halvings[k] equal parts."""
         parts = 2**halvings
-        parent = np.repeat(np.arange(len(parts)), parts)
-        offset = np.arange(len(parent)) - np.repeat(np.cumsum(parts) - parts, parts)
+        parent, offset = parts_of(parts)
         level, index = (self.level + halvings)[parent], (self.index * parts)[parent] + offset
         return Intervals(self.piece[parent], level, index, self.pair[parent])
 

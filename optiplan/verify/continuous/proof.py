@@ -1,6 +1,7 @@
 """Result of the certificate: what was proved, what was measured, and where."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,10 @@ class Moment:
     pair: tuple[str, str]
     points: Array
     q: Array
+
+    def witness(self, joints: int) -> dict[str, Any]:
+        """Return the pair, its points and the configuration of that many joints, JSON-ready."""
+        return {"pair": list(self.pair), "points": self.points.tolist(), "q": self.q[:joints].tolist()}
 
 
 @dataclass

@@ -117,7 +117,7 @@ class PairDistances:
         if self._no_hulls or not np.isfinite(enough).all():
             return self._exact(pairs, placed)
         normals, bound = self._between_hulls(pairs, placed)
-        parts = self._ask_parts(pairs, placed, enough, bound)
+        parts = self._raise_by_parts(pairs, placed, enough, bound)
         hulls: Flags = (bound > enough) | (pairs >= self._bodies.tree.count)
         measured, gjk_only = bound.copy(), np.zeros(len(pairs), dtype=bool)
         asked = np.flatnonzero(~hulls)
@@ -138,7 +138,7 @@ class PairDistances:
             gap[asked] = self._gap(hulls, normals[asked])
         return normals, gap
 
-    def _ask_parts(self, pairs: Index, placed: PlacedBody, enough: float | Array, bound: Array) -> Flags:
+    def _raise_by_parts(self, pairs: Index, placed: PlacedBody, enough: float | Array, bound: Array) -> Flags:
         """Raise bounds (K,), m, of distances of links that are meshes, and of which `bound` is no more than `enough`.
 
         Parts together hold the mesh, so the least of the gaps between planes that separate each from the other body is
@@ -271,7 +271,7 @@ class PairDistances:
 
 
 def unconfirmed(measured: Array) -> Array:
-    """Return what is believed of distances measured by coal, m, that no plane confirms."""
+    """Return lower bounds of distances measured by coal, m, that no plane confirms."""
     return np.asarray(measured - np.maximum(_MARGIN, _MARGIN * measured))
 
 

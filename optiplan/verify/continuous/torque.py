@@ -5,7 +5,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index
+from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.problem.problem import Problem
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.mimic_joints import unfold
@@ -78,7 +78,7 @@ class _Proof:
         h = self._trajectory.widths
         rate = min(self._policy.torque_rate, _MOST_FIRST / self._trajectory.duration)
         pieces, parts = np.arange(len(h)), np.maximum(np.ceil(h * rate), 1.0).astype(np.intp)
-        piece, within, last = _parts(parts)
+        (piece, within), last = parts_of(parts), np.cumsum(parts) - 1
         width = (h / parts)[piece]
         begin = within * width
         tau = self._torques(np.append(piece, pieces), np.append(begin, h))
@@ -96,7 +96,7 @@ class _Proof:
         with np.errstate(divide="ignore", invalid="ignore"):
             share = _MORE * np.sqrt(spans.sagitta() / np.maximum(spans.room(allowed), 0.0)).max(axis=1)
         parts = np.clip(np.ceil(np.nan_to_num(share, nan=_MOST_PARTS)), 2.0, _MOST_PARTS).astype(np.intp)
-        owner, within, last = _parts(parts)
+        (owner, within), last = parts_of(parts), np.cumsum(parts) - 1
         piece, width = spans.piece[owner], (spans.width / parts)[owner]
         begin = spans.begin[owner] + within * width
         left, inner = spans.torque[0][owner], within > 0
@@ -127,13 +127,6 @@ class _Proof:
         self.peak = np.where(larger, size[at, columns], self.peak)
         self.time = np.where(larger, (self._trajectory.breakpoints[piece] + local)[at], self.time)
         return tau
-
-
-def _parts(parts: Index) -> tuple[Index, Index, Index]:
-    """Of intervals (K,) cut into so many `parts`: the interval of each part, its place in it; the last part of each."""
-    owner = np.repeat(np.arange(len(parts)), parts)
-    last = np.cumsum(parts) - 1
-    return owner, np.arange(len(owner)) - (last - parts + 1)[owner], last
 
 
 def _at_ends(left: Array, final: Array, last: Index) -> Array:

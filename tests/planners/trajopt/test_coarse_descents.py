@@ -13,7 +13,7 @@ from optiplan.planners.sampling.local_searches import box_of_paths
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.search import Search
 from optiplan.planners.trajopt import planner
-from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
+from optiplan.planners.trajopt.coarse_descents import CoarseCurve, CoarseDescents, GuessPath
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import STEP
@@ -40,9 +40,8 @@ def _path(run: planner._Run) -> SampledPath:
 def test_a_full_descent_from_a_coarse_one_takes_fewer_steps_to_as_short_a_motion() -> None:
     run = _run(cases.wall())
     path = _path(run)
-    way = run.coarse.descend(run.model, path, np.inf)
+    way = run.paths.coarse.descend(run.model, path, np.inf)
     assert way is not None
-    assert way.control is not None
     assert way.control.shape == run.optimiser.along(path.waypoints).shape
     assert np.allclose(way.control[[0, -1]], path.waypoints[[0, -1]])
     direct = run.optimiser.run(run.optimiser.along(path.waypoints), Budget(20.0))
@@ -59,13 +58,13 @@ def test_a_full_descent_from_a_coarse_one_takes_fewer_steps_to_as_short_a_motion
 def test_a_coarse_curve_that_stays_in_an_obstacle_tells_of_no_way() -> None:
     run = _run(cases.barred())
     ends = np.array([run.problem.start, run.problem.goal[0].q])
-    assert run.coarse.descend(run.model, SampledPath(ends, 0, 1.0, {}), np.inf) is None
+    assert run.paths.coarse.descend(run.model, SampledPath(ends, 0, 1.0, {}), np.inf) is None
 
 
 def test_the_work_of_coarse_descents_is_counted() -> None:
     run = _run(cases.wall())
     before = run.patience.seconds
-    run.coarse.descend(run.model, _path(run), np.inf)
+    run.paths.coarse.descend(run.model, _path(run), np.inf)
     assert STEP < run.patience.seconds - before < 50 * STEP
 
 
@@ -76,10 +75,10 @@ def test_the_most_promising_way_comes_first_and_the_others_wait(monkeypatch: pyt
     assert isinstance(sampler, GoalSampler)
     run.paths.offer_first(_path(run))
     monkeypatch.setattr(
-        CoarseDescents, "descend", lambda self, model, path, best: GuessPath(path, None, next(promised))
+        CoarseDescents, "descend", lambda self, model, path, best: CoarseCurve(np.zeros((0, 0)), next(promised))
     )
     seen = [run.paths.next(sampler, lambda waypoints: None) for _ in range(2)]
-    assert [way.duration for way in seen if isinstance(way, GuessPath)] == [1.0, 0.5]
+    assert [way.curve.duration for way in seen if isinstance(way, GuessPath) and way.curve] == [1.0, 0.5]
 
 
 def test_a_way_that_promises_far_less_than_the_best_curve_is_optimised_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,15 +89,16 @@ def test_a_way_that_promises_far_less_than_the_best_curve_is_optimised_at_once(m
     assert isinstance(sampler, GoalSampler)
     rough, told = run.incumbent.rough, []
 
-    def descend(self: CoarseDescents, model: CollisionModel, path: SampledPath, best: float) -> GuessPath:
+    def descend(self: CoarseDescents, model: CollisionModel, path: SampledPath, best: float) -> CoarseCurve:
         told.append(rough * (0.95, 0.85, 0.5)[len(told)])
-        return GuessPath(path, None, told[-1])
+        return CoarseCurve(np.zeros((0, 0)), told[-1])
 
     monkeypatch.setattr(PathSearch, "_sample", lambda self, *given: path)
     monkeypatch.setattr(CoarseDescents, "descend", descend)
     way = run.paths.next(sampler, lambda waypoints: None)
     assert isinstance(way, GuessPath)
-    assert way.duration == 0.85 * rough
+    assert way.curve is not None
+    assert way.curve.duration == 0.85 * rough
     assert len(told) == 2
 
 
@@ -114,16 +114,17 @@ def test_a_first_motion_is_looked_for_along_further_paths_where_a_coarse_curve_s
         depths.append(check is not self._check())
         return path
 
-    def descend(self: CoarseDescents, model: CollisionModel, path: SampledPath, best: float) -> GuessPath | None:
+    def descend(self: CoarseDescents, model: CollisionModel, path: SampledPath, best: float) -> CoarseCurve | None:
         duration = next(promised)
-        return None if duration is None else GuessPath(path, None, duration)
+        return None if duration is None else CoarseCurve(np.zeros((0, 0)), duration)
 
     monkeypatch.setattr(PathSearch, "_sample", sampled)
     monkeypatch.setattr(CoarseDescents, "descend", descend)
     run.paths.searches = 1  # the short one, in vain
     way = run.paths.next(sampler, lambda waypoints: None)
     assert isinstance(way, GuessPath)
-    assert way.duration == 2.0
+    assert way.curve is not None
+    assert way.curve.duration == 2.0
     assert depths == [True] * 3
 
 
@@ -135,8 +136,8 @@ def test_ways_are_compared_with_the_best_curve_as_it_was_before_it_was_refined()
     assert attempt is not None
     rough = attempt.trajectory.duration
     assert run.incumbent.cost < 0.999 * rough
-    assert run._hopeless(GuessPath(path, attempt.control, 1.001 * rough))
-    assert not run._hopeless(GuessPath(path, attempt.control, 0.9999 * rough))
+    assert run._hopeless(GuessPath(path, CoarseCurve(attempt.control, 1.001 * rough)))
+    assert not run._hopeless(GuessPath(path, CoarseCurve(attempt.control, 0.9999 * rough)))
 
 
 def test_searches_stay_where_motions_that_are_short_enough_pass() -> None:

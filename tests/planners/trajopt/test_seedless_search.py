@@ -26,7 +26,7 @@ def _searched(problem: Problem) -> tuple[_Run, SeedlessSearch]:
     ends = np.array([problem.start, sampler.configurations[0]])
     slow = stop_at_corners(ends, problem.limits, problem.robot.joint_names)
     assert run.incumbent.offer(slow.scaled(20.0 * slow.duration))
-    search = SeedlessSearch(problem, run.attempts, run.paths, run.coarse)
+    search = SeedlessSearch(run.attempts, run.paths)
     search.run()
     return run, search
 

@@ -3,16 +3,20 @@
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.planners.path_constraints.clearance import PairsApart
 from optiplan.planners.path_constraints.inequalities import inequalities
-from optiplan.planners.path_constraints.inequality import KEPT, CompiledInequality
+from optiplan.planners.path_constraints.inequality import (
+    KEPT,
+    CompiledInequality,
+    PairsApart,
+    RowsAtRest,
+    shortest_step,
+    stepped,
+)
 from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.constraints.motions import PairClearance
 from optiplan.problem.problem import Problem
 
 _ITERATIONS = 12
-_DAMPING = 1e-9  # of the squares of the rows' slopes, so that redundant rows do no harm
-_LONGEST = 0.3  # rad or m, of a joint in one step
 _AIMED = 1.5  # times the reserve: where projection aims, so that points between two of them hold too
 
 
@@ -29,7 +33,7 @@ class Manifold:
     def __init__(self, problem: Problem, ends: Array) -> None:
         """Set the reserve to at most that of the ends (k, n), which hold the constraints."""
         robot, constraints = problem.robot, problem.path_constraints
-        self._inequalities = [
+        inside = [
             CompiledInequality(robot, stated)
             for one in constraints
             if not isinstance(one, PairClearance)
@@ -37,9 +41,9 @@ class Manifold:
             if not stated.rate
         ]
         self._apart = [PairsApart(problem, one) for one in constraints if isinstance(one, PairClearance)]
-        self._low, self._high = problem.limits.lower, problem.limits.upper
-        self._still = np.zeros((1, robot.n))
-        reserves = [np.full(one.size, one.stated.reserve) for one in self._inequalities]
+        self._limits, self._still = problem.limits, np.zeros((1, robot.n))
+        self._rows = RowsAtRest(robot, inside)
+        reserves = [np.full(one.size, one.stated.reserve) for one in inside]
         reserve = np.concatenate([np.zeros(0), *reserves])
         least = np.min([self._rows(q)[0] for q in ends], axis=0)
         self._reserve = np.clip(KEPT * least, 0.0, reserve)
@@ -57,21 +61,9 @@ class Manifold:
             if (off >= 0.0).all():
                 return q if self._far_apart(q) else None
             wrong = off < 0.0
-            J, e = slopes[wrong], _AIMED * self._reserve[wrong] - value[wrong]
-            A = J @ J.T
-            A.flat[:: len(e) + 1] += _DAMPING * max(float(np.trace(A)), 1e-12)
-            step = J.T @ np.linalg.solve(A, e)
-            largest = float(np.abs(step).max())
-            q = np.clip(q + step * min(1.0, _LONGEST / max(largest, 1e-12)), self._low, self._high)
+            step = shortest_step(slopes[wrong], _AIMED * self._reserve[wrong] - value[wrong])
+            q = stepped(q, step, self._limits)
         return None
-
-    def _rows(self, q: Array) -> tuple[Array, Array]:
-        """Return g (m,) and its slopes (m, n)."""
-        motion = [np.ascontiguousarray(q)[None], self._still, self._still]
-        found = [one(motion) for one in self._inequalities]
-        if not found:
-            return np.zeros(0), np.zeros((0, len(q)))
-        return np.concatenate([value[0] for value, _ in found]), np.vstack([slopes[0][0] for _, slopes in found])
 
     def _far_apart(self, q: Array) -> bool:
         motion = [q[None], self._still, self._still]

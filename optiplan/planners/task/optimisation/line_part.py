@@ -72,16 +72,11 @@ class LinePart:
         """Number of its variables."""
         return int(self.free.sum())
 
-    @property
-    def scale(self) -> Array:
-        """What its variables are measured in: (count,), shares of the path."""
-        return np.ones(self.count)
-
-    def law(self, variables: Array) -> Array:
-        """Return the control points (K,) of the law."""
-        found = np.ones(self.basis.size)
+    def control(self, variables: Array) -> Array:
+        """Return the control points (K, 1) of the law."""
+        found = np.ones((self.basis.size, 1))
         found[:FIXED] = 0.0
-        found[self.free] = variables
+        found[self.free, 0] = variables
         return found
 
     def fitted(self, w: Array, s: Array, ends: Array) -> Array:
@@ -90,10 +85,9 @@ class LinePart:
         law = np.clip(np.maximum.accumulate(self.basis.fit(w, s[:, None], held)[:, 0]), 0.0, 1.0)
         return np.asarray(law[self.free])
 
-    def rates(self, variables: Array) -> RateRows:
+    def rates(self, control: Array) -> RateRows:
         """Return the derivatives of the joints by w at samples over their limits, and that of s over its own."""
-        law = self.law(variables)
-        s, s1, s2, s3 = (rows @ law for rows in self._rows)
+        s, s1, s2, s3 = (rows @ control[:, 0] for rows in self._rows)
         s = np.clip(s, 0.0, 1.0)
         p = [self.path(s, order) for order in range(5)]
         B = self._rows
@@ -131,13 +125,9 @@ class LinePart:
         """Return the matrix (K - 1, count) of the steps between control points, which are not negative."""
         return np.asarray(np.diff(np.eye(self.basis.size), axis=0)[:, self.free])
 
-    def steps(self, variables: Array) -> Array:
-        """Return these steps, (K - 1,)."""
-        return np.diff(self.law(variables))
-
-    def end_state(self, variables: Array, last: bool) -> tuple[Array, Array]:
+    def end_state(self, control: Array, last: bool) -> tuple[Array, Array]:
         """Return q, dq/dw and d²q/dw² at an end, (3, n), and their derivatives by the variables, (3, n, count)."""
-        law, at = self.law(variables), -1 if last else 0
+        law, at = control[:, 0], -1 if last else 0
         first, second = (self.basis.derivative[order][at] for order in (1, 2))
         p = [self.path(float(last), order) for order in range(3)]
         s1, s2 = float(first @ law), float(second @ law)
@@ -147,9 +137,9 @@ class LinePart:
         by_law[2] = np.outer(2.0 * s1 * p[2], first) + np.outer(p[1], second)
         return state, by_law[:, :, self.free]
 
-    def curve(self, variables: Array, duration: float) -> "LawCurve":
+    def curve(self, control: Array, duration: float) -> "LawCurve":
         """Return the motion along the path in a duration, s, as terms see it."""
-        return LawCurve(self, self.law(variables), duration)
+        return LawCurve(self, control[:, 0], duration)
 
 
 def _between(edges: Array, parts: int) -> Array:

@@ -13,10 +13,10 @@ from optiplan.planners.task.optimisation.transcription import StretchCurve, Stre
 from optiplan.planners.trajopt.program.qp import (
     NEAR,
     REGULARISATION,
-    TOLERANCES,
     Penalty,
     Step,
     soft_program,
+    solution_of,
     within_reach,
 )
 
@@ -63,19 +63,10 @@ class StretchProgram:
         linear = np.concatenate([np.zeros(made.size), [1.0], prices / duration])
         shares = np.zeros((1, len(linear)))
         shares[0, : len(made.parts)] = scale[: len(made.parts)]
-        problem = qpsolvers.Problem(
-            sp.diags(weight, format="csc"),
-            linear,
-            rows,
-            right,
-            sp.csc_matrix(shares),
-            np.zeros(1),
-            low,
-            high,
-        )
-        solution = qpsolvers.solve_problem(problem, solver="piqp", **TOLERANCES["piqp"])
-        x = solution.x
-        if not solution.found or x is None:
+        equations = sp.csc_matrix(shares), np.zeros(1)
+        problem = qpsolvers.Problem(sp.diags(weight, format="csc"), linear, rows, right, *equations, low, high)
+        x = solution_of(problem, "piqp")
+        if x is None:
             return None
         now = sum(part.cost() for part in soft)
         after = duration * float(
@@ -119,7 +110,7 @@ class StretchProgram:
             if isinstance(part, LinePart):
                 place = made.places[k]
                 blocks.append(_placed(-part.rising(), np.arange(place.start, place.stop), made.size + 1))
-                rights.append(np.maximum(part.steps(curve.y[place]), 0.0))
+                rights.append(np.maximum(np.diff(curve.controls[k][:, 0]), 0.0))
         rows = sp.vstack(blocks, format="csr")
         rows.eliminate_zeros()  # most of a row is: the solver's time grows with what is stored
         return rows, np.concatenate(rights)

@@ -165,7 +165,6 @@ class StretchOptimiser:
         return found
 
     def _motion(self, curve: StretchCurve, k: int) -> Trajectory:
-        """Return the motion of a part."""
         part, motion = self.parts[k], self._spline(curve, k)
         return motion if isinstance(part, MovePart) else along(part.path, motion)
 
@@ -190,7 +189,6 @@ class StretchOptimiser:
         return found
 
     def _broken(self, stretch: Stretch) -> bool:
-        """Whether a step violates one of its path constraints."""
         for step, begin, end in zip(stretch.steps, (0.0, *stretch.ends), stretch.ends, strict=False):
             kept = PathConstraints(step.stage.problem)
             if kept.all and list(kept.broken(cut_trajectory(stretch.motion, begin, end))):
@@ -199,7 +197,6 @@ class StretchOptimiser:
 
 
 def _line(run: SmoothRun, rests: tuple[bool, bool]) -> LinePart:
-    """Return the part of a line."""
     problem, path = run.steps[0].stage.problem, run.curve.scaled(1.0)
     slow = _slow(problem.robot, path, run)
     return LinePart(path, problem.robot, with_reserve(problem).limits, rests, slow, len(run.steps))
@@ -269,8 +266,8 @@ def _law(path: Trajectory, motion: Trajectory, w: Array) -> tuple[Array, Array]:
         p1, p2 = path(at, 1), path(at, 2)
         v, a = (motion(at * motion.duration, order) for order in (1, 2))
         rate = float(p1 @ v / (p1 @ p1)) if p1.any() else 0.0
-        bend = float(p1 @ (a - p2 * rate**2) / (p1 @ p1)) if p1.any() else 0.0
-        ends[i] = at, rate * motion.duration, bend * motion.duration**2
+        rate_change = float(p1 @ (a - p2 * rate**2) / (p1 @ p1)) if p1.any() else 0.0
+        ends[i] = at, rate * motion.duration, rate_change * motion.duration**2
     return s, ends
 
 

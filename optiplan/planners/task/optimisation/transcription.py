@@ -101,21 +101,17 @@ class StretchCurve:
     @cached_property
     def rates(self) -> list[RateRows]:
         """Limits of the joints as rows of each part, without gradients of moves."""
-        return [
-            part.rates(self.controls[k]) if isinstance(part, MovePart) else part.rates(self._own(k))
-            for k, part in enumerate(self.made.parts)
-        ]
+        return [part.rates(control) for part, control in zip(self.made.parts, self.controls, strict=True)]
 
     @cached_property
     def controls(self) -> list[Array]:
         """Control points of each part, (K, n), of laws (K, 1)."""
-        found = []
-        for k, part in enumerate(self.made.parts):
-            if isinstance(part, LinePart):
-                found.append(part.law(self._own(k))[:, None])
-            else:
-                found.append(part.control(self._own(k), *self.end_states(k)))
-        return found
+        return [
+            part.control(self._own(k))
+            if isinstance(part, LinePart)
+            else part.control(self._own(k), *self.end_states(k))
+            for k, part in enumerate(self.made.parts)
+        ]
 
     @cached_property
     def gradients(self) -> list[Array]:
@@ -144,10 +140,7 @@ class StretchCurve:
 
     def part(self, k: int) -> Any:
         """Return a part as its terms see it: a `Curve`, or a `LawCurve`, which is one to torques."""
-        part, seconds = self.made.parts[k], self.seconds(k)
-        return (
-            part.curve(self.controls[k], seconds) if isinstance(part, MovePart) else part.curve(self._own(k), seconds)
-        )
+        return self.made.parts[k].curve(self.controls[k], self.seconds(k))
 
     def end_states(self, k: int) -> tuple[Array, Array]:
         """Return q, dq/dw, d²q/dw² at both ends of a move, (3, n) each."""
@@ -187,7 +180,7 @@ class StretchCurve:
             x[1:] = self.y[place].reshape(2, -1)
             dx[1:].reshape(2 * made.joints, -1)[:, local[place]] = np.eye(2 * made.joints)
             return x, dx
-        state, by_law = line.end_state(self._own(other), last=not last)
+        state, by_law = line.end_state(line.control(self._own(other)), last=not last)
         share = self.y[other]
         for order in (1, 2):
             x[order] = state[order] / share**order

@@ -1,7 +1,7 @@
 """The program of one step, built and solved by the native core."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,17 +23,6 @@ Among nearly optimal steps, the central one stays away from inactive rows. On tw
 within 0.1 % of the best with 1e-3 or 1e-4, and 0.4 % longer with 1e-6. With 3e-3 they are as short as with 1e-3, in a
 tenth less time.
 """
-
-
-class StepSolver(Protocol):
-    """Builds and solves the program of a step; see `qp.Subproblem`, the reference."""
-
-    transcription: Transcription
-
-    def solve(
-        self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
-    ) -> Step | None:
-        """Return one step from (control, duration); None when the solver fails."""
 
 
 class NativeSubproblem:
@@ -92,7 +81,7 @@ def native_spline(transcription: Transcription) -> "Spline":
     )
 
 
-def step_solver(transcription: Transcription, solver: str) -> StepSolver:
+def step_solver(transcription: Transcription, solver: str) -> NativeSubproblem | Subproblem:
     """Return the native core for `auto`, where there is one, and a solver of qpsolvers otherwise."""
     if solver == AUTO:
         return Subproblem(transcription, "piqp") if core is None else NativeSubproblem(transcription)

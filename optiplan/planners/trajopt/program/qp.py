@@ -12,6 +12,7 @@ from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.term import SoftRows
 
 if TYPE_CHECKING:
+    import qpsolvers
     import scipy.sparse as sp
 
 REGULARISATION = 5e-3
@@ -122,10 +123,10 @@ class Subproblem:
             problem = qpsolvers.Problem(
                 program.quadratic, program.linear, sp.csc_matrix(matrix), right, None, None, low, high
             )
-            solution = qpsolvers.solve_problem(problem, solver=self.solver, **TOLERANCES.get(self.solver, {}))
-            x = solution.x
-            if not solution.found or x is None:
+            solved = solution_of(problem, self.solver)
+            if solved is None:
                 return None
+            x = solved
             change = (x[:count] * scale).reshape(moving.shape)
             after = share + (self._free_rows @ change) / (self._limit * duration ** self._order[:, None])
             allowed = 1.0 + self._order[:, None] * x[count] + EXCEEDED
@@ -163,6 +164,14 @@ class Subproblem:
         rows[np.arange(len(row)), :, joint] = self._free_rows[row] * weight[:, None]
         flat = np.column_stack([rows.reshape(len(row), -1), -self._order[row].astype(float)])
         return flat, 1.0 - sign * share[row, joint]
+
+
+def solution_of(problem: "qpsolvers.Problem", solver: str) -> Array | None:
+    """Return the solution of a program, as exact as a step needs it; None when the solver fails."""
+    import qpsolvers
+
+    solution = qpsolvers.solve_problem(problem, solver=solver, **TOLERANCES.get(solver, {}))
+    return solution.x if solution.found else None
 
 
 def within_reach(rows: SoftRows, travel: Array, duration: float) -> SoftRows:

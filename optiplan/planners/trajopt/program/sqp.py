@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.program.iteration_log import Ending, IterationLog
-from optiplan.planners.trajopt.program.native_step import StepSolver
-from optiplan.planners.trajopt.program.qp import Penalty, Step
+from optiplan.planners.trajopt.program.native_step import NativeSubproblem
+from optiplan.planners.trajopt.program.qp import Penalty, Step, Subproblem
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE
 from optiplan.planners.trajopt.terms.term import Cost, SoftRows, Term
 
@@ -185,21 +185,6 @@ class Descender(Protocol):
         """Descend from control points (K, n); see `descend`."""
 
 
-class Sqp:
-    """Descends with one solver of programs, without the native core's rows."""
-
-    def __init__(self, subproblem: StepSolver) -> None:
-        self.subproblem = subproblem
-
-    def set_samples(self, u: Array) -> None:
-        """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
-        self.subproblem.transcription.set_samples(u)
-
-    def optimise(self, control: Array, options: DescentOptions) -> Descended:
-        """Descend from control points (K, n); see `descend`."""
-        return descend(PythonProgram(self.subproblem), control, options)
-
-
 class PythonProgram:
     """The program of a descent, with rows and merits computed in Python."""
 
@@ -227,6 +212,22 @@ class PythonProgram:
             curve = self.subproblem.transcription.curve(point.control, point.duration)
             fresh = zip(point.terms, point.rows, new, strict=True)
             point.rows = tuple(term.rows(curve) if again else rows for term, rows, again in fresh)
+
+
+class Sqp(PythonProgram):
+    """Descends with one solver of programs, without the native core's rows."""
+
+    def __init__(self, subproblem: NativeSubproblem | Subproblem) -> None:
+        super().__init__(subproblem)
+        self._transcription = subproblem.transcription
+
+    def set_samples(self, u: Array) -> None:
+        """Set the instants, as shares of the duration, at which contacts and torques are evaluated."""
+        self._transcription.set_samples(u)
+
+    def optimise(self, control: Array, options: DescentOptions) -> Descended:
+        """Descend from control points (K, n); see `descend`."""
+        return descend(self, control, options)
 
 
 @dataclass(eq=False)
@@ -303,7 +304,7 @@ def descend(  # noqa: C901
     missing: list[float] = []
     log: list[tuple[float, ...]] = []
     ended: Ending | None = None
-    ask = None if point.feasible else options.go_on
+    go_on = None if point.feasible else options.go_on
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
         if taken >= SLOW and (point.merit > WORSE * options.best or point.duration > options.longest):
             ended = "too slow"
@@ -338,11 +339,11 @@ def descend(  # noqa: C901
         if settled == SETTLED:
             ended = "converged"
             break
-        if ask is not None and point.feasible:
-            if not ask(point.control, point.duration):
+        if go_on is not None and point.feasible:
+            if not go_on(point.control, point.duration):
                 ended = "contact between samples"
                 break
-            ask = None
+            go_on = None
     if ended is None:
         ended = _ending(taken >= iterations, radius < LEAST_RADIUS, _stalled(missing))
     return Descended(point.control, point.duration, point.missing, point.nearest, taken, IterationLog.of(log, ended))

@@ -7,8 +7,7 @@ import numpy as np
 from optiplan.arrays import Array, Index
 from optiplan.collision.contacts import Contacts
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.path_constraints.clearance import PairsApart
-from optiplan.planners.path_constraints.inequality import KEPT
+from optiplan.planners.path_constraints.inequality import KEPT, PairsApart
 from optiplan.planners.trajopt.terms.term import Curve, Instants, SoftRows, Term, within
 
 CUTOFF = 0.04

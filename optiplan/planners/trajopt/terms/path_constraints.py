@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from optiplan.arrays import Array, Index
-from optiplan.planners.path_constraints.clearance import PairsApart
-from optiplan.planners.path_constraints.inequality import KEPT, CompiledInequality
+from optiplan.planners.path_constraints.inequality import KEPT, CompiledInequality, PairsApart
 from optiplan.planners.path_constraints.motion_check import Broken, Kept, PathConstraints
 from optiplan.planners.trajopt.terms.contacts import NamedClearanceTerm
 from optiplan.planners.trajopt.terms.term import Curve, Instants, SoftRows, Term, within

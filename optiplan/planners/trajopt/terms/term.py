@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import add
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
@@ -198,13 +199,7 @@ class CostModel(NamedTuple):
 
     def plus(self, other: "CostModel") -> "CostModel":
         """Return the sum."""
-        return CostModel(
-            self.value + other.value,
-            self.gradient + other.gradient,
-            self.by_duration + other.by_duration,
-            self.band + other.band,
-            self.twice_by_duration + other.twice_by_duration,
-        )
+        return CostModel(*map(add, self, other))
 
     def hessian(self) -> "csc_matrix":
         """Return the second derivatives, (M n, M n), symmetric."""

@@ -131,7 +131,7 @@ def test_parts_meet_with_position_velocity_and_acceleration(made, y):
 
 def test_a_law_run_along_a_path_stays_on_it(made, y):
     line = made.parts[0]
-    law = Trajectory.from_bspline(("s",), 0.4 * line.basis.knots, line.law(y[made.places[0]])[:, None], DEGREE)
+    law = Trajectory.from_bspline(("s",), 0.4 * line.basis.knots, line.control(y[made.places[0]]), DEGREE)
     motion = along(line.path, law)
     t = np.linspace(0.0, 0.4, 777)
     assert motion(t) == pytest.approx(line.path(np.clip(law(t)[:, 0], 0.0, 1.0)), abs=1e-6)
