@@ -52,7 +52,7 @@ def make_application(settings: ServiceSettings) -> ASGIApp:
         root_path=settings.root_path,
         lifespan=_lifespan,
     )
-    app.state.service, app.state.metrics, app.state.feed = service, RequestCounts(), EventFeed(service)
+    app.state.service, app.state.metrics, app.state.feed = service, RequestCounts(), EventFeed(service.archive)
     for room in (runs, problems, uploads, benches, robots, events, live, health, pages):
         app.include_router(room.router)
     app.add_exception_handler(Refusal, _refused)
@@ -84,7 +84,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 async def _keep_tidy(service: PlannerService) -> None:
     while True:
         try:
-            await service.write(service.tidy)
+            await service.archive.write(service.tidy)
         except Exception as error:  # the next time may do better
             _log.warning("old runs cannot be deleted: %s", error)
         await asyncio.sleep(TIDY)

@@ -1,8 +1,16 @@
-"""Whether a process can work, as a whole: made from the threads that live and from a write to the database."""
+"""Whether a process can work, as a whole: made from the threads that live and from a write to the database.
+
+systemd's watchdog starts a process anew that does not say, now and then, that it lives.
+Source: sd_notify(3), sd_watchdog_enabled(3): a datagram `WATCHDOG=1` to the socket that `NOTIFY_SOCKET` names, twice in
+`WATCHDOG_USEC` at least.
+"""
 
 import json
 import logging
+import os
+import socket
 import threading
+from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from optiplan.errors import OptiPlanError
@@ -12,6 +20,9 @@ from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.write_probe import WriteProbe
 
 _log = logging.getLogger("optiplan.service")
+
+SHARE = 1 / 3
+"""Of the time that systemd waits, between two words."""
 
 Health = tuple[int, dict[str, object]]
 """Status and body of an answer to a look at the health of a process."""
@@ -80,3 +91,28 @@ def serve_health(check: HealthCheck, port: int) -> ThreadingHTTPServer:
         raise OptiPlanError(f"cannot listen on 127.0.0.1, port {port}: {error.strerror}") from None
     threading.Thread(target=server.serve_forever, name="health", daemon=True).start()
     return server
+
+
+def feed_watchdog(alive: Callable[[], bool]) -> threading.Event:
+    """Say that this process lives as long as it does, from a thread of its own; nothing where systemd does not ask.
+
+    Returns:
+        What ends that.
+    """
+    stop = threading.Event()
+    address, wait = os.environ.get("NOTIFY_SOCKET", ""), os.environ.get("WATCHDOG_USEC", "")
+    if not address or not wait.isdigit() or os.environ.get("WATCHDOG_PID", str(os.getpid())) != str(os.getpid()):
+        return stop
+    name = "\0" + address[1:] if address.startswith("@") else address
+
+    def feed() -> None:
+        while not stop.wait(SHARE * 1e-6 * int(wait)):
+            try:
+                if alive():
+                    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sock:
+                        sock.sendto(b"WATCHDOG=1", name)
+            except Exception:  # another word comes soon, or systemd acts
+                _log.exception("the watchdog cannot be told")
+
+    threading.Thread(target=feed, name="watchdog", daemon=True).start()
+    return stop

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from fastapi import Depends, Path, Request
 from fastapi.responses import JSONResponse
 
+from optiplan.service.archive import Archive
 from optiplan.service.models import ErrorAnswer, RunAnswer
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.store.run_table import Record
@@ -45,7 +46,13 @@ def service(request: Request) -> PlannerService:
     return found
 
 
+def archive(request: Request) -> Archive:
+    """What that service keeps."""
+    return service(request).archive
+
+
 Service = Annotated[PlannerService, Depends(service)]
+Kept = Annotated[Archive, Depends(archive)]
 RunPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="Id of a run")]
 HashPath = Annotated[str, Path(pattern="^[0-9a-f]{64}$", description="Hash of a stored problem")]
 

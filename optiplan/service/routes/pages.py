@@ -21,21 +21,21 @@ PAGES = {"": "home.html", "studio": "studio.html", "live": "live.html", "benches
 @router.get("/runs/{run}")
 async def run_page(run: RunPath, service: Service) -> Response:
     """The page of a run that has ended."""
-    page = await service.page(await service.run(run))
+    page = await service.pictures.page(await service.archive.run(run))
     return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
 
 
 @router.get("/compare")
 async def comparison(run: Annotated[list[str], Query(min_length=1, max_length=8)], service: Service) -> Response:
     """One page of several runs of one problem."""
-    page = await service.page(*[await service.run(one) for one in run])
+    page = await service.pictures.page(*[await service.archive.run(one) for one in run])
     return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
 
 
 @router.get("/api/runs/{run}/thumbnail.svg")
 async def run_picture(run: RunPath, service: Service) -> Response:
     """The scene of a run, with its motion, as a small picture."""
-    return _picture(await service.pictures.of_run(await service.run(run)))
+    return _picture(await service.pictures.of_run(await service.archive.run(run)))
 
 
 @router.get("/api/problems/{hash}/thumbnail.svg")
