@@ -6,17 +6,18 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.errors import InputError, Issue, UnknownChoiceError
-from optiplan.figure_style import styled, undated
+from optiplan.figure_style import line_style, sheet, styled, undated
 from optiplan.files import replacing
 from optiplan.viewer.plots.curves_csv import write_curves, write_limits
 from optiplan.viewer.plots.joint_figure import draw_joints
 from optiplan.viewer.plots.path_figure import draw_path
 from optiplan.viewer.plots.runs import PlottedRun
-from optiplan.viewer.plots.tool_figure import draw_tool
 
 PICTURES = ("png", "svg", "pdf")
 FORMATS = (*PICTURES, "csv")
 DPI = 200
+
+_TOOL_ROWS = ("x, m", "y, m", "z, m", "speed, m/s", "turning, rad/s")
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ Draw = Callable[[Sequence[PlottedRun], PlotOptions], Any]
 
 FIGURES: dict[str, Draw] = {
     "joints": lambda runs, options: draw_joints(runs, _joints(runs, options), options.share),
-    "tool": lambda runs, options: draw_tool(runs),
+    "tool": lambda runs, options: _draw_tool(runs),
     "path": lambda runs, options: draw_path(runs, options.frames),
 }
 """Figures by name: joints against time, tool against time, path of the tool in space and in planes."""
@@ -113,6 +114,26 @@ def figure_format(path: Path) -> str:
         expected = f"a file that ends in {', '.join(f'.{one}' for one in FORMATS)}, or a folder"
         raise InputError([Issue(str(path), None, "out", f"'{path.suffix}'", expected)])
     return kind
+
+
+def _draw_tool(runs: Sequence[PlottedRun]) -> Any:
+    """Draw origin of the tool frame in the world, its speed and its angular speed, a colour a run."""
+    figure = sheet(1.3 * len(_TOOL_ROWS) + 0.6)
+    panels = figure.subplots(len(_TOOL_ROWS), 1, sharex=True)
+    for k, run in enumerate(runs):
+        curves = run.curves
+        values = (*curves.X_WT[:, :3, 3].T, curves.speed, curves.turning)
+        for panel, value in zip(panels, values, strict=True):
+            panel.plot(curves.t, value, label=run.legend, **line_style(k))
+    for panel, title in zip(panels, _TOOL_ROWS, strict=True):
+        panel.set_ylabel(title)
+    panels[-1].set_xlabel("time, s")
+    figure.align_ylabels(list(panels))
+    robot = runs[0].problem.robot
+    names = ", ".join(dict.fromkeys(run.problem.name for run in runs))
+    figure.suptitle(f"{names}: frame {robot.tool_frame} of {robot.name} in the world", fontsize=9)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=min(3, len(runs)))
+    return figure
 
 
 def _save(figures: Sequence[Any], path: Path, kind: str) -> None:

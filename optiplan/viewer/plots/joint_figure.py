@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.figure_style import LIMIT, line_style, sheet
+from optiplan.figure_style import LIMIT, WIDTH, line_style, sheet
 from optiplan.robot.limits import joint_units
 from optiplan.viewer.plots.curves import ORDERS
 from optiplan.viewer.plots.runs import PlottedRun
@@ -44,8 +44,7 @@ def _together(run: PlottedRun, joints: Sequence[int], share: bool) -> Any:
 def _apart(runs: Sequence[PlottedRun], joints: Sequence[int], share: bool) -> Any:
     blocks = [joints[k : k + COLUMNS] for k in range(0, len(joints), COLUMNS)]
     rows = len(QUANTITIES) * len(blocks)
-    figure = sheet(1.25 * rows + 0.7)
-    figure.set_figwidth(max(7.2, 2.0 * len(blocks[0])))
+    figure = sheet(1.25 * rows + 0.7, width=max(WIDTH, 2.0 * len(blocks[0])))
     panels = figure.subplots(rows, len(blocks[0]), sharex=True, squeeze=False)
     for b, block in enumerate(blocks):
         for row, quantity in enumerate(QUANTITIES, b * len(QUANTITIES)):
