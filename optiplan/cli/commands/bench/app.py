@@ -118,10 +118,9 @@ def export(
     from optiplan.bench.results import export as tables
     from optiplan.bench.results.database import Store
     from optiplan.bench.results.ompl_log import write_logs
-    from optiplan.bench.results.robometrics_metrics import write_metrics
     from optiplan.errors import UnknownChoiceError
 
-    others = {"problems": tables.write_problems, "ompl": write_logs, "robometrics": write_metrics}
+    others = {"problems": tables.write_problems, "ompl": write_logs, "robometrics": tables.write_metrics}
     if kind not in (*tables.FORMATS, "all", *others):
         raise UnknownChoiceError("format", kind, (*tables.FORMATS, "all", *others))
     with Store(folder) as store:
