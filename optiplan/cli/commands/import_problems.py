@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from optiplan.cli.options import AsJson
 from optiplan.cli.output import messages, print_json, results, stdout_is_ours
 
 app = typer.Typer()
@@ -24,7 +25,7 @@ def mbm(
     robot: Annotated[
         str | None, typer.Option(metavar="NAME_OR_FILE", help="default: the robot_model_name of each scene")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Turn MotionBenchMaker sets (MoveIt scenes and requests) into problem files.
 

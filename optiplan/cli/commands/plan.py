@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from optiplan.cli.completion import planner_names, problem_names
+from optiplan.cli.options import AsJson, Full
 from optiplan.cli.output import Exit, interrupts_held, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError
@@ -39,9 +40,9 @@ def plan(
         float, typer.Option(callback=_positive, metavar="S", help="seconds of wall time for planning and proof")
     ] = BUDGET,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="write run.json and trajectory.json there")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
     view: Annotated[bool, typer.Option("--view", help="then show it in the browser")] = False,
-    full: Annotated[bool, typer.Option("--full", help="every check, not only those that failed")] = False,
+    full: Full = False,
     workers: Annotated[int | None, typer.Option(min=1, max=64, metavar="N", help=WORKERS)] = None,
     server: Annotated[str, typer.Option(metavar="URL", help=SERVER)] = "",
 ) -> int:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from optiplan.cli.commands.bench import report
+from optiplan.cli.options import AsJson
 from optiplan.cli.output import messages, print_json, results, stdout_is_ours
 from optiplan.cli.printing.bench_progress import progress
 from optiplan.cli.progress import ProgressLine
@@ -56,7 +57,7 @@ def run(
         Path | None,
         typer.Option(metavar="FILE", help="table of best known durations, updated with shorter ones"),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Make every run of a suite that the folder does not hold yet.
 
@@ -107,7 +108,7 @@ def export(
     kind: Annotated[
         str, typer.Option("--format", metavar="F", help="csv, parquet, all (both), problems, ompl or robometrics")
     ] = "all",
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Write the results for other programs.
 
@@ -140,7 +141,7 @@ def export(
 def merge(
     folders: Annotated[list[Path], typer.Argument(metavar="DIR DIR…", help="folders of results")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="where all of them go, a folder without results")],
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Merge folders of results into one, which can be gone on with, added to and reported like any other.
 

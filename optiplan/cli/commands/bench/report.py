@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from optiplan.cli.options import AsJson
 from optiplan.cli.output import print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
@@ -27,7 +28,7 @@ def report(
     markdown: Annotated[Path | None, typer.Option(metavar="FILE", help="also a table for READMEs")] = None,
     pages: Annotated[int, typer.Option(min=0, metavar="N", help="problems of the matrix with a page to open")] = 6,
     serve: Annotated[bool, typer.Option("--serve", help="serve it until ctrl-C, every run a link")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Report on a suite's results: one HTML page that needs no network and nothing beside it.
 
@@ -108,7 +109,7 @@ def compare(
     before: Annotated[Path, typer.Argument(metavar="A", help="folder of the old results")],
     after: Annotated[Path, typer.Argument(metavar="B", help="folder of the new results")],
     gate: Annotated[bool, typer.Option("--gate", help="exit 1 when there is a significant regression")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Name what became worse and better, and how sure that is; only runs that both have are compared.
 
