@@ -12,10 +12,9 @@ from optiplan.arrays import Array
 from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.viewer.body_triangles import body_triangles
 from optiplan.viewer.run_data.curves import tool_points
 from optiplan.viewer.scene import obstacle_colour
-from optiplan.viewer.surfaces import Surface, hull_surface
+from optiplan.viewer.surfaces import Surface, body_triangles, hull_surface
 
 WIDTH, HEIGHT = 144, 104
 LARGE = (288, 180)

@@ -8,8 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.viewer.plots.curves import ORDERS
-from optiplan.viewer.plots.joint_figure import QUANTITIES, bounds
+from optiplan.viewer.plots.joint_figure import QUANTITIES, bounds, extrema_of
 from optiplan.viewer.plots.runs import PlottedRun
 
 TOOL = ("x", "y", "z", "qx", "qy", "qz", "qw", "speed", "turning")
@@ -46,8 +45,7 @@ def write_limits(runs: Sequence[PlottedRun], path: Path) -> None:
 
 def _extremes(run: PlottedRun, quantity: str, joint: int) -> list[float]:
     """Least value and when, largest value and when."""
-    curves = run.curves
-    e = curves.torque_extrema if quantity == "torque" else curves.extrema[ORDERS.index(quantity)]
+    e = extrema_of(run, quantity)
     return [float(x[joint]) for x in (e.low, e.t_low, e.high, e.t_high)]
 
 

@@ -19,13 +19,12 @@ from optiplan.service.execution.event_writer import EventWriter
 from optiplan.service.execution.leases import take_lease
 from optiplan.service.execution.run_solver import RunSolver
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
-from optiplan.service.health import HealthCheck, serve_health
+from optiplan.service.health import HealthCheck, WriteProbe, serve_health
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store import tables
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.run_table import NewRun, RunEnd, RunTable
 from optiplan.service.store.tables import DatabaseAwayError, open_database
-from optiplan.service.store.write_probe import WriteProbe
 from tests.service.conftest import NO_WAY, QUICK
 from tests.waiting import PATIENCE, wait_until
 
