@@ -24,8 +24,8 @@ def cards(analysis: Analysis) -> list[Card]:
     first = [one for one in planners if one.success.value == best]
     top = first[0]
     every = f"{top.verified} of {top.runs} runs" if len({one.runs for one in first}) == 1 else "of their runs"
-    low, high = percent(top.success.low), percent(top.success.high)
-    sure = "" if math.isnan(top.success.low) else f", 95 % confidence {low} to {high}"
+    ends = top.success.ends
+    sure = "" if ends is None else f", 95 % confidence {' to '.join(map(percent, ends))}"
     found = [("Most reliable", _names(first), f"verified {percent(best)}: {every}{sure}")]
     if best > 0.0 and len(planners) > 1 and analysis.common:
         quick = _leaders([(one.quickest, one) for one in planners])

@@ -1,7 +1,5 @@
 """The results as a Markdown table, for READMEs."""
 
-import math
-
 from optiplan.bench.report.analysis import Analysis, PlannerNumbers
 from optiplan.bench.report.tables.cells import NOTHING, number, percent
 from optiplan.bench.statistics.intervals_and_tests import Interval
@@ -30,8 +28,7 @@ def markdown(analysis: Analysis) -> str:
 
 def _row(one: PlannerNumbers) -> list[str]:
     shares = [percent(count / one.runs) if one.runs else NOTHING for count in (one.planned, one.timed, one.verified)]
-    low, high = one.success.low, one.success.high
-    confidence = NOTHING if math.isnan(low) else f"{percent(low)} to {percent(high)}"
+    confidence = NOTHING if one.success.ends is None else " to ".join(map(percent, one.success.ends))
     costs = [_within(one.plan_time.median), number(one.plan_time.percentiles[2])]
     costs += [_within(one.plan_cpu.median), _within(one.ratio.median)]
     label = one.label.replace("|", "\\|")
@@ -39,8 +36,7 @@ def _row(one: PlannerNumbers) -> list[str]:
 
 
 def _within(value: Interval) -> str:
-    more = "" if math.isnan(value.low) else f" [{number(value.low)}, {number(value.high)}]"
-    return f"{number(value.value)}{more}"
+    return number(value.value) + ("" if value.ends is None else f" [{number(value.low)}, {number(value.high)}]")
 
 
 def _fit(line: list[str], widths: list[int]) -> list[str]:

@@ -18,8 +18,6 @@ from optiplan.problem.examples import find_problem
 
 BUDGET = 20.0
 """Seconds, when none are given; as `op.plan`."""
-PORT = 7000
-"""First port that --view tries."""
 PROBLEM = "a problem file, or the name of an example: 01_reach"
 SERVER = "have an `optiplan serve` plan (OPTIPLAN_TOKEN: its token)"
 WORKERS = "attempts of trajopt side by side, in threads: the same motion, sooner"
@@ -148,4 +146,4 @@ def _finish(run: Any, out: Path | None, as_json: bool, full: bool) -> Exit:
 def _view(runs: list[Any]) -> None:
     from optiplan.cli.viewing import serve_page, shown
 
-    serve_page(runs[0].problem, [shown(run.to_dict(), run.trajectory) for run in runs], PORT)
+    serve_page(runs[0].problem, [shown(run.to_dict(), run.trajectory) for run in runs])
