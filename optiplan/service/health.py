@@ -20,6 +20,7 @@ from sqlalchemy.engine import Engine
 from optiplan.errors import OptiPlanError
 from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.execution.solver_pool import SolverPool
+from optiplan.service.refusals import error_body
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.tables import Clock, about
 
@@ -106,7 +107,7 @@ class HealthCheck:
 
 
 def _answer(faults: list[str]) -> Health:
-    return (503, {"error": "; ".join(faults), "issues": []}) if faults else (200, {"status": "ok"})
+    return (503, error_body("; ".join(faults))) if faults else (200, {"status": "ok"})
 
 
 def serve_health(check: HealthCheck, port: int) -> ThreadingHTTPServer:
@@ -122,7 +123,7 @@ def serve_health(check: HealthCheck, port: int) -> ThreadingHTTPServer:
         def do_GET(self) -> None:
             looks = {"/healthz": check.living, "/readyz": check.ready}
             look = looks.get(self.path)
-            status, body = (404, {"error": "expected /healthz or /readyz", "issues": []}) if look is None else look()
+            status, body = (404, error_body("expected /healthz or /readyz")) if look is None else look()
             content = json.dumps(body).encode()
             self.send_response(status)
             self.send_header("Content-Type", "application/json")

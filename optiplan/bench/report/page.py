@@ -258,7 +258,7 @@ def _reason(store: Store, reason: Reason, link: Link) -> str:
 
 
 def _example(store: Store, run: Failed, address: str | None) -> str:
-    folder, key = place_of(store, (run.problem, run.planner, run.seed, run.repetition))
+    folder, key = place_of(store, run.key)
     command = shlex.join(["optiplan", "bench", "show", folder, *map(str, key)])
     opened = f'<a href="{html.escape(address)}">open scene{" and witness" if run.seen else ""}</a> ' if address else ""
     seen = "" if run.seen else " <small>no witness</small>"

@@ -58,9 +58,9 @@ def write_scenes(store: Store, found: Iterable[Reason], page: Path) -> dict[Fail
     addresses: dict[Failed, str] = {}
     for reason in list(found)[:MOST]:
         run = next((one for one in reason.examples if one.seen), reason.examples[0])
-        name = _name(run[:4])
+        name = _name(run.key)
         try:
-            problem, views = stored_views(store, [run[:4]])
+            problem, views = stored_views(store, [run.key])
             export_page(problem, views, page.parent / FOLDER / name, back=_back(page, "failures"))
         except (OptiPlanError, OSError):
             continue

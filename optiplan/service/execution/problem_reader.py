@@ -18,7 +18,7 @@ from optiplan.problem.from_data import read_problem
 from optiplan.problem.hashing import shape_files_of
 from optiplan.problem.problem import Problem
 from optiplan.resources import robots_dir
-from optiplan.robot.robot import Robot, load_robot, robot_names
+from optiplan.robot.robot import robot_names
 from optiplan.runs.pipeline import chosen
 from optiplan.service.store.uploads import mark_used
 
@@ -49,7 +49,8 @@ class ProblemReader:
 
     def __init__(self, base: Path, folders: list[Path], bodies: int) -> None:
         self._base, self.folders, self._bodies = base, [*folders, robots_dir()], bodies
-        self._bundled, self._names = RobotCache(KEPT_ROBOTS), set(robot_names())
+        self._names = set(robot_names())
+        self._robots = RobotCache(KEPT_ROBOTS, self._names)  # whose files do not change
         self._problems: MostRecent[Problem] = MostRecent(KEPT)
         self._documents: MostRecent[Document] = MostRecent(KEPT)
 
@@ -98,7 +99,7 @@ class ProblemReader:
             document = replace(document, data=document.data | instead)
             self._count(document)
         with reading(self.folders) as files:
-            problem = Problem.of(read_problem(document, self._base, self.robot).whole())
+            problem = Problem.of(read_problem(document, self._base, self._robots).whole())
         mark_used(self._base, files)
         return problem
 
@@ -110,17 +111,6 @@ class ProblemReader:
                 raise InputError(
                     [document.issue(("scene", key), f"{len(held)} bodies", f"at most {self._bodies} on this server")]
                 )
-
-    def robot(
-        self,
-        ref: str | Mapping[str, Any],
-        base: Path | None = None,
-        locked: Mapping[str, float] | None = None,
-        group: str | None = None,
-    ) -> Robot:
-        """A robot as `load_robot` gives it; bundled ones are kept, since their files do not change."""
-        bundled = isinstance(ref, str) and ref in self._names
-        return (self._bundled if bundled else load_robot)(ref, base, locked, group)
 
 
 def _name(problem: Problem) -> str:

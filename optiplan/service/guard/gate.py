@@ -21,6 +21,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.rates import Rates, client_of
+from optiplan.service.refusals import error_body
 from optiplan.service.settings import ServiceSettings
 from optiplan.viewer.safety import HEADERS, LOOPBACK, host_name, same_origin
 
@@ -216,7 +217,7 @@ class _Call:
         """Answer with an error, unless an answer has begun."""
         if self.status:
             return
-        body = json.dumps({"error": str(why), "issues": []}).encode()
+        body = json.dumps(error_body(why)).encode()
         await self._answer(why.status, {"Content-Type": "application/json", **why.headers}, body)
 
     async def redirect(self, path: str, cookie: str) -> None:
