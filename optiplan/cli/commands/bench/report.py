@@ -47,8 +47,8 @@ def report(
     """
     from optiplan.bench.report.analysis import analyse
     from optiplan.bench.report.figures import write_figures
-    from optiplan.bench.report.markdown import markdown as table
     from optiplan.bench.report.page import FILE, all_tables, write_page
+    from optiplan.bench.report.tables.formats import markdown as table
     from optiplan.bench.report.tables.formats import write_tables
     from optiplan.files import write_text
 
