@@ -1,4 +1,4 @@
-"""What a server keeps: runs, problems, benches, their contents and uploads, read and changed in threads for that."""
+"""Storage of a server: runs, problems, benches, contents and uploads, accessed from worker threads."""
 
 import asyncio
 import json
@@ -20,9 +20,9 @@ Result = TypeVar("Result")
 WRITERS, READERS = 4, 8
 """Threads that write to the database, and that read from it."""
 PATIENCE = 5.0
-"""s that who asks for a run waits until it is kept."""
+"""s that a request for a run waits until the run is stored."""
 YOUNG = 3600.0
-"""s: contents younger than that may belong to a run that is being recorded."""
+"""s: younger contents may belong to a run that is being recorded."""
 
 
 class Archive:
@@ -35,7 +35,7 @@ class Archive:
         benches: the table of benches.
         contents: the folder of contents.
         uploads: the folder of uploaded files.
-        saving: by id, runs that were answered and are being stored.
+        saving: runs that were answered and are being stored, by id.
     """
 
     def __init__(self, settings: ServiceSettings) -> None:
@@ -61,18 +61,18 @@ class Archive:
         self.engine.dispose()
 
     async def read(self, look: Callable[[], Result]) -> Result:
-        """Look something up in a thread for that."""
+        """Run a query in a reader thread."""
         return await asyncio.get_running_loop().run_in_executor(self._readers, look)
 
     async def write(self, change: Callable[[], Result]) -> Result:
-        """Change something in a thread for that."""
+        """Make a change in a writer thread."""
         return await asyncio.get_running_loop().run_in_executor(self._writers, change)
 
     async def run(self, run: str) -> Record:
-        """A run; one that was answered and is being stored is waited for, as long as the database takes it.
+        """Return a run; wait for one that is being stored.
 
         Raises:
-            Refusal: there is none of that id.
+            Refusal: no run has this id.
         """
         if (saving := self.saving.get(run)) is not None:
             await asyncio.wait([saving], timeout=PATIENCE)
@@ -82,10 +82,10 @@ class Archive:
         return record
 
     async def content(self, record: Record, name: str) -> bytes:
-        """A file of a run.
+        """Return a file of a run.
 
         Raises:
-            Refusal: the run has none of that name, yet or at all.
+            Refusal: the run has no file of this name.
         """
         digest = (record["contents"] or {}).get(name)
         content = None if digest is None else await self.read(lambda: self.contents.get(digest))
@@ -94,7 +94,7 @@ class Archive:
         return content
 
     async def texts(self, record: Record) -> dict[str, str]:
-        """The texts of a run's record (`run`) and motion (`trajectory`, empty without one).
+        """Return the texts of a run's record (`run`) and motion (`trajectory`, empty without one).
 
         Raises:
             Refusal: it has no record.
@@ -103,7 +103,7 @@ class Archive:
         return {"run": (await self.content(record, RUN)).decode(), "trajectory": motion.decode()}
 
     async def stored_request(self, record: Record) -> Record:
-        """The problem of a run as processes take it.
+        """Return the problem of a run as processes take it.
 
         Raises:
             Refusal: its content is gone.
@@ -116,7 +116,7 @@ class Archive:
 
 
 def outdated(runs: RunTable, settings: ServiceSettings) -> list[str]:
-    """The runs that have ended and are too old, or too many bytes after newer ones."""
+    """Return the ended runs that are too old, or exceed the bytes to keep after newer ones."""
     ended = sorted(runs.of_states(ENDED), key=lambda record: record["submitted"], reverse=True)
     oldest, total, found = runs.now() - settings.keep_days * 86400.0, 0, []
     for record in ended:
@@ -127,7 +127,7 @@ def outdated(runs: RunTable, settings: ServiceSettings) -> list[str]:
 
 
 def sweep(contents: ContentFolder, runs: RunTable, problems: ProblemTable, young: float = YOUNG) -> int:
-    """Delete contents that no run and no problem refers to; return how many."""
+    """Delete contents without a run or problem; return how many."""
     there = contents.older_than(young)
     used = runs.digests_in_use() | problems.digests_in_use()
     for digest in there - used:

@@ -1,4 +1,4 @@
-"""What is drawn of runs and problems: small pictures, which are remembered, and pages."""
+"""Small pictures of runs and problems, kept in memory, and pages of runs."""
 
 from collections.abc import Awaitable, Callable
 from typing import Any
@@ -16,17 +16,17 @@ REMEMBERED = 1000
 
 
 class Pictures:
-    """Pictures and pages of the runs and problems of a service."""
+    """Draw runs and problems by solver processes."""
 
     def __init__(self, archive: Archive, requests: ProblemRequests) -> None:
         self._archive, self._requests = archive, requests
         self._drawn: MostRecent[bytes] = MostRecent(REMEMBERED)
 
     async def of_run(self, record: Record) -> bytes:
-        """The scene of a run, with its motion where it has one.
+        """Return the scene of a run, with its motion if there is one.
 
         Raises:
-            Refusal: its problem cannot be read any more.
+            Refusal: its problem can no longer be read.
         """
 
         async def request() -> dict[str, Any]:
@@ -38,16 +38,16 @@ class Pictures:
         return await self._kept(f"{record['id']} {record['finished']}", request)
 
     async def of_problem(self, hash: str) -> bytes:
-        """The scene of a stored problem.
+        """Return the scene of a stored problem.
 
         Raises:
-            Refusal: none is stored under this hash, or it cannot be read any more.
+            Refusal: none is stored under this hash, or it can no longer be read.
         """
         given = ProblemInput(problem=hash, name=None, start=None, goal=None)
         return await self._kept(hash, lambda: self._requests.of(given))
 
     async def page(self, *records: Record) -> bytes:
-        """The page of one run that has ended, or of several of one problem.
+        """Return the page of one ended run, or of several runs of one problem.
 
         Raises:
             Refusal: one has no record, or they are of different problems.

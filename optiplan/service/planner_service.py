@@ -1,4 +1,4 @@
-"""`PlannerService`: a server's parts, put together."""
+"""`PlannerService`: the parts of a server."""
 
 from optiplan.service.archive import Archive, outdated, sweep
 from optiplan.service.benches import Benches
@@ -16,31 +16,31 @@ from optiplan.service.waited_plans import WaitedPlans
 
 
 class PlannerService:
-    """All that a server does, apart from HTTP.
+    """Everything that a server does, apart from HTTP.
 
     Attributes:
-        settings: what it was made with.
-        archive: what is kept: runs, problems, benches, contents, uploads.
+        settings: of this process.
+        archive: runs, problems, benches, contents and uploads.
         pool: the solver processes.
         queue: the durable queue.
-        health: says whether this process can work.
+        health: whether this process can work.
         requests: problems as processes take them, and their checks.
-        queued: plans that nobody waits for.
-        waited: plans that callers wait for.
-        live: controllers that run.
+        queued: plans in the queue.
+        waited: plans whose callers wait.
+        live: running controllers.
         benches: problems by planners.
-        pictures: of runs and problems, for lists; pages of runs.
+        pictures: pictures of runs and problems, and pages of runs.
     """
 
     def __init__(self, settings: ServiceSettings, serving: bool = True) -> None:
-        """Open the database and the folder; nothing is started.
+        """Open the database and the folder without starting anything.
 
         Args:
             settings: of the process.
-            serving: whether callers wait for it; else it only takes runs from the queue.
+            serving: whether it answers callers; else it only takes runs from the queue.
 
         Raises:
-            OptiPlanError: one of them cannot be used.
+            OptiPlanError: the database or the folder cannot be used.
         """
         self.settings, self.archive = settings, Archive(settings)
         archive = self.archive
@@ -58,20 +58,20 @@ class PlannerService:
         self.pictures = Pictures(archive, self.requests)
 
     def start(self) -> None:
-        """Start queue and processes, these last: their warming up takes the processor for seconds."""
+        """Start the queue, then the processes, whose warm-up takes the processor for seconds."""
         self.queue.start()
         self.pool.start()
         self._watchdog = feed_watchdog(lambda: self.health.living()[0] == 200)
 
     def close(self) -> None:
-        """Stop all that was started; runs under way are put back."""
+        """Stop everything; put running runs back into the queue."""
         self.queue.close()
         self.pool.close()
         self._watchdog.set()
         self.archive.close()
 
     def tidy(self) -> None:
-        """Delete runs and uploads that are too old or too much, and contents that nothing refers to."""
+        """Delete runs and uploads beyond the limits, and contents without a run or problem."""
         for run in outdated(self.archive.runs, self.settings):
             self.queued.forget(run)
         sweep(self.archive.contents, self.archive.runs, self.archive.problems)

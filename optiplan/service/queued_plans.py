@@ -1,4 +1,4 @@
-"""Plans in the queue: submitted, forgotten; and what identifies a run."""
+"""Plans in the durable queue: submission, deletion, and the identity of a run."""
 
 import json
 from collections.abc import Mapping
@@ -15,21 +15,21 @@ from optiplan.service.store.run_table import NewRun, Record
 
 
 class QueuedPlans:
-    """The plans of a service that nobody waits for."""
+    """Submit plans to the queue, and delete them."""
 
     def __init__(self, settings: ServiceSettings, archive: Archive, requests: ProblemRequests, queue: RunQueue) -> None:
         self._settings, self._archive, self._requests, self._queue = settings, archive, requests, queue
 
     async def submit(self, submission: Submission, name: str) -> Record:
-        """Queue a run and return it, or the one that there is of the same submission.
+        """Queue a run and return it; the same submission returns the same run.
 
         Args:
             submission: what to plan.
-            name: of who wants it, for `queue.cancel`.
+            name: of this submission, for `queue.cancel`.
 
         Raises:
-            Refusal: the problem cannot be planned, the queue is full.
-            StorageFullError: so is the disk.
+            Refusal: the problem cannot be planned, or the queue is full.
+            StorageFullError: the disk is full.
         """
         check_budget(submission, self._settings)
         about = await self._requests.check(submission)
@@ -65,7 +65,7 @@ def check_budget(submission: Submission, settings: ServiceSettings) -> None:
 
 
 def new_run(submission: Submission, about: Mapping[str, Any], request: str) -> NewRun:
-    """The run of a submission; its id is the digest of all that decides the answer."""
+    """Return the run of a submission; its id is the digest of everything that determines the answer."""
     asked = [about[key] for key in ("hash", "planner", "options", "seed")]
     asked += [submission.budget, submission.deadline, optiplan.__version__]
     asked += [submission.warm_start] if submission.warm_start else []

@@ -1,4 +1,4 @@
-"""Requests: problems as processes take them, what processes answer about them, what identifies a request."""
+"""Requests to solver processes: problems as data, checks of problems, digests."""
 
 import asyncio
 import hashlib
@@ -18,15 +18,15 @@ from optiplan.service.store.run_table import Record
 from optiplan.trajectory.trajectory import Trajectory
 
 REMEMBERED = 2000
-"""Checks of problems that are remembered."""
+"""Checks kept in memory."""
 TEXTS = 64
-"""Stored problems whose texts are kept in memory."""
+"""Texts of stored problems kept in memory."""
 LOOKING = 400
 """Problems that may wait to be read."""
 
 
 class ProblemRequests:
-    """Turns problems into requests, and has processes answer them."""
+    """Turn problems into requests, and have processes answer them."""
 
     def __init__(self, settings: ServiceSettings, archive: Archive, pool: SolverPool) -> None:
         self._settings, self._archive, self._pool = settings, archive, pool
@@ -34,7 +34,7 @@ class ProblemRequests:
         self._texts: MostRecent[Record] = MostRecent(TEXTS)
 
     async def of(self, given: ProblemInput) -> Record:
-        """A problem as processes take it: a stored one by its text.
+        """Return a problem as processes take it; a hash is replaced by the stored text.
 
         Raises:
             Refusal: it is not stored, its scene is too large, or the run that it begins at has no motion.
@@ -53,7 +53,7 @@ class ProblemRequests:
         return request
 
     def _stored(self, problem: str) -> Record:
-        """What a hash stands for; the last texts are kept, by their digests."""
+        """Return the stored problem of a hash; the last texts are kept by digest."""
         row = self._archive.problems.get(problem)
         stored = row and self._texts.find(row["text"])
         if row and not stored and (content := self._archive.contents.get(row["text"])) is not None:
@@ -63,10 +63,10 @@ class ProblemRequests:
         return stored
 
     async def check(self, given: ProblemInput) -> Mapping[str, Any]:
-        """What a problem is: `hash`, `name`, `robot`, `planner`, `options`, `seed`.
+        """Check a problem; return its `hash`, `name`, `robot`, `planner`, `options`, `seed`.
 
         Raises:
-            Refusal: it cannot be planned; every issue is told.
+            Refusal: it cannot be planned; holds every issue.
         """
         request = await self.of(given)
         key = digest_of(request)
@@ -78,10 +78,10 @@ class ProblemRequests:
         return about if names_files(request) else self._checked.keep(key, about)  # files may change
 
     async def ask(self, request: Mapping[str, Any], do: str, seconds: float | None = None) -> SolverAnswer:
-        """Have a process read, draw or compute something, in so many seconds; None: those of the settings.
+        """Have a process read, draw or compute something within `seconds`; None: those of the settings.
 
         Raises:
-            Refusal: what is asked is wrong, or takes too long or too much memory.
+            Refusal: the request is wrong, or takes too long or too much memory.
         """
         job = SolverJob({**request, "do": do}, seconds or self._settings.reading)
         answer = await asyncio.wrap_future(self._pool.submit("look", job))
@@ -95,16 +95,16 @@ class ProblemRequests:
 
 
 def refusal_of(answer: SolverAnswer) -> Refusal:
-    """The refusal that a process's error is: what was asked is wrong, or we are."""
+    """Return the refusal for an error of a process: a wrong request (422) or a bug (500)."""
     return Refusal(500 if "bug" in answer.data else 422, answer.data["error"], answer.data["issues"])
 
 
 def digest_of(value: Any) -> str:
-    """SHA-256, in hex, of JSON-ready data."""
+    """Return the SHA-256, in hex, of JSON-ready data."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def names_files(request: Mapping[str, Any]) -> bool:
-    """Whether a problem may read files besides the bundled ones."""
+    """Return whether a problem may read files other than bundled ones."""
     text = json.dumps(request["problem"])
     return any(word in text for word in ("file", "urdf", ".yaml", "/"))

@@ -50,13 +50,8 @@ class WaitedPlans:
         pool: SolverPool,
         solver: RunSolver,
     ) -> None:
-        self._settings, self._archive, self._requests, self._pool, self._solver = (
-            settings,
-            archive,
-            requests,
-            pool,
-            solver,
-        )
+        self._settings, self._archive, self._requests = settings, archive, requests
+        self._pool, self._solver = pool, solver
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def finish(self) -> None:

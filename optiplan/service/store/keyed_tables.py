@@ -1,4 +1,4 @@
-"""Tables whose rows are found by a key, among them stored problems and benches."""
+"""Tables of stored problems and benches, whose rows have a key."""
 
 import time
 from typing import Any
@@ -11,24 +11,24 @@ from optiplan.service.store.tables import benches, problems
 
 
 class KeyedTable:
-    """Rows of a table, by its key."""
+    """Access to the rows of a table by its key."""
 
     def __init__(self, engine: Engine, table: sa.Table) -> None:
         self._engine, self._table = engine, table
         (self._key,) = table.primary_key.columns
 
     def get(self, key: str) -> Record | None:
-        """The row of a key; None if there is none."""
+        """Return the row of a key; None if there is none."""
         found = self._all(sa.select(self._table).where(self._key == key))
         return found[0] if found else None
 
     def delete(self, key: str) -> bool:
-        """Forget a row; False if there is none."""
+        """Delete a row; return False if there is none."""
         with self._engine.begin() as connection:
             return connection.execute(self._table.delete().where(self._key == key)).rowcount == 1
 
     def newest(self, count: int) -> list[Record]:
-        """At most `count` rows, the last one created first."""
+        """Return at most `count` rows, the newest first."""
         return self._all(sa.select(self._table).order_by(self._table.c.created.desc()).limit(count))
 
     def _all(self, query: sa.Select[Any]) -> list[Record]:
@@ -43,14 +43,14 @@ class ProblemTable(KeyedTable):
         super().__init__(engine, problems)
 
     def add(self, hash: str, name: str, robot: str, text: str) -> None:
-        """Store a problem whose text has this digest; one of the same hash is there already or is now."""
+        """Store a problem under its hash; `text` is the digest of its text."""
         row = {"hash": hash, "name": name, "robot": robot, "text": text, "created": time.time()}
         with self._engine.begin() as connection:
             connection.execute(problems.delete().where(problems.c.hash == hash))
             connection.execute(problems.insert().values(**row))
 
     def digests_in_use(self) -> set[str]:
-        """Digests of the texts."""
+        """Return the digests of the texts."""
         with self._engine.connect() as connection:
             return set(connection.scalars(sa.select(problems.c.text)))
 
@@ -62,7 +62,7 @@ class BenchTable(KeyedTable):
         super().__init__(engine, benches)
 
     def add(self, bench: str, name: str, content: Record) -> None:
-        """Record a bench; one of this id stays as it is."""
+        """Record a bench; a known id keeps its row."""
         row = {"id": bench, "name": name, "created": time.time(), "content": content}
         try:
             with self._engine.begin() as connection:
