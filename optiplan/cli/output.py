@@ -55,6 +55,11 @@ def plain_table(words: Sequence[str], numbers: Sequence[str] = ()) -> "Table":
     return table
 
 
+def say(text: str, style: str | None = None) -> None:
+    """Print lines on stdout as they are: no markup, and no wrapping, so that a path stays one word."""
+    results().print(text, style=style, markup=False, soft_wrap=True)
+
+
 def print_json(data: Mapping[str, Any]) -> None:
     """Print the JSON object of a command in --json mode."""
     sys.stdout.write(json.dumps(data, allow_nan=False) + "\n")

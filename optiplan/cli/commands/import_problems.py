@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import messages, print_json, results, stdout_is_ours
+from optiplan.cli.output import messages, print_json, say, stdout_is_ours
 
 app = typer.Typer()
 LISTED = 20
@@ -49,5 +49,5 @@ def mbm(
         messages().print(f"… and {len(done.skipped) - LISTED} more (--json names all)", style="yellow")
     for note, count in done.notes:
         messages().print(f"note ({count} problems): {note}", style="yellow", markup=False, soft_wrap=True)
-    results().print(f"{len(done.written)} problems written to {out}", markup=False, soft_wrap=True)
+    say(f"{len(done.written)} problems written to {out}")
     return 0

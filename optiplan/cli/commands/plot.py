@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import messages, print_json, results, stdout_is_ours
+from optiplan.cli.output import messages, print_json, say, stdout_is_ours
 
 NAMES = "joints, tool, path; several with commas"
 KINDS = "png, svg, pdf, csv; several with commas (default: what FILE ends in, else png)"
@@ -64,7 +64,7 @@ def plot(
     if as_json:
         print_json({"written": [str(path) for path in written], "exit_code": 0})
     else:
-        results().print("\n".join(f"written: {path}" for path in written), markup=False, soft_wrap=True)
+        say("\n".join(f"written: {path}" for path in written))
     return 0
 
 

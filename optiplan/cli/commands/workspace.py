@@ -11,7 +11,7 @@ import typer
 
 from optiplan.cli.completion import robot_names
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import plain_table, print_json, results, stdout_is_ours
+from optiplan.cli.output import plain_table, print_json, results, say, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
 
@@ -112,7 +112,7 @@ def workspace(
         return 0
     _show(rows, wanted)
     for path in files:
-        results().print(f"written: {path}", markup=False, soft_wrap=True)
+        say(f"written: {path}")
     return 0
 
 

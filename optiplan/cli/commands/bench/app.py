@@ -11,7 +11,7 @@ import typer
 
 from optiplan.cli.commands.bench import report
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import messages, print_json, results, stdout_is_ours
+from optiplan.cli.output import messages, print_json, results, say, stdout_is_ours
 from optiplan.cli.printing.bench_progress import progress
 from optiplan.cli.progress import ProgressLine
 
@@ -133,7 +133,7 @@ def export(
     if as_json:
         print_json({"written": [str(path) for path in written]})
     else:
-        results().print("\n".join(map(str, written)), markup=False, soft_wrap=True)
+        say("\n".join(map(str, written)))
     return 0
 
 
@@ -162,7 +162,7 @@ def merge(
         print_json({"results": str(store.path), **counts, "exit_code": 0})
     else:
         words = f"{counts['runs']} runs of {counts['problems']} problems and {counts['planners']} planners in {out}"
-        results().print(words, markup=False, soft_wrap=True)
+        say(words)
     return 0
 
 
@@ -184,7 +184,7 @@ def import_results(
     with Store(beside) as store, stdout_is_ours():
         found = read_results(file, label, store, out)
     words = f"{found.runs} runs in {out}: {found.trajectories} with a trajectory, {found.verified} of them verified"
-    results().print(words, markup=False, soft_wrap=True)
+    say(words)
     return 0
 
 
@@ -219,7 +219,7 @@ def _tell(store: Any, done: Any, standing: Any, as_json: bool) -> None:
         return
     show_summary(results(), store, done, standing)
     if page:
-        results().print(f"report: {page}", markup=False, soft_wrap=True)
+        say(f"report: {page}")
 
 
 @contextmanager

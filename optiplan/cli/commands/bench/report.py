@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import print_json, results, stdout_is_ours
+from optiplan.cli.output import print_json, results, say, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="the folder of a suite's results")]
@@ -67,7 +67,7 @@ def report(
         if as_json:
             print_json({"written": [str(path) for path in written]})
         else:
-            results().print("\n".join(map(str, written)), markup=False, soft_wrap=True)
+            say("\n".join(map(str, written)))
         if serve:
             _serve(store.folder)
     return 0
@@ -101,7 +101,7 @@ def show(
         serve_page(found, runs, port)
         return 0
     export_page(found, runs, export)
-    results().print(f"written: {export}", markup=False, soft_wrap=True)
+    say(f"written: {export}")
     return 0
 
 

@@ -8,7 +8,7 @@ import typer
 from optiplan.cli.commands.robots.init import init
 from optiplan.cli.completion import robot_names
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import plain_table, print_json, results, stdout_is_ours
+from optiplan.cli.output import plain_table, print_json, results, say, stdout_is_ours
 
 app = typer.Typer(invoke_without_command=True)
 app.command("init")(init)
@@ -102,7 +102,7 @@ def srdf(
     if as_json or context.obj:
         print_json({"written": str(out), "pairs": len(robot.allowed)})
         return 0
-    results().print(f"{len(robot.allowed)} pairs that need no check written to {out}", markup=False, soft_wrap=True)
+    say(f"{len(robot.allowed)} pairs that need no check written to {out}")
     return 0
 
 
@@ -132,5 +132,5 @@ def export(
         results().out(text, end="", highlight=False)
     else:
         write_text(out, text)
-        results().print(f"{robot.name} written to {out}", markup=False, soft_wrap=True)
+        say(f"{robot.name} written to {out}")
     return 0
