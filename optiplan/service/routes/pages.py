@@ -10,8 +10,7 @@ from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
 from optiplan.service.refusals import not_found
-from optiplan.service.routes.answers import HashPath, RunPath, Service
-from optiplan.viewer.safety import PAGE_POLICY
+from optiplan.service.routes.answers import HashPath, RunPath, Service, whole_page
 
 router = APIRouter(include_in_schema=False)
 
@@ -40,15 +39,13 @@ PAGES = {
 @router.get("/runs/{run}")
 async def run_page(run: RunPath, service: Service) -> Response:
     """The page of a run that has ended."""
-    page = await service.pictures.page(await service.archive.run(run))
-    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
+    return whole_page(await service.pictures.page(await service.archive.run(run)))
 
 
 @router.get("/compare")
 async def comparison(run: Annotated[list[str], Query(min_length=1, max_length=8)], service: Service) -> Response:
     """One page of several runs of one problem."""
-    page = await service.pictures.page(*[await service.archive.run(one) for one in run])
-    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
+    return whole_page(await service.pictures.page(*[await service.archive.run(one) for one in run]))
 
 
 @router.get("/api/runs/{run}/thumbnail.svg")
