@@ -18,8 +18,8 @@ import numpy as np
 from optiplan.bench.execution.machine import machine
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.figures import write_figures
-from optiplan.bench.report.markdown import markdown
 from optiplan.bench.report.page import write_page
+from optiplan.bench.report.tables.formats import markdown
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row
 from optiplan.runs.run import versions

@@ -31,7 +31,7 @@ class MostRecent(Generic[Made]):
 
     def __init__(self, most: int) -> None:
         self._most, self._made = most, OrderedDict[str, Made]()
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
 
     def __len__(self) -> int:
         """Return the number of results kept."""
@@ -40,10 +40,20 @@ class MostRecent(Generic[Made]):
     def get(self, key: str, make: Callable[[], Made]) -> Made:
         """Return the result of `key`; make it where there is none."""
         with self._lock:
-            found = self._made[key] = self._made.pop(key) if key in self._made else make()
+            return self.keep(key, self._made.pop(key) if key in self._made else make())
+
+    def find(self, key: str) -> Made | None:
+        """Return the result of `key`; None where there is none."""
+        with self._lock:
+            return self.keep(key, self._made.pop(key)) if key in self._made else None
+
+    def keep(self, key: str, made: Made) -> Made:
+        """Keep a result that was made, and return it."""
+        with self._lock:
+            self._made[key] = made
             while len(self._made) > self._most:
                 self._made.popitem(last=False)
-        return found
+        return made
 
 
 def cache_dir() -> Path:

@@ -64,12 +64,12 @@ def styled(**changes: Any) -> Iterator[None]:
         yield
 
 
-def sheet(height: float, layout: Literal["constrained"] | None = "constrained") -> Any:
-    """An empty figure of a height, in, that no window shows."""
+def sheet(height: float, layout: Literal["constrained"] | None = "constrained", width: float = WIDTH) -> Any:
+    """An empty figure of a height and width, in, that no window shows."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, height), layout=layout)
+    figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
 

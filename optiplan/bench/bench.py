@@ -11,16 +11,13 @@ from typing import Any
 from optiplan.bench.execution.pool import LocalPool, Workforce
 from optiplan.bench.execution.runner import Summary, open_results, run_suite
 from optiplan.bench.results.best_known import BestKnownTable, Standing, hold_against
-from optiplan.bench.results.database import Store
+from optiplan.bench.results.database import JSON_COLUMNS, Store
 from optiplan.bench.results.export import FLAGS
 from optiplan.bench.results.records import Outcome
 from optiplan.bench.results.summary import failure_counts, planner_numbers, planner_table
 from optiplan.bench.suite.suite import load_suite
 from optiplan.errors import InputError, described, flag_argument, path_argument, progress_argument, wrong_argument
 from optiplan.planners.base import Progress
-
-_JSON = ("witness", "metrics", "timings", "info", "improvements")
-"""Columns of `runs` that hold JSON text."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -216,4 +213,4 @@ def _value(column: str, value: Any) -> Any:
         return None
     if column in FLAGS:
         return bool(value)
-    return json.loads(value) if column in _JSON else value
+    return json.loads(value) if column in JSON_COLUMNS else value

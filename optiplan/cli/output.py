@@ -4,14 +4,17 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console
 
 from optiplan.errors import InputError, OptiPlanError
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 UNWRAPPED = 1000
 """Columns of what is no terminal: other programs read lines, and wrapped ones are none."""
@@ -40,6 +43,21 @@ def messages() -> Console:
 def _width(stream: TextIO) -> int | None:
     """Return the columns of a stream: those of the terminal; `UNWRAPPED` of a pipe or file, or what COLUMNS says."""
     return None if stream.isatty() or "COLUMNS" in os.environ else UNWRAPPED
+
+
+def plain_table(words: Sequence[str], numbers: Sequence[str] = ()) -> "Table":
+    """Return a table without lines: columns of words with these headings, then columns of numbers."""
+    from rich.table import Table
+
+    table = Table(*words, box=None, pad_edge=False, header_style="dim")
+    for heading in numbers:
+        table.add_column(heading, justify="right")
+    return table
+
+
+def say(text: str, style: str | None = None) -> None:
+    """Print lines on stdout as they are: no markup, and no wrapping, so that a path stays one word."""
+    results().print(text, style=style, markup=False, soft_wrap=True)
 
 
 def print_json(data: Mapping[str, Any]) -> None:

@@ -15,7 +15,7 @@ from optiplan.verify.verify import verify
 from optiplan.viewer.plots.runs import PlottedRun
 from optiplan.viewer.run_data.closed_loop import read_log
 from optiplan.viewer.runs import ViewedRun
-from optiplan.viewer.server import serve_runs
+from optiplan.viewer.server import FIRST_PORT, serve_runs
 
 EXECUTED = "execution"
 """Key of a `run.json` that `optiplan control` wrote."""
@@ -84,7 +84,7 @@ def plotted_runs(places: Sequence[Path]) -> tuple[list[PlottedRun], list[str]]:
     return found, left_out
 
 
-def serve_page(problem: Problem, runs: Sequence[ViewedRun], port: int) -> None:
+def serve_page(problem: Problem, runs: Sequence[ViewedRun], port: int = FIRST_PORT) -> None:
     """Serve until ctrl-C."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     console = results()

@@ -96,6 +96,12 @@ def choices(found: str, valid: Sequence[str]) -> str:
     return f"one of: {', '.join(valid)}" + (f" (did you mean '{near[0]}'?)" if near else "")
 
 
+def some(names: Sequence[str], most: int = 5) -> str:
+    """Return the first names with commas between them, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
 def words_for(model_class: type[BaseModel], error: ErrorDetails) -> tuple[str, str]:
     """Return what was found and what was expected, for one error of pydantic on a `model_class`."""
     kind, loc = error["type"], error["loc"]

@@ -19,7 +19,7 @@ from optiplan.service.guard.gate import Gate
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.yaml_bodies import YamlBodies
 from optiplan.service.planner_service import PlannerService
-from optiplan.service.refusals import Refusal
+from optiplan.service.refusals import Refusal, error_body
 from optiplan.service.routes import benches, events, health, live, pages, problems, robots, runs, uploads
 from optiplan.service.routes.answers import Json
 from optiplan.service.routes.events import EventFeed
@@ -52,7 +52,7 @@ def make_application(settings: ServiceSettings) -> ASGIApp:
         root_path=settings.root_path,
         lifespan=_lifespan,
     )
-    app.state.service, app.state.metrics, app.state.feed = service, RequestCounts(), EventFeed(service)
+    app.state.service, app.state.metrics, app.state.feed = service, RequestCounts(), EventFeed(service.archive)
     for room in (runs, problems, uploads, benches, robots, events, live, health, pages):
         app.include_router(room.router)
     app.add_exception_handler(Refusal, _refused)
@@ -84,30 +84,30 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 async def _keep_tidy(service: PlannerService) -> None:
     while True:
         try:
-            await service.write(service.tidy)
+            await service.archive.write(service.tidy)
         except Exception as error:  # the next time may do better
             _log.warning("old runs cannot be deleted: %s", error)
         await asyncio.sleep(TIDY)
 
 
 def _refused(request: Request, error: Any) -> Json:
-    return Json({"error": str(error), "issues": error.issues}, error.status, headers=error.headers)
+    return Json(error_body(error, error.issues), error.status, headers=error.headers)
 
 
 def _wrong(request: Request, error: Any) -> Json:
     issues = [vars(issue) for issue in getattr(error, "issues", ())]
-    return Json({"error": str(error), "issues": issues}, 422)
+    return Json(error_body(error, issues), 422)
 
 
 def _full(request: Request, error: Any) -> Json:
-    return Json({"error": str(error), "issues": []}, 507)
+    return Json(error_body(error), 507)
 
 
 def _database(request: Request, error: Any) -> Json:
     if getattr(error, "full", False):
-        return Json({"error": "the disk of the database is full", "issues": []}, 507)
+        return Json(error_body("the disk of the database is full"), 507)
     _log.error("%s", error)
-    return Json({"error": "the database does not answer", "issues": []}, 503, headers={"Retry-After": "2"})
+    return Json(error_body("the database does not answer"), 503, headers={"Retry-After": "2"})
 
 
 def _invalid(request: Request, error: Any) -> Json:
@@ -119,7 +119,7 @@ def _invalid(request: Request, error: Any) -> Json:
         )
     broken = any(item["type"] == "json_invalid" for item in error.errors())
     text = "; ".join(f"{one['field']}: {one['found']}; expected {one['expected']}" for one in issues[:5])
-    return Json({"error": text, "issues": issues}, 400 if broken else 422)
+    return Json(error_body(text, issues), 400 if broken else 422)
 
 
 def _found(item: Any) -> str:
@@ -134,4 +134,4 @@ def _found(item: Any) -> str:
 
 
 def _http(request: Request, error: Any) -> Json:
-    return Json({"error": str(error.detail), "issues": []}, error.status_code, headers=error.headers)
+    return Json(error_body(error.detail), error.status_code, headers=error.headers)

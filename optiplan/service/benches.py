@@ -4,14 +4,15 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.runs.run_folder import RUN
+from optiplan.service.archive import Archive
 from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.models import BenchPlannerInput, BenchRequest, ProblemInput, Submission
+from optiplan.service.queued_plans import QueuedPlans
 from optiplan.service.refusals import Refusal, busy, not_found
-from optiplan.service.requests import digest_of
-from optiplan.service.run_service import RunService
-from optiplan.service.store.bench_table import BenchTable
-from optiplan.service.store.run_table import ENDED, Record, RunTable
+from optiplan.service.requests import ProblemRequests, digest_of
+from optiplan.service.settings import ServiceSettings
+from optiplan.service.store.run_table import ENDED, Record
 
 MOST = 2000
 """Runs of one bench."""
@@ -22,8 +23,16 @@ DRAWING = 120.0
 class Benches:
     """The benches of a service."""
 
-    def __init__(self, service: RunService, table: BenchTable, runs: RunTable, queue: RunQueue) -> None:
-        self._service, self._table, self._runs, self._queue = service, table, runs, queue
+    def __init__(
+        self,
+        settings: ServiceSettings,
+        archive: Archive,
+        requests: ProblemRequests,
+        queued: QueuedPlans,
+        queue: RunQueue,
+    ) -> None:
+        self._settings, self._archive, self._requests = settings, archive, requests
+        self._queued, self._queue = queued, queue
 
     async def submit(self, given: BenchRequest) -> Record:
         """Queue the runs of a bench; those that there are of the same submissions are not made again.
@@ -32,7 +41,7 @@ class Benches:
             Refusal: a problem or planner is wrong, two have one name, or there are more runs than may wait.
         """
         problems = [ProblemInput(problem=one, name=None, start=None, goal=None) for one in given.problems]
-        checked = [await self._service.check(one) for one in problems]
+        checked = [await self._requests.check(one) for one in problems]
         labels = [planner.shown for planner in given.planners]
         for what, names in (("problem", [str(one["name"]) for one in checked]), ("planner", labels)):
             if twice := {name for name in names if names.count(name) > 1}:
@@ -45,10 +54,10 @@ class Benches:
             for seed in given.seeds
         ]
         for *_, submission in asked[:: len(given.seeds)]:  # before any is queued
-            await self._service.check(submission)
+            await self._requests.check(submission)
         name, runs = digest_of(given.model_dump())[:32], []
         for problem, label, submission in asked:
-            record = await self._service.submit(submission, name)
+            record = await self._queued.submit(submission, name)
             runs.append([problem, label, submission.seed, record["id"]])
         bench = digest_of([given.name, runs])[:32]
         content = {
@@ -59,7 +68,7 @@ class Benches:
             "runs": runs,
             "submission": name,
         }
-        await self._service.write(lambda: self._table.add(bench, given.name, content))
+        await self._archive.write(lambda: self._archive.benches.add(bench, given.name, content))
         return await self.one(bench)
 
     async def one(self, bench: str) -> Record:
@@ -70,12 +79,12 @@ class Benches:
         """
         row = await self._row(bench)
         ids = [run for _, _, _, run in row["content"]["runs"]]
-        records = await self._service.read(lambda: self._runs.of_ids(ids))
+        records = await self._archive.read(lambda: self._archive.runs.of_ids(ids))
         return _answer(row, records)
 
     async def all(self) -> list[Record]:
         """The last benches."""
-        rows = await self._service.read(lambda: self._table.newest(50))
+        rows = await self._archive.read(lambda: self._archive.benches.newest(50))
         return [await self.one(row["id"]) for row in rows]
 
     async def cancel(self, bench: str) -> None:
@@ -90,7 +99,7 @@ class Benches:
             for *_, run in content["runs"]:
                 self._queue.cancel(run, content.get("submission"))  # older benches have none
 
-        await self._service.write(cancel)
+        await self._archive.write(cancel)
 
     async def delete(self, bench: str) -> None:
         """Forget a bench; its runs stay.
@@ -98,7 +107,7 @@ class Benches:
         Raises:
             Refusal: there is none of this id.
         """
-        if not await self._service.write(lambda: self._table.delete(bench)):
+        if not await self._archive.write(lambda: self._archive.benches.delete(bench)):
             raise not_found("bench", bench)
 
     async def report(self, bench: str) -> bytes:
@@ -110,22 +119,20 @@ class Benches:
         row = await self._row(bench)
         content, shown = row["content"], []
         ids = [run for *_, run in content["runs"]]
-        records = await self._service.read(lambda: self._runs.of_ids(ids))
+        records = await self._archive.read(lambda: self._archive.runs.of_ids(ids))
         for problem, label, seed, run in content["runs"]:
             record = records.get(run)
             if record is None or RUN not in (record["contents"] or {}):
                 continue
-            motion = await self._service.content(record, TRAJECTORY) if TRAJECTORY in record["contents"] else b""
-            told = (await self._service.content(record, RUN)).decode()
-            shown.append({"id": run, "key": [problem, label, seed], "run": told, "trajectory": motion.decode()})
+            shown.append({"id": run, "key": [problem, label, seed], **await self._archive.texts(record)})
         if not shown:
             raise Refusal(404, f"no run of the bench '{bench}' has ended with an answer")
         asked = {"suite": {"name": row["name"], **content}, "runs": shown}
-        answer = await self._service.ask(asked, "bench_report", DRAWING)
+        answer = await self._requests.ask(asked, "bench_report", DRAWING)
         return answer.files["report.html"]
 
     async def _row(self, bench: str) -> Record:
-        row = await self._service.read(lambda: self._table.get(bench))
+        row = await self._archive.read(lambda: self._archive.benches.get(bench))
         if row is None:
             raise not_found("bench", bench)
         return row
@@ -133,8 +140,8 @@ class Benches:
     def _check_room(self, count: int) -> None:
         if count > MOST:
             raise Refusal(422, f"found {count} runs; expected at most {MOST} in one bench")
-        waiting = self._runs.waiting()
-        if waiting + count > self._service.settings.queue:
+        waiting = self._archive.runs.waiting()
+        if waiting + count > self._settings.queue:
             raise busy(f"{waiting} runs are queued; {count} more are too many for this server", 60.0)
 
 

@@ -1,20 +1,80 @@
-"""Whether a process can work, as a whole: made from the threads that live and from a write to the database."""
+"""Whether a process can work, as a whole: made from the threads that live and from a write to the database.
+
+systemd's watchdog starts a process anew that does not say, now and then, that it lives.
+Source: sd_notify(3), sd_watchdog_enabled(3): a datagram `WATCHDOG=1` to the socket that `NOTIFY_SOCKET` names, twice in
+`WATCHDOG_USEC` at least.
+"""
 
 import json
 import logging
+import os
+import socket
 import threading
+import time
+from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Engine
 
 from optiplan.errors import OptiPlanError
 from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.execution.solver_pool import SolverPool
+from optiplan.service.refusals import error_body
 from optiplan.service.store.contents import ContentFolder
-from optiplan.service.store.write_probe import WriteProbe
+from optiplan.service.store.tables import Clock, about
 
 _log = logging.getLogger("optiplan.service")
 
+SHARE = 1 / 3
+"""Of the time that systemd waits, between two words."""
+
+FRESH = 0.5
+"""s that a change counts for."""
+PATIENCE = 1.0
+"""s within which a change has to be made."""
+KEY = "written"
+
 Health = tuple[int, dict[str, object]]
 """Status and body of an answer to a look at the health of a process."""
+
+
+class WriteProbe:
+    """Writes one row of the table `about` when it is asked; one that hangs is not asked a second time."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._lock = threading.Lock()
+        self._written = float("-inf")
+        self._fault = ""
+        self._trial: threading.Thread | None = None
+
+    def fault(self) -> str | None:
+        """Why the database takes no changes now; None: it has taken one within `FRESH`, s."""
+        with self._lock:
+            if time.monotonic() - self._written < FRESH:
+                return None
+            if self._trial is None or not self._trial.is_alive():
+                self._fault = f"the database takes no changes within {PATIENCE:g} s"
+                self._trial = threading.Thread(target=self._try, name="probe", daemon=True)
+                self._trial.start()
+            trial = self._trial
+        trial.join(PATIENCE)
+        return None if time.monotonic() - self._written < FRESH + PATIENCE else self._fault
+
+    def _try(self) -> None:
+        try:
+            with self._engine.begin() as connection:
+                value = sa.cast(Clock(), sa.Text)
+                row = about.c.key == KEY
+                if connection.execute(about.update().where(row).values(value=value)).rowcount == 0:
+                    connection.execute(about.insert().values(key=KEY, value=value))
+        except sa.exc.IntegrityError:  # another process was first, and so it takes changes
+            self._written = time.monotonic()
+        except Exception as error:
+            self._fault = str(error).strip().split("\n")[0]
+        else:
+            self._written = time.monotonic()
 
 
 class HealthCheck:
@@ -47,7 +107,7 @@ class HealthCheck:
 
 
 def _answer(faults: list[str]) -> Health:
-    return (503, {"error": "; ".join(faults), "issues": []}) if faults else (200, {"status": "ok"})
+    return (503, error_body("; ".join(faults))) if faults else (200, {"status": "ok"})
 
 
 def serve_health(check: HealthCheck, port: int) -> ThreadingHTTPServer:
@@ -63,7 +123,7 @@ def serve_health(check: HealthCheck, port: int) -> ThreadingHTTPServer:
         def do_GET(self) -> None:
             looks = {"/healthz": check.living, "/readyz": check.ready}
             look = looks.get(self.path)
-            status, body = (404, {"error": "expected /healthz or /readyz", "issues": []}) if look is None else look()
+            status, body = (404, error_body("expected /healthz or /readyz")) if look is None else look()
             content = json.dumps(body).encode()
             self.send_response(status)
             self.send_header("Content-Type", "application/json")
@@ -80,3 +140,28 @@ def serve_health(check: HealthCheck, port: int) -> ThreadingHTTPServer:
         raise OptiPlanError(f"cannot listen on 127.0.0.1, port {port}: {error.strerror}") from None
     threading.Thread(target=server.serve_forever, name="health", daemon=True).start()
     return server
+
+
+def feed_watchdog(alive: Callable[[], bool]) -> threading.Event:
+    """Say that this process lives as long as it does, from a thread of its own; nothing where systemd does not ask.
+
+    Returns:
+        What ends that.
+    """
+    stop = threading.Event()
+    address, wait = os.environ.get("NOTIFY_SOCKET", ""), os.environ.get("WATCHDOG_USEC", "")
+    if not address or not wait.isdigit() or os.environ.get("WATCHDOG_PID", str(os.getpid())) != str(os.getpid()):
+        return stop
+    name = "\0" + address[1:] if address.startswith("@") else address
+
+    def feed() -> None:
+        while not stop.wait(SHARE * 1e-6 * int(wait)):
+            try:
+                if alive():
+                    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sock:
+                        sock.sendto(b"WATCHDOG=1", name)
+            except Exception:  # another word comes soon, or systemd acts
+                _log.exception("the watchdog cannot be told")
+
+    threading.Thread(target=feed, name="watchdog", daemon=True).start()
+    return stop

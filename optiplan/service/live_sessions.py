@@ -11,8 +11,7 @@ import anyio
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
 from optiplan.service.models import LiveRequest
 from optiplan.service.refusals import Refusal, busy, not_found
-from optiplan.service.requests import refusal_of
-from optiplan.service.run_service import RunService
+from optiplan.service.requests import ProblemRequests, refusal_of
 from optiplan.service.streams import next_of
 
 UNSEEN = 30.0
@@ -79,9 +78,9 @@ class LiveSession:
 class LiveSessions:
     """The controllers of a server."""
 
-    def __init__(self, service: RunService, pool: SolverPool, most: int) -> None:
+    def __init__(self, requests: ProblemRequests, pool: SolverPool, most: int) -> None:
         """Of a service with these processes; `most` may run at a time."""
-        self._service, self._pool, self._most = service, pool, most
+        self._requests, self._pool, self._most = requests, pool, most
         self._running: dict[str, LiveSession] = {}
         self._starting = 0
         self._tasks: set[asyncio.Task[None]] = set()
@@ -106,12 +105,12 @@ class LiveSessions:
         Raises:
             Refusal: the problem is wrong, or as many run as may.
         """
-        request = await self._service.request(given)
+        request = await self._requests.of(given)
         if len(self._running) + self._starting >= self._most:
             raise busy(f"{self._most} controllers may run at a time on this server, and do", 10.0)
         self._starting += 1
         try:
-            await self._service.check(given)
+            await self._requests.check(given)
             return await self._begin({**request, "do": "live", "engine": given.engine})
         finally:
             self._starting -= 1
@@ -122,7 +121,7 @@ class LiveSessions:
         session: LiveSession | None = None
 
         def told(message: Any) -> None:
-            state = {key: value for key, value in message.items() if key not in ("phase", "blob")}
+            state = {key: value for key, value in message.items() if key not in ("phase", "sizes", "blob")}
             if session is not None:
                 loop.call_soon_threadsafe(session.publish, {"type": "state", **state})
 
@@ -141,8 +140,7 @@ class LiveSessions:
             if answer.death is not None:
                 raise Refusal(503, f"the controller did not start: {answer.detail}", headers={"Retry-After": "1"})
             raise refusal_of(answer)
-        about = {key: value for key, value in begun.result().data.items() if key not in ("phase", "blob")}
-        session = LiveSession(about, job)
+        session = LiveSession(dict(begun.result().data), job)
         self._running[session.id] = session
         task = asyncio.ensure_future(self._attend(session, whole))
         self._tasks.add(task)

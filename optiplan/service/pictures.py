@@ -1,12 +1,14 @@
-"""Small pictures of runs and problems, drawn when somebody looks, and remembered."""
+"""Small pictures of runs and problems, kept in memory, and pages of runs."""
 
-from collections import OrderedDict
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+from optiplan.cache import MostRecent
 from optiplan.runs.run_folder import TRAJECTORY
+from optiplan.service.archive import Archive
 from optiplan.service.models import ProblemInput
-from optiplan.service.run_service import RunService
+from optiplan.service.refusals import Refusal
+from optiplan.service.requests import ProblemRequests
 from optiplan.service.store.run_table import Record
 
 REMEMBERED = 1000
@@ -14,43 +16,51 @@ REMEMBERED = 1000
 
 
 class Pictures:
-    """Pictures of the runs and problems of a service."""
+    """Draw runs and problems by solver processes."""
 
-    def __init__(self, service: RunService) -> None:
-        self._service = service
-        self._drawn: OrderedDict[str, bytes] = OrderedDict()
+    def __init__(self, archive: Archive, requests: ProblemRequests) -> None:
+        self._archive, self._requests = archive, requests
+        self._drawn: MostRecent[bytes] = MostRecent(REMEMBERED)
 
     async def of_run(self, record: Record) -> bytes:
-        """The scene of a run, with its motion where it has one.
+        """Return the scene of a run, with its motion if there is one.
 
         Raises:
-            Refusal: its problem cannot be read any more.
+            Refusal: its problem can no longer be read.
         """
 
         async def request() -> dict[str, Any]:
-            asked = await self._service.stored_request(record)
+            asked = await self._archive.stored_request(record)
             if TRAJECTORY in (record["contents"] or {}):
-                asked["motion"] = (await self._service.content(record, TRAJECTORY)).decode()
+                asked["motion"] = (await self._archive.content(record, TRAJECTORY)).decode()
             return asked
 
         return await self._kept(f"{record['id']} {record['finished']}", request)
 
     async def of_problem(self, hash: str) -> bytes:
-        """The scene of a stored problem.
+        """Return the scene of a stored problem.
 
         Raises:
-            Refusal: none is stored under this hash, or it cannot be read any more.
+            Refusal: none is stored under this hash, or it can no longer be read.
         """
+        given = ProblemInput(problem=hash, name=None, start=None, goal=None)
+        return await self._kept(hash, lambda: self._requests.of(given))
 
-        async def request() -> dict[str, Any]:
-            return await self._service.request(ProblemInput(problem=hash, name=None, start=None, goal=None))
+    async def page(self, *records: Record) -> bytes:
+        """Return the page of one ended run, or of several runs of one problem.
 
-        return await self._kept(hash, request)
+        Raises:
+            Refusal: one has no record, or they are of different problems.
+        """
+        if len({record["problem"] for record in records}) > 1:
+            raise Refusal(422, "these runs are of different problems; expected runs of one")
+        shown = [await self._archive.texts(record) for record in records]
+        asked = await self._archive.stored_request(records[0])
+        return (await self._requests.ask({**asked, "runs": shown}, "page")).files["page.html"]
 
     async def _kept(self, key: str, request: Callable[[], Awaitable[dict[str, Any]]]) -> bytes:
-        if key not in self._drawn:
-            self._drawn[key] = (await self._service.ask(await request(), "picture")).files["picture.svg"]
-            if len(self._drawn) > REMEMBERED:
-                self._drawn.popitem(last=False)
-        self._drawn.move_to_end(key)
-        return self._drawn[key]
+        found = self._drawn.find(key)
+        if found is None:
+            drawn = await self._requests.ask(await request(), "picture")
+            found = self._drawn.keep(key, drawn.files["picture.svg"])
+        return found

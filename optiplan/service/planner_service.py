@@ -1,37 +1,78 @@
-"""`PlannerService`: a server's parts, put together; what callers wait for, live sessions, benches and pictures."""
+"""`PlannerService`: the parts of a server."""
 
+from optiplan.service.archive import Archive, outdated, sweep
 from optiplan.service.benches import Benches
+from optiplan.service.execution.event_writer import EventWriter
+from optiplan.service.execution.run_queue import RunQueue
+from optiplan.service.execution.run_solver import RunSolver
+from optiplan.service.execution.solver_pool import Lane, SolverPool
+from optiplan.service.health import HealthCheck, WriteProbe, feed_watchdog
 from optiplan.service.live_sessions import LiveSessions
 from optiplan.service.pictures import Pictures
-from optiplan.service.run_service import RunService
+from optiplan.service.queued_plans import QueuedPlans
+from optiplan.service.requests import ProblemRequests
 from optiplan.service.settings import ServiceSettings
-from optiplan.service.store.bench_table import BenchTable
-from optiplan.service.store.run_table import Record
 from optiplan.service.waited_plans import WaitedPlans
 
 
-class PlannerService(RunService):
-    """All that a server does, apart from HTTP.
+class PlannerService:
+    """Everything that a server does, apart from HTTP.
 
     Attributes:
-        pictures: of runs and problems, for lists.
-        live: controllers that run.
+        settings: of this process.
+        archive: runs, problems, benches, contents and uploads.
+        pool: the solver processes.
+        queue: the durable queue.
+        health: whether this process can work.
+        requests: problems as processes take them, and their checks.
+        queued: plans in the queue.
+        waited: plans whose callers wait.
+        live: running controllers.
         benches: problems by planners.
-        waited: plans that callers wait for.
+        pictures: pictures of runs and problems, and pages of runs.
     """
 
     def __init__(self, settings: ServiceSettings, serving: bool = True) -> None:
-        """Open the database and the folder, as `RunService` does; nothing is started."""
-        super().__init__(settings, serving)
-        self.pictures, self.live = Pictures(self), LiveSessions(self, self.pool, settings.live)
-        self.benches = Benches(self, BenchTable(self.engine), self.runs, self.queue)
-        self.waited = WaitedPlans(self)
+        """Open the database and the folder without starting anything.
 
-    async def run(self, run: str) -> Record:
-        """A run, also one that a caller waited for and that is being stored.
+        Args:
+            settings: of the process.
+            serving: whether it answers callers; else it only takes runs from the queue.
 
         Raises:
-            Refusal: there is none of that id.
+            OptiPlanError: the database or the folder cannot be used.
         """
-        await self.waited.kept(run)
-        return await super().run(run)
+        self.settings, self.archive = settings, Archive(settings)
+        archive = self.archive
+        callers: dict[Lane, int] = {"plan": settings.interactive, "look": 1, "live": settings.live} if serving else {}
+        self.pool = SolverPool(settings, {**callers, "queue": settings.solvers})
+        events = EventWriter(archive.runs)
+        solver = RunSolver(settings, events, archive.contents, self.pool)
+        self.queue = RunQueue(settings, archive.engine, archive.runs, events, solver)
+        self.health = HealthCheck(self.pool, self.queue, WriteProbe(archive.engine), archive.contents)
+        self.requests = ProblemRequests(settings, archive, self.pool)
+        self.queued = QueuedPlans(settings, archive, self.requests, self.queue)
+        self.waited = WaitedPlans(settings, archive, self.requests, self.pool, solver)
+        self.live = LiveSessions(self.requests, self.pool, settings.live)
+        self.benches = Benches(settings, archive, self.requests, self.queued, self.queue)
+        self.pictures = Pictures(archive, self.requests)
+
+    def start(self) -> None:
+        """Start the queue, then the processes, whose warm-up takes the processor for seconds."""
+        self.queue.start()
+        self.pool.start()
+        self._watchdog = feed_watchdog(lambda: self.health.living()[0] == 200)
+
+    def close(self) -> None:
+        """Stop everything; put running runs back into the queue."""
+        self.queue.close()
+        self.pool.close()
+        self._watchdog.set()
+        self.archive.close()
+
+    def tidy(self) -> None:
+        """Delete runs and uploads beyond the limits, and contents without a run or problem."""
+        for run in outdated(self.archive.runs, self.settings):
+            self.queued.forget(run)
+        sweep(self.archive.contents, self.archive.runs, self.archive.problems)
+        self.archive.uploads.sweep(self.settings.keep_days)

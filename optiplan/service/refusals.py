@@ -26,6 +26,11 @@ class Refusal(OptiPlanError):
         self.status, self.issues, self.headers = status, list(issues), dict(headers or {})
 
 
+def error_body(error: object, issues: Sequence[Mapping[str, Any]] = ()) -> dict[str, Any]:
+    """The body of every answer that is an error."""
+    return {"error": str(error), "issues": list(issues)}
+
+
 def not_found(what: str, name: str) -> Refusal:
     """There is nothing of that name."""
     return Refusal(404, f"there is no {what} '{name}'")

@@ -13,21 +13,21 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from optiplan.errors import OptiPlanError
 from optiplan.runs.run_folder import TRAJECTORY
+from optiplan.service.archive import Archive
 from optiplan.service.execution.event_writer import AWAY, RETRY
-from optiplan.service.execution.run_solver import GRACE, LEAD
-from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob
+from optiplan.service.execution.run_solver import GRACE, LEAD, RunSolver
+from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
 from optiplan.service.models import PlanRequest
+from optiplan.service.queued_plans import check_budget, new_run
 from optiplan.service.refusals import Refusal, busy
-from optiplan.service.requests import refusal_of
-from optiplan.service.run_service import RunService
+from optiplan.service.requests import ProblemRequests, refusal_of
+from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.run_table import NewRun, Record
 
 _log = logging.getLogger("optiplan.service")
 
 WAITING = 8
 """Callers per interactive process that may wait for it."""
-PATIENCE = 5.0
-"""s that who asks for a run waits until it is kept."""
 
 
 @dataclass(frozen=True)
@@ -42,19 +42,21 @@ class WaitedRun:
 class WaitedPlans:
     """The plans of a service that callers wait for."""
 
-    def __init__(self, service: RunService) -> None:
-        self._service = service
-        self._saving: dict[str, asyncio.Future[None]] = {}
+    def __init__(
+        self,
+        settings: ServiceSettings,
+        archive: Archive,
+        requests: ProblemRequests,
+        pool: SolverPool,
+        solver: RunSolver,
+    ) -> None:
+        self._settings, self._archive, self._requests = settings, archive, requests
+        self._pool, self._solver = pool, solver
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def finish(self) -> None:
         """Wait until all runs that were answered are kept."""
         await asyncio.gather(*self._tasks)
-
-    async def kept(self, run: str) -> None:
-        """Wait until a run that was answered is kept, as long as the database takes it."""
-        if (saving := self._saving.get(run)) is not None:
-            await asyncio.wait([saving], timeout=PATIENCE)
 
     async def plan(self, submission: PlanRequest, gone: Callable[[], Any]) -> WaitedRun:
         """Plan while the caller waits.
@@ -66,9 +68,9 @@ class WaitedPlans:
         Raises:
             Refusal: the problem cannot be planned, too many callers wait.
         """
-        self._service.check_budget(submission)
-        request, began = await self._service.request(submission), time.time()
-        if self._service.pool.waiting("plan") >= WAITING * self._service.settings.interactive:
+        check_budget(submission, self._settings)
+        request, began = await self._requests.of(submission), time.time()
+        if self._pool.waiting("plan") >= WAITING * self._settings.interactive:
             raise busy("too many callers wait for a plan", 1.0)
         left = submission.deadline or float("inf")
         asked = {
@@ -78,7 +80,7 @@ class WaitedPlans:
             "rate": submission.rate,
             "budget": max(LEAD, min(submission.budget, left - LEAD)),
         }
-        wall = self._service.settings.reading + submission.budget + GRACE
+        wall = self._settings.reading + submission.budget + GRACE
         job = SolverJob(asked, wall, until=time.monotonic() + left)
         answer, whole = await self._answer(job, gone)
         if "error" in answer.data:
@@ -87,7 +89,7 @@ class WaitedPlans:
             late = answer.death == "timeout" and left < wall
             raise Refusal(504 if answer.death == "timeout" else 503, "deadline" if late else answer.detail)
         # An attempt has an id of its own: within a budget of time, the next one finds another motion.
-        new = replace(self._service.new_run(submission, answer.data, ""), id=uuid.uuid4().hex)
+        new = replace(new_run(submission, answer.data, ""), id=uuid.uuid4().hex)
         record = {**vars(new), **answer.data, "status": "failed" if answer.data["failure"] else "done"}
         record |= {"submitted": began, "started": began, "finished": time.time()}
         return WaitedRun(record, answer.files.get(TRAJECTORY), self._keeper(new, request, whole, began))
@@ -103,7 +105,7 @@ class WaitedPlans:
             loop.call_soon_threadsafe(early.set_result, answer)
 
         job.answered = answered
-        whole = asyncio.wrap_future(self._service.pool.submit("plan", job))
+        whole = asyncio.wrap_future(self._pool.submit("plan", job))
         while True:
             await asyncio.wait([early, whole], timeout=0.25, return_when=asyncio.FIRST_COMPLETED)
             if early.done() or whole.done():
@@ -115,7 +117,7 @@ class WaitedPlans:
         """Have something written, once the database takes it."""
         while True:
             try:
-                return await self._service.write(write)
+                return await self._archive.write(write)
             except AWAY as error:
                 _log.warning("a run that was answered is kept later: %s", error)
                 await asyncio.sleep(RETRY)
@@ -124,23 +126,23 @@ class WaitedPlans:
         self, new: NewRun, request: Record, whole: "asyncio.Future[SolverAnswer]", began: float
     ) -> Callable[[], Any]:
         """What begins to keep a run that was waited for, once it is answered; who asks for the run until then waits."""
-        saved = self._saving[new.id] = asyncio.get_running_loop().create_future()
+        saved = self._archive.saving[new.id] = asyncio.get_running_loop().create_future()
 
         async def keep() -> None:
             try:
                 end = await whole
 
                 def write() -> None:
-                    self._service.contents.check_room()
-                    digest = self._service.contents.put(json.dumps(request).encode())
-                    self._service.runs.add_ended(replace(new, request=digest), self._service.solver.ended(end), began)
+                    self._archive.contents.check_room()
+                    digest = self._archive.contents.put(json.dumps(request).encode())
+                    self._archive.runs.add_ended(replace(new, request=digest), self._solver.ended(end), began)
 
                 if end.death is None:
                     await self._until_written(write)
             except (OptiPlanError, SQLAlchemyError, OSError) as error:  # costs the record, not the answer
                 _log.warning("run %s is not kept: %s", new.id, error)
             finally:
-                self._saving.pop(new.id, None)
+                self._archive.saving.pop(new.id, None)
                 saved.set_result(None)
 
         async def begin() -> None:  # on its own: the connection is free for the next request meanwhile

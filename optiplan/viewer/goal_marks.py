@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.problem.problem import PoseGoal, Problem, RegionGoal
+from optiplan.robot.frames import frame_pose
 
 _ENDLESS = 0.5
 """m; what is drawn of a direction without bound, either way."""
@@ -21,15 +22,11 @@ _RING = 0.06
 def targets(problem: Problem) -> tuple[list[float], ...]:
     """Return the poses that goals name and those of vias: the tool's where a via gives joint values."""
     robot = problem.robot
-    data = robot.model.createData()
     poses = [end.X_WG for end in problem.goal if isinstance(end, PoseGoal)]
     poses += [end.pose(_middle(end)) for end in problem.goal if isinstance(end, RegionGoal)]
     for via in problem.vias:
-        if isinstance(via.at, PoseGoal):
-            poses.append(via.at.X_WG)
-        else:
-            pin.framesForwardKinematics(robot.model, data, via.at.q)
-            poses.append(data.oMf[robot.model.getFrameId(robot.tool_frame)].copy())
+        at = via.at
+        poses.append(at.X_WG if isinstance(at, PoseGoal) else frame_pose(robot, at.q, robot.tool_frame))
     return tuple(pin.SE3ToXYZQUAT(X).tolist() for X in poses)
 
 
@@ -45,9 +42,7 @@ def regions(problem: Problem, reached: Array | None) -> tuple[dict[str, Any], ..
 def _drawn(problem: Problem, end: RegionGoal, reached: Array | None) -> dict[str, Any]:
     there = _middle(end)
     if reached is not None:
-        data = problem.robot.model.createData()
-        pin.framesForwardKinematics(problem.robot.model, data, reached)
-        there = np.clip(end.coordinates(data.oMf[problem.robot.frame_id(end.frame)]), end.low, end.high)
+        there = np.clip(end.coordinates(frame_pose(problem.robot, reached, end.frame)), end.low, end.high)
     low = np.where(np.isfinite(end.low), end.low, there - _ENDLESS)[:3]
     high = np.where(np.isfinite(end.high), end.high, there + _ENDLESS)[:3]
     box = end.X_WR * pin.SE3(np.eye(3), 0.5 * (low + high))

@@ -2,11 +2,11 @@
 
 import html
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from string import Template
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from optiplan.errors import OptiPlanError
 from optiplan.files import write_text
@@ -48,14 +48,32 @@ class Back(NamedTuple):
 
 def render_page(scene: SceneData, back: Back | tuple[str, str] | None = None) -> str:
     """Return the self-contained page as text; names from the problem file are escaped."""
-    return Template(asset("page.html")).substitute(
-        title=html.escape(scene.name),
-        styles=styles((*CURVES_STYLES, "page.css")),
-        back="" if back is None else f'<a href="{html.escape(back[0])}">{html.escape(back[1])}</a>\n',
-        data=json.dumps(scene.to_dict(), separators=(",", ":")).replace("<", "\\u003c"),
-        licences=f"{meshcat_licences()}\nuPlot: {licence('uplot/LICENSE.txt')}",
-        meshcat=meshcat_script(),
-        scripts=scripts(SCRIPTS),
+    link = "" if back is None else f'<a href="{html.escape(back[0])}">{html.escape(back[1])}</a>\n'
+    body = Template(asset("page.html")).substitute(title=html.escape(scene.name), back=link)
+    return framed(body, scene.name, scene.to_dict(), (*CURVES_STYLES, "page.css"), SCRIPTS)
+
+
+def framed(body: str, title: str, data: Mapping[str, Any], style_names: Sequence[str], names: Sequence[str]) -> str:
+    """Return a self-contained page that draws with meshcat.
+
+    Args:
+        body: HTML from `<body>` on, without the end.
+        title: of the page, as plain text.
+        data: JSON-ready, for the scripts.
+        style_names: files of `web/`.
+        names: scripts of `web/`, in their order.
+    """
+    meshcat = _meshcat()
+    texts = [(meshcat / name).read_text("utf-8") for name in ("LICENSE", "dist/main.min.js.LICENSE.txt")]
+    curves = f"\nuPlot: {licence('uplot/LICENSE.txt')}" if set(CURVES_SCRIPTS) <= set(names) else ""
+    return Template(asset("frame.html")).substitute(
+        title=html.escape(title),
+        styles=styles(style_names),
+        body=body,
+        data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        licences=f"meshcat: {texts[0]}\n{texts[1]}".replace("--", "- -") + curves,
+        meshcat=inline((meshcat / "dist" / "main.min.js").read_text("utf-8")),
+        scripts=scripts(names),
     )
 
 
@@ -68,18 +86,6 @@ def export_page(
     The file appears whole or not at all.
     """
     write_text(path, render_page(build_scene(problem, runs), back))
-
-
-def meshcat_script() -> str:
-    """Return meshcat's JavaScript, three.js included, for a `<script>` element."""
-    return inline((_meshcat() / "dist" / "main.min.js").read_text("utf-8"))
-
-
-def meshcat_licences() -> str:
-    """Return the licences of meshcat's JavaScript, for an HTML comment."""
-    own = (_meshcat() / "LICENSE").read_text("utf-8")
-    others = (_meshcat() / "dist" / "main.min.js.LICENSE.txt").read_text("utf-8")
-    return f"meshcat: {own}\n{others}".replace("--", "- -")
 
 
 def _meshcat() -> Path:

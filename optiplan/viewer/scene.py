@@ -21,7 +21,6 @@ from optiplan.viewer.goal_marks import regions, targets
 from optiplan.viewer.moving_objects import moved_by, object_stays
 from optiplan.viewer.run_data.curves import short_names
 from optiplan.viewer.runs import Detail, Poses, RunLike, ViewedRun, motion_of, run_for_page
-from optiplan.viewer.stick_figure import skeleton
 from optiplan.viewer.surfaces import Colour, base64_of, encode, visual_surfaces
 
 _PLAIN: Colour = (0.93, 0.94, 0.95, 1.0)
@@ -44,6 +43,10 @@ _OBJECTS: tuple[Colour, ...] = (
 """Of what a task takes and releases, in turn."""
 _FURNITURE: Colour = (0.70, 0.63, 0.54, 1.0)
 _THING: Colour = (0.42, 0.60, 0.60, 1.0)
+_ROD: Colour = (0.55, 0.60, 0.64, 1.0)
+_AXES: tuple[Colour, ...] = ((0.82, 0.15, 0.12, 1.0), (0.18, 0.60, 0.28, 1.0), (0.14, 0.40, 0.80, 1.0))  # x, y, z
+_AXIS, _THICK = 0.07, 0.006  # length of an axis and radius of a rod, shares of the robot's length
+_LEAST = 1e-6  # m: shorter than that is no rod
 _BARE = "Robot '{}' has no bodies. Its joint and tool frames are drawn instead, and the lines between them."
 _THING_SIZE = 0.35  # m; obstacles smaller than this in every direction are coloured as things, the others as furniture
 
@@ -216,10 +219,29 @@ def _add_robot(parts: _Parts, robot: Robot) -> None:
 
 
 def _add_frames(parts: _Parts, robot: Robot) -> None:
-    for piece in skeleton(robot):
-        key = ("frame", piece.cylinder.radius, piece.cylinder.halfLength)
-        drawn = parts.geometry(key, partial(encode, piece.cylinder))
-        parts.add("frame", piece.name, piece.body, piece.X_BP, drawn, piece.colour)
+    """Add rods from the origin of each body to its children and to the tool, and the three axes at each end."""
+    model = robot.model
+    tool = model.frames[model.getFrameId(robot.tool_frame)]
+    joints = range(1, model.njoints)
+    ends: list[tuple[str, int, pin.SE3, int | None]] = [
+        *((model.names[j], model.parents[j], model.jointPlacements[j], j) for j in joints),
+        (tool.name, tool.parentJoint, tool.placement, None),
+    ]
+    size = sum(float(np.linalg.norm(X.translation)) for _, _, X, _ in ends) or 1.0
+    for name, parent, X_BE, body in ends:
+        if np.linalg.norm(X_BE.translation) > _LEAST:
+            _add_rod(parts, name, parent, pin.SE3.Identity(), X_BE.translation, _THICK * size, _ROD)
+        held, X = (parent, X_BE) if body is None else (body, pin.SE3.Identity())  # a joint's axes turn with it
+        for axis, colour in zip(np.eye(3), _AXES, strict=True):
+            _add_rod(parts, name, held, X, _AXIS * size * axis, 0.5 * _THICK * size, colour)
+
+
+def _add_rod(parts: _Parts, name: str, body: int, X_BF: pin.SE3, way: Array, radius: float, colour: Colour) -> None:
+    """Add the cylinder from the origin of frame F to the point `way` (3,) in it, m."""
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), way)
+    cylinder = coal.Cylinder(radius, float(np.linalg.norm(way)))
+    drawn = parts.geometry(("frame", cylinder.radius, cylinder.halfLength), partial(encode, cylinder))
+    parts.add("frame", name, body, X_BF * pin.SE3(turn.matrix(), 0.5 * way), drawn, colour)
 
 
 def _add_visual(parts: _Parts, thing: pin.GeometryObject, link: str) -> None:

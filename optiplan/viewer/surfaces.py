@@ -13,12 +13,16 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 from optiplan.arrays import Array
-from optiplan.geometry.shapes import shape_of_body
+from optiplan.geometry.shape import Shape
+from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
 
 Colour = tuple[float, float, float, float]
 MAX_TRIANGLES = 20_000  # of one surface; more than that makes the page heavy and looks the same
 _NARROW = 1 << 16  # vertices that two bytes can number
 _STEPS = (1 << 16) - 1  # of a coordinate, along the longest side of the surface: 15 µm for 1 m
+ROUND = 24
+"""Corners of a circle."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -62,17 +66,28 @@ def encode(geometry: coal.CollisionGeometry) -> dict[str, Any]:
     picture = None if shape is None else shape.picture()
     if isinstance(picture, dict):
         return picture
-    if picture is not None:
-        return hull_surface(picture).encoded()
-    match geometry:
-        case coal.ConvexBase():
-            return hull_surface(np.asarray(geometry.points(), dtype=float)).encoded()
-        case coal.BVHModelBase():
-            return bounded(bvh_surface(geometry)).encoded()
+    if picture is not None or isinstance(geometry, coal.ConvexBase | coal.BVHModelBase):
+        return body_triangles(geometry).encoded()
     geometry.computeLocalAABB()
     box = geometry.aabb_local
     centre, size = 0.5 * (box.min_ + box.max_), box.max_ - box.min_
     return {"kind": "box", "size": size.tolist(), "centre": centre.tolist()}
+
+
+def body_triangles(body: coal.CollisionGeometry) -> Surface:
+    """Triangles of a body of coal in its own frame, m; bodies of a kind that is not known by their bounding box."""
+    shape = shape_of_body(body)
+    points = None if shape is None else _corners(shape)
+    if points is not None:
+        return hull_surface(points)
+    match body:
+        case coal.ConvexBase():
+            return hull_surface(np.asarray(body.points(), dtype=float))
+        case coal.BVHModelBase():
+            return bounded(bvh_surface(body))
+    body.computeLocalAABB()
+    box = body.aabb_local
+    return hull_surface(_box(box.max_ - box.min_) + 0.5 * (box.min_ + box.max_))
 
 
 def visual_surfaces(thing: pin.GeometryObject) -> list[Surface]:
@@ -145,3 +160,36 @@ def _joined(surfaces: list[Surface], colour: Colour | None) -> Surface:
     offsets = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
     faces = np.concatenate([s.faces + k for s, k in zip(surfaces, offsets, strict=False)])
     return Surface(np.concatenate([s.vertices for s in surfaces]), faces, colour)
+
+
+def _corners(shape: Shape) -> Array | None:
+    """Points (k, 3), m, whose convex hull is the shape, or nearly; None where the shape has none of its own."""
+    match shape:
+        case Box():
+            return _box(np.array(shape.size))
+        case Sphere():
+            return shape.radius * _ball()
+        case Cylinder():
+            ends = np.array([[0.0, 0.0, -0.5 * shape.length], [0.0, 0.0, 0.5 * shape.length]])
+            return np.concatenate([shape.radius * _circle() + end for end in ends])
+        case Capsule():
+            ball, half = shape.radius * _ball(), np.array([0.0, 0.0, 0.5 * shape.length])
+            return np.concatenate([ball - half, ball + half])
+    picture = shape.picture()
+    return None if picture is None or isinstance(picture, dict) else picture
+
+
+def _box(size: Array) -> Array:
+    signs = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    return signs * size
+
+
+def _circle() -> Array:
+    turn = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False)
+    return np.column_stack([np.cos(turn), np.sin(turn), np.zeros(ROUND)])
+
+
+def _ball() -> Array:
+    rise = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ROUND // 2 + 1)[1:-1]
+    rings = [np.cos(angle) * _circle() + [0.0, 0.0, np.sin(angle)] for angle in rise]
+    return np.concatenate([*rings, [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]])

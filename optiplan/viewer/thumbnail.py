@@ -11,12 +11,17 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.problem import Problem
-from optiplan.viewer.body_triangles import body_triangles
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.viewer.run_data.curves import tool_points
 from optiplan.viewer.scene import obstacle_colour
-from optiplan.viewer.surfaces import Surface, hull_surface
+from optiplan.viewer.surfaces import Surface, body_triangles, hull_surface
 
 WIDTH, HEIGHT = 144, 104
-"""px."""
+LARGE = (288, 180)
+"""px, of small pictures and of those in lists."""
+POINTS = 60
+"""Of a path."""
+PATH = "#1769aa"
 FINER = 2
 """Pixels drawn for one that is kept, in a row."""
 TURN, RISE = np.radians(-128.0), np.radians(24.0)
@@ -51,6 +56,27 @@ class Thumbnail:
     def project(self, points: Array) -> Array:
         """Points (k, 3), m, in the picture: (k, 2), px."""
         return np.asarray(points @ self.axes.T + self.origin)
+
+
+def drawn_path(points: Array, radius: float, line: str = "", dot: str = "") -> str:
+    """Return SVG elements of a path (k, 2), px, with a dot where it ends; `line`, `dot`: their attributes, if any."""
+    through = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    end = f'cx="{points[-1, 0]:.1f}" cy="{points[-1, 1]:.1f}" r="{radius:g}"'
+    return f'<polyline points="{through}"{line}/><circle {end}{dot}/>'
+
+
+def scene_picture(problem: Problem, trajectory: Trajectory | None = None) -> str:
+    """Return an SVG of a problem and, if there is one, of a motion: each tool's path, with a dot where it ends."""
+    paths: list[Array] = []
+    if trajectory is not None and trajectory.joint_names == problem.robot.joint_names:
+        Q = trajectory(np.linspace(0.0, trajectory.duration, POINTS))
+        paths = list(tool_points(problem.robot, Q).values())
+    picture = thumbnail(problem, size=LARGE, also=np.concatenate(paths) if paths else None)
+    line, dot = f' fill="none" stroke="{PATH}" stroke-width="2.2"', f' fill="{PATH}"'
+    drawn = "".join(drawn_path(picture.project(path), 4.0, line, dot) for path in paths)
+    width, height = LARGE
+    image = f'<image href="{picture.address}" width="{width}" height="{height}"/>'
+    return f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}">{image}{drawn}</svg>'
 
 
 def thumbnail(

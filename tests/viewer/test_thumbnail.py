@@ -8,7 +8,7 @@ from PIL import Image
 
 from optiplan.geometry.scene import Box, Capsule, Cylinder, Sphere
 from optiplan.geometry.shapes import build_geometry
-from optiplan.viewer.body_triangles import body_triangles
+from optiplan.viewer.surfaces import body_triangles
 from optiplan.viewer.thumbnail import HEIGHT, WIDTH, _drawn, thumbnail
 
 

@@ -1,18 +1,25 @@
 """Robots kept between problems: loading one takes longer than planning an easy problem."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
+from optiplan.cache import MostRecent
 from optiplan.robot.robot import Robot, load_robot, robot_file
 
 
 class RobotCache:
-    """Cached `load_robot`; files are not read again when they change."""
+    """Cached `load_robot`; files are not read again when they change.
 
-    def __init__(self) -> None:
-        self._robots: dict[tuple[object, ...], Robot] = {}
+    Args:
+        most: robots kept, those used last.
+        only: names of the robots kept; None: any.
+    """
+
+    def __init__(self, most: int = 64, only: Container[str] | None = None) -> None:
+        self._robots: MostRecent[Robot] = MostRecent(most)
+        self._only = only
 
     def __call__(
         self,
@@ -21,9 +28,9 @@ class RobotCache:
         locked: Mapping[str, float] | None = None,
         group: str | None = None,
     ) -> Robot:
-        """The robot as `load_robot` gives it, which tells what can go wrong."""
-        one = json.dumps([ref, str(base)], sort_keys=True) if isinstance(ref, Mapping) else robot_file(ref, base)
-        key = (one, tuple(sorted((locked or {}).items())), group)
-        if key not in self._robots:
-            self._robots[key] = load_robot(ref, base, locked, group)
-        return self._robots[key]
+        """Return the robot as `load_robot` gives it, with the same errors."""
+        if self._only is not None and (isinstance(ref, Mapping) or ref not in self._only):
+            return load_robot(ref, base, locked, group)
+        one = [ref, str(base)] if isinstance(ref, Mapping) else str(robot_file(ref, base))
+        key = json.dumps([one, dict(locked or {}), group], sort_keys=True)
+        return self._robots.get(key, lambda: load_robot(ref, base, locked, group))

@@ -16,6 +16,7 @@ from optiplan.bench.execution.code_version import own_digest, planner_code
 from optiplan.bench.execution.executed import executed, only_wanted
 from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask, Outcome, Row, empty_row, failure
+from optiplan.cache import MostRecent
 from optiplan.errors import OptiPlanError, PlannerAnswerError
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import load_libraries
@@ -46,7 +47,7 @@ class Executor:
 
     def __init__(self) -> None:
         self._robots = RobotCache()
-        self._problems: dict[str, Problem] = {}
+        self._problems: MostRecent[Problem] = MostRecent(KEPT)
         self._warm: set[tuple[str, ...]] = set()
         self._codes: dict[str, str] = {}
 
@@ -94,12 +95,9 @@ class Executor:
 
     def _load(self, problem: BenchProblem, timings: dict[str, Any]) -> Problem:
         began = time.perf_counter()
-        if problem.hash not in self._problems:
-            if len(self._problems) >= KEPT:
-                del self._problems[next(iter(self._problems))]
-            self._problems[problem.hash] = problem_from_dict(problem.data, "/", self._robots)
+        found = self._problems.get(problem.hash, lambda: problem_from_dict(problem.data, "/", self._robots))
         timings["load"] = time.perf_counter() - began
-        return self._problems[problem.hash]
+        return found
 
     def _code(self, planner: BenchPlanner) -> str:
         """The planner's code as it was before its first use here."""

@@ -5,6 +5,7 @@ from collections import Counter
 from typing import NamedTuple
 
 from optiplan.bench.results.database import Store
+from optiplan.bench.results.records import Key
 
 EXAMPLES = 12
 """Runs of a reason that are listed: of as many problems and planners as there are."""
@@ -33,6 +34,11 @@ class Failed(NamedTuple):
     repetition: int
     detail: str
     seen: bool
+
+    @property
+    def key(self) -> Key:
+        """Of the run."""
+        return self[:4]
 
 
 class Reason(NamedTuple):

@@ -24,8 +24,8 @@ def cards(analysis: Analysis) -> list[Card]:
     first = [one for one in planners if one.success.value == best]
     top = first[0]
     every = f"{top.verified} of {top.runs} runs" if len({one.runs for one in first}) == 1 else "of their runs"
-    low, high = percent(top.success.low), percent(top.success.high)
-    sure = "" if math.isnan(top.success.low) else f", 95 % confidence {low} to {high}"
+    ends = top.success.ends
+    sure = "" if ends is None else f", 95 % confidence {' to '.join(map(percent, ends))}"
     found = [("Most reliable", _names(first), f"verified {percent(best)}: {every}{sure}")]
     if best > 0.0 and len(planners) > 1 and analysis.common:
         quick = _leaders([(one.quickest, one) for one in planners])
@@ -76,8 +76,7 @@ def warnings(store: Store, analysis: Analysis) -> list[str]:
     cut = int(runs.cut_short.sum())
     if cut:
         found.append(f"The clock ended some of the work in {cut} runs: on another machine they may come out otherwise.")
-    noted = store.query("SELECT value FROM meta WHERE key = 'notes'")
-    found += [f"Of several folders: {text}." for row in noted for text in json.loads(row["value"])]
+    found += [f"Of several folders: {text}." for text in store.meta("notes", ())]
     for column, what in (("machine", "machines"), ("versions", "versions of the software")):
         kept = [json.loads(row[0]) for row in store.query(f"SELECT DISTINCT {column} FROM sessions")]
         for one in kept:
@@ -89,8 +88,8 @@ def warnings(store: Store, analysis: Analysis) -> list[str]:
 
 def _expected(store: Store, analysis: Analysis) -> int:
     """Return the number of runs of the suite, or of the suites that are shown together."""
-    together = store.query("SELECT value FROM meta WHERE key = 'expected'")
-    if together:
-        return int(together[0]["value"])
+    together = store.meta("expected", None)
+    if together is not None:
+        return int(together)
     suite = store.meta("parts")
     return len(analysis.runs.problems) * len(analysis.runs.planners) * len(suite["seeds"]) * int(suite["repetitions"])

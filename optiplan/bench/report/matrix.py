@@ -22,7 +22,7 @@ from optiplan.planners.base import Progress
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.viewer.thumbnail import HEIGHT, WIDTH, Thumbnail, thumbnail
+from optiplan.viewer.thumbnail import HEIGHT, WIDTH, Thumbnail, drawn_path, thumbnail
 
 MOST_PROBLEMS = 40
 """Rows: each has a picture, and each cell a path."""
@@ -171,11 +171,7 @@ def _cell_html(store: Store, k: int, row: ProblemRow, j: int, label: str, addres
         return f"<td data-column={j} class=none>–</td>"
     run, (good, tried) = row.shown[label], row.verified[label]
     kind = "good" if good == tried else "mixed" if good else "bad"
-    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in row.paths.get(label, ()))
-    last = row.paths[label][-1] if label in row.paths else None
-    end = "" if last is None else f'<circle cx="{last[0]:.1f}" cy="{last[1]:.1f}" r="3.2"/>'
-    drawn = f'<polyline points="{points}"/>{end}' if points else ""
-    picture = _picture(k, row, drawn)
+    picture = _picture(k, row, drawn_path(row.paths[label], 3.2) if label in row.paths else "")
     words = _words(run, good, tried)
     told = html.escape("\n".join([f"{label} on {row.name}", *_told(run, good, tried)]))
     inside = f"{picture}<span class=said>{words}</span>"

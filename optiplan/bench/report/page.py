@@ -16,8 +16,8 @@ from optiplan.bench.report.failures import REASONS, Failed, Reason, reasons
 from optiplan.bench.report.figures import figures, inline_svg, measure_figures
 from optiplan.bench.report.headline import Card, cards, facts, warnings
 from optiplan.bench.report.matrix import MOST_PROBLEMS, Address, ProblemRow, matrix_html, matrix_rows
-from optiplan.bench.report.scenes import PAGES, write_comparisons, write_scenes
 from optiplan.bench.report.settings import settings
+from optiplan.bench.report.show import PAGES, write_comparisons, write_scenes
 from optiplan.bench.report.tables.cells import ReportTable, planner
 from optiplan.bench.report.tables.formats import as_csv, as_latex
 from optiplan.bench.report.tables.measure_tables import measure_table, problem_table, quality_table
@@ -258,7 +258,7 @@ def _reason(store: Store, reason: Reason, link: Link) -> str:
 
 
 def _example(store: Store, run: Failed, address: str | None) -> str:
-    folder, key = place_of(store, (run.problem, run.planner, run.seed, run.repetition))
+    folder, key = place_of(store, run.key)
     command = shlex.join(["optiplan", "bench", "show", folder, *map(str, key)])
     opened = f'<a href="{html.escape(address)}">open scene{" and witness" if run.seen else ""}</a> ' if address else ""
     seen = "" if run.seen else " <small>no witness</small>"

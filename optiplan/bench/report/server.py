@@ -61,7 +61,7 @@ class ReportServer(PageServer):
 def address(run: Failed) -> str:
     """Return the address under which the server shows a run."""
     names = ("problem", "planner", "seed", "repetition")
-    return f"show?{urlencode(dict(zip(names, run[:4], strict=True)))}"
+    return f"show?{urlencode(dict(zip(names, run.key, strict=True)))}"
 
 
 def compare_address(problem: str) -> str:

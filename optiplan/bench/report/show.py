@@ -1,33 +1,37 @@
-"""Stored run for the viewer: its motion verified again, or the witness of its failure."""
+"""Stored runs for the viewer: motions verified again, or the witness of a failure; and pages of them beside a report.
 
+The pages are for links that work without a server: problems compared, and a failure for each reason.
+"""
+
+import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
+from optiplan.bench.report.failures import Failed, Reason
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import Key
-from optiplan.errors import InputError, Issue
+from optiplan.errors import InputError, Issue, OptiPlanError
+from optiplan.planners.base import Progress
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.verify.verify import verify
+from optiplan.viewer.page import export_page
 from optiplan.viewer.runs import ViewedRun
 
-
-def stored_view(store: Store, key: Key) -> tuple[Problem, ViewedRun]:
-    """Return the problem of a run, and the data to show of the run.
-
-    Raises:
-        InputError: there is no such run, or its problem cannot be loaded (which may be why the run failed).
-        UnknownChoiceError: there is no such problem.
-    """
-    problem = problem_from_dict(store.problem(key[0]).data)
-    return problem, _view(store, problem, key)
+FOLDER = "report-scenes"
+MOST = 10
+"""Scenes of failures that are written: of the most frequent reasons. Each is a page of a megabyte or more."""
+PAGES = 6
+"""Problems with a page of all their planners, unless asked for more or fewer."""
 
 
 def stored_views(store: Store, keys: Sequence[Key]) -> tuple[Problem, list[ViewedRun]]:
     """Return the problem of several runs, and the data to show them together.
 
     Raises:
-        InputError, UnknownChoiceError: as `stored_view`.
+        InputError: there is no such run, or its problem cannot be loaded (which may be why a run failed).
+        UnknownChoiceError: there is no such problem.
     """
     problem = problem_from_dict(store.problem(keys[0][0]).data)
     return problem, [_view(store, problem, key) for key in keys]
@@ -49,6 +53,38 @@ def keys_of(store: Store, problem: str, planners: str, seed: int, repetition: in
     return [(problem, name, seed, repetition) for name in dict.fromkeys(names)]
 
 
+def write_scenes(store: Store, found: Iterable[Reason], page: Path) -> dict[Failed, str]:
+    """Write the scenes of failures; addresses relative to the page, by run. A run that cannot be loaded has none."""
+    addresses: dict[Failed, str] = {}
+    for reason in list(found)[:MOST]:
+        run = next((one for one in reason.examples if one.seen), reason.examples[0])
+        name = _name(run.key)
+        try:
+            problem, views = stored_views(store, [run.key])
+            export_page(problem, views, page.parent / FOLDER / name, back=_back(page, "failures"))
+        except (OptiPlanError, OSError):
+            continue
+        addresses[run] = f"{FOLDER}/{name}"
+    return addresses
+
+
+def write_comparisons(
+    store: Store, runs: Sequence[tuple[str, Sequence[Key]]], page: Path, progress: Progress
+) -> dict[str, str]:
+    """Write a page for each problem with the runs that stand for its planners; addresses relative to the report."""
+    addresses: dict[str, str] = {}
+    for k, (problem_id, keys) in enumerate(runs):
+        progress(f"page of {problem_id}", k / len(runs))
+        name = _name(("compared", problem_id))
+        try:
+            problem, views = stored_views(store, keys)
+            export_page(problem, views, page.parent / FOLDER / name, back=_back(page, "matrix"))
+        except (OptiPlanError, OSError):
+            continue
+        addresses[problem_id] = f"{FOLDER}/{name}"
+    return addresses
+
+
 def _view(store: Store, problem: Problem, key: Key) -> ViewedRun:
     rows = store.query("SELECT * FROM runs WHERE problem = ? AND planner = ? AND seed = ? AND repetition = ?", key)
     if not rows:
@@ -68,3 +104,11 @@ def _choices(store: Store, problem: str) -> str:
         return "a run that was made: this problem has none yet"
     names = [", ".join(dict.fromkeys(str(row[k]) for row in rows)) for k in range(3)]
     return f"planner {names[0]}; seed {names[1]}; repetition {names[2]}"
+
+
+def _name(key: object) -> str:
+    return f"{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}.html"
+
+
+def _back(page: Path, section: str) -> tuple[str, str]:
+    return f"../{page.name}#{section}", "report"

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from optiplan.bench.execution.machine import now
 from optiplan.bench.results.records import COLUMNS, BenchPlanner, BenchProblem, Key, Outcome
@@ -39,7 +39,11 @@ BATCH = 20_000
 """Rows at a time."""
 
 JSON_COLUMNS = ("witness", "metrics", "timings", "info", "improvements")
+"""Columns of `runs` that hold JSON text."""
 INSERT = f"INSERT INTO runs ({', '.join(COLUMNS)}, session) VALUES ({', '.join('?' * (len(COLUMNS) + 1))})"
+
+
+_REQUIRED: Final = object()
 
 
 class StoreError(OptiPlanError):
@@ -121,16 +125,16 @@ class Store:
             os.close(self._lock)
             self._lock = None
 
-    def meta(self, key: str) -> Any:
-        """A value of table `meta`.
+    def meta(self, key: str, default: Any = _REQUIRED) -> Any:
+        """Return a value of table `meta`, or the default where there is none.
 
         Raises:
-            KeyError: there is none.
+            KeyError: there is neither.
         """
         found = self.query("SELECT value FROM meta WHERE key = ?", (key,))
-        if not found:
+        if not found and default is _REQUIRED:
             raise KeyError(key)
-        return json.loads(found[0][0])
+        return json.loads(found[0][0]) if found else default
 
     def set_meta(self, key: str, value: Any) -> None:
         """Write a value of table `meta`, JSON-ready."""
@@ -140,8 +144,8 @@ class Store:
     @property
     def code(self) -> dict[str, Any] | None:
         """The code that the runs are of, as `Suite.code`; None in results of a release that did not record it."""
-        found = self.query("SELECT value FROM meta WHERE key = 'code'")
-        return json.loads(found[0][0]) if found else None
+        code: dict[str, Any] | None = self.meta("code", None)
+        return code
 
     def query(self, sql: str, values: tuple[Any, ...] = ()) -> list[sqlite3.Row]:
         """The rows of any SELECT; they can be asked by column name."""

@@ -5,14 +5,16 @@ budget, hard limits and metrics, the content of a problem and the options and co
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import Key
-from optiplan.bench.suite.suite import hash_of_parts
+from optiplan.bench.suite.suite import code_differences, hash_of_parts
+from optiplan.config.messages import some
 from optiplan.errors import InputError, Issue
 
 SAME = ("budget", "limits", "metrics")
@@ -47,13 +49,8 @@ def grown_code(old: Parts | None, new: Parts | None) -> tuple[dict[str, Any], li
     """Code of both together, and what prevents that."""
     if old is None or new is None:
         return dict(new or old or {}), [] if old == new else ["code: not recorded in one of them"]
-    conflicts = []
-    if old["digest"] != new["digest"]:
-        conflicts.append(f"code: optiplan {old['optiplan']} there, {new['optiplan']} here")
-    changed = [label for label, digest in new["planners"].items() if old["planners"].get(label, digest) != digest]
-    if changed:
-        conflicts.append(f"code: changed files of the planners {some(changed)}")
-    return {**old, "planners": {**old["planners"], **new["planners"]}}, conflicts
+    together = {**old, "planners": {**old["planners"], **new["planners"]}}
+    return together, code_differences(old, new)
 
 
 def merge_results(folders: Sequence[Path], into: Path) -> Store:
@@ -67,8 +64,7 @@ def merge_results(folders: Sequence[Path], into: Path) -> Store:
         StoreError: the folder cannot be written.
     """
     issues: list[Issue] = []
-    stores = [Store(folder) for folder in folders]
-    try:
+    with _opened(folders) as stores:
         parts, code = dict(stores[0].meta("parts")), stores[0].code
         for store in stores[1:]:
             parts, unlike = grown(parts, store.meta("parts"))
@@ -82,17 +78,12 @@ def merge_results(folders: Sequence[Path], into: Path) -> Store:
         suites = [str(store.meta("suite")) for store in stores]
         meta: dict[str, Any] = {"name": " + ".join(names), "suite": "\n---\n".join(dict.fromkeys(suites))}
         meta |= {"suite_hash": hash_of_parts(parts), "parts": parts, **({"code": code} if code else {})}
-        target = Store.create(into, meta)
-        try:
+        with ExitStack() as undone:
+            target = undone.enter_context(Store.create(into, meta))
             for store in stores:
                 target.absorb(store, {})
-        except BaseException:
-            target.close()
-            raise
+            undone.pop_all()
         return target
-    finally:
-        for store in stores:
-            store.close()
 
 
 @dataclass(frozen=True)
@@ -120,8 +111,7 @@ def together(folders: Sequence[Path], into: Path) -> Store:
         InputError: a problem of one name has different contents.
         StoreError: the folder cannot be written.
     """
-    stores = [Store(folder) for folder in folders]
-    try:
+    with _opened(folders) as stores:
         parts, issues, notes = dict(stores[0].meta("parts")), [], []
         for store in stores[1:]:
             whole, unlike = grown(parts, store.meta("parts"))
@@ -134,34 +124,29 @@ def together(folders: Sequence[Path], into: Path) -> Store:
             parts = whole
         if issues:
             raise InputError(issues)
-        target = Store.create(into, _meta(stores, parts, notes))
-        try:
+        with ExitStack() as undone:
+            target = undone.enter_context(Store.create(into, _meta(stores, parts, notes)))
             sources = [_absorbed(target, store, labels) for store, labels in zip(stores, _labels(stores), strict=True)]
             target.set_meta("sources", [vars(source) for source in sources])
-        except BaseException:
-            target.close()
-            raise
+            undone.pop_all()
         return target
-    finally:
-        for store in stores:
-            store.close()
 
 
 def place_of(store: Store, key: Key) -> tuple[str, Key]:
     """The folder that a run is stored in, and its key there; another than the store's own for results put together."""
-    found = store.query("SELECT value FROM meta WHERE key = 'sources'")
-    if not found:
+    sources = [Source(**source) for source in store.meta("sources", ())]
+    if not sources:
         return str(store.folder), key
     columns = "problem = ? AND planner = ? AND seed = ? AND repetition = ?"
     session = store.query(f"SELECT session FROM runs WHERE {columns}", key)[0]["session"]
-    sources = [Source(**source) for source in json.loads(found[0]["value"])]
     source = next(one for one in sources if one.sessions[0] <= session < one.sessions[1])
     return source.folder, (key[0], source.labels[key[1]], key[2], key[3])
 
 
-def some(names: Sequence[str]) -> str:
-    """The first names, and how many more there are."""
-    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+@contextmanager
+def _opened(folders: Sequence[Path]) -> Iterator[list[Store]]:
+    with ExitStack() as opened:
+        yield [opened.enter_context(Store(folder)) for folder in folders]
 
 
 def _meta(stores: Sequence[Store], parts: Parts, notes: list[str]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from optiplan.bench.execution.robot_cache import RobotCache
 from optiplan.bench.execution.run_task import hash_and_pack, result_columns
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import BenchPlanner, BenchTask, Outcome, Row, empty_row, failure
+from optiplan.config.messages import some
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
@@ -70,7 +71,7 @@ def read_results(file: Path, label: str, beside: Store, folder: Path) -> Importe
         problem, seed = entry.fields.get("problem"), entry.fields.get("seed", 0)
         if not isinstance(problem, str) or problem not in ids:
             found = f"{entry.place}: problem {problem!r}" if "problem" in entry.fields else f"{entry.place}: no problem"
-            issues.append(Issue(str(file), None, "problem", found, f"an id of {beside.folder}: {_some(ids)}"))
+            issues.append(Issue(str(file), None, "problem", found, f"an id of {beside.folder}: {some(ids, 3)}"))
         elif not isinstance(seed, int) or isinstance(seed, bool):
             issues.append(Issue(str(file), None, "seed", f"{entry.place}: {seed!r}", "a whole number"))
         elif (problem, seed) in tasks:
@@ -209,7 +210,3 @@ def _store(beside: Store, folder: Path, planner: BenchPlanner, done: list[Outcom
 
 def _finite(value: Any) -> float | None:
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")

@@ -112,10 +112,7 @@ def load_results(store: Store) -> Results:
 
 def _best_known(store: Store, problems: Sequence[str]) -> Array:
     """Best known durations, s, as a table had them when the suite was held against it; inf where it had none."""
-    try:
-        table = store.meta("best_known")
-    except KeyError:
-        table = {}
+    table = store.meta("best_known", {})
     return np.array([table.get(problem, np.inf) for problem in problems], dtype=np.float64)
 
 

@@ -4,20 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from optiplan.bench.results.arrays import load_runs
 from optiplan.bench.results.best_known import Standing
 from optiplan.bench.results.database import Store
 
-SHARES = """
-SELECT planners.label AS planner, count(*) AS runs, avg(planned) AS planned, avg(timed) AS timed,
-    avg(verified) AS verified
-FROM runs JOIN planners ON planners.label = runs.planner GROUP BY planners.label ORDER BY planners.position
-"""
-MEDIAN = """
-SELECT avg(value) AS median FROM (
-    SELECT {column} AS value, row_number() OVER (ORDER BY {column}) AS place, count(*) OVER () AS size
-    FROM rated WHERE planner = ? AND verified AND {column} IS NOT NULL)
-WHERE place IN ((size + 1) / 2, (size + 2) / 2)
-"""
 FAILURES = "SELECT failure_kind, count(*) AS runs FROM runs WHERE failure_kind IS NOT NULL GROUP BY 1 ORDER BY 2 DESC"
 
 _COUNTS = ("planner", "runs", "planned", "timed", "verified")
@@ -32,10 +22,19 @@ _MEDIANS = {
 
 def planner_numbers(store: Store, standing: Standing | None = None) -> dict[str, dict[str, Any]]:
     """Return counts, shares and medians over verified runs by planner; with `standing` also over the best known."""
-    planners = {}
-    for row in store.query(SHARES):
-        medians = {name: _median(store, row["planner"], name) for name in ("plan_time", "plan_cpu", "ratio")}
-        planners[row["planner"]] = {key: row[key] for key in row.keys() if key != "planner"} | medians
+    runs, planners = load_runs(store), {}
+    for k, label in enumerate(runs.planners):
+        mine = runs.planner == k
+        if not mine.any():
+            continue
+        numbers: dict[str, Any] = {"runs": int(mine.sum())}
+        for name in ("planned", "timed", "verified"):
+            numbers[name] = float(getattr(runs, name)[mine].mean())
+        for name in ("plan_time", "plan_cpu", "ratio"):
+            known = getattr(runs, name)[mine & runs.verified]
+            known = known[np.isfinite(known)]
+            numbers[name] = float(np.median(known)) if len(known) else None
+        planners[label] = numbers
     if standing is not None:
         for label, numbers in planners.items():
             ratio = standing.ratio.get(label)
@@ -57,8 +56,3 @@ def planner_table(planners: dict[str, dict[str, Any]]) -> list[list[str]]:
         medians = ["–" if row[key] is None else f"{row[key]:.3f}" for key in figures]
         rows.append([name, str(row["runs"]), *shares, *medians])
     return rows
-
-
-def _median(store: Store, planner: str, column: str) -> float | None:
-    value: float | None = store.query(MEDIAN.format(column=column), (planner,))[0]["median"]
-    return value

@@ -29,6 +29,7 @@ from optiplan.bench.results.imported import CLAIMED
 from optiplan.bench.results.records import Key
 from optiplan.bench.statistics.intervals_and_tests import Interval, holm, sign_test
 from optiplan.bench.suite.suite import code_differences, suite_differences
+from optiplan.config.messages import some
 
 ALPHA = 0.05
 THRESHOLDS = {"success": 1.0, "planning time": 1.20, "duration": 1.02}
@@ -173,12 +174,12 @@ def _notes(old: Store, a: Runs, new: Store, b: Runs, changed: set[str], common: 
         words = suite_differences(old.meta("parts"), new.meta("parts"))
         yield from (text for text in words if not text.startswith("problems:"))  # these are counted below
     if changed:
-        yield f"{len(changed)} problems have another content and are left out: {_some(sorted(changed))}"
+        yield f"{len(changed)} problems have another content and are left out: {some(sorted(changed))}"
     for what, before, after in (("planner", a.planners, b.planners), ("problem", a.problems, b.problems)):
         for name, mine, others in (("A", before, after), ("B", after, before)):
             only = [item for item in mine if item not in set(others)]
             if only:
-                yield f"{what}s only in {name}: {_some(only)}"
+                yield f"{what}s only in {name}: {some(only)}"
     for name, runs in (("A", a), ("B", b)):
         if runs.size > common:
             yield f"{runs.size - common} of {runs.size} runs in {name} have no counterpart"
@@ -196,7 +197,8 @@ def _origins(old: Store, a: Runs, new: Store, b: Runs) -> Iterable[str]:
     for column, text in (("versions", "versions of the software"), ("machine", "machines (times may differ by that)")):
         before_, after_ = (_recorded(store, column) for store in (old, new))
         if before_ != after_:
-            yield f"other {text}: {_some(sorted(before_ - after_))} before, {_some(sorted(after_ - before_))} now"
+            then, now = (some(sorted(only)) or "none" for only in (before_ - after_, after_ - before_))
+            yield f"other {text}: {then} before, {now} now"
 
 
 def _recorded(store: Store, column: str) -> set[str]:
@@ -204,8 +206,3 @@ def _recorded(store: Store, column: str) -> set[str]:
     ignored = ("load", "memory")
     sql = f"SELECT DISTINCT key || ' ' || value FROM sessions, json_each(sessions.{column}) WHERE key NOT IN (?, ?)"
     return {str(row[0]) for row in store.query(sql, ignored)}
-
-
-def _some(names: list[str]) -> str:
-    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
-    return ", ".join(names[:5]) + more if names else "none"

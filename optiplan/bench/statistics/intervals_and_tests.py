@@ -32,6 +32,11 @@ class Interval(NamedTuple):
     low: float
     high: float
 
+    @property
+    def ends(self) -> tuple[float, float] | None:
+        """The ends; None where there are none."""
+        return None if math.isnan(self.low) else (self.low, self.high)
+
 
 def share_intervals(verified: Array, tries: Array, seed: int) -> list[Interval]:
     """Success rates p = sum of successes / sum of tries, with percentile intervals of resampled problems.

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import product
@@ -19,7 +19,7 @@ from optiplan.bench.sources.base import Found, Place
 from optiplan.bench.sources.readers import read_source
 from optiplan.bench.suite.schema import SourceSpec, SuiteSpec, read_suite
 from optiplan.config.document import Document, validate
-from optiplan.config.messages import choices
+from optiplan.config.messages import choices, some
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.planners.base import Progress
 from optiplan.planners.registry import make_planner
@@ -82,13 +82,18 @@ class Suite:
     @cached_property
     def code(self) -> dict[str, Any]:
         """The code that runs are made with now: OptiPlan's, in words and by its digest, and each planner's own."""
-        planners = {planner.label: planner_code(planner.name, planner.options) for planner in self.planners}
-        return {"optiplan": own_code(), "digest": own_digest(), "planners": planners}
+        return code_of(self.planners)
 
     @property
     def hash(self) -> str:
         """SHA-256, in hex, of `parts`; neither the suite's name nor where files lie counts."""
         return hash_of_parts(self.parts)
+
+
+def code_of(planners: Iterable[BenchPlanner]) -> dict[str, Any]:
+    """Return what identifies the code of runs by these planners, as `Suite.code`."""
+    own = {planner.label: planner_code(planner.name, planner.options) for planner in planners}
+    return {"optiplan": own_code(), "digest": own_digest(), "planners": own}
 
 
 def hash_of_parts(parts: Mapping[str, Any]) -> str:
@@ -142,20 +147,16 @@ def code_differences(old: Mapping[str, Any] | None, new: Mapping[str, Any]) -> l
     if old["digest"] != new["digest"]:
         words.append(f"code: optiplan {old['optiplan']} there, {new['optiplan']} here")
     changed = [label for label, digest in new["planners"].items() if old["planners"].get(label, digest) != digest]
-    return words + ([f"code: changed files of the planners {_some(changed)}"] if changed else [])
+    return words + ([f"code: changed files of the planners {some(changed)}"] if changed else [])
 
 
 def _entries(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
     changed = [name for name in new if name in old and old[name] != new[name]]
     for what, names in (("only there", old.keys() - new.keys()), ("only here", new.keys() - old.keys())):
         if names:
-            yield f"{what}: {_some(sorted(names))}"
+            yield f"{what}: {some(sorted(names))}"
     if changed:
-        yield f"changed: {_some(changed)}"
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+        yield f"changed: {some(changed)}"
 
 
 def _planners(spec: SuiteSpec, document: Document, issues: list[Issue]) -> tuple[BenchPlanner, ...]:

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from optiplan.cli.completion import problem_names
+from optiplan.cli.options import AsJson
 from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
 
 
@@ -13,7 +14,7 @@ def check(
         list[str],
         typer.Argument(metavar="FILE…", help="problem files, or names of examples", autocompletion=problem_names),
     ],
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Find everything that is wrong with problem files: each issue with its file, line, and what would be valid.
 

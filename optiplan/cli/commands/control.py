@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from optiplan.cli.completion import control_names
+from optiplan.cli.options import AsJson
 from optiplan.cli.output import Exit, interrupts_held, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
@@ -16,7 +17,7 @@ def control(
         typer.Argument(metavar="FILE", help="a control file, or the name of an example", autocompletion=control_names),
     ],
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="write the log folder there")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Run a closed loop: a reference, a controller and a plant.
 

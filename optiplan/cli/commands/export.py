@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from optiplan.cli.output import Exit, print_error, results
+from optiplan.cli.output import Exit, print_error, say
 from optiplan.errors import InputError, Issue
 
 PICTURES = ("png", "mp4")
@@ -65,7 +65,7 @@ def export(
     if to in PICTURES:
         path = out or folder / f"motion.{to}"
         _draw(run, path, to, stored.trajectory.duration)
-        results().print(f"written: {path}", markup=False, soft_wrap=True)
+        say(f"written: {path}")
         return Exit.VERIFIED if stored.verified else Exit.NOT_VERIFIED
     try:
         written = stored.export(
@@ -81,7 +81,7 @@ def export(
         f"{verdict}; {written.duration:.3f} s, {written.samples} samples",
         f"deviation between samples, rad or m, if interpolated: {errors}",
     ]
-    results().print("\n".join(told), markup=False, soft_wrap=True)
+    say("\n".join(told))
     return Exit.VERIFIED if proved else Exit.NOT_VERIFIED
 
 

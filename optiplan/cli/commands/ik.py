@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from optiplan.cli.completion import robot_names
+from optiplan.cli.options import AsJson, Frame, Group, RobotName
 from optiplan.cli.output import Exit, print_json, results, stdout_is_ours
 
 _EXPECTED = {
@@ -21,10 +21,6 @@ _LARGEST = 10_000
 """Bytes of a file with a matrix."""
 
 
-Name = Annotated[
-    str,
-    typer.Argument(metavar="ROBOT", help="a name of `optiplan robots`, or a robot.yaml", autocompletion=robot_names),
-]
 Pose = Annotated[
     str | None, typer.Option(metavar="X,Y,Z,ROLL,PITCH,YAW", help="of the frame, in the robot's base frame")
 ]
@@ -32,14 +28,11 @@ Quaternion = Annotated[
     str | None, typer.Option(metavar="X,Y,Z,QX,QY,QZ,QW", help="instead: position and unit quaternion")
 ]
 Matrix = Annotated[str | None, typer.Option(metavar="R11,R12,…|FILE", help="instead: 4×4 or 3×4 matrix, row by row")]
-Frame = Annotated[str | None, typer.Option(metavar="NAME", help="frame (default: the robot's tool frame)")]
-Group = Annotated[str | None, typer.Option(metavar="NAME", help="the joints that move; see: robots show")]
 Every = Annotated[bool, typer.Option("--all", help="every branch, also those that violate joint limits")]
-AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
 
 
 def ik(
-    robot: Name,
+    robot: RobotName,
     pose: Pose = None,
     quaternion: Quaternion = None,
     matrix: Matrix = None,

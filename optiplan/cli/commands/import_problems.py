@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from optiplan.cli.output import messages, print_json, results, stdout_is_ours
+from optiplan.cli.options import AsJson
+from optiplan.cli.output import messages, print_json, say, stdout_is_ours
 
 app = typer.Typer()
 LISTED = 20
@@ -24,7 +25,7 @@ def mbm(
     robot: Annotated[
         str | None, typer.Option(metavar="NAME_OR_FILE", help="default: the robot_model_name of each scene")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Turn MotionBenchMaker sets (MoveIt scenes and requests) into problem files.
 
@@ -48,5 +49,5 @@ def mbm(
         messages().print(f"… and {len(done.skipped) - LISTED} more (--json names all)", style="yellow")
     for note, count in done.notes:
         messages().print(f"note ({count} problems): {note}", style="yellow", markup=False, soft_wrap=True)
-    results().print(f"{len(done.written)} problems written to {out}", markup=False, soft_wrap=True)
+    say(f"{len(done.written)} problems written to {out}")
     return 0

@@ -4,17 +4,13 @@ from typing import Annotated
 
 import typer
 
-from optiplan.cli.completion import robot_names
+from optiplan.cli.options import AsJson, Frame, Group, RobotName
 from optiplan.cli.output import print_json, results, stdout_is_ours
 from optiplan.errors import OptiPlanError
 
 LARGEST = 1e6
 """Of a joint's value or velocity, rad, m, and a second: more is a slip, and sines of it have few digits left."""
 
-Name = Annotated[
-    str,
-    typer.Argument(metavar="ROBOT", help="a name of `optiplan robots`, or a robot.yaml", autocompletion=robot_names),
-]
 At = Annotated[
     str | None,
     typer.Option(
@@ -22,17 +18,14 @@ At = Annotated[
         help="joint values, rad (m for sliding joints), or the name of a configuration; without it: ready",
     ),
 ]
-Frame = Annotated[str | None, typer.Option(metavar="NAME", help="frame (default: the robot's tool frame)")]
-Group = Annotated[str | None, typer.Option(metavar="NAME", help="the joints that move; see: robots show")]
 Velocity = Annotated[
     str | None, typer.Option(metavar="V1,V2,…", help="of the joints: what the tool and mecanum wheels do then")
 ]
 Symbolic = Annotated[bool, typer.Option("--symbolic", help="pose and Jacobian as formulas, for up to six joints")]
-AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
 
 
 def kinematics(
-    robot: Name,
+    robot: RobotName,
     at: At = None,
     frame: Frame = None,
     group: Group = None,

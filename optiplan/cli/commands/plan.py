@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from optiplan.cli.completion import planner_names, problem_names
+from optiplan.cli.options import AsJson, Full
 from optiplan.cli.output import Exit, interrupts_held, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError
@@ -17,8 +18,6 @@ from optiplan.problem.examples import find_problem
 
 BUDGET = 20.0
 """Seconds, when none are given; as `op.plan`."""
-PORT = 7000
-"""First port that --view tries."""
 PROBLEM = "a problem file, or the name of an example: 01_reach"
 SERVER = "have an `optiplan serve` plan (OPTIPLAN_TOKEN: its token)"
 WORKERS = "attempts of trajopt side by side, in threads: the same motion, sooner"
@@ -39,9 +38,9 @@ def plan(
         float, typer.Option(callback=_positive, metavar="S", help="seconds of wall time for planning and proof")
     ] = BUDGET,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="write run.json and trajectory.json there")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
     view: Annotated[bool, typer.Option("--view", help="then show it in the browser")] = False,
-    full: Annotated[bool, typer.Option("--full", help="every check, not only those that failed")] = False,
+    full: Full = False,
     workers: Annotated[int | None, typer.Option(min=1, max=64, metavar="N", help=WORKERS)] = None,
     server: Annotated[str, typer.Option(metavar="URL", help=SERVER)] = "",
 ) -> int:
@@ -147,4 +146,4 @@ def _finish(run: Any, out: Path | None, as_json: bool, full: bool) -> Exit:
 def _view(runs: list[Any]) -> None:
     from optiplan.cli.viewing import serve_page, shown
 
-    serve_page(runs[0].problem, [shown(run.to_dict(), run.trajectory) for run in runs], PORT)
+    serve_page(runs[0].problem, [shown(run.to_dict(), run.trajectory) for run in runs])

@@ -9,6 +9,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from optiplan.cli.completion import planner_names
+from optiplan.cli.options import AsJson
 from optiplan.cli.output import print_json, results
 
 
@@ -17,7 +18,7 @@ def planners(
         list[str] | None,
         typer.Argument(metavar="NAME…", help="show the options of these planners", autocompletion=planner_names),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """List the planners, or show the options of some with their defaults.
 

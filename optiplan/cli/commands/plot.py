@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from optiplan.cli.output import messages, print_json, results, stdout_is_ours
+from optiplan.cli.options import AsJson
+from optiplan.cli.output import messages, print_json, say, stdout_is_ours
 
 NAMES = "joints, tool, path; several with commas"
 KINDS = "png, svg, pdf, csv; several with commas (default: what FILE ends in, else png)"
@@ -21,7 +22,7 @@ def plot(
     joints: Annotated[str | None, typer.Option(metavar="J,J,…", help="only these joints")] = None,
     share: Annotated[bool, typer.Option("--share", help="joint curves in percent of their limits")] = False,
     frames: Annotated[int, typer.Option(min=0, max=1000, metavar="N", help="tool frames along the path")] = 9,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Draw joints, tool and path of one run, or of several together.
 
@@ -63,7 +64,7 @@ def plot(
     if as_json:
         print_json({"written": [str(path) for path in written], "exit_code": 0})
     else:
-        results().print("\n".join(f"written: {path}" for path in written), markup=False, soft_wrap=True)
+        say("\n".join(f"written: {path}" for path in written))
     return 0
 
 

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from optiplan.cli.completion import problem_names
+from optiplan.cli.options import AsJson, Full
 from optiplan.cli.output import Exit, print_json, results, stdout_is_ours
 from optiplan.problem.examples import find_problem
 
@@ -20,8 +21,8 @@ def verify(
     run: Annotated[
         Path, typer.Argument(metavar="RUN", help="a run folder, a trajectory.json, or samples as JSON or CSV")
     ],
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
-    full: Annotated[bool, typer.Option("--full", help="every check, not only those that failed")] = False,
+    as_json: AsJson = False,
+    full: Full = False,
 ) -> int:
     """Verify a stored trajectory against a problem, from nothing but these two.
 

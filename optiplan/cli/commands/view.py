@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from optiplan.cli.output import results
+from optiplan.cli.output import say
 from optiplan.errors import InputError, Issue
 from optiplan.files import write_text
 
@@ -64,7 +64,7 @@ def view(
             save_picture(page, path, at, pixels)
         else:
             save_film(page, path, at, pixels)
-        results().print(f"written: {path}", markup=False, soft_wrap=True)
+        say(f"written: {path}")
     return 0
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from optiplan.cli.completion import robot_names
-from optiplan.cli.output import print_json, results, stdout_is_ours
+from optiplan.cli.options import AsJson
+from optiplan.cli.output import plain_table, print_json, results, say, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
 
@@ -46,7 +46,6 @@ Resolution = Annotated[
 Voxels = Annotated[int, typer.Option(min=2, max=100, metavar="K", help="voxels in a radius of the reach")]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="write NPZ, PLY, a page and a picture there")]
 Seed = Annotated[int, typer.Option(min=0, metavar="N", help="of the samples")]
-AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
 
 
 def workspace(
@@ -113,7 +112,7 @@ def workspace(
         return 0
     _show(rows, wanted)
     for path in files:
-        results().print(f"written: {path}", markup=False, soft_wrap=True)
+        say(f"written: {path}")
     return 0
 
 
@@ -150,10 +149,7 @@ def _row(one: Any, seconds: float) -> dict[str, Any]:
 
 
 def _show(rows: list[dict[str, Any]], resolution: str | None) -> None:
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("")
-    for row in rows:
-        table.add_column(row["robot"], justify="right")
+    table = plain_table(("",), [row["robot"] for row in rows])
     lines: list[tuple[str, Callable[[dict[str, Any]], str]]] = [
         ("configurations", lambda row: f"{row['configurations']:,}"),
         ("touching nothing", lambda row: f"{row['free_fraction']:.1%}"),

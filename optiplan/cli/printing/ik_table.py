@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from optiplan.kinematics.ik.solve import Answer
+from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 
 
@@ -30,9 +31,7 @@ def describe(robot: Robot, frame: str, answer: Answer, every: bool) -> dict[str,
     data: dict[str, Any] = {"frame": frame, "joint_names": list(robot.joint_names), "solutions": solutions}
     if answer.nearest is not None:
         miss = answer.nearest
-        model_data = robot.model.createData()
-        pin.framesForwardKinematics(robot.model, model_data, miss.nearest)
-        X_WF = model_data.oMf[robot.model.getFrameId(frame)]
+        X_WF = frame_pose(robot, miss.nearest, frame)
         data["reason"] = answer.reason
         data["nearest"] = {
             "pose": [*X_WF.translation.tolist(), *pin.rpy.matrixToRpy(X_WF.rotation).tolist()],

@@ -6,8 +6,8 @@ from dataclasses import asdict
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
+from optiplan.cli.output import plain_table
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_survey import OFTEN
 from optiplan.robot.self_collision.pairs import count_reasons, reasons_in_words
@@ -61,10 +61,7 @@ def describe(robot: Robot) -> dict[str, Any]:
 def show_robot(console: Console, data: Mapping[str, Any], full: bool = True) -> None:
     """Print the result of `describe`: all of it, or what fits on a page."""
     console.print(f"{data['name']} · tool frame {data['tool_frame']} · {data['source']}", markup=False, soft_wrap=True)
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column("joint")
-    for heading in LIMITS:
-        table.add_column(heading, justify="right")
+    table = plain_table(("joint",), LIMITS)
     for joint in _some(data["joints"], "joints", full):
         table.add_row(joint["name"], *(_number(joint[key]) for key in LIMITS))
     _show_touching(console, data)
@@ -131,9 +128,7 @@ def _show_pairs(console: Console, data: Mapping[str, Any], full: bool) -> None:
     reasons = {tuple(pair["links"]): pair["reason"] for pair in data["allowed_pairs"]}
     counted = reasons_in_words(count_reasons(reasons))
     console.print(f"pairs of links: {len(data['checked_pairs'])} checked; {counted}", markup=False, soft_wrap=True)
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for heading, side in (("pair", "left"), ("", "left"), (f"touches in {data['collision_samples']} samples", "right")):
-        table.add_column(heading, justify="right" if side == "right" else "left")
+    table = plain_table(("pair", ""), (f"touches in {data['collision_samples']} samples",))
     touching = [tuple(pair) for pair in data["touching_pairs"]]
     known = [pair for pair in [*data["collision_rates"], *data["allowed_pairs"]] if pair["collision_rate"] is not None]
     known.sort(key=lambda pair: (tuple(pair["links"]) not in touching, -pair["collision_rate"], pair["links"]))
@@ -152,11 +147,7 @@ def _geometry(kind: str, over_cover: float | None) -> str:
 
 def _show_dh(console: Console, table: Mapping[str, Any]) -> None:
     console.print(f"Denavit–Hartenberg table, {table['convention']} convention, in m and degrees:", markup=False)
-    shown = Table(box=None, pad_edge=False, header_style="dim")
-    for heading in ("link", "joint"):
-        shown.add_column(heading)
-    for heading in ("theta", "d", "a", "alpha"):
-        shown.add_column(heading, justify="right")
+    shown = plain_table(("link", "joint"), ("theta", "d", "a", "alpha"))
     for row in table["rows"]:
         angles = {key: f"{math.degrees(row[key]):.6g}" for key in ("theta", "alpha")}
         lengths = {key: f"{row[key]:.6g}" for key in ("d", "a")}

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
-from optiplan.bench.execution.code_version import own_code, own_digest, planner_code
 from optiplan.bench.execution.machine import machine
 from optiplan.bench.execution.run_task import hash_and_pack
 from optiplan.bench.report.analysis import analyse
@@ -16,7 +15,7 @@ from optiplan.bench.report.matrix import matrix_rows
 from optiplan.bench.report.page import Links, render
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row, failure
-from optiplan.bench.suite.suite import hash_of_parts
+from optiplan.bench.suite.suite import code_of, hash_of_parts
 from optiplan.planners.base import Progress
 from optiplan.runs.run import versions
 from optiplan.trajectory.trajectory import Trajectory
@@ -75,10 +74,9 @@ def _meta(
         "metrics": None,
         "problems": {problem.id: [problem.hash, problem.set_name, None] for problem in problems},
     }
-    codes = {planner.label: planner_code(planner.name, planner.options) for planner in planners}
     text = json.dumps({key: suite[key] for key in ("name", "budget", "seeds", "planners")}, indent=1)
     meta = {"name": suite["name"], "suite": text, "suite_hash": hash_of_parts(parts), "parts": parts}
-    return meta | {"code": {"optiplan": own_code(), "digest": own_digest(), "planners": codes}}
+    return meta | {"code": code_of(planners)}
 
 
 def _outcome(one: Mapping[str, Any], record: Mapping[str, Any]) -> Outcome:

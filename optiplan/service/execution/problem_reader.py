@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from optiplan.bench.execution.robot_cache import RobotCache
+from optiplan.cache import MostRecent
 from optiplan.config.document import Document, parse_yaml, plain
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue, UnknownChoiceError
@@ -16,7 +18,7 @@ from optiplan.problem.from_data import read_problem
 from optiplan.problem.hashing import shape_files_of
 from optiplan.problem.problem import Problem
 from optiplan.resources import robots_dir
-from optiplan.robot.robot import Robot, load_robot, robot_names
+from optiplan.robot.robot import robot_names
 from optiplan.runs.pipeline import chosen
 from optiplan.service.store.uploads import mark_used
 
@@ -47,10 +49,10 @@ class ProblemReader:
 
     def __init__(self, base: Path, folders: list[Path], bodies: int) -> None:
         self._base, self.folders, self._bodies = base, [*folders, robots_dir()], bodies
-        self._robots: dict[str, Robot] = {}
         self._names = set(robot_names())
-        self._problems: dict[str, Problem] = {}
-        self._documents: dict[tuple[str, Path], Document] = {}
+        self._robots = RobotCache(KEPT_ROBOTS, self._names)  # whose files do not change
+        self._problems: MostRecent[Problem] = MostRecent(KEPT)
+        self._documents: MostRecent[Document] = MostRecent(KEPT)
 
     def read(self, request: Mapping[str, Any]) -> Problem:
         """The problem of a request: `problem` as text or data, `name` where it has none, `start` and `goal` instead.
@@ -62,11 +64,9 @@ class ProblemReader:
         """
         asked = [request["problem"], request.get("name"), request.get("start"), request.get("goal")]
         key = hashlib.sha256(json.dumps(asked).encode("utf-8", "surrogatepass")).hexdigest()
-        problem = self._problems.pop(key, None) or self._load(request)
+        problem = self._problems.find(key) or self._load(request)
         if _name(problem) in self._names and not any(shape_files_of(problem.source)):
-            self._problems[key] = problem  # the last one used is the last to go
-            if len(self._problems) > KEPT:
-                del self._problems[next(iter(self._problems))]
+            self._problems.keep(key, problem)
         return problem
 
     def choose(self, request: Mapping[str, Any], problem: Problem) -> PlannerChoice:
@@ -83,40 +83,25 @@ class ProblemReader:
             make_planner(name, options)
         except UnknownChoiceError as error:
             field = "planner" if error.kind == "planner" else f"planner.{error.found}"
-            raise InputError(
-                [
-                    Issue(
-                        "request",
-                        None,
-                        field,
-                        f"unknown {error.kind} '{error.found}'",
-                        choices(error.found, error.choices),
-                    )
-                ]
-            ) from None
+            found, expected = f"unknown {error.kind} '{error.found}'", choices(error.found, error.choices)
+            raise InputError([Issue("request", None, field, found, expected)]) from None
         return PlannerChoice(name, options, problem.seed if given is None else given)
 
     def _load(self, request: Mapping[str, Any]) -> Problem:
         path = Path(f"{request.get('name') or 'problem'}.yaml")
         given = request["problem"]
-        document = self._parsed(given, path) if isinstance(given, str) else Document(path, plain(given), {})
+        if isinstance(given, str):  # requests often differ in start and goal alone
+            document = self._documents.get(json.dumps([str(path), given]), lambda: parse_yaml(given, path))
+        else:
+            document = Document(path, plain(given), {})
         instead = {key: request[key] for key in ("start", "goal") if request.get(key) is not None}
         if isinstance(document.data, dict):
             document = replace(document, data=document.data | instead)
             self._count(document)
         with reading(self.folders) as files:
-            problem = Problem.of(read_problem(document, self._base, self.robot).whole())
+            problem = Problem.of(read_problem(document, self._base, self._robots).whole())
         mark_used(self._base, files)
         return problem
-
-    def _parsed(self, text: str, path: Path) -> Document:
-        """The document of a text; the last ones are kept, for requests that differ in start and goal alone."""
-        key = (text, path)
-        document = self._documents.pop(key, None) or parse_yaml(text, path)
-        self._documents[key] = document
-        if len(self._documents) > KEPT:
-            del self._documents[next(iter(self._documents))]
-        return document
 
     def _count(self, document: Document) -> None:
         scene = document.data.get("scene")
@@ -126,23 +111,6 @@ class ProblemReader:
                 raise InputError(
                     [document.issue(("scene", key), f"{len(held)} bodies", f"at most {self._bodies} on this server")]
                 )
-
-    def robot(
-        self,
-        ref: str | Mapping[str, Any],
-        base: Path | None = None,
-        locked: Mapping[str, float] | None = None,
-        group: str | None = None,
-    ) -> Robot:
-        """A robot as `load_robot` gives it; bundled ones are kept, since their files do not change."""
-        if not isinstance(ref, str) or ref not in self._names:
-            return load_robot(ref, base, locked, group)
-        key = json.dumps([ref, sorted((locked or {}).items()), group])
-        robot = self._robots.pop(key, None) or load_robot(ref, base, locked, group)
-        self._robots[key] = robot
-        if len(self._robots) > KEPT_ROBOTS:
-            del self._robots[next(iter(self._robots))]
-        return robot
 
 
 def _name(problem: Problem) -> str:

@@ -191,7 +191,7 @@ class _Slot(threading.Thread):
 
     def _ready(self) -> WorkerProcess | None:
         """The process, started anew if it has ended; None if none starts."""
-        if self._worker is not None and (self._worker.exit_seen()):
+        if self._worker is not None and self._worker.exit_seen():
             self._end()
         if self._worker is None:
             self.warm = self._at_need
@@ -200,13 +200,16 @@ class _Slot(threading.Thread):
             while not (worker.pid or worker.gone or self._stop_event.is_set() or time.monotonic() - began > START):
                 worker.greet(POLL)
                 self._seen = time.monotonic()
-            set_up: dict[str, Any] = {
+            set_up = {
+                "do": "set up",
                 "base": str(self._settings.upload_folder),
-                "folders": [str(f) for f in self._settings.readable],
+                "folders": [str(folder) for folder in self._settings.readable],
+                "bodies": self._settings.bodies,
+                "memory": self._settings.memory,
+                "nice": NICE[self._lane],
             }
-            set_up |= {"bodies": self._settings.bodies, "memory": self._settings.memory, "nice": NICE[self._lane]}
             if worker.pid:
-                self._carry_out(worker, SolverJob({"do": "set up", **set_up}, START))
+                self._carry_out(worker, SolverJob(set_up, START))
             if worker.gone or not worker.pid:
                 self._end()
                 return None
@@ -222,14 +225,13 @@ class _Slot(threading.Thread):
             while not job.said.empty():
                 worker.say(job.said.get_nowait())
             message = worker.message(POLL)
-            files = {} if message is None else _cut(message)
             if message is not None and message["phase"] == "answered":
-                _pass_on(job.answered, SolverAnswer(message, files))
+                _pass_on(job.answered, _answer_of(message))
             elif message is not None and message["phase"] == "done":
                 memory = machine.resident([worker.pid])
                 if message.get("spoilt") or memory > SPOILT_BY * self._settings.memory:
                     self._end()
-                return SolverAnswer(message, files)
+                return _answer_of(message)
             elif message is not None:
                 _pass_on(job.told, message)
             self._seen = now = time.monotonic()
@@ -270,10 +272,13 @@ def _pass_on(listener: Callable[[Any], None], news: Any) -> None:
         _log.exception("news of a job were not taken")
 
 
-def _cut(message: dict[str, Any]) -> dict[str, bytes]:
-    """The files behind a message, which came in one piece."""
-    whole, files, at = message.pop("content", b""), {}, 0
-    for name, size in message.pop("sizes", {}).items():
+def _answer_of(message: Mapping[str, Any]) -> SolverAnswer:
+    """The answer in a message, without the keys of its transport; its files come in one piece."""
+    whole, files, at = message.get("content", b""), {}, 0
+    for name, size in message["sizes"].items():
         files[name] = whole[at : at + size]
         at += size
-    return files
+    return SolverAnswer({key: value for key, value in message.items() if key not in _TRANSPORT}, files)
+
+
+_TRANSPORT = ("phase", "sizes", "blob", "content", "spoilt")

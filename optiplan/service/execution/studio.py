@@ -11,6 +11,7 @@ from optiplan.collision.kept_models import collision_model
 from optiplan.errors import InputError, Issue
 from optiplan.kinematics.ik.solve import answer
 from optiplan.problem.problem import Problem
+from optiplan.robot.frames import frame_pose
 from optiplan.viewer.runs import Poses
 from optiplan.viewer.scene import build_scene
 
@@ -96,10 +97,7 @@ def _flat(problem: Problem, q: Array) -> list[list[float]]:
 
 
 def _tool(problem: Problem, q: Array) -> list[float]:
-    robot = problem.robot
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    pose: list[float] = pin.SE3ToXYZQUAT(data.oMf[robot.model.getFrameId(robot.tool_frame)]).tolist()
+    pose: list[float] = pin.SE3ToXYZQUAT(frame_pose(problem.robot, q, problem.robot.tool_frame)).tolist()
     return pose
 
 

@@ -1,25 +1,26 @@
 """What a solver process can be asked: check a problem, plan, draw, export, solve inverse kinematics."""
 
 import json
+import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import optiplan
 from optiplan.files import reading
 from optiplan.planners.base import Budget, stages_of
 from optiplan.planners.registry import load_libraries
 from optiplan.problem.load import load_problem
 from optiplan.problem.problem import Problem
-from optiplan.resources import problems_dir
+from optiplan.resources import problems_dir, robots_dir
 from optiplan.runs import pipeline
 from optiplan.runs.export import FORMATS, export_trajectory
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RATE, motion_file, run_files
 from optiplan.service.execution.problem_reader import PlannerChoice, ProblemReader
-from optiplan.service.execution.shown_paths import path_hider
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
 from optiplan.verify.verify import verify
@@ -40,7 +41,7 @@ class Tasks:
     def __init__(self, settings: Mapping[str, Any]) -> None:
         folders = [Path(folder) for folder in settings["folders"]]
         self._reader = ProblemReader(Path(settings["base"]), folders, settings["bodies"])
-        self.hide_paths = path_hider([Path(settings["base"]), *folders])
+        self.hide_paths = _path_hider([Path(settings["base"]), *folders])
 
     def warm_up(self) -> None:
         """Plan the first example, so that libraries are loaded, code is compiled and caches are filled."""
@@ -87,7 +88,7 @@ class Tasks:
 
     def picture(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """A small picture of a problem, with the motion of a `trajectory.json` where there is one."""
-        from optiplan.service.execution.pictures import scene_picture
+        from optiplan.viewer.thumbnail import scene_picture
 
         motion = Trajectory.from_dict(json.loads(request["motion"])) if request.get("motion") else None
         return {}, {"picture.svg": scene_picture(self._reader.read(request), motion).encode()}
@@ -158,3 +159,28 @@ def _about(run: Run) -> dict[str, Any]:
 
 def _json(data: Any) -> bytes:
     return json.dumps(jsonable(data), allow_nan=False, default=repr, separators=(",", ":")).encode() + b"\n"
+
+
+def _path_hider(named: Iterable[Path]) -> Callable[[str], str]:
+    """Return a function that takes the folders of this machine out of a text.
+
+    Args:
+        named: folders below which clients name files: `uploads/part.obj` is `part.obj`. Of others `…/` is left.
+    """
+    own = [robots_dir(), problems_dir(), Path(optiplan.__file__).parent, Path(sys.prefix), Path(sys.base_prefix)]
+    own += [Path(tempfile.gettempdir()), Path.cwd()]
+    try:
+        own.append(Path.home())
+    except RuntimeError:  # this user has none
+        pass
+    instead = {f"{root}/": "…/" for folder in own for root in (folder, folder.resolve())}
+    instead |= {f"{root}/": "" for folder in named for root in (folder.absolute(), folder.resolve())}
+    instead = {root: word for root, word in instead.items() if root.count("/") > 1}
+    longest_first = sorted(instead, key=len, reverse=True)
+
+    def hide(text: str) -> str:
+        for root in longest_first:
+            text = text.replace(root, instead[root])
+        return text
+
+    return hide

@@ -15,6 +15,7 @@ import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from optiplan.service.guard.rates import client_of
+from optiplan.service.refusals import error_body
 from optiplan.service.settings import ServiceSettings
 
 PARTING = 1.0
@@ -96,7 +97,7 @@ class GuardedProtocol(H11Protocol):
 
     def _part(self, status: int, error: str) -> None:
         """Say why, and close once that can have been read."""
-        body = json.dumps({"error": error, "issues": []}).encode()
+        body = json.dumps(error_body(error)).encode()
         head = f"HTTP/1.1 {status} {'Too Many Requests' if status == 429 else 'Request Timeout'}\r\n"
         head += f"Content-Type: application/json\r\nContent-Length: {len(body)}\r\nConnection: close\r\n"
         head += "Retry-After: 1\r\n\r\n"

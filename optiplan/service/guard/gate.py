@@ -21,6 +21,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.rates import Rates, client_of
+from optiplan.service.refusals import Refusal, busy, error_body
 from optiplan.service.settings import ServiceSettings
 from optiplan.viewer.safety import HEADERS, LOOPBACK, host_name, same_origin
 
@@ -40,14 +41,6 @@ MOST_CALLS = 2000
 """Requests under way at a time; more are refused with 503."""
 
 _log = logging.getLogger("optiplan.requests")
-
-
-class Refused(Exception):
-    """A request that does not pass."""
-
-    def __init__(self, status: int, error: str, headers: dict[str, str] | None = None) -> None:
-        super().__init__(error)
-        self.status, self.headers = status, headers or {}
 
 
 class Gate:
@@ -77,11 +70,11 @@ class Gate:
                 await call.redirect(clean, self._cookie(scope))
             else:
                 await self._app(asked, call.receive, call.send)
-        except Refused as error:
+        except Refusal as error:
             await call.refuse(error)
         except Exception:
             _log.exception("internal error", extra={"request_id": call.id, "path": scope["path"]})
-            await call.refuse(Refused(500, f"internal error; the log has it under request {call.id}"))
+            await call.refuse(Refusal(500, f"internal error; the log has it under request {call.id}"))
         finally:
             self._calls -= 1
             self._metrics.add(scope["method"], call.status, time.perf_counter() - call.began)
@@ -89,17 +82,17 @@ class Gate:
 
     def _check(self, scope: Scope, call: "_Call") -> None:
         if self._calls > MOST_CALLS:
-            raise Refused(503, "too many requests at a time", {"Retry-After": "1"})
+            raise Refusal(503, "too many requests at a time", headers={"Retry-After": "1"})
         host, origin = call.headers.get("host"), call.headers.get("origin")
         if self._names is not None and host_name(host or "") not in self._names:
-            raise Refused(403, "this server is called by a name that is not its own; see --allow-host")
+            raise Refusal(403, "this server is called by a name that is not its own; see --allow-host")
         if origin is not None and not same_origin(origin, host or ""):
-            raise Refused(403, "requests from pages of other servers are refused")
+            raise Refusal(403, "requests from pages of other servers are refused")
         if self._settings.token and self._path(scope) not in OPEN and not self._has_token(scope, call):
-            raise Refused(401, "a token is needed: Authorization: Bearer …", {"WWW-Authenticate": "Bearer"})
+            raise Refusal(401, "a token is needed: Authorization: Bearer …", headers={"WWW-Authenticate": "Bearer"})
         client = client_of((scope.get("client") or ("local", 0))[0])
         if (wait := self._rates.wait(client)) > 0.0:
-            raise Refused(429, "too many requests", {"Retry-After": str(max(1, round(wait)))})
+            raise busy("too many requests", wait)
         if call.length > self._settings.body:
             raise _too_large(self._settings.body)
 
@@ -212,11 +205,11 @@ class _Call:
         except TimeoutError:
             self._comes = False
 
-    async def refuse(self, why: Refused) -> None:
+    async def refuse(self, why: Refusal) -> None:
         """Answer with an error, unless an answer has begun."""
         if self.status:
             return
-        body = json.dumps({"error": str(why), "issues": []}).encode()
+        body = json.dumps(error_body(why)).encode()
         await self._answer(why.status, {"Content-Type": "application/json", **why.headers}, body)
 
     async def redirect(self, path: str, cookie: str) -> None:
@@ -237,8 +230,8 @@ class _Call:
         return {**words, "status": self.status, "seconds": seconds}
 
 
-def _too_large(most: int) -> Refused:
-    return Refused(413, f"the body is too large; this server takes {most} bytes")
+def _too_large(most: int) -> Refusal:
+    return Refusal(413, f"the body is too large; this server takes {most} bytes")
 
 
 def _query(scope: Scope) -> list[tuple[str, str]]:

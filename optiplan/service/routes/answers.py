@@ -5,11 +5,13 @@ from collections.abc import Iterable
 from typing import Annotated, Any
 
 from fastapi import Depends, Path, Request
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
 
+from optiplan.service.archive import Archive
 from optiplan.service.models import ErrorAnswer, RunAnswer
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.store.run_table import Record
+from optiplan.viewer.safety import PAGE_POLICY
 
 ERRORS = {
     400: "the body is not JSON",
@@ -45,7 +47,13 @@ def service(request: Request) -> PlannerService:
     return found
 
 
+def archive(request: Request) -> Archive:
+    """What that service keeps."""
+    return service(request).archive
+
+
 Service = Annotated[PlannerService, Depends(service)]
+Kept = Annotated[Archive, Depends(archive)]
 RunPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="Id of a run")]
 HashPath = Annotated[str, Path(pattern="^[0-9a-f]{64}$", description="Hash of a stored problem")]
 
@@ -56,6 +64,11 @@ class Json(JSONResponse):
     def render(self, content: Any) -> bytes:
         """The bytes."""
         return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
+
+
+def whole_page(page: bytes) -> Response:
+    """Return a page with everything inside it, which may load nothing from anywhere."""
+    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
 
 
 def run_answer(record: Record) -> dict[str, Any]:

@@ -6,8 +6,7 @@ from fastapi import APIRouter, Path
 from fastapi.responses import Response
 
 from optiplan.service.models import BenchAnswer, BenchRequest
-from optiplan.service.routes.answers import Json, Service, errors, files
-from optiplan.viewer.safety import PAGE_POLICY
+from optiplan.service.routes.answers import Json, Service, errors, files, whole_page
 
 router = APIRouter(prefix="/api/benches", default_response_class=Json)
 
@@ -35,8 +34,7 @@ async def one(bench: BenchPath, service: Service) -> Json:
 @router.get("/{bench}/report.html", response_class=Response, responses=files("text/html") | errors(404, 422, 503))
 async def report(bench: BenchPath, service: Service) -> Response:
     """The report of a bench as one page: matrix with pictures, tables, quality against time."""
-    page = await service.benches.report(bench)
-    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
+    return whole_page(await service.benches.report(bench))
 
 
 @router.post("/{bench}/cancel", response_model=BenchAnswer, responses=errors(404, 422))

@@ -13,7 +13,7 @@ from fastapi import APIRouter, Header, Request
 from sse_starlette.sse import EventSourceResponse
 
 from optiplan.errors import OptiPlanError
-from optiplan.service.planner_service import PlannerService
+from optiplan.service.archive import Archive
 from optiplan.service.refusals import Refusal
 from optiplan.service.routes.answers import RunPath, Service, errors
 from optiplan.service.store.run_table import ENDED, Record
@@ -35,8 +35,8 @@ Numbered = tuple[int | None, dict[str, Any]]
 class EventFeed:
     """Looks for news of all watched runs at once, as long as any is watched."""
 
-    def __init__(self, service: PlannerService) -> None:
-        self._service = service
+    def __init__(self, archive: Archive) -> None:
+        self._archive = archive
         self._watchers: dict[str, dict[asyncio.Queue[Numbered], int]] = {}
         self._task: asyncio.Task[None] | None = None
 
@@ -73,7 +73,7 @@ class EventFeed:
     async def _unreported_end(self, run: str) -> Numbered | None:
         """The end of a run that left no event: one that was seen already, or of an older database."""
         try:
-            record = await self._service.run(run)
+            record = await self._archive.run(run)
         except Refusal:  # it was deleted meanwhile
             return None, {"type": "end", "status": "cancelled", "verified": None}
         except (OptiPlanError, sa.exc.SQLAlchemyError):
@@ -83,9 +83,9 @@ class EventFeed:
     async def _look(self) -> None:
         while self._watchers:
             after = min(seen for queues in self._watchers.values() for seen in queues.values())
-            look = partial(self._service.runs.events_after, after, list(self._watchers))
+            look = partial(self._archive.runs.events_after, after, list(self._watchers))
             try:
-                found = await self._service.read(look)
+                found = await self._archive.read(look)
             except Exception as error:  # the database may be away for a while; whoever watches stays
                 _log.warning("events cannot be looked up: %s", error)
                 await asyncio.sleep(RETRY)
@@ -114,12 +114,13 @@ async def events(
     Of a run that has ended, what happened then. `stopping`: the server stops; come back with the `id` of the last
     event as `Last-Event-ID`, and what follows it is sent.
     """
-    record = await service.run(run)
+    archive = service.archive
+    record = await archive.run(run)
     feed: EventFeed = request.app.state.feed
-    after = await service.read(partial(_known, service, run, last_event_id))
+    after = await archive.read(partial(_known, archive, run, last_event_id))
 
     over = record["status"] in ENDED
-    then = await service.read(partial(service.runs.events_after, after, [run])) if over else []
+    then = await archive.read(partial(archive.runs.events_after, after, [run])) if over else []
 
     async def lines(stopping: anyio.Event) -> Lines:
         if over:
@@ -136,10 +137,10 @@ async def events(
     return event_stream(lines)
 
 
-def _known(service: PlannerService, run: str, last: str) -> int:
+def _known(archive: Archive, run: str, last: str) -> int:
     """The number of the last event that a client has seen; 0 where the run has no such event (any more)."""
     number = int(last) if last.isascii() and last.isdigit() and len(last) < 19 else 0
-    found = service.runs.events_after(number - 1, [run])[:1] if number else []
+    found = archive.runs.events_after(number - 1, [run])[:1] if number else []
     return number if found and found[0][0] == number else 0
 
 

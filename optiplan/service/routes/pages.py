@@ -3,39 +3,55 @@
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from string import Template
+from typing import Annotated, NamedTuple
 
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
 from optiplan.service.refusals import not_found
-from optiplan.service.routes.answers import HashPath, RunPath, Service
-from optiplan.viewer.safety import PAGE_POLICY
+from optiplan.service.routes.answers import HashPath, RunPath, Service, whole_page
 
 router = APIRouter(include_in_schema=False)
 
+
+class Page(NamedTuple):
+    """A page: heading, its name in the links of the others, its scripts in their order, and the class of its body."""
+
+    heading: str
+    link: str
+    scripts: tuple[str, ...]
+    kind: str = ""
+
+
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".py": "text/x-python"}
-PAGES = {"": "home.html", "studio": "studio.html", "live": "live.html", "benches": "benches.html"}
+SCENE = ("viewer", "common", "goal_frame", "studio_scene")
+"""Scripts of pages that draw a scene."""
+PAGES = {
+    "": Page("OptiPlan", "Runs", ("common", "home")),
+    "studio": Page("OptiPlan studio", "Studio", (*SCENE, "studio_text", "studio"), "studio"),
+    "live": Page("OptiPlan live", "Live", (*SCENE, "live"), "studio live"),
+    "benches": Page("OptiPlan benches", "Benches", ("common", "benches")),
+}
+"""Pages by their address."""
 
 
 @router.get("/runs/{run}")
 async def run_page(run: RunPath, service: Service) -> Response:
     """The page of a run that has ended."""
-    page = await service.page(await service.run(run))
-    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
+    return whole_page(await service.pictures.page(await service.archive.run(run)))
 
 
 @router.get("/compare")
 async def comparison(run: Annotated[list[str], Query(min_length=1, max_length=8)], service: Service) -> Response:
     """One page of several runs of one problem."""
-    page = await service.page(*[await service.run(one) for one in run])
-    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
+    return whole_page(await service.pictures.page(*[await service.archive.run(one) for one in run]))
 
 
 @router.get("/api/runs/{run}/thumbnail.svg")
 async def run_picture(run: RunPath, service: Service) -> Response:
     """The scene of a run, with its motion, as a small picture."""
-    return _picture(await service.pictures.of_run(await service.run(run)))
+    return _picture(await service.pictures.of_run(await service.archive.run(run)))
 
 
 @router.get("/api/problems/{hash}/thumbnail.svg")
@@ -75,7 +91,18 @@ async def page(name: str = "") -> Response:
     """A page."""
     if name not in PAGES:
         raise not_found("page", name)
-    return _file("optiplan.service.pages", PAGES[name])
+    shown, folder = PAGES[name], resources.files("optiplan.service.pages")
+    links = {address or ".": other.link for address, other in PAGES.items() if address != name}
+    links |= {} if name else {"openapi.json": "OpenAPI"}
+    text = Template((folder / "frame.html").read_text("utf-8")).substitute(
+        title=f"{shown.link} · OptiPlan" if name else "OptiPlan",
+        heading=shown.heading,
+        kind=shown.kind,
+        links=" ".join(f'<a href="{address}">{words}</a>' for address, words in links.items()),
+        scripts="\n".join(f'<script src="pages/{script}.js" defer></script>' for script in shown.scripts),
+        content=(folder / f"{name or 'home'}.html").read_text("utf-8"),
+    )
+    return Response(text, media_type="text/html; charset=utf-8")
 
 
 def _picture(drawn: bytes) -> Response:

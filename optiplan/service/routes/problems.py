@@ -9,7 +9,7 @@ from fastapi.responses import Response
 from optiplan.problem.schema.problem import problem_schema
 from optiplan.service.models import CheckAnswer, ProblemAnswer, ProblemInput
 from optiplan.service.refusals import Refusal, not_found
-from optiplan.service.routes.answers import HashPath, Json, Service, errors
+from optiplan.service.routes.answers import HashPath, Json, Kept, Service, errors
 
 router = APIRouter(prefix="/api", default_response_class=Json)
 
@@ -24,7 +24,7 @@ async def schema() -> Json:
 async def validate(given: ProblemInput, service: Service) -> Json:
     """Everything that is wrong with a problem; nothing is stored."""
     try:
-        about = await service.check(given)
+        about = await service.requests.check(given)
     except Refusal as refusal:
         if refusal.status == 422 and refusal.issues:
             return Json({"valid": False, "issues": refusal.issues, "hash": None, "name": None, "robot": None})
@@ -35,42 +35,42 @@ async def validate(given: ProblemInput, service: Service) -> Json:
 @router.post("/problems", status_code=201, response_model=ProblemAnswer, responses=errors(404, 413, 422, 503, 507))
 async def store(given: ProblemInput, service: Service) -> Json:
     """Store a problem; its hash stands for it as `problem` of a submission, with `start` and `goal` in their place."""
-    about = await service.check(given)
-    request = await service.request(given)
+    about = await service.requests.check(given)
+    request = await service.requests.of(given)
 
     def keep() -> None:
-        service.contents.check_room()
+        service.archive.contents.check_room()
         kept = {key: request[key] for key in ("problem", "name", "start", "goal")}
-        text = service.contents.put(json.dumps(kept).encode())
-        service.problems.add(about["hash"], about["name"], about["robot"], text)
+        text = service.archive.contents.put(json.dumps(kept).encode())
+        service.archive.problems.add(about["hash"], about["name"], about["robot"], text)
 
-    await service.write(keep)
-    row = await service.read(lambda: service.problems.get(about["hash"]))
+    await service.archive.write(keep)
+    row = await service.archive.read(lambda: service.archive.problems.get(about["hash"]))
     if row is None:  # deleted meanwhile
         raise not_found("problem", about["hash"])
     return Json(_answer(row), 201)
 
 
 @router.get("/problems", response_model=list[ProblemAnswer], responses=errors(422))
-async def listed(service: Service, limit: Annotated[int, Query(ge=1, le=500)] = 100) -> Json:
+async def listed(archive: Kept, limit: Annotated[int, Query(ge=1, le=500)] = 100) -> Json:
     """The stored problems, the last stored first."""
-    return Json([_answer(row) for row in await service.read(lambda: service.problems.newest(limit))])
+    return Json([_answer(row) for row in await archive.read(lambda: archive.problems.newest(limit))])
 
 
 @router.get("/problems/{hash}", responses=errors(404, 422))
-async def one(hash: HashPath, service: Service) -> Response:
+async def one(hash: HashPath, archive: Kept) -> Response:
     """A stored problem: text as it came, or JSON."""
-    row = await service.read(lambda: service.problems.get(hash))
-    content = None if row is None else await service.read(lambda: service.contents.get(row["text"]))
+    row = await archive.read(lambda: archive.problems.get(hash))
+    content = None if row is None else await archive.read(lambda: archive.contents.get(row["text"]))
     if content is None:
         raise not_found("problem", hash)
     return Response(content, media_type="application/json")
 
 
 @router.delete("/problems/{hash}", status_code=204, responses=errors(404, 422))
-async def delete(hash: HashPath, service: Service) -> Response:
+async def delete(hash: HashPath, archive: Kept) -> Response:
     """Forget a stored problem; its runs stay."""
-    if not await service.write(lambda: service.problems.delete(hash)):
+    if not await archive.write(lambda: archive.problems.delete(hash)):
         raise not_found("problem", hash)
     return Response(status_code=204)
 

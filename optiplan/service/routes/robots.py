@@ -1,7 +1,5 @@
 """Routes of what there is to choose from: robots and planners; and of what the studio asks about a problem."""
 
-from typing import Any
-
 from fastapi import APIRouter
 from fastapi.responses import Response
 from pydantic import Field
@@ -10,7 +8,7 @@ from optiplan.api.listings import planners, robots
 from optiplan.resources import problems_dir
 from optiplan.service.models import PlannerAnswer, ProblemInput, RobotAnswer
 from optiplan.service.refusals import not_found
-from optiplan.service.routes.answers import Json, Service, errors
+from optiplan.service.routes.answers import Json, Kept, Service, errors
 
 router = APIRouter(prefix="/api", default_response_class=Json)
 
@@ -29,25 +27,25 @@ class IkRequest(ProblemInput):
 
 
 @router.get("/robots", response_model=list[RobotAnswer], responses=errors())
-async def robots_listed(service: Service) -> Json:
+async def robots_listed(archive: Kept) -> Json:
     """The bundled robots."""
-    found = await service.read(robots)
+    found = await archive.read(robots)
     return Json([{"name": name, "about": about} for name, about in found.items()])
 
 
 @router.get("/robots/{name}", response_model=RobotAnswer, responses=errors(404))
-async def robot(name: str, service: Service) -> Json:
+async def robot(name: str, archive: Kept) -> Json:
     """A bundled robot."""
-    found = await service.read(robots)
+    found = await archive.read(robots)
     if name not in found:
         raise not_found("robot", name)
     return Json({"name": name, "about": found[name]})
 
 
 @router.get("/planners", response_model=list[PlannerAnswer], responses=errors())
-async def planners_listed(service: Service) -> Json:
+async def planners_listed(archive: Kept) -> Json:
     """The planners."""
-    found = await service.read(planners)
+    found = await archive.read(planners)
     return Json([{"name": name, "about": about} for name, about in found.items()])
 
 
@@ -61,23 +59,20 @@ async def examples(service: Service) -> Json:
 @router.post("/scene", responses=errors(404, 413, 422, 503))
 async def scene(given: ProblemInput, service: Service) -> Response:
     """What a page draws of a problem, and which of it can be moved."""
-    answer = await service.ask(await service.request(given), "scene")
+    answer = await service.requests.ask(await service.requests.of(given), "scene")
     return Response(answer.files["scene.json"], media_type="application/json")
 
 
 @router.post("/pose", responses=errors(404, 413, 422, 503))
 async def pose(given: PoseRequest, service: Service) -> Json:
     """Poses of the joints at a configuration, what touches there, and where the tool is."""
-    answer = await service.ask({**await service.request(given), "q": given.q}, "pose")
-    return Json(_without_phase(answer.data))
+    answer = await service.requests.ask({**await service.requests.of(given), "q": given.q}, "pose")
+    return Json(answer.data)
 
 
 @router.post("/ik", responses=errors(404, 413, 422, 503))
 async def ik(given: IkRequest, service: Service) -> Json:
     """All branches of the inverse kinematics for a pose of the tool, the nearest first, with poses of the joints."""
-    answer = await service.ask({**await service.request(given), "pose": given.pose, "near": given.near}, "ik")
-    return Json(_without_phase(answer.data))
-
-
-def _without_phase(data: Any) -> dict[str, Any]:
-    return {key: value for key, value in data.items() if key not in ("phase", "blob", "spoilt")}
+    request = {**await service.requests.of(given), "pose": given.pose, "near": given.near}
+    answer = await service.requests.ask(request, "ik")
+    return Json(answer.data)

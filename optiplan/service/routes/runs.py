@@ -6,7 +6,7 @@ import tempfile
 import uuid
 import zipfile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
@@ -14,9 +14,10 @@ from starlette.background import BackgroundTask
 
 from optiplan.runs.export import FORMATS, export_trajectory
 from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.service.archive import Archive
 from optiplan.service.models import PlanAnswer, PlanRequest, QueuedSubmission, RunAnswer, RunId, RunList, SubmittedRun
 from optiplan.service.refusals import Refusal, not_found
-from optiplan.service.routes.answers import Json, RunPath, Service, errors, files, run_answer, run_answers
+from optiplan.service.routes.answers import Json, Kept, RunPath, Service, errors, files, run_answer, run_answers
 from optiplan.service.store.run_table import ENDED
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -30,33 +31,33 @@ BYTES = "application/octet-stream"
 async def submit(submission: QueuedSubmission, service: Service) -> Json:
     """Queue a run. The same submission is the same run: its id again, with the answer where there is one."""
     name = submission.submission or uuid.uuid4().hex
-    return Json(run_answer(await service.submit(submission, name)) | {"submission": name}, 202)
+    return Json(run_answer(await service.queued.submit(submission, name)) | {"submission": name}, 202)
 
 
 @router.get("/runs", response_model=RunList, responses=errors(422))
 async def listed(
-    service: Service,
+    archive: Kept,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
     before: Annotated[float | None, Query(allow_inf_nan=False, description="Submitted before this time")] = None,
 ) -> Json:
     """The runs, the last submitted first."""
-    records = await service.read(lambda: service.runs.newest(limit, before))
-    return Json({"runs": run_answers(records), "counts": await service.read(service.runs.counts)})
+    records = await archive.read(lambda: archive.runs.newest(limit, before))
+    return Json({"runs": run_answers(records), "counts": await archive.read(archive.runs.counts)})
 
 
 @router.get("/runs/{run}", response_model=RunAnswer, responses=errors(404, 422))
-async def one(run: RunPath, service: Service) -> Json:
+async def one(run: RunPath, archive: Kept) -> Json:
     """A run."""
-    return Json(run_answer(await service.run(run)))
+    return Json(run_answer(await archive.run(run)))
 
 
 @router.delete("/runs/{run}", status_code=204, responses=errors(404, 409, 422))
 async def delete(run: RunPath, service: Service) -> Response:
     """Forget a run that has ended, with its files."""
-    record = await service.run(run)
+    record = await service.archive.run(run)
     if record["status"] not in ENDED:
         raise Refusal(409, f"the run is {record['status']}; cancel it first")
-    await service.write(lambda: service.forget(run))
+    await service.archive.write(lambda: service.queued.forget(run))
     return Response(status_code=204)
 
 
@@ -71,33 +72,33 @@ async def cancel(
 
     A run that was submitted several times ends once all submissions are taken back.
     """
-    await service.run(run)
-    left = await service.write(lambda: service.queue.cancel(run, submission, everyone))
+    await service.archive.run(run)
+    left = await service.archive.write(lambda: service.queue.cancel(run, submission, everyone))
     if left and submission is None:
         words = "?submission=… with the `submission` of yours, or ?everyone=true"
         raise Refusal(409, f"the run was submitted {left} times, by others too; expected {words}")
-    return Json(run_answer(await service.run(run)))
+    return Json(run_answer(await service.archive.run(run)))
 
 
 @router.get("/runs/{run}/trajectory.json", responses=errors(404, 422))
-async def trajectory(run: RunPath, service: Service) -> Response:
+async def trajectory(run: RunPath, archive: Kept) -> Response:
     """The motion: `joint_names`, `pieces`, and samples `t`, `q`, `v`, `a`."""
-    return await _file(service, run, TRAJECTORY)
+    return await _file(archive, run, TRAJECTORY)
 
 
 @router.get("/runs/{run}/run.json", responses=errors(404, 422))
-async def record(run: RunPath, service: Service) -> Response:
+async def record(run: RunPath, archive: Kept) -> Response:
     """Everything about the run but its motion: the problem, the report, measures, timings."""
-    return await _file(service, run, RUN)
+    return await _file(archive, run, RUN)
 
 
 @router.get("/runs/{run}/run.zip", response_class=Response, responses=files("application/zip") | errors(404, 422))
-async def folder(run: RunPath, service: Service) -> Response:
+async def folder(run: RunPath, archive: Kept) -> Response:
     """The run folder, as `optiplan verify` and `optiplan view` read it."""
-    found, packed = await service.run(run), io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+    found, packed = await archive.run(run), io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as packing:
         for name in found["contents"] or {RUN: ""}:
-            archive.writestr(name, await service.content(found, name))
+            packing.writestr(name, await archive.content(found, name))
     return Response(packed.getvalue(), media_type="application/zip")
 
 
@@ -114,14 +115,16 @@ async def exported(
     """The motion for other programs: csv, json, npz, ros or urscript."""
     if format not in FORMATS:
         raise Refusal(404, f"there is no format '{format}'; choose from: {', '.join(FORMATS)}")
-    record = await service.run(run)
-    content = await service.content(record, TRAJECTORY)
+    archive = service.archive
+    record = await archive.run(run)
+    content = await archive.content(record, TRAJECTORY)
     if not (record["verified"] or unverified):
         raise Refusal(422, "the motion of this run is not verified; ?unverified=true writes it all the same")
 
     if FORMATS[format].cyclic and not unverified:  # slowed down to end on a cycle, and proved again, by a solver
-        asked = await service.stored_request(record) | {"motion": content.decode(), "format": format, "rate": rate}
-        return Response((await service.ask(asked, "export")).files[format], media_type=MEDIA.get(format, BYTES))
+        asked = await archive.stored_request(record) | {"motion": content.decode(), "format": format, "rate": rate}
+        written = (await service.requests.ask(asked, "export")).files[format]
+        return Response(written, media_type=MEDIA.get(format, BYTES))
 
     def made() -> bytes:
         with tempfile.TemporaryDirectory() as folder:
@@ -129,7 +132,7 @@ async def exported(
             export_trajectory(Trajectory.from_dict(json.loads(content)), path, format, rate)
             return path.read_bytes()
 
-    return Response(await service.read(made), media_type=MEDIA.get(format, BYTES))
+    return Response(await archive.read(made), media_type=MEDIA.get(format, BYTES))
 
 
 @router.post("/plan", response_model=PlanAnswer, responses=errors(404, 413, 422, 503, 504, 507))
@@ -145,8 +148,8 @@ async def plan(submission: PlanRequest, service: Service, request: Request) -> R
     return Response(body, media_type="application/json", background=BackgroundTask(run.keep))
 
 
-async def _file(service: Any, run: str, name: str) -> Response:
-    found = await service.run(run)
+async def _file(archive: Archive, run: str, name: str) -> Response:
+    found = await archive.run(run)
     if name == TRAJECTORY and found["status"] == "failed":
         raise not_found("trajectory of the failed run", run)
-    return Response(await service.content(found, name), media_type="application/json")
+    return Response(await archive.content(found, name), media_type="application/json")

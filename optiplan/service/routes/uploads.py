@@ -8,7 +8,7 @@ from fastapi.responses import Response
 
 from optiplan.service.models import UploadList
 from optiplan.service.refusals import Refusal, not_found
-from optiplan.service.routes.answers import Json, Service, errors
+from optiplan.service.routes.answers import Json, Kept, errors
 
 router = APIRouter(prefix="/api/uploads", default_response_class=Json)
 
@@ -21,35 +21,35 @@ UploadPath = Annotated[str, Path(description="Where problems find it: mesh and r
 
 
 @router.get("", response_model=UploadList, responses=errors())
-async def listed(service: Service) -> Json:
+async def listed(archive: Kept) -> Json:
     """All uploads by path, with their bytes and when each was uploaded or used last."""
-    found = await service.read(service.uploads.all)
+    found = await archive.read(archive.uploads.all)
     return Json({"uploads": [vars(upload) for upload in found], "bytes": sum(upload.bytes for upload in found)})
 
 
 @router.put("/{path:path}", status_code=201, responses=errors(413, 422, 507))
 async def upload(
-    path: UploadPath, content: Annotated[bytes, Body(media_type="application/octet-stream")], service: Service
+    path: UploadPath, content: Annotated[bytes, Body(media_type="application/octet-stream")], archive: Kept
 ) -> Json:
     """Upload a mesh, URDF, SRDF or robot.yaml, which problems then name by this path; an older one is replaced."""
     _check(path)
 
     def keep() -> None:
-        service.contents.check_room()
+        archive.contents.check_room()
         try:
-            service.uploads.put(path, content)
+            archive.uploads.put(path, content)
         except (FileExistsError, NotADirectoryError, IsADirectoryError):
             raise Refusal(422, f"path: '{path}' is a folder, or below a file") from None
 
-    await service.write(keep)
+    await archive.write(keep)
     return Json({"file": path, "bytes": len(content)}, 201)
 
 
 @router.delete("/{path:path}", status_code=204, responses=errors(404, 422))
-async def delete(path: UploadPath, service: Service) -> Response:
+async def delete(path: UploadPath, archive: Kept) -> Response:
     """Delete an upload; problems that name it cannot be planned any more."""
     _check(path)
-    if not await service.write(lambda: service.uploads.delete(path)):
+    if not await archive.write(lambda: archive.uploads.delete(path)):
         raise not_found("upload", path)
     return Response(status_code=204)
 

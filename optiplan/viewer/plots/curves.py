@@ -15,9 +15,6 @@ from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema
 LEAST = 600
 """Samples of a motion, at the least; drawn curves show no corners then."""
 
-ORDERS = ("position", "velocity", "acceleration", "jerk")
-"""Quantities of a joint by the order of the derivative."""
-
 
 @dataclass(frozen=True, eq=False)
 class MotionCurves:

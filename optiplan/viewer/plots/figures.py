@@ -1,22 +1,32 @@
 """The figures by name, drawn and written: PNG, SVG and PDF of each, CSV of what they show."""
 
+import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue, UnknownChoiceError
-from optiplan.figure_style import styled, undated
+from optiplan.figure_style import line_style, sheet, styled, undated
 from optiplan.files import replacing
-from optiplan.viewer.plots.curves_csv import write_curves, write_limits
-from optiplan.viewer.plots.joint_figure import draw_joints
+from optiplan.viewer.plots.joint_figure import QUANTITIES, bounds, draw_joints, extrema_of
 from optiplan.viewer.plots.path_figure import draw_path
 from optiplan.viewer.plots.runs import PlottedRun
-from optiplan.viewer.plots.tool_figure import draw_tool
 
 PICTURES = ("png", "svg", "pdf")
 FORMATS = (*PICTURES, "csv")
 DPI = 200
+
+CSV_TOOL = ("x", "y", "z", "qx", "qy", "qz", "qw", "speed", "turning")
+"""Columns of the tool: position in the world, m, quaternion, speed, m/s, and angular speed, rad/s."""
+
+CSV_LIMITS = ("run", "joint", "quantity", "unit", "lower", "upper", "least", "least_at", "largest", "largest_at")
+
+_TOOL_ROWS = ("x, m", "y, m", "z, m", "speed, m/s", "turning, rad/s")
 
 
 @dataclass(frozen=True)
@@ -38,7 +48,7 @@ Draw = Callable[[Sequence[PlottedRun], PlotOptions], Any]
 
 FIGURES: dict[str, Draw] = {
     "joints": lambda runs, options: draw_joints(runs, _joints(runs, options), options.share),
-    "tool": lambda runs, options: draw_tool(runs),
+    "tool": lambda runs, options: _draw_tool(runs),
     "path": lambda runs, options: draw_path(runs, options.frames),
 }
 """Figures by name: joints against time, tool against time, path of the tool in space and in planes."""
@@ -73,7 +83,7 @@ def save_figures(names: Sequence[str], runs: Sequence[PlottedRun], options: Plot
         _joint(runs, name)
     if kind == "csv":
         with replacing(path) as temporary:
-            write_curves(runs, temporary)
+            _write_curves(runs, temporary)
         return
     figures = [draw(name, runs, options) for name in names]
     with replacing(path) as temporary:
@@ -94,7 +104,7 @@ def write_all(
             written += [folder / "curves.csv", folder / "limits.csv"]
             save_figures(names, runs, options, written[-2])
             with replacing(written[-1]) as temporary:
-                write_limits(runs, temporary)
+                _write_limits(runs, temporary)
             continue
         for name in names:
             written.append(folder / f"{name}.{kind}")
@@ -113,6 +123,26 @@ def figure_format(path: Path) -> str:
         expected = f"a file that ends in {', '.join(f'.{one}' for one in FORMATS)}, or a folder"
         raise InputError([Issue(str(path), None, "out", f"'{path.suffix}'", expected)])
     return kind
+
+
+def _draw_tool(runs: Sequence[PlottedRun]) -> Any:
+    """Draw origin of the tool frame in the world, its speed and its angular speed, a colour a run."""
+    figure = sheet(1.3 * len(_TOOL_ROWS) + 0.6)
+    panels = figure.subplots(len(_TOOL_ROWS), 1, sharex=True)
+    for k, run in enumerate(runs):
+        curves = run.curves
+        values = (*curves.X_WT[:, :3, 3].T, curves.speed, curves.turning)
+        for panel, value in zip(panels, values, strict=True):
+            panel.plot(curves.t, value, label=run.legend, **line_style(k))
+    for panel, title in zip(panels, _TOOL_ROWS, strict=True):
+        panel.set_ylabel(title)
+    panels[-1].set_xlabel("time, s")
+    figure.align_ylabels(list(panels))
+    robot = runs[0].problem.robot
+    names = ", ".join(dict.fromkeys(run.problem.name for run in runs))
+    figure.suptitle(f"{names}: frame {robot.tool_frame} of {robot.name} in the world", fontsize=9)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=min(3, len(runs)))
+    return figure
 
 
 def _save(figures: Sequence[Any], path: Path, kind: str) -> None:
@@ -138,3 +168,44 @@ def _joint(runs: Sequence[PlottedRun], name: str) -> int:
     if name not in names:
         raise UnknownChoiceError("joint", name, names)
     return names.index(name)
+
+
+def _write_curves(runs: Sequence[PlottedRun], path: Path) -> None:
+    """Write `run`, `t`, `<joint>.<quantity>` of every joint, and `tool.…`; numbers to the last digit."""
+    names = runs[0].problem.robot.joint_names
+    heads = [f"{joint}.{quantity}" for quantity in QUANTITIES for joint in names]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["run", "t", *heads, *(f"tool.{name}" for name in CSV_TOOL)])
+        for run in runs:
+            curves = run.curves
+            table = np.column_stack([curves.t, *curves.joints, curves.torque, _tool_columns(run)])
+            writer.writerows([run.label, *row] for row in table.tolist())
+
+
+def _write_limits(runs: Sequence[PlottedRun], path: Path) -> None:
+    """Write limits (nothing where there is none), exact extrema (of torques: refined samples) and their times."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(CSV_LIMITS)
+        for run in runs:
+            for quantity in QUANTITIES:
+                for joint, name in enumerate(run.problem.robot.joint_names):
+                    ends = ["" if np.isinf(value) else value for value in bounds(run, quantity, joint)]
+                    in_unit = run.problem.robot.unit(quantity, joint)
+                    writer.writerow([run.label, name, quantity, in_unit, *ends, *_extremes(run, quantity, joint)])
+
+
+def _extremes(run: PlottedRun, quantity: str, joint: int) -> list[float]:
+    """Least value and when, largest value and when."""
+    e = extrema_of(run, quantity)
+    return [float(x[joint]) for x in (e.low, e.t_low, e.high, e.t_high)]
+
+
+def _tool_columns(run: PlottedRun) -> Array:
+    """Columns of `CSV_TOOL`, (k, 9); neighbouring quaternions have no jump of sign."""
+    curves = run.curves
+    quaternions = np.array([pin.Quaternion(X[:3, :3]).coeffs() for X in curves.X_WT])
+    turned = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1]) < 0.0
+    signs = np.cumprod(np.concatenate([[1.0], np.where(turned, -1.0, 1.0)]))
+    return np.column_stack([curves.X_WT[:, :3, 3], quaternions * signs[:, None], curves.speed, curves.turning])

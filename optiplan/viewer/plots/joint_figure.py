@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.figure_style import LIMIT, line_style, sheet
-from optiplan.robot.limits import joint_units
-from optiplan.viewer.plots.curves import ORDERS
+from optiplan.figure_style import LIMIT, WIDTH, line_style, sheet
+from optiplan.robot.limits import ORDERS, joint_units
+from optiplan.trajectory.trajectory import Extrema
 from optiplan.viewer.plots.runs import PlottedRun
 
 QUANTITIES = (*ORDERS, "torque")
@@ -44,8 +44,7 @@ def _together(run: PlottedRun, joints: Sequence[int], share: bool) -> Any:
 def _apart(runs: Sequence[PlottedRun], joints: Sequence[int], share: bool) -> Any:
     blocks = [joints[k : k + COLUMNS] for k in range(0, len(joints), COLUMNS)]
     rows = len(QUANTITIES) * len(blocks)
-    figure = sheet(1.25 * rows + 0.7)
-    figure.set_figwidth(max(7.2, 2.0 * len(blocks[0])))
+    figure = sheet(1.25 * rows + 0.7, width=max(WIDTH, 2.0 * len(blocks[0])))
     panels = figure.subplots(rows, len(blocks[0]), sharex=True, squeeze=False)
     for b, block in enumerate(blocks):
         for row, quantity in enumerate(QUANTITIES, b * len(QUANTITIES)):
@@ -72,12 +71,18 @@ def _draw(panel: Any, run: PlottedRun, quantity: str, joint: int, share: bool, s
     curves = run.curves
     values = curves.torque if quantity == "torque" else curves.joints[ORDERS.index(quantity)]
     panel.plot(curves.t, _shared(run, quantity, joint, share, values[:, joint]), **style)
-    e = curves.torque_extrema if quantity == "torque" else curves.extrema[ORDERS.index(quantity)]
+    e = extrema_of(run, quantity)
     ends = np.array([e.low[joint], e.high[joint]])
     times = [e.t_low[joint], e.t_high[joint]]
     ring = {"marker": "o", "markersize": 3.0, "fillstyle": "none", "markeredgewidth": 0.8}
     mark = ring if quantity == "torque" else {"marker": ".", "markersize": 4.5}
     panel.plot(times, _shared(run, quantity, joint, share, ends), linestyle="", color=style["color"], **mark)
+
+
+def extrema_of(run: PlottedRun, quantity: str) -> Extrema:
+    """Extrema of all joints over time: exact ones, of torques refined samples."""
+    curves = run.curves
+    return curves.torque_extrema if quantity == "torque" else curves.extrema[ORDERS.index(quantity)]
 
 
 def bounds(run: PlottedRun, quantity: str, joint: int) -> tuple[float, float]:

@@ -11,8 +11,8 @@ from optiplan.figure_style import AXES, line_style, sheet
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import build_geometry
 from optiplan.kinematics.manipulability import ToolKinematics
-from optiplan.viewer.body_triangles import body_triangles
 from optiplan.viewer.plots.runs import PlottedRun
+from optiplan.viewer.surfaces import body_triangles
 
 PLANES = ((0, 1), (0, 2), (1, 2))
 NAMES = "xyz"

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from optiplan.config.messages import some
 from optiplan.errors import InputError, Issue
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
@@ -46,9 +47,9 @@ def comparable(runs: Sequence[PlottedRun], file: str = "plot") -> tuple[PlottedR
     if not runs:
         raise InputError([Issue(file, None, "runs", "no run with a motion", "at least one that has a trajectory")])
     names = runs[0].problem.robot.joint_names
-    expected = f"the joints of '{runs[0].label}', {_few(names)}"
+    expected = f"the joints of '{runs[0].label}', {some(names, 3)}"
     issues = [
-        Issue(file, None, "runs", f"'{run.label}' moves {_few(found)}", expected)
+        Issue(file, None, "runs", f"'{run.label}' moves {some(found, 3)}", expected)
         for run in runs
         for found in (run.problem.robot.joint_names, run.trajectory.joint_names)
         if found != names
@@ -56,7 +57,3 @@ def comparable(runs: Sequence[PlottedRun], file: str = "plot") -> tuple[PlottedR
     if issues:
         raise InputError(issues)
     return tuple(runs)
-
-
-def _few(names: Sequence[str]) -> str:
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")

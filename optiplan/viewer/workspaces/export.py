@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.figure_style import sheet, styled
 from optiplan.files import replacing
 from optiplan.viewer.workspaces.page import render_workspaces
 from optiplan.viewer.workspaces.values import LABELS, caption, mapped_values
@@ -79,19 +80,17 @@ def _ply(one: Workspace) -> Callable[[Path], object]:
 
 def draw_section(found: Sequence[Workspace], path: Path) -> None:
     """Draw the vertical section through the shoulder of each robot: manipulability, above, and directions, below."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     rows = ("yoshikawa", "directions")
-    figure = Figure(figsize=(4.3 * len(found), 8.2), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(len(rows), len(found), squeeze=False)
-    for row, name in enumerate(rows):
-        top = float(DIRECTIONS) if name == "directions" else max(float(mapped_values(one)[name].max()) for one in found)
-        for column, one in enumerate(found):
-            drawn = _section(panels[row, column], one, mapped_values(one)[name], top)
-        figure.colorbar(drawn, ax=list(panels[row]), label=LABELS[name], shrink=0.85)
-    figure.savefig(path, dpi=110, format="png")
+    most = {"directions": float(DIRECTIONS)}
+    most["yoshikawa"] = max(float(mapped_values(one)["yoshikawa"].max()) for one in found)
+    with styled(axes__grid=False):
+        figure = sheet(8.2, width=4.3 * len(found))
+        panels = figure.subplots(len(rows), len(found), squeeze=False)
+        for row, name in enumerate(rows):
+            for column, one in enumerate(found):
+                drawn = _section(panels[row, column], one, mapped_values(one)[name], most[name])
+            figure.colorbar(drawn, ax=list(panels[row]), label=LABELS[name], shrink=0.85)
+        figure.savefig(path, dpi=110, format="png")
 
 
 def _section(panel: Any, one: Workspace, value: Array, top: float) -> Any:

@@ -1,7 +1,6 @@
 """The page of workspaces: reached voxels of one or more robots in three dimensions, with the robots among them."""
 
 import html
-import json
 from collections.abc import Sequence
 from itertools import pairwise
 from string import Template
@@ -13,8 +12,8 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.robot.robot import Robot
-from optiplan.viewer.assets import asset, scripts, styles
-from optiplan.viewer.page import meshcat_licences, meshcat_script
+from optiplan.viewer.assets import asset
+from optiplan.viewer.page import framed
 from optiplan.viewer.scene import robot_parts
 from optiplan.viewer.surfaces import base64_of
 from optiplan.viewer.workspaces.values import LABELS, caption, mapped_values
@@ -36,14 +35,9 @@ def render_workspaces(found: Sequence[Workspace]) -> str:
         "labels": LABELS,
         "robots": [_robot(one, offset) for one, offset in zip(found, _offsets(found), strict=True)],
     }
-    return Template(asset("workspace.html")).substitute(
-        title=html.escape(f"Workspace of {names}"),
-        styles=styles(("theme.css", "workspace.css")),
-        data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
-        licences=meshcat_licences(),
-        meshcat=meshcat_script(),
-        scripts=scripts(SCRIPTS),
-    )
+    title = f"Workspace of {names}"
+    body = Template(asset("workspace.html")).substitute(title=html.escape(title))
+    return framed(body, title, data, ("theme.css", "workspace.css"), SCRIPTS)
 
 
 def best_samples(one: Workspace) -> Array:

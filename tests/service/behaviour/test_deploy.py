@@ -22,7 +22,7 @@ from service_process import free_port, serving, wait_until_ready
 from typer.main import get_command
 
 from optiplan.cli.program import program
-from optiplan.service.watchdog import feed_watchdog
+from optiplan.service.health import feed_watchdog
 from tests.service.conftest import NO_WAY, QUICK
 from tests.waiting import wait_until
 

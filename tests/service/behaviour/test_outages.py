@@ -19,13 +19,12 @@ from optiplan.service.execution.event_writer import EventWriter
 from optiplan.service.execution.leases import take_lease
 from optiplan.service.execution.run_solver import RunSolver
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
-from optiplan.service.health import HealthCheck, serve_health
+from optiplan.service.health import HealthCheck, WriteProbe, serve_health
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store import tables
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.run_table import NewRun, RunEnd, RunTable
 from optiplan.service.store.tables import DatabaseAwayError, open_database
-from optiplan.service.store.write_probe import WriteProbe
 from tests.service.conftest import NO_WAY, QUICK
 from tests.waiting import PATIENCE, wait_until
 
@@ -64,8 +63,8 @@ def events_of(server, run, last=""):
 
 
 def test_a_telling_that_raises_leaves_the_slot_alive_and_is_made_up_for(server, monkeypatch):
-    tell = Breaking(server.service.runs.tell, DatabaseAwayError("it is gone", False))
-    monkeypatch.setattr(server.service.runs, "tell", tell)
+    tell = Breaking(server.service.archive.runs.tell, DatabaseAwayError("it is gone", False))
+    monkeypatch.setattr(server.service.archive.runs, "tell", tell)
     run = server.submit(problem=NO_WAY, budget=1.0, seed=901)["id"]
     assert server.ended(run)["status"] == "failed"
     assert tell.failed.is_set()
@@ -76,8 +75,8 @@ def test_a_telling_that_raises_leaves_the_slot_alive_and_is_made_up_for(server, 
 
 @pytest.mark.parametrize("method", ["begin", "end"])
 def test_a_change_that_the_database_does_not_take_is_made_later(server, monkeypatch, method):
-    change = Breaking(getattr(server.service.runs, method), DatabaseAwayError("it is gone", False))
-    monkeypatch.setattr(server.service.runs, method, change)
+    change = Breaking(getattr(server.service.archive.runs, method), DatabaseAwayError("it is gone", False))
+    monkeypatch.setattr(server.service.archive.runs, method, change)
     run = server.submit(seed=903 + (method == "end"))["id"]
     assert server.ended(run)["verified"]
     assert change.failed.is_set()
@@ -85,22 +84,24 @@ def test_a_change_that_the_database_does_not_take_is_made_later(server, monkeypa
 
 
 def test_a_plan_that_was_answered_is_kept_once_the_database_takes_it(server, monkeypatch):
-    add = Breaking(server.service.runs.add_ended, DatabaseAwayError("it is gone", False))
-    monkeypatch.setattr(server.service.runs, "add_ended", add)
+    add = Breaking(server.service.archive.runs.add_ended, DatabaseAwayError("it is gone", False))
+    monkeypatch.setattr(server.service.archive.runs, "add_ended", add)
     run = server.http.post("/api/plan", json={"problem": QUICK, "seed": 910}).json()
     assert server.ended(run["id"])["duration"] == run["duration"]
     assert add.failed.is_set()
 
 
 def test_an_end_that_is_refused_for_good_is_a_failure(server, monkeypatch):
-    end = Breaking(server.service.runs.end, ValueError("no row takes this"), times=1)
-    monkeypatch.setattr(server.service.runs, "end", end)
+    end = Breaking(server.service.archive.runs.end, ValueError("no row takes this"), times=1)
+    monkeypatch.setattr(server.service.archive.runs, "end", end)
     ended = server.ended(server.submit(seed=905)["id"])
     assert (ended["status"], ended["failure"]["kind"]) == ("failed", "bug")
 
 
 def test_an_exception_while_a_run_is_solved_is_its_end(server, monkeypatch):
-    monkeypatch.setattr(server.service.contents, "get", Breaking(server.service.contents.get, OSError("gone"), times=1))
+    monkeypatch.setattr(
+        server.service.archive.contents, "get", Breaking(server.service.archive.contents.get, OSError("gone"), times=1)
+    )
     ended = server.ended(server.submit(seed=906)["id"])
     assert (ended["status"], ended["failure"]["kind"]) == ("failed", "bug")
 
@@ -320,8 +321,8 @@ def test_events_have_numbers_and_are_resumed(server):
 def test_a_stream_survives_a_database_that_goes_away(server, monkeypatch):
     away = DatabaseAwayError("it is gone", False)
     run = server.submit(problem=NO_WAY, budget=3.0, seed=908)["id"]
-    look = Breaking(server.service.runs.events_after, away, times=2)
-    monkeypatch.setattr(server.service.runs, "events_after", look)
+    look = Breaking(server.service.archive.runs.events_after, away, times=2)
+    monkeypatch.setattr(server.service.archive.runs, "events_after", look)
     found = events_of(server, run)
     assert look.failed.is_set()
     assert [event["type"] for _, event in found].count("end") == 1
@@ -336,7 +337,7 @@ def test_a_run_that_is_tried_again_has_the_events_of_its_last_try(server):
     server.submit(problem=NO_WAY, budget=60.0, seed=909)
     while server.http.get(f"/api/runs/{run}").json()["status"] != "running":
         time.sleep(0.05)
-    assert all(data["type"] != "end" for _, _, data in server.service.runs.events_after(0, [run]))
+    assert all(data["type"] != "end" for _, _, data in server.service.archive.runs.events_after(0, [run]))
     server.http.post(f"/api/runs/{run}/cancel")
     server.ended(run)
 

@@ -241,7 +241,7 @@ def test_a_full_disk_is_said_and_nothing_is_corrupted(server, monkeypatch):
 def test_a_disk_that_fills_while_a_run_is_solved_fails_that_run_alone(server, monkeypatch):
     run = None
     with monkeypatch.context() as patch:
-        real = server.service.contents.put
+        real = server.service.archive.contents.put
 
         def put(content):
             if content.startswith(b'{\n "name"'):
@@ -250,7 +250,7 @@ def test_a_disk_that_fills_while_a_run_is_solved_fails_that_run_alone(server, mo
                 raise StorageFullError("the disk is full")
             return real(content)
 
-        patch.setattr(server.service.contents, "put", put)
+        patch.setattr(server.service.archive.contents, "put", put)
         run = server.ended(server.submit(seed=43)["id"])
         assert run["status"] == "failed"
         assert run["failure"]["kind"] == "storage"
@@ -259,12 +259,12 @@ def test_a_disk_that_fills_while_a_run_is_solved_fails_that_run_alone(server, mo
 
 
 def test_little_room_is_said_before_anything_is_taken_on(server, monkeypatch):
-    monkeypatch.setattr(server.service.contents, "spare", 10**18)
+    monkeypatch.setattr(server.service.archive.contents, "spare", 10**18)
     assert server.http.post("/api/runs", json={"problem": QUICK, "seed": 44}).status_code == 507
 
 
 def test_a_full_queue_says_when_to_come_again(server, monkeypatch):
-    monkeypatch.setattr(server.service.runs, "waiting", lambda: 1000)
+    monkeypatch.setattr(server.service.archive.runs, "waiting", lambda: 1000)
     answer = server.http.post("/api/runs", json={"problem": QUICK, "seed": 45})
     assert answer.status_code == 429
     assert 1 <= int(answer.headers["retry-after"]) <= 60

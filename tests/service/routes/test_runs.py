@@ -120,7 +120,11 @@ def test_the_same_submission_is_answered_from_the_store(server):
 
 
 class Unverified:
-    """A service whose one run has a motion that is not verified."""
+    """A service, and its archive, whose one run has a motion that is not verified."""
+
+    @property
+    def archive(self):
+        return self
 
     async def run(self, run):
         return {"id": run, "status": "done", "verified": False}

@@ -14,6 +14,7 @@ BOUND = "one bound a problem: the least over the end configurations that were re
 _TAG = re.compile(r"<[^>]*>")
 
 FEW = " <small class=interval>few</small>"
+NO_INTERVAL = "of fewer than 5 problems: no interval"
 
 
 class Cell(NamedTuple):
@@ -106,12 +107,11 @@ def with_interval(value: Interval, what: str = "median") -> Cell:
     """A value with its interval behind it."""
     if math.isnan(value.value):
         return Cell(NOTHING, kind="none")
-    known = not math.isnan(value.low)
-    more = f" <small class=interval>[{number(value.low)}, {number(value.high)}]</small>" if known else FEW
-    tip = f"{what}, 95 % confidence" if known else f"{what} of fewer than 5 problems: no interval"
-    return Cell(
-        f"{number(value.value)}{more}", value.value, tip=tip, interval=(value.low, value.high) if known else None
-    )
+    more, tip = FEW, f"{what} of fewer than 5 problems: no interval"
+    if value.ends is not None:
+        more = f" <small class=interval>[{number(value.low)}, {number(value.high)}]</small>"
+        tip = f"{what}, 95 % confidence"
+    return Cell(f"{number(value.value)}{more}", value.value, tip=tip, interval=value.ends)
 
 
 def planner(k: int, label: str) -> Cell:
@@ -130,11 +130,8 @@ def share(value: Interval) -> Cell:
     """A share with its interval."""
     if math.isnan(value.value):
         return Cell(NOTHING, kind="none")
-    if math.isnan(value.low):
-        return Cell(f"{percent(value.value)}{FEW}", value.value, tip="of fewer than 5 problems: no interval")
-    ends = f" <small class=interval>[{100.0 * value.low:.0f}, {100.0 * value.high:.0f}]</small>"
-    tip = "95 % confidence, by problems"
-    return Cell(f"{percent(value.value)}{ends}", value.value, tip=tip, interval=(value.low, value.high))
+    ends = FEW if value.ends is None else f" <small class=interval>{_percents(value)}</small>"
+    return Cell(f"{percent(value.value)}{ends}", value.value, tip=_certainty(value), interval=value.ends)
 
 
 def success(value: Interval) -> Cell:
@@ -142,8 +139,14 @@ def success(value: Interval) -> Cell:
     if math.isnan(value.value):
         return Cell(NOTHING, kind="none")
     bar = f'<span class=bar><i style="width:{100.0 * value.value:.1f}%"></i></span>'
-    known = not math.isnan(value.low)
-    more = f"<small>[{100.0 * value.low:.0f}, {100.0 * value.high:.0f}]</small>" if known else FEW
-    tip = "95 % confidence, by problems" if known else "of fewer than 5 problems: no interval"
-    ends = (value.low, value.high) if known else None
-    return Cell(f"{bar}<b>{percent(value.value)}</b> {more}", value.value, "success", tip, ends)
+    more = FEW if value.ends is None else f"<small>{_percents(value)}</small>"
+    shown = f"{bar}<b>{percent(value.value)}</b> {more}"
+    return Cell(shown, value.value, "success", _certainty(value), value.ends)
+
+
+def _percents(value: Interval) -> str:
+    return f"[{100.0 * value.low:.0f}, {100.0 * value.high:.0f}]"
+
+
+def _certainty(value: Interval) -> str:
+    return NO_INTERVAL if value.ends is None else "95 % confidence, by problems"

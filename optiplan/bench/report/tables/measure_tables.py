@@ -72,17 +72,16 @@ def digits(value: float) -> str:
     return f"{value:.{places}f}" if size >= 0.001 or size == 0.0 else f"{value:.2g}"
 
 
-def _spread(spread: Spread, ends: tuple[float, float]) -> Cell:
+def _spread(spread: Spread, shown: tuple[float, float]) -> Cell:
     middle = spread.median
     if math.isnan(middle.value):
         return Cell(NOTHING, kind="none")
-    known = not math.isnan(middle.low)
-    more = f" <small class=interval>[{digits(middle.low)}, {digits(middle.high)}]</small>" if known else FEW
+    ends = middle.ends
+    more = FEW if ends is None else f" <small class=interval>[{digits(ends[0])}, {digits(ends[1])}]</small>"
     low, quarter, high = spread.lower[0], spread.lower[1], spread.percentiles[2]
     tip = f"median of {spread.runs} runs; half of them in {digits(quarter)} to {digits(spread.percentiles[1])}, "
     tip += f"nine of ten in {digits(low)} to {digits(high)}"
-    interval = (middle.low, middle.high) if known else None
-    return Cell(f"{digits(middle.value)}{more}{_box(spread, ends)}", middle.value, "boxed", tip, interval)
+    return Cell(f"{digits(middle.value)}{more}{_box(spread, shown)}", middle.value, "boxed", tip, ends)
 
 
 def _range(spreads: Sequence[Spread]) -> tuple[float, float]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from optiplan.bench.report.analysis import PERCENTILES, Analysis, Spread, SubsetSummary
 from optiplan.bench.report.tables.cells import (
     BOUND,
+    NO_INTERVAL,
     NOTHING,
     Cell,
     Head,
@@ -17,7 +18,6 @@ from optiplan.bench.report.tables.cells import (
     success,
     with_interval,
 )
-from optiplan.bench.statistics.intervals_and_tests import Interval
 
 
 def ladder(analysis: Analysis) -> ReportTable:
@@ -79,12 +79,6 @@ def _part(part: SubsetSummary, k: int) -> Cell:
     if math.isnan(share.value):
         return Cell(NOTHING, kind="none")
     more = "" if math.isnan(seconds) else f"<br><small>{number(seconds)} s · {number(ratio)}</small>"
-    known = not math.isnan(share.low)
     ends = f"verified {percent(share.low)} to {percent(share.high)} with 95 % confidence"
-    tip = ends if known else "of fewer than 5 problems: no interval"
-    return _shaded(f"{percent(share.value)}{more}", share, tip)
-
-
-def _shaded(text: str, share: Interval, tip: str) -> Cell:
-    ends = None if math.isnan(share.low) else (share.low, share.high)
-    return Cell(f'<span class=heat style="--share:{share.value:.2f}">{text}</span>', share.value, "heated", tip, ends)
+    shaded = f'<span class=heat style="--share:{share.value:.2f}">{percent(share.value)}{more}</span>'
+    return Cell(shaded, share.value, "heated", NO_INTERVAL if share.ends is None else ends, share.ends)

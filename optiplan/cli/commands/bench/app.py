@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from optiplan.cli.commands.bench import report
-from optiplan.cli.output import messages, print_json, results, stdout_is_ours
+from optiplan.cli.options import AsJson
+from optiplan.cli.output import messages, print_json, results, say, stdout_is_ours
 from optiplan.cli.printing.bench_progress import progress
 from optiplan.cli.progress import ProgressLine
 
@@ -56,7 +57,7 @@ def run(
         Path | None,
         typer.Option(metavar="FILE", help="table of best known durations, updated with shorter ones"),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Make every run of a suite that the folder does not hold yet.
 
@@ -107,7 +108,7 @@ def export(
     kind: Annotated[
         str, typer.Option("--format", metavar="F", help="csv, parquet, all (both), problems, ompl or robometrics")
     ] = "all",
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Write the results for other programs.
 
@@ -118,10 +119,9 @@ def export(
     from optiplan.bench.results import export as tables
     from optiplan.bench.results.database import Store
     from optiplan.bench.results.ompl_log import write_logs
-    from optiplan.bench.results.robometrics_metrics import write_metrics
     from optiplan.errors import UnknownChoiceError
 
-    others = {"problems": tables.write_problems, "ompl": write_logs, "robometrics": write_metrics}
+    others = {"problems": tables.write_problems, "ompl": write_logs, "robometrics": tables.write_metrics}
     if kind not in (*tables.FORMATS, "all", *others):
         raise UnknownChoiceError("format", kind, (*tables.FORMATS, "all", *others))
     with Store(folder) as store:
@@ -133,7 +133,7 @@ def export(
     if as_json:
         print_json({"written": [str(path) for path in written]})
     else:
-        results().print("\n".join(map(str, written)), markup=False, soft_wrap=True)
+        say("\n".join(map(str, written)))
     return 0
 
 
@@ -141,7 +141,7 @@ def export(
 def merge(
     folders: Annotated[list[Path], typer.Argument(metavar="DIR DIR…", help="folders of results")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="where all of them go, a folder without results")],
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Merge folders of results into one, which can be gone on with, added to and reported like any other.
 
@@ -162,7 +162,7 @@ def merge(
         print_json({"results": str(store.path), **counts, "exit_code": 0})
     else:
         words = f"{counts['runs']} runs of {counts['problems']} problems and {counts['planners']} planners in {out}"
-        results().print(words, markup=False, soft_wrap=True)
+        say(words)
     return 0
 
 
@@ -184,7 +184,7 @@ def import_results(
     with Store(beside) as store, stdout_is_ours():
         found = read_results(file, label, store, out)
     words = f"{found.runs} runs in {out}: {found.trajectories} with a trajectory, {found.verified} of them verified"
-    results().print(words, markup=False, soft_wrap=True)
+    say(words)
     return 0
 
 
@@ -219,7 +219,7 @@ def _tell(store: Any, done: Any, standing: Any, as_json: bool) -> None:
         return
     show_summary(results(), store, done, standing)
     if page:
-        results().print(f"report: {page}", markup=False, soft_wrap=True)
+        say(f"report: {page}")
 
 
 @contextmanager

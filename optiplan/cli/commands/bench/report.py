@@ -9,7 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from optiplan.cli.output import print_json, results, stdout_is_ours
+from optiplan.cli.options import AsJson
+from optiplan.cli.output import print_json, results, say, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="the folder of a suite's results")]
@@ -27,7 +28,7 @@ def report(
     markdown: Annotated[Path | None, typer.Option(metavar="FILE", help="also a table for READMEs")] = None,
     pages: Annotated[int, typer.Option(min=0, metavar="N", help="problems of the matrix with a page to open")] = 6,
     serve: Annotated[bool, typer.Option("--serve", help="serve it until ctrl-C, every run a link")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Report on a suite's results: one HTML page that needs no network and nothing beside it.
 
@@ -46,8 +47,8 @@ def report(
     """
     from optiplan.bench.report.analysis import analyse
     from optiplan.bench.report.figures import write_figures
-    from optiplan.bench.report.markdown import markdown as table
     from optiplan.bench.report.page import FILE, all_tables, write_page
+    from optiplan.bench.report.tables.formats import markdown as table
     from optiplan.bench.report.tables.formats import write_tables
     from optiplan.files import write_text
 
@@ -66,7 +67,7 @@ def report(
         if as_json:
             print_json({"written": [str(path) for path in written]})
         else:
-            results().print("\n".join(map(str, written)), markup=False, soft_wrap=True)
+            say("\n".join(map(str, written)))
         if serve:
             _serve(store.folder)
     return 0
@@ -100,7 +101,7 @@ def show(
         serve_page(found, runs, port)
         return 0
     export_page(found, runs, export)
-    results().print(f"written: {export}", markup=False, soft_wrap=True)
+    say(f"written: {export}")
     return 0
 
 
@@ -108,7 +109,7 @@ def compare(
     before: Annotated[Path, typer.Argument(metavar="A", help="folder of the old results")],
     after: Annotated[Path, typer.Argument(metavar="B", help="folder of the new results")],
     gate: Annotated[bool, typer.Option("--gate", help="exit 1 when there is a significant regression")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Name what became worse and better, and how sure that is; only runs that both have are compared.
 

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from optiplan.cli.commands.robots.init import init
 from optiplan.cli.completion import robot_names
-from optiplan.cli.output import print_json, results, stdout_is_ours
+from optiplan.cli.options import AsJson
+from optiplan.cli.output import plain_table, print_json, results, say, stdout_is_ours
 
 app = typer.Typer(invoke_without_command=True)
 app.command("init")(init)
@@ -17,7 +17,6 @@ Name = Annotated[
     typer.Argument(metavar="NAME", help="a bundled robot, or the path of a robot.yaml", autocompletion=robot_names),
 ]
 Group = Annotated[str | None, typer.Option("--group", metavar="GROUP", help="one of the robot's groups of joints")]
-AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")]
 
 
 @app.callback()
@@ -47,9 +46,7 @@ def robots(context: typer.Context, as_json: AsJson = False) -> int:
     if as_json:
         print_json({"robots": {name: spec.model_dump(mode="json", exclude_none=True) for name, spec in specs.items()}})
         return 0
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    for heading in ("name", "groups", "tool frame", "configurations"):
-        table.add_column(heading)
+    table = plain_table(("name", "groups", "tool frame", "configurations"))
     for name, spec in specs.items():
         table.add_row(name, ", ".join(spec.groups), spec.tool_frame or "last link", ", ".join(spec.configurations))
     results().print(table)
@@ -105,7 +102,7 @@ def srdf(
     if as_json or context.obj:
         print_json({"written": str(out), "pairs": len(robot.allowed)})
         return 0
-    results().print(f"{len(robot.allowed)} pairs that need no check written to {out}", markup=False, soft_wrap=True)
+    say(f"{len(robot.allowed)} pairs that need no check written to {out}")
     return 0
 
 
@@ -135,5 +132,5 @@ def export(
         results().out(text, end="", highlight=False)
     else:
         write_text(out, text)
-        results().print(f"{robot.name} written to {out}", markup=False, soft_wrap=True)
+        say(f"{robot.name} written to {out}")
     return 0

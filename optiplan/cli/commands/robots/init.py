@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from optiplan.cli.options import AsJson
 from optiplan.cli.output import stdout_is_ours
 
 
@@ -36,7 +37,7 @@ def init(
     full: Annotated[bool, typer.Option("--full", help="print every pair of links and every frame")] = False,
     force: Annotated[bool, typer.Option("--force", help="replace files that are there")] = False,
     ask: Annotated[bool | None, typer.Option("--ask/--no-ask", help="ask for what no flag says")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print one JSON object and nothing else")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Make a robot from a URDF: choose the joints to plan, find the pairs of links that need no check, write both.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import typer
 
 from optiplan.api.init_robot import SRDF_NAME, TOUCHING, YAML_NAME, Choices, checked_limit
-from optiplan.cli.output import messages, print_json, results
+from optiplan.cli.output import print_error, print_json, results, say
 from optiplan.cli.printing.robot_table import describe, show_robot
 from optiplan.errors import OptiPlanError, UnknownChoiceError
 from optiplan.robot.limits import joint_units
@@ -88,7 +88,7 @@ def _ask_names(what: str, default: str, valid: list[str]) -> tuple[str, ...]:
         if names and not wrong:
             return names
         error = UnknownChoiceError(what, wrong[0] if wrong else "", valid)
-        messages().print(str(error), style="red", markup=False, soft_wrap=True)
+        print_error(str(error))
 
 
 def show(robot: Robot, folder: Path, as_json: bool, full: bool) -> None:
@@ -100,6 +100,6 @@ def show(robot: Robot, folder: Path, as_json: bool, full: bool) -> None:
         print_json(data | {"written": files, "next": follow})
         return
     show_robot(results(), data, full)
-    results().print(f"written: {' and '.join(files)}", markup=False, soft_wrap=True)
+    say(f"written: {' and '.join(files)}")
     line = f"next: {follow}, with the line `robot: {folder / YAML_NAME}` in problem.yaml"
-    results().print(line, markup=False, soft_wrap=True)
+    say(line)

@@ -12,9 +12,9 @@ from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.failures import EXAMPLES, alike, reasons
 from optiplan.bench.report.figures import figures, inline_svg, measure_figures, write_figures
 from optiplan.bench.report.headline import cards, facts, warnings
-from optiplan.bench.report.markdown import markdown
 from optiplan.bench.report.page import write_page
 from optiplan.bench.report.tables.cells import number, percent
+from optiplan.bench.report.tables.formats import markdown
 from optiplan.bench.results.database import Store
 from optiplan.figure_style import COLOURS, line_of
 

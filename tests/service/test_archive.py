@@ -6,10 +6,10 @@ from dataclasses import replace
 import pytest
 import sqlalchemy as sa
 
+from optiplan.service.archive import outdated, sweep
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
-from optiplan.service.store.problem_table import ProblemTable
-from optiplan.service.store.retention import outdated, sweep
+from optiplan.service.store.keyed_tables import ProblemTable
 from optiplan.service.store.run_table import NewRun, RunEnd, RunTable
 from optiplan.service.store.tables import LAYOUT, about, benches, open_database, runs
 
@@ -74,7 +74,7 @@ def test_a_server_tidies_what_is_outdated_and_keeps_the_rest(server, monkeypatch
     old, young = (server.submit(seed=seed)["id"] for seed in (7001, 7002))
     for run in (old, young):
         server.ended(run)
-    engine = server.service.engine
+    engine = server.service.archive.engine
     with engine.begin() as connection:
         connection.execute(runs.update().where(runs.c.id == old).values(submitted=time.time() - 31 * DAY))
     server.service.tidy()
@@ -87,14 +87,14 @@ def test_a_server_tidies_what_is_outdated_and_keeps_the_rest(server, monkeypatch
 
 def test_a_server_keeps_no_more_than_it_may(server, monkeypatch):
     kept = [server.submit(seed=seed)["id"] for seed in (7011, 7012, 7013)]
-    sizes = {run: server.ended(run) and server.service.runs.get(run)["bytes"] for run in kept}
+    sizes = {run: server.ended(run) and server.service.archive.runs.get(run)["bytes"] for run in kept}
     assert min(sizes.values()) > 1000
-    ended = server.service.runs.of_states(("done", "failed", "cancelled"))
+    ended = server.service.archive.runs.of_states(("done", "failed", "cancelled"))
     newest = sorted(ended, key=lambda record: record["submitted"], reverse=True)[:2]
     allowed = sum(record["bytes"] for record in newest)
     monkeypatch.setattr(server.service, "settings", replace(server.service.settings, keep_bytes=allowed))
     server.service.tidy()
-    left = {record["id"] for record in server.service.runs.of_states(("done", "failed", "cancelled"))}
+    left = {record["id"] for record in server.service.archive.runs.of_states(("done", "failed", "cancelled"))}
     assert left == {record["id"] for record in newest}
 
 

@@ -1,0 +1,71 @@
+"""Tables of stored problems and benches, whose rows have a key."""
+
+import time
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.engine import Engine
+
+from optiplan.service.store.run_table import Record
+from optiplan.service.store.tables import benches, problems
+
+
+class KeyedTable:
+    """Access to the rows of a table by its key."""
+
+    def __init__(self, engine: Engine, table: sa.Table) -> None:
+        self._engine, self._table = engine, table
+        (self._key,) = table.primary_key.columns
+
+    def get(self, key: str) -> Record | None:
+        """Return the row of a key; None if there is none."""
+        found = self._all(sa.select(self._table).where(self._key == key))
+        return found[0] if found else None
+
+    def delete(self, key: str) -> bool:
+        """Delete a row; return False if there is none."""
+        with self._engine.begin() as connection:
+            return connection.execute(self._table.delete().where(self._key == key)).rowcount == 1
+
+    def newest(self, count: int) -> list[Record]:
+        """Return at most `count` rows, the newest first."""
+        return self._all(sa.select(self._table).order_by(self._table.c.created.desc()).limit(count))
+
+    def _all(self, query: sa.Select[Any]) -> list[Record]:
+        with self._engine.connect() as connection:
+            return [dict(row) for row in connection.execute(query).mappings()]
+
+
+class ProblemTable(KeyedTable):
+    """Problems that were stored under their hash."""
+
+    def __init__(self, engine: Engine) -> None:
+        super().__init__(engine, problems)
+
+    def add(self, hash: str, name: str, robot: str, text: str) -> None:
+        """Store a problem under its hash; `text` is the digest of its text."""
+        row = {"hash": hash, "name": name, "robot": robot, "text": text, "created": time.time()}
+        with self._engine.begin() as connection:
+            connection.execute(problems.delete().where(problems.c.hash == hash))
+            connection.execute(problems.insert().values(**row))
+
+    def digests_in_use(self) -> set[str]:
+        """Return the digests of the texts."""
+        with self._engine.connect() as connection:
+            return set(connection.scalars(sa.select(problems.c.text)))
+
+
+class BenchTable(KeyedTable):
+    """Benches: which runs belong to which, and what they compare; the runs are in the table of runs."""
+
+    def __init__(self, engine: Engine) -> None:
+        super().__init__(engine, benches)
+
+    def add(self, bench: str, name: str, content: Record) -> None:
+        """Record a bench; a known id keeps its row."""
+        row = {"id": bench, "name": name, "created": time.time(), "content": content}
+        try:
+            with self._engine.begin() as connection:
+                connection.execute(benches.insert().values(**row))
+        except sa.exc.IntegrityError:
+            return
