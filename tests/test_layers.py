@@ -17,6 +17,7 @@ ROOMS = (
     {"control"},
     {"planners", "verify"},
     {"runs"},
+    {"execution"},
     {"simulation"},
     {"viewer"},
     {"api"},

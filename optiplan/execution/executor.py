@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 LONGEST_TICK = 0.1
 """s: after a longer one the robot had no set-points for too long, and stops."""
 
-SAME_STATE = 1e-7
-"""rad or m, and the same per s and s²: by how much the states may differ at which one motion takes over from another."""
+SAME_STATE = 1e-8
+"""rad or m, and the same per s and s²: how far apart two states may be where one motion takes over."""
 
 KEPT_STATES = 64
 """Predicted states that a splice may begin at."""

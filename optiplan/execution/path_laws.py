@@ -161,7 +161,10 @@ def _sizes(motion: Trajectory, edges: Array) -> Array:
     size = np.zeros((5, len(edges) - 1, motion.n))
     for later in range(int(np.diff(piece_of).max(initial=0)) + 1):
         piece = np.minimum(piece_of[:-1] + later, piece_of[1:])
-        begin, end = np.maximum(edges[:-1], motion.breakpoints[piece]), np.minimum(edges[1:], motion.breakpoints[piece + 1])
+        begin, end = (
+            np.maximum(edges[:-1], motion.breakpoints[piece]),
+            np.minimum(edges[1:], motion.breakpoints[piece + 1]),
+        )
         half = (np.maximum(0.5 * (end - begin), 0.0) * (1.0 + 1e-6))[:, None]
         middle = (0.5 * (begin + end) - motion.breakpoints[piece])[:, None]
         size = np.maximum(size, derivative_bounds(motion.coefficients[piece], middle, half, 5))
