@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from published import print_json, print_table, table_parser, write_markdown
-from rich.console import Console
 
 import optiplan as op
 from optiplan.problem.task.timeline import scene_parts
@@ -71,7 +70,7 @@ def main() -> None:
         )
         data[name] = {"events": found.events, "violations": found.violations, "off": found.off, "shares": found.shares}
         print(f"{name}: {found.events} events, {found.violations} violations", flush=True)
-    print_table(Console(), "Random events", HEADINGS, rows)
+    print_table(HEADINGS, rows)
     if options.markdown:
         write_markdown(options.markdown, HEADINGS, rows)
     print_json(data)
