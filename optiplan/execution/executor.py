@@ -10,7 +10,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import described, wrong_argument
 from optiplan.execution.path_laws import PathPlace, SetPoint
-from optiplan.execution.proved_path import ProvedPath, Stretch
+from optiplan.execution.proved_path import ProvedPath, PathStretch
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.state import State
@@ -128,7 +128,7 @@ class Executor:
         if deviation is not None and not (_is_number(deviation) and deviation > 0.0):
             raise wrong_argument("Executor", "deviation", described(deviation), "a distance > 0, rad or m, or None")
         self._path = ProvedPath(run, "Executor")
-        self._stretch: Stretch = self._path.forwards
+        self._stretch: PathStretch = self._path.forwards
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
         self._law: TimeLaw = self._start_law(self._path, float(override))

@@ -143,7 +143,7 @@ def _curvature(motion: Trajectory, loads: Sequence[Load], cells: int) -> Array:
     |q^(k)| for k from 1 to 4 is at most |p'|, |p''| + |p'| c2, |p'''| + 3 |p''| c2 + |p'| c3, and
     |p''''| + 6 |p'''| c2 + 3 |p''| c2² + 4 |p''| c3.
     """
-    edges = motion.duration / cells * np.arange(cells + 1)
+    edges: Array = motion.duration / cells * np.arange(cells + 1.0)
     q, first, second, third, fourth = _sizes(motion, edges)
     found = np.zeros((len(LEVELS), cells, motion.n))
     for k, (c2, c3) in enumerate(zip(LEVELS * MOST_RATE, LEVELS * MOST_JERK, strict=True)):

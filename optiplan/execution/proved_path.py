@@ -21,7 +21,7 @@ TIMED_CONSTRAINTS = (ToolAcceleration, Expression)
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class PathStretch:
     """A part of the path, run in one direction from `start`: place s of its laws is `start` + s, backwards - s.
 
     Attributes:
@@ -66,7 +66,7 @@ class ProvedPath:
         self.run = run
         self._loads = [Load(part.begin, part.end, part.problem.robot) for part in scene_parts(problem, self.motion)]
         self.events: tuple[Segment, ...] = tuple(one for one in self.motion.segments if one.kind in EVENTS)
-        self.forwards = Stretch(PathLaws(self.motion, problem.limits, self._loads), 0.0, 1.0)
+        self.forwards = PathStretch(PathLaws(self.motion, problem.limits, self._loads), 0.0, 1.0)
         stops = sorted({0.0, self.motion.duration, *(event.begin for event in self.events)})
         self._ways_back = [self._way_back(begin, end) for begin, end in pairwise(stops)]
         overloaded = self.forwards.laws.overloaded
@@ -80,7 +80,7 @@ class ProvedPath:
         assert self.run.trajectory is not None
         return self.run.trajectory
 
-    def backwards(self, place: float) -> Stretch | None:
+    def backwards(self, place: float) -> PathStretch | None:
         """Return the way back from a place to the last event before it, or to the start; None where there is none.
 
         An event is not undone: what was taken stays taken.
@@ -90,7 +90,7 @@ class ProvedPath:
         k = int(np.searchsorted([stretch.start for stretch in self._ways_back], place))
         return self._ways_back[min(k, len(self._ways_back) - 1)]
 
-    def _way_back(self, begin: float, end: float) -> Stretch:
+    def _way_back(self, begin: float, end: float) -> PathStretch:
         """Return the stretch from `end` back to `begin`."""
         part = reversed_motion(cut_trajectory(self.motion, begin, end))
         loads = [
@@ -98,7 +98,7 @@ class ProvedPath:
             for load in reversed(self._loads)
             if load.end > begin and load.begin < end
         ]
-        return Stretch(PathLaws(part, self.run.problem.limits, loads), end, -1.0)
+        return PathStretch(PathLaws(part, self.run.problem.limits, loads), end, -1.0)
 
     @property
     def starts_at_rest(self) -> bool:
