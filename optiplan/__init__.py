@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from optiplan.control.tasks.other_frames import LookAtTask, RelativePoseTask
     from optiplan.control.tasks.whole_body import CentreOfMassTask, ManipulabilityTask
     from optiplan.errors import InputError, OptiPlanError
+    from optiplan.execution.executor import Executor, Status, Stopping, Tick
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
@@ -108,6 +109,7 @@ _ROOMS = {
     "control.tasks.other_frames": ("LookAtTask", "RelativePoseTask"),
     "control.tasks.whole_body": ("CentreOfMassTask", "ManipulabilityTask"),
     "errors": ("InputError", "OptiPlanError"),
+    "execution.executor": ("Executor", "Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "planners.trajopt.program.nlp": ("TrajectoryNlp",),
@@ -158,6 +160,7 @@ __all__ = [
     "Controller",
     "Cylinder",
     "DampingTask",
+    "Executor",
     "Expression",
     "Failure",
     "FixedOrientation",
@@ -210,7 +213,10 @@ __all__ = [
     "Simulation",
     "Sphere",
     "State",
+    "Status",
+    "Stopping",
     "Task",
+    "Tick",
     "ToolAcceleration",
     "ToolSpeed",
     "ToolSpeedLimit",

@@ -16,6 +16,7 @@ ROOMS = (
     {"control"},
     {"planners", "verify"},
     {"runs"},
+    {"execution"},
     {"simulation"},
     {"viewer"},
     {"api"},

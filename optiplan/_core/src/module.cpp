@@ -9,4 +9,5 @@ NB_MODULE(CORE_MODULE, m) {
     optiplan::bind_search(m);
     optiplan::bind_program(m);
     optiplan::bind_control(m);
+    optiplan::bind_execution(m);
 }

@@ -10,5 +10,6 @@ void bind_world(nanobind::module_ &m);
 void bind_search(nanobind::module_ &m);
 void bind_program(nanobind::module_ &m);
 void bind_control(nanobind::module_ &m);
+void bind_execution(nanobind::module_ &m);
 
 }  // namespace optiplan

@@ -42,7 +42,7 @@ Phase = Callable[[str], None]
 """Told `warm-up` and `run` when these begin."""
 
 
-class Executor:
+class TaskExecutor:
     """Execute tasks in turn; robots, the last problems and warm planners are cached."""
 
     def __init__(self) -> None:

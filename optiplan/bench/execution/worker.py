@@ -23,9 +23,9 @@ def main() -> None:
         os.sched_setaffinity(0, {core})
     keep_a_child(parent, socket)
     connection = Connection(socket)
-    from optiplan.bench.execution.run_task import Executor  # takes half a second: after the line above
+    from optiplan.bench.execution.run_task import TaskExecutor  # takes half a second: after the line above
 
-    libc, execute, ours = ctypes.CDLL(None), Executor(), os.getpid()
+    libc, execute, ours = ctypes.CDLL(None), TaskExecutor(), os.getpid()
     from optiplan.bench.results.records import BenchTask
 
     def send(message: dict[str, object]) -> None:

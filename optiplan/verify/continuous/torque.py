@@ -25,7 +25,7 @@ _MORE = 1.05  # parts than would do: within an interval torques may be larger th
 _bounds: WeakKeyDictionary[Robot, TorqueBounds] = WeakKeyDictionary()
 
 
-def _bounds_of(robot: Robot) -> TorqueBounds:
+def bounds_of(robot: Robot) -> TorqueBounds:
     """The bounds of a robot, made once."""
     if robot not in _bounds:
         plain = unfold(robot.model)
@@ -68,7 +68,7 @@ class _Proof:
     """Torques of a trajectory, at times and over intervals."""
 
     def __init__(self, problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> None:
-        self._policy, self._robot, self._bounds = policy, problem.robot, _bounds_of(problem.robot)
+        self._policy, self._robot, self._bounds = policy, problem.robot, bounds_of(problem.robot)
         self._trajectory = trajectory
         self.evaluated = 0
         self.peak, self.time = np.zeros(trajectory.n), np.zeros(trajectory.n)

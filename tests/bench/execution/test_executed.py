@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from optiplan.bench.execution.run_task import Executor
+from optiplan.bench.execution.run_task import TaskExecutor
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, BenchTask
 from optiplan.problem.load import load_problem, problem_from_dict
 from optiplan.simulation import execution
@@ -13,7 +13,7 @@ from optiplan.simulation import execution
 def outcome(problem, planner="trajopt", metrics=None):
     asked = BenchProblem("set/one", "set", None, problem.hash, problem.source, {})
     task = BenchTask(asked, BenchPlanner(planner, planner, {}), 0, 0, 5.0, 60.0, 4000.0, metrics)
-    return Executor()(task, lambda phase: None).row
+    return TaskExecutor()(task, lambda phase: None).row
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,112 @@
+// Time laws along proved paths, for Python.
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <memory>
+#include <optional>
+
+#include "arrays.hpp"
+#include "execution/time_law.hpp"
+#include "module.hpp"
+
+namespace optiplan {
+
+using namespace nb::literals;
+
+namespace {
+
+// A path with the search of laws along it.
+struct PathLaws {
+    PathTables tables;
+    LawRules rules;
+
+    PathLaws(PathTables made, LawRules given) : tables(std::move(made)), rules(given) {}
+    PathLaws(const PathLaws &) = delete;
+};
+
+std::unique_ptr<PathLaws> make_laws(Vector breakpoints, Stack coefficients, Matrix limits, Vector ends,
+                                    const std::vector<const Tree *> &trees, double width, Vector rules) {
+    const std::size_t n = coefficients.shape(2);
+    expect(breakpoints.size() == coefficients.shape(0) + 1, "breakpoints (m + 1,), coefficients (m, degree + 1, n)");
+    expect(limits.shape(0) == 3 && limits.shape(1) == n, "limits (3, n): acceleration, jerk, torque");
+    expect(ends.size() == trees.size() && !trees.empty(), "a tree for every load");
+    expect(rules.size() == 4, "step, look, most rate, most jerk");
+    std::vector<Load> loads;
+    for (std::size_t k = 0; k < trees.size(); ++k) loads.push_back({ends.data()[k], *trees[k]});
+    Curve path{to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1,
+               static_cast<int>(n)};
+    const double *l = limits.data(), *r = rules.data();
+    JointRates rates{{l, l + n}, {l + n, l + 2 * n}, {l + 2 * n, l + 3 * n}};
+    return std::make_unique<PathLaws>(PathTables(std::move(path), std::move(rates), std::move(loads), width),
+                                      LawRules{r[0], r[1], r[2], r[3], 0.0});
+}
+
+std::optional<TimeLaw> change(PathLaws &self, double s, double ds, double dds, double begin, double target,
+                              double reserve) {
+    TimeLaw law;
+    LawRules rules = self.rules;
+    rules.reserve = reserve;
+    const LawSearch search(self.tables, rules);
+    if (!search.change({s, ds, dds}, begin, target, law) || !search.holds(law, begin)) return std::nullopt;
+    return law;
+}
+
+// q, v, a and tau (4, n), and s, ds, dds, at time t of a law.
+nb::tuple set_point(const PathLaws &self, const TimeLaw &law, double t) {
+    const std::size_t n = self.tables.joints();
+    LawState state = law.at(t);
+    const double T = self.tables.length();
+    if (state.s >= T) state = {T, 0.0, 0.0};
+    std::vector<double> at(4 * n);
+    self.tables.derivatives(state.s, at.data());
+    for (std::size_t j = 0; j < n; ++j) {
+        at[2 * n + j] = at[2 * n + j] * state.ds * state.ds + at[n + j] * state.dds;
+        at[n + j] *= state.ds;
+    }
+    self.tables.torques(state.s, false, at.data(), at.data() + n, at.data() + 2 * n, at.data() + 3 * n);
+    return nb::make_tuple(to_numpy(std::move(at), {4, n}), state.s, state.ds, state.dds);
+}
+
+}  // namespace
+
+void bind_execution(nb::module_ &m) {
+    nb::class_<TimeLaw>(m, "TimeLaw")
+        .def_static(
+            "steady", [](double s, double ds, double begin) { return TimeLaw{{{begin, {s, ds, 0.0}, 0.0}}}; }, "s"_a,
+            "ds"_a, "begin"_a)
+        .def_prop_ro("settled", &TimeLaw::settled)
+        .def_prop_ro("target", &TimeLaw::target)
+        .def(
+            "at",
+            [](const TimeLaw &self, double t) {
+                const LawState state = self.at(t);
+                return nb::make_tuple(state.s, state.ds, state.dds);
+            },
+            "t"_a)
+        .def("pieces", [](const TimeLaw &self) {  // begin, s, ds, dds, ddds
+            std::vector<double> rows;
+            for (const LawPiece &piece : self.pieces)
+                rows.insert(rows.end(), {piece.begin, piece.at.s, piece.at.ds, piece.at.dds, piece.ddds});
+            return to_numpy(std::move(rows), {self.pieces.size(), 5});
+        });
+    nb::class_<PathLaws>(m, "PathLaws")
+        .def_static("of", &make_laws, "breakpoints"_a, "coefficients"_a, "limits"_a, "ends"_a, "trees"_a, "width"_a,
+                    "rules"_a)
+        .def_prop_ro("coarse_cells", [](const PathLaws &self) { return self.tables.coarse().count; })
+        .def_prop_ro("overloaded", [](const PathLaws &self) { return self.tables.overloaded(); })
+        .def(
+            "set_curvature",
+            [](PathLaws &self, Stack bounds, Vector rates, Vector jerks) {
+                expect(bounds.shape(0) == rates.size() && jerks.size() == rates.size() &&
+                           bounds.shape(1) == static_cast<std::size_t>(self.tables.coarse().count) &&
+                           bounds.shape(2) == self.tables.joints(),
+                       "bounds (levels, coarse cells, n)");
+                self.tables.set_curvature(to_vector(bounds), to_vector(rates), to_vector(jerks));
+            },
+            "bounds"_a, "rates"_a, "jerks"_a)
+        .def("change", &change, "s"_a, "ds"_a, "dds"_a, "begin"_a, "target"_a, "reserve"_a = 0.0)
+        .def("set_point", &set_point, "law"_a, "t"_a);
+}
+
+}  // namespace optiplan

@@ -1,0 +1,78 @@
+// What a proved path asks of the joints in each short part of it, for time laws along it.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "program/inverse_dynamics.hpp"
+#include "world/sweep.hpp"
+
+namespace optiplan {
+
+// Of all joints (n,), without signs; infinite where there is none.
+struct JointRates {
+    std::vector<double> acceleration, jerk, torque;
+};
+
+// A stretch of the path up to `end` on which the robot carries the same: its dynamics there.
+struct Load {
+    double end;
+    Tree tree;
+};
+
+// Ranges of p', p'' and p''' of the path p(s) in equal cells of s: low and high (count, n) of each.
+struct Cells {
+    double width = 0.0;
+    int count = 0;
+    std::vector<double> low[3], high[3];
+
+    int at(double s) const;
+};
+
+// What a path asks of the joints. With speed ds = s', dds = s'' and ddds = s''' of a law s(t) (Verscheure et al. 2009):
+//     q'   = p' ds,      q'' = p'' ds^2 + p' dds,      q''' = p''' ds^3 + 3 p'' ds dds + p' ddds,
+//     tau  = a dds + b ds^2 + g,      a = M p',   b = M p'' + c(p, p'),   g gravity.
+// A path that keeps the limits at ds = 1 keeps them at every steady ds in [0, 1], where gravity alone keeps them.
+class PathTables {
+  public:
+    PathTables(Curve path, JointRates limits, std::vector<Load> loads, double width);
+
+    std::size_t joints() const { return static_cast<std::size_t>(path_.joints); }
+    double length() const { return path_.breakpoints.back(); }
+    const Cells &fine() const { return fine_; }
+    const Cells &coarse() const { return coarse_; }
+    const JointRates &limits() const { return limits_; }
+    bool limits_torque() const { return torque_; }
+
+    // Bounds (levels, coarse cells, n) on |tau''| in time, N m/s^2, of laws with |s''| <= rates[k], |s'''| <= jerks[k];
+    // levels rise.
+    void set_curvature(std::vector<double> bounds, std::vector<double> rates, std::vector<double> jerks);
+    const double *curvature(int coarse_cell, double rate, double jerk) const;
+
+    // a, b and g, (n,) each, at s, between their values at the ends of its cell; of the load there.
+    void torque_terms(double s, double *a, double *b, double *g) const;
+
+    // Position and its first three derivatives in s, (4, n); s is clamped to the path.
+    void derivatives(double s, double *out) const;
+
+    // tau (n,) of the load at s (before it, at a boundary, if `before`).
+    void torques(double s, bool before, const double *q, const double *v, const double *a, double *tau) const;
+    int load_at(double s, bool before) const;
+
+    // The first s where gravity takes more than the limits, or -1.
+    double overloaded() const;
+
+  private:
+    Cells cells_of(double width) const;
+
+    Curve path_;
+    JointRates limits_;
+    std::vector<double> load_ends_;
+    std::vector<std::unique_ptr<InverseDynamics>> dynamics_;
+    Cells fine_, coarse_;
+    std::vector<double> terms_;  // (fine cells + 1, 3, n): a, b, g
+    std::vector<double> curvature_, level_rates_, level_jerks_;
+    bool torque_ = false;
+};
+
+}  // namespace optiplan

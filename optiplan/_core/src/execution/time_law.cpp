@@ -1,0 +1,288 @@
+#include "execution/time_law.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace optiplan {
+
+static constexpr double ROUNDING = 1e-12;    // of a speed, which lies in [0, 1]
+static constexpr int MOST_PIECES = 4'000;    // of a law
+static constexpr double LONGEST = 1.0;       // s, of the last piece before the target
+static constexpr double WEAKER[] = {1.0, 0.8, 0.55, 0.3, 0.12};  // shares of the strongest jerk that are tried
+static constexpr double GENTLER[] = {0.9, 0.6, 0.4, 0.25};       // the same on the way to a steady speed
+
+LawState LawState::after(double t, double ddds) const {
+    return {s + t * (ds + t * (0.5 * dds + t * ddds / 6.0)), ds + t * (dds + 0.5 * t * ddds), dds + t * ddds};
+}
+
+const LawPiece &TimeLaw::piece_at(double t) const {
+    auto after = std::upper_bound(pieces.begin() + 1, pieces.end(), t,
+                                  [](double time, const LawPiece &piece) { return time < piece.begin; });
+    return *(after - 1);
+}
+
+LawState TimeLaw::at(double t) const {
+    const LawPiece &piece = piece_at(t);
+    return piece.at.after(t - piece.begin, piece.ddds);
+}
+
+namespace {
+
+struct Range {
+    double low, high;
+};
+
+Range operator+(Range a, Range b) { return {a.low + b.low, a.high + b.high}; }
+Range scaled(Range a, double factor) {
+    return factor >= 0.0 ? Range{a.low * factor, a.high * factor} : Range{a.high * factor, a.low * factor};
+}
+// Of a number that is not negative.
+Range times_size(Range a, Range size) {
+    return {a.low * (a.low >= 0.0 ? size.low : size.high), a.high * (a.high >= 0.0 ? size.high : size.low)};
+}
+Range product(Range a, Range b) {
+    const double corner[4] = {a.low * b.low, a.low * b.high, a.high * b.low, a.high * b.high};
+    return {std::min(std::min(corner[0], corner[1]), std::min(corner[2], corner[3])),
+            std::max(std::max(corner[0], corner[1]), std::max(corner[2], corner[3]))};
+}
+
+}  // namespace
+
+bool LawSearch::allowed(const LawState &at, double ddds, double lasting, const Cells &cells, bool torque) const {
+    const LawState next = at.after(lasting, ddds);
+    Range speed{std::min(at.ds, next.ds), std::max(at.ds, next.ds)};
+    if (at.dds * next.dds < 0.0) {  // the speed turns in between
+        const double turn = at.ds - 0.5 * at.dds * at.dds / ddds;
+        speed = {std::min(speed.low, turn), std::max(speed.high, turn)};
+    }
+    if (speed.low < -ROUNDING || speed.high > 1.0 + ROUNDING) return false;
+    if (std::fabs(next.dds) > rules_.most_rate || std::fabs(ddds) > rules_.most_jerk) return false;
+    if (at.s >= tables_.length() || (at.dds == 0.0 && ddds == 0.0)) return true;
+    speed = {std::max(speed.low, 0.0), std::min(speed.high, 1.0)};
+    const Range rate{std::min(at.dds, next.dds), std::max(at.dds, next.dds)};
+    const Range square{speed.low * speed.low, speed.high * speed.high};
+    const Range cube{square.low * speed.low, square.high * speed.high};
+    const Range turning = times_size(rate, speed);
+    const std::size_t n = tables_.joints();
+    const int last = cells.at(next.s);
+    for (int cell = cells.at(at.s); cell <= last; ++cell)
+        for (std::size_t j = 0; j < n; ++j) {
+            const std::size_t i = cell * n + j;
+            const Range first{cells.low[0][i], cells.high[0][i]}, second{cells.low[1][i], cells.high[1][i]};
+            const Range acceleration = times_size(second, square) + product(first, rate);
+            const double most = tables_.limits().acceleration[j];
+            if (acceleration.low < -most || acceleration.high > most) return false;
+            const double most_jerk = tables_.limits().jerk[j];
+            if (!std::isfinite(most_jerk)) continue;
+            const Range third{cells.low[2][i], cells.high[2][i]};
+            const Range jerk =
+                times_size(third, cube) + scaled(product(second, turning), 3.0) + scaled(first, ddds);
+            if (jerk.low < -most_jerk || jerk.high > most_jerk) return false;
+        }
+    if (!torque || !tables_.limits_torque()) return true;
+    terms_.resize(3 * n);
+    const double end = std::min(next.s, tables_.length());
+    tables_.torque_terms(end, terms_.data(), terms_.data() + n, terms_.data() + 2 * n);
+    const double *curvature =
+        tables_.curvature(tables_.coarse().at(end), std::max(-rate.low, rate.high), std::fabs(ddds));
+    for (std::size_t j = 0; j < n; ++j) {
+        const double tau = terms_[j] * next.dds + terms_[n + j] * next.ds * next.ds + terms_[2 * n + j];
+        const double between = 0.125 * rules_.step * rules_.step * curvature[j];
+        if (std::fabs(tau) + between > (1.0 - rules_.reserve) * tables_.limits().torque[j]) return false;
+    }
+    return true;
+}
+
+bool LawSearch::allowed_along(const LawState &at, double ddds, double lasting) const {
+    for (double t = 0.0; t < lasting; t += rules_.look) {
+        const LawState from = at.after(t, ddds);
+        const double part = std::min(rules_.look, lasting - t);
+        if (allowed(from, ddds, part, tables_.coarse(), true)) continue;
+        for (double u = 0.0; u < part; u += rules_.step)
+            if (!allowed(at.after(t + u, ddds), ddds, std::min(rules_.step, part - u), tables_.fine(), true))
+                return false;
+    }
+    return true;
+}
+
+// The size of the strongest jerk of that sign by the ranges of the present cell; a first guess for `allowed`.
+double LawSearch::strongest(const LawState &at, double direction) const {
+    double most = std::min(rules_.most_jerk, (rules_.most_rate - direction * at.dds) / rules_.step);
+    if (at.s >= tables_.length()) return most;
+    const Cells &cells = tables_.fine();
+    const std::size_t n = tables_.joints(), cell = cells.at(at.s);
+    const double square = at.ds * at.ds, cube = square * at.ds, turning = 3.0 * at.ds * at.dds;
+    for (std::size_t j = 0; j < n; ++j) {
+        const std::size_t i = cell * n + j;
+        const double low = direction > 0.0 ? cells.low[0][i] : -cells.high[0][i];
+        const double high = direction > 0.0 ? cells.high[0][i] : -cells.low[0][i];
+        const Range second{cells.low[1][i], cells.high[1][i]}, third{cells.low[2][i], cells.high[2][i]};
+        const double limit = tables_.limits().acceleration[j], jerk = tables_.limits().jerk[j];
+        const Range bent = scaled(second, square);
+        const Range still = std::isfinite(jerk) ? scaled(third, cube) + scaled(second, turning) : Range{0.0, 0.0};
+        const double sized = direction * at.dds;  // of the acceleration already there
+        if (high > 0.0) {
+            most = std::min(most, (jerk - still.high) / high);
+            most = std::min(most, ((limit - bent.high) / high - sized) / rules_.step);
+        }
+        if (low < 0.0) {
+            most = std::min(most, (jerk + still.low) / -low);
+            most = std::min(most, ((limit + bent.low) / -low - sized) / rules_.step);
+        }
+    }
+    return std::max(most, 0.0);
+}
+
+// Whether the law can end its acceleration by a steady jerk, `ddds`, at a speed in [0, 1] not beyond the target.
+bool LawSearch::levels_off(const LawState &at, double direction, double target, double &ddds) const {
+    ddds = 0.0;
+    if (at.dds == 0.0) return true;
+    const double sign = at.dds > 0.0 ? 1.0 : -1.0;
+    const double room = sign == direction ? direction * (target - at.ds) : (sign > 0.0 ? 1.0 - at.ds : at.ds);
+    const double half = 0.5 * at.dds * at.dds;
+    if (room <= 0.0) return false;
+    const double least = half / room;
+    LawState ahead = at;
+    const double most = strongest(ahead, -sign);
+    const auto open = [&](double size) {
+        ddds = -sign * size;
+        return size > 0.0 && allowed_along(at, ddds, std::fabs(at.dds) / size);
+    };
+    for (double share : GENTLER)
+        if (share * most >= least && open(share * most)) return true;
+    return least <= rules_.most_jerk && open(least);
+}
+
+bool LawSearch::change(const LawState &from, double begin, double target, TimeLaw &law) const {
+    law.pieces.clear();
+    LawState at = from;
+    double t = begin, off = 0.0;
+    // Towards the target from where the present acceleration leads.
+    const double back = at.dds == 0.0 ? 0.0 : strongest(at, at.dds > 0.0 ? -1.0 : 1.0);
+    const double ends = at.ds + (back > 0.0 ? 0.5 * at.dds * std::fabs(at.dds) / back : 0.0);
+    const double direction = target < ends ? -1.0 : 1.0;
+    const auto push = [&](double ddds, double lasting) {
+        law.pieces.push_back({t, at, ddds});
+        at = at.after(lasting, ddds), t += lasting;
+    };
+    if (!levels_off(at, direction, target, off) && !levels_off(at, -direction, target, off)) return false;
+    bool moved = false;
+    while (static_cast<int>(law.pieces.size()) < MOST_PIECES && at.s < tables_.length()) {
+        if (at.dds == 0.0 && std::fabs(at.ds - target) <= ROUNDING) break;
+        // The strongest jerk from whose end a steady speed is in reach.
+        const double most = strongest(at, direction);
+        bool stepped = false;
+        for (double share : WEAKER) {
+            const double ddds = off + share * (direction * most - off);
+            if (direction * (ddds - off) <= 0.0 || !allowed(at, ddds, rules_.step, tables_.fine(), true)) continue;
+            double then = 0.0;
+            const LawState next = at.after(rules_.step, ddds);
+            if (!levels_off(next, direction, target, then)) continue;
+            push(ddds, rules_.step);
+            off = then, stepped = moved = true;
+            break;
+        }
+        if (stepped) continue;
+        const double room = direction * (target - at.ds);
+        if (at.dds * direction > 0.0 && room > 0.0) {  // exactly to the target?
+            const double ddds = -direction * 0.5 * at.dds * at.dds / room;
+            const double lasting = std::fabs(at.dds / ddds);
+            if (lasting <= LONGEST && allowed_along(at, ddds, lasting)) {
+                push(ddds, lasting);
+                at.ds = target, at.dds = 0.0, off = 0.0, moved = true;
+                continue;
+            }
+        }
+        if (at.dds == 0.0 && most > 0.0) {  // little is missing: there and back within a step
+            const auto halves = [&](double size) {
+                const double lasting = std::sqrt(room / size), ddds = direction * size;
+                return lasting <= rules_.step && allowed(at, ddds, lasting, tables_.fine(), true) &&
+                       allowed(at.after(lasting, ddds), -ddds, lasting, tables_.fine(), true);
+            };
+            double size = most;
+            while (size > 0.1 * most && !halves(size)) size *= 0.7;
+            if (halves(size)) {
+                const double lasting = std::sqrt(room / size);
+                push(direction * size, lasting);
+                push(-direction * size, lasting);
+                at.ds = target, at.dds = 0.0, off = 0.0, moved = true;
+                continue;
+            }
+        }
+        if (at.dds == 0.0) {  // not here: on at this speed
+            if (at.ds <= ROUNDING) break;
+            if (!moved && law.pieces.empty()) law.pieces.push_back({t, at, 0.0});
+            if (law.pieces.back().ddds != 0.0 || law.pieces.back().at.dds != 0.0) law.pieces.push_back({t, at, 0.0});
+            at = at.after(rules_.step, 0.0), t += rules_.step;
+            continue;
+        }
+        const double lasting = std::fabs(at.dds / off);
+        push(off, lasting);
+        at.dds = 0.0, off = 0.0;
+    }
+    if (at.s > tables_.length() && !law.pieces.empty()) {  // at rest there, whatever the law does
+        const LawPiece &last = law.pieces.back();
+        double low = 0.0, high = t - last.begin;
+        while (high - low > ROUNDING) {
+            const double middle = 0.5 * (low + high);
+            (last.at.after(middle, last.ddds).s < tables_.length() ? low : high) = middle;
+        }
+        at = last.at.after(high, last.ddds), t = last.begin + high;
+        at.s = tables_.length();
+    }
+    at.dds = 0.0;
+    law.pieces.push_back({t, at, 0.0});
+    return true;
+}
+
+// On a part of a law |tau| is at most the larger value of its ends plus width^2 / 8 max |tau''|.
+bool LawSearch::holds(const TimeLaw &law, double from) const {
+    if (!tables_.limits_torque()) return true;
+    const std::size_t n = tables_.joints();
+    std::vector<double> at(4 * n), v(n), a(n), ends[2] = {std::vector<double>(n), std::vector<double>(n)};
+    const auto demand = [&](const LawState &state, bool before, std::vector<double> &tau) {
+        tables_.derivatives(state.s, at.data());
+        for (std::size_t j = 0; j < n; ++j) {
+            v[j] = at[n + j] * state.ds;
+            a[j] = at[2 * n + j] * state.ds * state.ds + at[n + j] * state.dds;
+        }
+        tables_.torques(state.s, before, at.data(), v.data(), a.data(), tau.data());
+    };
+    for (std::size_t k = 0; k + 1 < law.pieces.size(); ++k) {
+        const LawPiece &piece = law.pieces[k];
+        const double end = law.pieces[k + 1].begin;
+        if (end <= from || (piece.at.dds == 0.0 && piece.ddds == 0.0)) continue;
+        double t = std::max(piece.begin, from) - piece.begin;
+        demand(piece.at.after(t, piece.ddds), false, ends[0]);
+        while (t < end - piece.begin) {
+            double width = std::min(rules_.step, end - piece.begin - t);
+            for (int cuts = 0;; ++cuts) {
+                const LawState begin = piece.at.after(t, piece.ddds), next = piece.at.after(t + width, piece.ddds);
+                if (begin.s >= tables_.length()) return true;
+                const double rate = std::max(std::fabs(begin.dds), std::fabs(next.dds));
+                const int first = tables_.coarse().at(begin.s), last = tables_.coarse().at(next.s);
+                bool free = true;
+                const bool loads = tables_.load_at(begin.s, false) != tables_.load_at(next.s, true);
+                for (int side = 0; side < (loads ? 2 : 1) && free; ++side) {
+                    if (loads) demand(begin, side == 0, ends[0]);
+                    demand(next, side == 0, ends[1]);
+                    for (std::size_t j = 0; j < n && free; ++j) {
+                        double curvature = 0.0;
+                        for (int cell = first; cell <= last; ++cell)
+                            curvature = std::max(curvature, tables_.curvature(cell, rate, std::fabs(piece.ddds))[j]);
+                        const double most = std::max(std::fabs(ends[0][j]), std::fabs(ends[1][j]));
+                        free = most + 0.125 * width * width * curvature <= tables_.limits().torque[j];
+                    }
+                }
+                if (free) break;
+                if (cuts == 6) return false;
+                width *= 0.5;
+            }
+            t += width;
+            std::swap(ends[0], ends[1]);
+        }
+    }
+    return true;
+}
+
+}  // namespace optiplan

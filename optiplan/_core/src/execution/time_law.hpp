@@ -1,0 +1,66 @@
+// Time laws s(t) along a proved path: the fastest admissible change from one speed to another.
+#pragma once
+
+#include <vector>
+
+#include "execution/path_tables.hpp"
+
+namespace optiplan {
+
+// Place on the path, speed, acceleration of the law: s, s', s''.
+struct LawState {
+    double s, ds, dds;
+
+    LawState after(double t, double ddds) const;
+};
+
+// From `begin` on s is a cubic polynomial of time, up to the begin of the next.
+struct LawPiece {
+    double begin;
+    LawState at;
+    double ddds;
+};
+
+// After its last piece, which has neither acceleration nor jerk, the speed stays; s ends at the path's end.
+struct TimeLaw {
+    std::vector<LawPiece> pieces;
+
+    const LawPiece &piece_at(double t) const;
+    LawState at(double t) const;
+    double settled() const { return pieces.back().begin; }  // from when on the speed stays
+    double target() const { return pieces.back().at.ds; }
+};
+
+struct LawRules {
+    double step;       // s: of the search; one piece of a law
+    double look;       // s: intervals of the way to a steady speed, which every step must leave open
+    double most_rate;  // of the law, |s''|, 1/s: where the path stands still nothing else bounds it
+    double most_jerk;  // |s'''|, 1/s^2
+    double reserve;    // share of the torque limits that the search leaves to the proof
+};
+
+// Searches laws, one piece of `step` after the other: of the strongest jerk from which a steady speed can still be
+// reached. Every piece keeps the limits of acceleration and jerk by the ranges of its cells, at all its times. The
+// limits of torque are kept where they are sampled; `holds` proves them.
+class LawSearch {
+  public:
+    LawSearch(const PathTables &tables, LawRules rules) : tables_(tables), rules_(rules) {}
+
+    // From a state to a steady speed, in [0, 1]. False where the first step is not possible yet.
+    bool change(const LawState &from, double begin, double target, TimeLaw &law) const;
+
+    // Whether torques hold at all times from t on, by their values and the bounds on their curvature.
+    bool holds(const TimeLaw &law, double from) const;
+
+  private:
+    bool allowed(const LawState &at, double ddds, double lasting, const Cells &cells, bool torque) const;
+    bool allowed_along(const LawState &at, double ddds, double lasting) const;
+    double strongest(const LawState &at, double direction) const;
+    bool levels_off(const LawState &at, double direction, double target, double &ddds) const;
+
+    const PathTables &tables_;
+    LawRules rules_;
+    mutable std::vector<double> terms_;  // of torque
+};
+
+}  // namespace optiplan

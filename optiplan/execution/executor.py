@@ -1,0 +1,379 @@
+"""`Executor`: the set-points of a verified run, one a tick, at a speed that changes on the way."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.errors import described, wrong_argument
+from optiplan.execution.path_laws import PathPlace, SetPoint
+from optiplan.execution.proved_path import ProvedPath, PathStretch
+from optiplan.runs.run import Run
+from optiplan.trajectory.segments import Segment
+from optiplan.trajectory.state import State
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import TimeLaw
+
+LONGEST_TICK = 0.1
+"""s: after a longer one the robot had no set-points for too long, and stops."""
+
+SAME_STATE = 1e-8
+"""rad or m, and the same per s and s²: how far apart two states may be where one motion takes over."""
+
+KEPT_STATES = 64
+"""Predicted states that a splice may begin at."""
+
+STOP_PLACES = 200
+"""Places of a motion for which `stopping` gives the stop."""
+
+Phase = Literal["running", "changing", "paused", "stopping", "stopped", "done"]
+
+
+@dataclass(frozen=True)
+class Status:
+    """What an executor is doing.
+
+    Attributes:
+        phase: `running` at a steady speed, `changing` it, `paused`, `stopping`, `stopped`, or `done` at the end.
+        place: on the path: time of the planned motion, s.
+        progress: share of the planned motion that is done, 0 to 1.
+        speed: rate of the planned motion, 1 as planned; negative backwards.
+        override: the speed that is wanted.
+        stops_in: s from now until the robot stands still, if it stops now.
+        reason: why it stopped by itself; empty where it did not.
+        deviation: (n,) distance of the measured joints from their set-points at most so far, rad or m; None without
+            measurements.
+    """
+
+    phase: Phase
+    place: float
+    progress: float
+    speed: float
+    override: float
+    reason: str = ""
+    deviation: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Tick:
+    """What the robot is to do at the end of a tick.
+
+    Attributes:
+        t: time since the first tick, s.
+        q, v, a: (n,), rad or m and s.
+        torque: (n,), feed-forward of the rigid bodies, N·m or N.
+        events: what is due in this tick: steps of a task that take, release or grip.
+        status: what the executor is doing.
+    """
+
+    t: float
+    q: Array
+    v: Array
+    a: Array
+    torque: Array
+    events: tuple[Segment, ...]
+    status: Status
+
+
+class Stopping(NamedTuple):
+    """The stop along the path from full speed, for K places of a motion: (K,) each.
+
+    `place` where it begins, s; `time` until the robot stands still, s; `travel` along the path, s.
+    """
+
+    place: Array
+    time: Array
+    travel: Array
+
+
+class Executor:
+    """Run a verified motion without leaving what was proved.
+
+    Every set-point lies on the verified path. Its speed is a law s(t) that keeps the joints' limits of velocity,
+    acceleration, jerk and torque at all times, also while it changes. At every time there is a law until the robot
+    stands still; a change replaces it only by another such law. Where limits leave no room for a change, as in the
+    middle of the strongest braking, it begins as soon as they do. See `PathLaws` for the formulas.
+
+    Args:
+        run: a verified run of `op.plan`, among obstacles that stand still.
+        override: speed at the start, 0 to 1.
+        deviation: how far a measured joint may be from its set-point, rad or m, before the robot stops; None: anything.
+
+    Attributes:
+        run: the run that is being executed.
+        time: since the first tick, s.
+
+    Raises:
+        InputError: the run is not verified, or its proof holds for its own timing alone.
+
+    Example:
+        >>> import optiplan as op
+        >>> executor = op.Executor(op.plan(op.load_problem("01_reach")))
+        >>> executor.override = 0.3
+        >>> while executor.status.phase != "done":
+        ...     set_point = executor.tick(0.001)
+        >>> executor.status.place == executor.run.duration
+        True
+    """
+
+    def __init__(self, run: Run, *, override: float = 1.0, deviation: float | None = None) -> None:
+        if not isinstance(run, Run):
+            raise wrong_argument("Executor", "run", described(run), "a verified run of op.plan(…)")
+        if not _is_share(override):
+            raise wrong_argument("Executor", "override", described(override), "a speed from 0 to 1")
+        if deviation is not None and not (_is_number(deviation) and deviation > 0.0):
+            raise wrong_argument("Executor", "deviation", described(deviation), "a distance > 0, rad or m, or None")
+        self._path = ProvedPath(run, "Executor")
+        self._stretch: PathStretch = self._path.forwards
+        self.time = 0.0
+        self._override, self._wanted = float(override), float(override)
+        self._law: TimeLaw = self._start_law(self._path, float(override))
+        self._held: Literal["", "paused", "stopped"] = "" if override > 0.0 else "paused"
+        self._reason, self._most_deviation = "", deviation
+        self._deviation: float | None = None
+        self._seen = -math.inf  # the place up to which events are done
+        self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
+        self._next: tuple[float, ProvedPath] | None = None
+        self._pending = False
+        self._backwards = False
+
+    @property
+    def run(self) -> Run:
+        """The run that is being executed."""
+        return self._path.run
+
+    @property
+    def override(self) -> float:
+        """Speed that is wanted, 0 to 1 of the planned motion's; set it at any time."""
+        return self._override
+
+    @override.setter
+    def override(self, speed: float) -> None:
+        if not _is_share(speed):
+            self.stop(f"override: found {described(speed)}; expected a speed from 0 to 1")
+            return
+        self._override = float(speed)
+        self._aim()
+
+    def pause(self) -> None:
+        """Stop along the path; `resume` goes on."""
+        if not self._held:
+            self._held = "paused"
+            self._aim()
+
+    def stop(self, reason: str = "asked to stop") -> None:
+        """Stop along the path, for the given reason; `resume` goes on."""
+        self._held, self._reason, self._next = "stopped", reason, None
+        self._aim()
+
+    def resume(self) -> None:
+        """Go on with the speed of `override`, forwards."""
+        self._held, self._reason, self._backwards = "", "", False
+        self._aim()
+
+    def reverse(self) -> None:
+        """Stop, and go back along the path at the speed of `override`, to the last event of a task or the start."""
+        self._held, self._reason, self._backwards = "", "", True
+        self._aim()
+
+    def state_in(self, latency: float) -> State:
+        """Return the state of the robot `latency` s from now, if nothing is changed until then.
+
+        A motion that is planned from it can be handed to `splice`.
+
+        Raises:
+            InputError: the latency is no number of seconds >= 0.
+        """
+        if not _is_number(latency) or latency < 0.0:
+            raise wrong_argument("Executor.state_in", "latency", described(latency), "seconds >= 0")
+        then = self.time + float(latency)
+        point = self._stretch.laws.set_point(self._law, then)
+        state = State(point.q, point.v, point.a)
+        self._predicted.append((then, state, self._law))
+        return state
+
+    def splice(self, run: Run) -> bool:
+        """Let another verified run take over where it begins: in a state that `state_in` returned.
+
+        Position, velocity and acceleration are continuous there. Where the run comes too late, where the speed was
+        changed since its state was predicted, or where it is not verified, the robot stops along its path instead.
+
+        Returns:
+            Whether the run takes over.
+        """
+        reason = self._splice(run)
+        if reason:
+            self.stop(reason)
+        return not reason
+
+    def _splice(self, run: Run) -> str:
+        if not isinstance(run, Run) or not run.verified:
+            return "the motion that was to take over is not verified"
+        if run.problem.robot.joint_names != self.run.problem.robot.joint_names:
+            return "the motion that was to take over is of another robot"
+        start = run.problem.start_state
+        for then, state, law in self._predicted:
+            if law is self._law and _same(state, start):
+                if then < self.time:
+                    return f"the motion that was to take over came {self.time - then:.3f} s late"
+                self._next = then, ProvedPath(run, "Executor.splice")
+                return ""
+        return "the motion that was to take over begins in a state that is not on the way"
+
+    def tick(self, dt: float, measured: object = None) -> Tick:
+        """Return the set-point `dt` s after the last one.
+
+        Nothing raises here: what cannot be, such as a time that runs backwards, ends in a stop along the path.
+
+        Args:
+            dt: s since the last tick.
+            measured: positions of the joints (n,), rad or m, or a `State`; None: not measured.
+        """
+        step = self._checked_step(dt)
+        if self._next is not None and self.time + step >= self._next[0]:
+            self._take_over()
+        self.time += step
+        if self._pending:
+            self._replace_law()
+        if self._law.target == 0.0 and self.time >= self._law.settled:
+            self._turn()
+        point = self._point()
+        if measured is not None:
+            self._watch(measured, point)
+        place = self._stretch.place(point.place.s)
+        events = self._due(place)
+        speed = self._stretch.direction * point.place.speed
+        return Tick(self.time, point.q, point.v, point.a, point.torque, events, self._status(place, speed))
+
+    @property
+    def status(self) -> Status:
+        """What the executor is doing at the last tick."""
+        point = self._point()
+        return self._status(self._stretch.place(point.place.s), self._stretch.direction * point.place.speed)
+
+    def stopping(self, places: int = STOP_PLACES) -> Stopping:
+        """Return the stop along the path from full speed, at equally spaced places of the motion."""
+        laws, T = self._path.forwards.laws, self._path.motion.duration
+        place = np.linspace(0.0, T, places)
+        time, travel = np.zeros(places), np.zeros(places)
+        for k, s in enumerate(place):
+            law = laws.change(PathPlace(float(s), 1.0, 0.0), 0.0, 0.0)
+            time[k] = T - s if law is None else law.settled
+            travel[k] = T - s if law is None else min(law.at(law.settled)[0], T) - s
+        return Stopping(place, time, travel)
+
+    def _start_law(self, path: ProvedPath, speed: float) -> "TimeLaw":
+        """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan."""
+        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, self.time)
+
+    def _aim(self) -> None:
+        """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
+        turns = self._backwards != (self._stretch.direction < 0.0)
+        self._wanted = 0.0 if self._held or turns else self._override
+        self._replace_law()
+        if turns and self._law.target == 0.0 and self._law.settled <= self.time:
+            self._turn()
+
+    def _replace_law(self) -> None:
+        """Replace the law by one that leads to the wanted speed; the present one stays while there is none."""
+        s, speed, acceleration = self._law.at(self.time)
+        length = self._stretch.laws.motion.duration
+        if s >= length:  # at its end the robot stands still, whatever the law
+            self._law, self._pending = self._stretch.laws.steady(length, 0.0, self.time), False
+            return
+        if self._law.target == self._wanted:  # it is on its way there
+            self._pending = False
+            return
+        self._pending = True
+        law = self._stretch.laws.change(PathPlace(s, speed, acceleration), self.time, self._wanted)
+        if law is not None:
+            self._law = law
+            self._pending = law.target != self._wanted and law.at(law.settled)[0] < length
+
+    def _turn(self) -> None:
+        """Change the direction of a robot that stands still, if that is wanted."""
+        if self._held or self._backwards == (self._stretch.direction < 0.0):
+            return
+        place = self._stretch.place(self._law.at(self.time)[0])
+        stretch = self._path.backwards(place) if self._backwards else self._path.forwards
+        if stretch is None:
+            return
+        s = (place - stretch.start) * stretch.direction
+        self._stretch, self._law = stretch, stretch.laws.steady(s, 0.0, self.time)
+        self._aim()
+
+    def _take_over(self) -> None:
+        assert self._next is not None
+        then, path = self._next
+        self._path, self._stretch, self._next = path, path.forwards, None
+        self._law = path.forwards.laws.steady(0.0, 1.0, then)
+        self._seen, self._backwards = -math.inf, False
+        self._wanted = 0.0 if self._held else self._override
+        self._pending = self._wanted != 1.0
+
+    def _point(self) -> SetPoint:
+        return self._stretch.laws.set_point(self._law, self.time)
+
+    def _checked_step(self, dt: float) -> float:
+        """Return the tick's length, s; where that cannot be, 0 or the longest, and the robot stops."""
+        if not _is_number(dt) or dt < 0.0:
+            self.stop(f"tick: found a step of {described(dt)}; expected seconds >= 0")
+            return 0.0
+        if dt > LONGEST_TICK:
+            self.stop(f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s")
+            return LONGEST_TICK
+        return float(dt)
+
+    def _watch(self, measured: object, point: SetPoint) -> None:
+        """Compare measured positions with the set-point."""
+        values = measured.q if isinstance(measured, State) else measured
+        try:
+            q = np.asarray(values, dtype=float)
+        except (TypeError, ValueError):
+            q = np.empty(0)
+        if q.shape != point.q.shape or not np.isfinite(q).all():
+            self.stop(f"measured: found {described(measured)}; expected {len(point.q)} finite positions")
+            return
+        off = np.abs(q - point.q)
+        self._deviation = max(self._deviation or 0.0, float(off.max()))
+        if self._most_deviation is not None and off.max() > self._most_deviation and not self._reason:
+            joint = self.run.problem.robot.joint_names[int(off.argmax())]
+            self.stop(f"{joint} is {off.max():.4g} from its set-point, farther than {self._most_deviation:g}")
+
+    def _due(self, place: float) -> tuple[Segment, ...]:
+        """Return the events that have become due by a place of the path."""
+        due = tuple(event for event in self._path.events if self._seen < event.begin <= place)
+        self._seen = max(self._seen, place)
+        return due
+
+    def _status(self, place: float, speed: float) -> Status:
+        T = self._path.motion.duration
+        resting = speed == 0.0
+        phase: Phase = "running"
+        if place >= T:
+            phase = "done"
+        elif self._held == "stopped":
+            phase = "stopped" if resting else "stopping"
+        elif self._held == "paused" and resting:
+            phase = "paused"
+        elif self.time < self._law.settled or self._pending:
+            phase = "changing"
+        elif resting:
+            phase = "paused"
+        return Status(phase, place, place / T, speed, self._override, self._reason, self._deviation)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_share(value: object) -> bool:
+    return _is_number(value) and 0.0 <= value <= 1.0  # type: ignore[operator]  # it is a number
+
+
+def _same(a: State, b: State) -> bool:
+    return all(np.allclose(x, y, rtol=0.0, atol=SAME_STATE) for x, y in ((a.q, b.q), (a.v, b.v), (a.a, b.a)))

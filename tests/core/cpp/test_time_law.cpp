@@ -1,0 +1,105 @@
+#include "execution/time_law.hpp"
+
+#include <algorithm>
+
+#include "arm.hpp"
+#include "check.hpp"
+
+using namespace optiplan;
+
+namespace {
+
+const double ACCELERATION = 6.0, JERK = 40.0, TORQUE = 90.0;
+const LawRules RULES{2e-3, 8e-3, 50.0, 5e3, 0.0};
+
+// A quintic from rest to rest, 1 rad and -0.5 rad in 1 s: it takes 5.78 rad/s^2 and, at its ends, 60 rad/s^3 of 62.
+PathTables tables(double torque = TORQUE) {
+    Curve path{{0.0, 1.0}, {}, 5, 2};
+    for (double c : {0.0, 0.0, 0.0, 10.0, -15.0, 6.0}) path.coefficients.insert(path.coefficients.end(), {c, -0.5 * c});
+    PathTables made(path, {{ACCELERATION, ACCELERATION}, {62.0, JERK}, {torque, torque}}, {{1.0, arm()}}, 2e-3);
+    made.set_curvature(std::vector<double>(made.coarse().count * 2, 4e3), {50.0}, {5e3});
+    return made;
+}
+
+// The largest share of a limit that a law takes, at many times; torques apart.
+double worst(const PathTables &made, const TimeLaw &law, double &torque) {
+    double most = torque = 0.0;
+    for (double t = law.pieces.front().begin; t < law.settled(); t += 3e-4) {
+        const LawPiece &piece = law.piece_at(t);
+        const LawState at = piece.at.after(t - piece.begin, piece.ddds);
+        if (at.s >= made.length()) break;
+        double p[8], v[2], a[2], tau[2];
+        made.derivatives(at.s, p);
+        for (int j = 0; j < 2; ++j) {
+            v[j] = p[2 + j] * at.ds;
+            a[j] = p[4 + j] * at.ds * at.ds + p[2 + j] * at.dds;
+            const double jerk =
+                p[6 + j] * at.ds * at.ds * at.ds + 3.0 * p[4 + j] * at.ds * at.dds + p[2 + j] * piece.ddds;
+            most = std::max({most, std::fabs(a[j]) / ACCELERATION, std::fabs(jerk) / made.limits().jerk[j]});
+        }
+        made.torques(at.s, false, p, v, a, tau);
+        torque = std::max({torque, std::fabs(tau[0]) / TORQUE, std::fabs(tau[1]) / TORQUE});
+    }
+    return most;
+}
+
+}  // namespace
+
+TEST(a_state_follows_its_cubic) {
+    const LawState next = LawState{1.0, 0.5, -2.0}.after(0.1, 30.0);
+    NEAR(next.s, 1.0 + 0.05 - 0.01 + 0.005, 1e-15);
+    NEAR(next.ds, 0.5 - 0.2 + 0.15, 1e-15);
+    NEAR(next.dds, 1.0, 1e-15);
+}
+
+TEST(every_law_reaches_its_speed_within_the_limits) {
+    const PathTables made = tables();
+    const LawSearch search(made, RULES);
+    for (double s = 0.0; s < 0.95; s += 0.05)
+        for (double target : {0.0, 0.3, 0.9}) {
+            TimeLaw law;
+            CHECK(search.change({s, 1.0, 0.0}, 2.0, target, law));
+            const LawState end = law.at(law.settled());
+            CHECK(end.s >= made.length() || std::fabs(end.ds - target) < 1e-12);
+            CHECK(law.pieces.front().begin == 2.0 && end.dds == 0.0);
+            double torque = 0.0;
+            CHECK(worst(made, law, torque) <= 1.0 + 1e-9);
+            CHECK(search.holds(law, 2.0) && torque <= 1.0);
+            for (std::size_t k = 0; k + 1 < law.pieces.size(); ++k) {  // one piece begins where the last one ends
+                const LawPiece &piece = law.pieces[k], &next = law.pieces[k + 1];
+                const LawState there = piece.at.after(next.begin - piece.begin, piece.ddds);
+                NEAR(there.s, next.at.s, 1e-9);
+                NEAR(there.ds, next.at.ds, 1e-9);
+                if (next.at.s < made.length()) NEAR(there.dds, next.at.dds, 1e-6);
+            }
+        }
+}
+
+TEST(a_law_begins_while_the_last_one_still_changes) {
+    const PathTables made = tables();
+    const LawSearch search(made, RULES);
+    TimeLaw down, up;
+    CHECK(search.change({0.2, 1.0, 0.0}, 0.0, 0.0, down));
+    for (double t = 0.0; t < down.settled(); t += 0.02) {
+        const LawState from = down.at(t);
+        CHECK(search.change(from, t, 1.0, up));
+        double torque = 0.0;
+        CHECK(worst(made, up, torque) <= 1.0 + 1e-9);
+        NEAR(up.target(), 1.0, up.at(up.settled()).s >= made.length() ? 1.0 : 1e-12);
+    }
+}
+
+TEST(a_stop_is_about_as_short_as_the_limits_let_it) {
+    const PathTables made = tables();
+    TimeLaw law;
+    CHECK(LawSearch(made, RULES).change({0.5, 1.0, 0.0}, 0.0, 0.0, law));
+    // In the middle the first joint runs at 1.875 rad/s: by jerk and acceleration alone 1.875 / 6 + 6 / 62 = 0.41 s.
+    CHECK(law.settled() < 1.25 * 0.41);
+}
+
+TEST(torques_beyond_the_limit_are_not_proved) {
+    const PathTables made = tables(), weak = tables(10.0);
+    TimeLaw law;
+    CHECK(LawSearch(made, RULES).change({0.5, 1.0, 0.0}, 0.0, 0.0, law));
+    CHECK(!LawSearch(weak, RULES).holds(law, 0.0));
+}

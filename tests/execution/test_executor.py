@@ -1,0 +1,215 @@
+"""The executor: set-points on the proved path within all limits, whatever is asked of it and whenever."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import optiplan as op
+
+DT = 1e-3
+
+
+def executed(executor, asks, most=20_000):
+    """Run to the end, asking at random; return the ticks."""
+    ticks = []
+    while executor.status.phase != "done" and len(ticks) < most:
+        asks(executor, len(ticks))
+        ticks.append(executor.tick(DT))
+    return ticks
+
+
+def assert_within_limits(run, ticks):
+    limits, motion = run.problem.limits, run.trajectory
+    q, v, a, torque = (np.array([getattr(tick, key) for tick in ticks]) for key in ("q", "v", "a", "torque"))
+    places = np.array([tick.status.place for tick in ticks])
+    np.testing.assert_allclose(q, motion(np.clip(places, 0.0, motion.duration)), atol=1e-9)
+    assert (np.abs(v) <= limits.velocity * (1 + 2e-6)).all()
+    assert (np.abs(a) <= limits.acceleration * (1 + 2e-6)).all()
+    assert (np.abs(np.diff(a, axis=0)) <= limits.jerk * DT * (1 + 2e-6) + 1e-9).all()
+    assert (np.abs(torque) <= limits.torque * (1 + 2e-6)).all()
+    np.testing.assert_allclose(np.diff(q, axis=0), 0.5 * DT * (v[1:] + v[:-1]), atol=2e-6)
+
+
+def random_asks(seed, rate=0.01, until=2500):
+    rng = np.random.default_rng(seed)
+
+    def asks(executor, k):
+        if k == until:
+            executor.override = 1.0
+            executor.resume()
+        if k >= until or rng.random() > rate:
+            return
+        match rng.integers(5):
+            case 0:
+                executor.override = rng.uniform()
+            case 1:
+                executor.pause()
+            case 2:
+                executor.stop()
+            case 3:
+                executor.reverse()
+            case 4:
+                executor.resume()
+
+    return asks
+
+
+@pytest.mark.parametrize("name", ["01_reach", "02_shelf", "11_baxter", "15_srra", "16_delbot", "22_via_spline"])
+def test_random_changes_keep_every_limit(run_of, name):
+    run = run_of(name)
+    for seed in range(3):
+        executor = op.Executor(run)
+        ticks = executed(executor, random_asks(seed))
+        assert executor.status.phase == "done"
+        assert_within_limits(run, ticks)
+        np.testing.assert_allclose(ticks[-1].q, run.trajectory.end, atol=1e-12)
+
+
+def test_a_task_hands_out_each_event_once(run_of):
+    run = run_of("40_panda_sorts_cubes")
+    ticks = executed(op.Executor(run), random_asks(4, rate=0.002, until=15_000), most=60_000)
+    done = [event for tick in ticks for event in tick.events]
+    assert done == [one for one in run.trajectory.segments if one.kind in ("attach", "detach", "gripper")]
+    assert_within_limits(run, ticks)
+
+
+def test_untouched_it_is_the_planned_motion(run_of):
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    for k in range(1, 500):
+        tick = executor.tick(DT)
+        np.testing.assert_allclose(tick.q, run.trajectory(k * DT), atol=1e-12)
+    assert tick.status.phase == "running"
+    assert tick.status.speed == 1.0
+
+
+def test_pause_and_resume(run_of):
+    executor = op.Executor(run_of("01_reach"))
+    for _ in range(100):
+        executor.tick(DT)
+    executor.pause()
+    assert executor.status.phase == "changing"
+    while executor.status.phase != "paused":
+        tick = executor.tick(DT)
+    still = tick.q
+    for _ in range(100):
+        np.testing.assert_array_equal(executor.tick(DT).q, still)
+    executor.resume()
+    while executor.status.phase != "running":
+        executor.tick(DT)
+    assert executor.status.speed == 1.0
+
+
+def test_reverse_goes_back_to_the_start(run_of):
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    for _ in range(300):
+        executor.tick(DT)
+    executor.reverse()
+    for _ in range(3000):
+        tick = executor.tick(DT)
+    np.testing.assert_allclose(tick.q, run.trajectory.start, atol=1e-9)
+    assert tick.status.place == pytest.approx(0.0, abs=1e-12)
+    assert tick.status.speed == 0.0
+    executor.resume()
+    ticks = executed(executor, lambda *_: None)
+    np.testing.assert_allclose(ticks[-1].q, run.trajectory.end, atol=1e-12)
+
+
+def test_a_slow_start(run_of):
+    executor = op.Executor(run_of("01_reach"), override=0.2)
+    assert executor.tick(DT).status.speed == 0.2
+    paused = op.Executor(run_of("01_reach"), override=0.0)
+    assert paused.tick(DT).status.phase == "paused"
+    paused.override = 0.5
+    paused.resume()
+    for _ in range(300):
+        tick = paused.tick(DT)
+    assert tick.status.speed == 0.5
+
+
+def test_a_splice_is_continuous(run_of):
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    for _ in range(200):
+        executor.tick(DT)
+    state = executor.state_in(0.05)
+    second = op.plan(run.problem.with_start(state), budget=2.0)
+    assert second.verified
+    assert executor.splice(second)
+    ticks = executed(executor, lambda *_: None)
+    assert executor.run is second
+    a = np.array([tick.a for tick in ticks])
+    v = np.array([tick.v for tick in ticks])
+    q = np.array([tick.q for tick in ticks])
+    assert (np.abs(np.diff(a, axis=0)) <= run.problem.limits.jerk * DT * (1 + 1e-5) + 1e-6).all()
+    np.testing.assert_allclose(np.diff(q, axis=0), 0.5 * DT * (v[1:] + v[:-1]), atol=2e-6)
+
+
+def test_a_splice_that_is_late_or_elsewhere_ends_in_a_stop(run_of):
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    state = executor.state_in(0.02)
+    second = op.plan(run.problem.with_start(state), budget=1.0)
+    for _ in range(100):
+        executor.tick(DT)
+    assert not executor.splice(second)
+    assert "late" in executor.status.reason
+    while executor.status.phase == "stopping":
+        executor.tick(DT)
+    assert executor.status.phase in ("stopped", "done")
+    other = op.Executor(run)
+    assert not other.splice(run_of("02_shelf"))
+    assert "not on the way" in other.status.reason
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (lambda ex: ex.tick(float("nan")), "tick"),
+        (lambda ex: ex.tick(-0.1), "tick"),
+        (lambda ex: ex.tick(1.0), "at most 0.1 s"),
+        (lambda ex: ex.tick("soon"), "tick"),
+        (lambda ex: ex.tick(DT, [0.0]), "measured"),
+        (lambda ex: ex.tick(DT, np.full(7, np.nan)), "measured"),
+        (lambda ex: ex.tick(DT, np.full(7, 9.0)), "set-point"),
+        (lambda ex: setattr(ex, "override", 1.5), "override"),
+        (lambda ex: setattr(ex, "override", float("nan")), "override"),
+    ],
+)
+def test_faults_end_in_a_stop_with_a_reason(run_of, fault, words):
+    executor = op.Executor(run_of("01_reach"), deviation=0.05)
+    for _ in range(150):
+        executor.tick(DT)
+    fault(executor)
+    assert words in executor.status.reason
+    while executor.status.phase == "stopping":
+        executor.tick(DT)
+    assert executor.status.phase in ("stopped", "done")
+    assert executor.status.speed == 0.0
+
+
+def test_the_stop_of_every_place(run_of):
+    run = run_of("01_reach")
+    stops = op.Executor(run).stopping(40)
+    assert len(stops.time) == 40
+    assert (stops.place + stops.travel <= run.duration + 1e-9).all()
+    assert (stops.travel <= stops.time + 1e-9).all()  # never faster than planned
+    assert stops.time.max() < run.duration
+
+
+def test_what_cannot_be_executed_is_refused(run_of):
+    run = run_of("01_reach")
+    with pytest.raises(op.InputError, match="Executor: run: found the object"):
+        op.Executor(object())
+    with pytest.raises(op.InputError, match="a run that is not verified"):
+        op.Executor(replace(run, report=None))
+    with pytest.raises(op.InputError, match="override"):
+        op.Executor(run, override=2.0)
+    with pytest.raises(op.InputError, match="deviation"):
+        op.Executor(run, deviation=-1.0)
+    with pytest.raises(op.InputError, match="latency"):
+        op.Executor(run).state_in(-1.0)
+    with pytest.raises(op.InputError, match="move by the clock"):
+        op.Executor(run_of("38_falling_ball"))
