@@ -10,7 +10,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import described, wrong_argument
 from optiplan.execution.path_laws import PathPlace, SetPoint
-from optiplan.execution.proved_path import ProvedPath, PathStretch
+from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.state import State
