@@ -14,7 +14,7 @@ ROOMS = (
     {"robot"},
     {"kinematics", "collision", "trajectory"},
     {"workspace", "problem"},
-    {"control"},
+    {"control", "importers"},
     {"planners", "verify"},
     {"runs"},
     {"simulation"},
