@@ -23,8 +23,7 @@ from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import ShapeSpec, build_geometry, shape_from_spec
 from optiplan.problem.constraints.motions import WheelSpeed
-from optiplan.problem.constraints.schema import PathConstraintSpec
-from optiplan.problem.constraints.statements import PathConstraint, constraint_of
+from optiplan.problem.constraints.statements import PathConstraint, PathConstraintSpec, constraint_of
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import Draft, LocatedValue
 from optiplan.problem.regions.region import RegionGoal
@@ -150,8 +149,8 @@ class Compiler:
             "joint": set(robot.joint_names),
         }
         for part in self.draft.constraints if parts is None else parts:
-            key, place = part.value.kind, (*part.place, part.value.kind)
-            one = constraint_of(key, part.value.value.model_dump(by_alias=True), robot.tool_frame)
+            place = (*part.place, part.value.kind)
+            one = constraint_of(part.value, robot.tool_frame)
             wrong = [mention for mention in one.mentioned() if mention.name not in valid[mention.kind]]
             for where, kind, name in wrong:
                 self.unknown((*place, *where), kind, name, valid[kind])

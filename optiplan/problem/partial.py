@@ -11,7 +11,7 @@ from optiplan.config.document import Number
 from optiplan.config.simple_yaml import Place
 from optiplan.config.values import FileName, Name, NamePair, Vector
 from optiplan.geometry.pose import PoseSpec
-from optiplan.problem.constraints.schema import PathConstraintSpec
+from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.schema.ends import AlternativeSpec, GoalSpec, StartSpec, ViaSpec
 from optiplan.problem.schema.scene import AttachedSpec, ObstacleSpec
 from optiplan.problem.schema.task import TaskStepSpec

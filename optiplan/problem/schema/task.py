@@ -16,7 +16,7 @@ from optiplan.config.values import (
     Vector,
 )
 from optiplan.geometry.pose import PoseGoalSpec
-from optiplan.problem.constraints.schema import PathConstraintSpec
+from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.regions.schema import RegionSpec
 from optiplan.problem.schema.ends import CONFIGURATIONS, ENDS, AlternativeSpec, ViaSpec, timed
 from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
