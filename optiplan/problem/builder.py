@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.config.document import Document
+from optiplan.config.document import Document, Number
 from optiplan.config.messages import choices, describe
 from optiplan.config.simple_yaml import Place
+from optiplan.config.values import FileName, Name, NamePair, Vector
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import is_file
 from optiplan.geometry.file_shapes import FileShape
@@ -25,11 +26,12 @@ from optiplan.geometry.shapes import ShapeSpec, build_geometry, shape_from_spec
 from optiplan.problem.constraints.motions import WheelSpeed
 from optiplan.problem.constraints.statements import PathConstraint, PathConstraintSpec, constraint_of
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal, Via
-from optiplan.problem.partial import Draft, LocatedValue
+from optiplan.problem.partial import LocatedValue, alternatives, fit, fits, mapping
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec
 from optiplan.problem.schema.ends import CONFIGURATIONS, AlternativeSpec, StartSpec, ViaSpec
-from optiplan.problem.schema.task import GripperSpec
+from optiplan.problem.schema.scene import AttachedSpec, ObstacleSpec
+from optiplan.problem.schema.task import GripperSpec, TaskStepSpec
 from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
 
@@ -41,15 +43,31 @@ HIT = 1e-6
 
 
 class Compiler:
-    """One pass over a `Draft`; errors go to `issues`, and the part concerned becomes None.
+    """One pass over a problem file; errors go to `issues`, and the part concerned becomes None.
 
-    `main_joints` are those of the problem's own group, once there is a robot.
+    Each part is read by itself: none hides what is wrong with another. `main_joints` are those of the problem's own
+    group, once there is a robot.
     """
 
-    def __init__(self, document: Document, base: Path, draft: Draft) -> None:
-        self.document, self.base, self.draft = document, base, draft
+    def __init__(self, document: Document, base: Path, data: Any) -> None:
+        """Read `data`, that of the document or a whole `ProblemSpec`; meshes are relative to `base`."""
+        self.document, self.base = document, base
         self.issues: list[Issue] = []
         self.main_joints: tuple[str, ...] = ()
+        root = mapping(data)
+        scene = mapping(root.get("scene"))
+        self._robot = fit(FileName | dict[str, Any], root.get("robot"))
+        self._group = fit(Name, root.get("group"))
+        self._locked: Mapping[str, float] = fit(dict[str, Number], root.get("locked", {})) or {}
+        self._base, self._gravity = fit(PoseSpec, root.get("base")), fit(Vector, root.get("gravity"))
+        self.start_spec: StartSpec | None = fit(StartSpec, root.get("start"))
+        self.goal_specs = alternatives(root.get("goal"))
+        self.task = fits(("task",), TaskStepSpec, root.get("task"))
+        self._vias = fits(("via",), ViaSpec, root.get("via"))
+        self._constraints = fits(("path_constraints",), PathConstraintSpec, root.get("path_constraints"))
+        self._obstacles = fits(("scene", "obstacles"), ObstacleSpec, scene.get("obstacles"))
+        self._attached = fits(("scene", "attached"), AttachedSpec, scene.get("attached"))
+        self._allowed = fits(("scene", "allowed_collisions"), NamePair, scene.get("allowed_collisions"))
 
     def report(self, place: Place, found: str, expected: str) -> None:
         """Record one issue."""
@@ -57,29 +75,29 @@ class Compiler:
 
     def robot(self, load: RobotLoader = load_robot) -> Robot | None:
         """The robot, with the joints that the problem locks; those of all groups that a task moves are planned."""
-        if self.draft.robot is None:
+        if self._robot is None:
             return None
         try:
-            file = None if isinstance(self.draft.robot, Mapping) else robot_file(self.draft.robot, self.base)
+            file = None if isinstance(self._robot, Mapping) else robot_file(self._robot, self.base)
             if file is not None and not is_file(file):
-                found = f"'{self.draft.robot}', but there is no file {file}"
+                found = f"'{self._robot}', but there is no file {file}"
                 self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
                 return None
-            robot = load(self.draft.robot, self.base, self.draft.locked, self.draft.group)
+            robot = load(self._robot, self.base, self._locked, self._group)
             self.main_joints = robot.joint_names
             more = self._more_groups(robot)
             if more and robot.group is None:
                 self.report(("group",), "no name of a group", f"one to plan besides {' and '.join(more)}")
                 return None
             if more:
-                locked = {name: q for name, q in self.draft.locked.items() if name not in _joints(robot, more)}
-                robot = load(self.draft.robot, self.base, locked, "+".join([str(robot.group), *more]))
+                locked = {name: q for name, q in self._locked.items() if name not in _joints(robot, more)}
+                robot = load(self._robot, self.base, locked, "+".join([str(robot.group), *more]))
             return robot
         except UnknownChoiceError as error:
             place = (error.kind,) if error.kind in ("robot", "group") else ("locked",)
             self.report(place, f"unknown {error.kind} '{error.found}'", choices(error.found, error.choices))
         except OSError as error:  # a name that no file can have
-            found = f"{describe(self.draft.robot)} ({(error.strerror or str(error)).lower()})"
+            found = f"{describe(self._robot)} ({(error.strerror or str(error)).lower()})"
             self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
         except InputError as error:
             self.issues.extend(map(self._relocated, error.issues))
@@ -101,7 +119,7 @@ class Compiler:
     def _more_groups(self, robot: Robot) -> list[str]:
         """Return the groups that steps of the task name and that are not planned anyway."""
         named: list[str] = []
-        for part in self.draft.task:
+        for part in self.task:
             group = str(getattr(getattr(part.value, part.value.kind), "group", None))
             if group in robot.groups and not set(robot.groups[group]) <= set(robot.joint_names):
                 named.append(group)
@@ -109,30 +127,25 @@ class Compiler:
 
     def _relocated(self, issue: Issue) -> Issue:
         """Attribute the robot reader's issues about locked joints or an inline robot to the problem file."""
-        if isinstance(self.draft.robot, Mapping) and Path(issue.file).name == DESCRIPTION:
+        if isinstance(self._robot, Mapping) and Path(issue.file).name == DESCRIPTION:
             return self.document.issue(("robot", *issue.path), issue.found, issue.expected)
-        if issue.path not in [("locked", name) for name in self.draft.locked]:
+        if issue.path not in [("locked", name) for name in self._locked]:
             return issue
         return self.document.issue(issue.path, issue.found, issue.expected)
 
     def start(self, robot: Robot) -> JointGoal | None:
         """The state at the start."""
-        part = self.draft.start
-        return None if part is None else self._state(robot, part)
+        return None if self.start_spec is None else self._state(robot, LocatedValue(("start",), self.start_spec))
 
     def goal(self, robot: Robot) -> list[LocatedValue[GoalEnd]]:
         """Return the valid alternatives."""
-        ends: list[LocatedValue[GoalEnd]] = []
-        for part in self.draft.goal:
-            end = self.alternative(robot, part)
-            if end is not None:
-                ends.append(LocatedValue(part.place, end))
-        return ends
+        ends = [(part.place, self.alternative(robot, part)) for part in self.goal_specs]
+        return [LocatedValue(place, end) for place, end in ends if end is not None]
 
     def vias(self, robot: Robot) -> list[LocatedValue[Via]]:
         """Return the valid vias."""
         vias: list[LocatedValue[Via]] = []
-        for part in self.draft.vias:
+        for part in self._vias:
             at, velocity = self.passed(robot, part), self._velocity(robot, part)
             if at is not None:
                 vias.append(LocatedValue(part.place, Via(at, velocity, part.value.time)))
@@ -148,7 +161,7 @@ class Compiler:
             "body": {*link_names(robot), *scene.names},
             "joint": set(robot.joint_names),
         }
-        for part in self.draft.constraints if parts is None else parts:
+        for part in self._constraints if parts is None else parts:
             place = (*part.place, part.value.kind)
             one = constraint_of(part.value, robot.tool_frame)
             wrong = [mention for mention in one.mentioned() if mention.name not in valid[mention.kind]]
@@ -257,12 +270,12 @@ class Compiler:
     def scene(self, robot: Robot | None) -> Scene:
         """Return the valid bodies, and the allowed pairs whose names are known."""
         obstacles, attached = [], []
-        for part in self.draft.obstacles:
+        for part in self._obstacles:
             shape = self._shape((*part.place, "shape"), part.value.shape)
             if shape is not None:
                 motion = None if part.value.motion is None else ObstacleMotion.of_data(**dict(part.value.motion))
                 obstacles.append(Obstacle(part.value.name, shape, *stated_pose(part.value.pose), motion))
-        for held in self.draft.attached:
+        for held in self._attached:
             shape = self._shape((*held.place, "shape"), held.value.shape)
             touch = frozenset(held.value.touch)
             if shape is not None:
@@ -274,7 +287,7 @@ class Compiler:
                     attached.append(body)
         if robot is not None:
             self._names(robot)
-        allowed = frozenset(frozenset(pair.value) for pair in self.draft.allowed)
+        allowed = frozenset(frozenset(pair.value) for pair in self._allowed)
         return Scene(tuple(obstacles), tuple(attached), allowed)
 
     def weighable(self, place: Place, body: Attachment) -> bool:
@@ -290,8 +303,8 @@ class Compiler:
         """The robot where it stands, with what it carries."""
         links = set(link_names(robot))
         payload = [(held.link, held.inertia_in_link()) for held in scene.attached if held.mass and held.link in links]
-        gravity = GRAVITY if self.draft.gravity is None else self.draft.gravity
-        X_WB = pin.SE3.Identity() if self.draft.base is None else _pose(self.draft.base)
+        gravity = GRAVITY if self._gravity is None else self._gravity
+        X_WB = pin.SE3.Identity() if self._base is None else _pose(self._base)
         return robot.mounted(Mounting(X_WB, np.array(gravity), tuple(payload)))
 
     def _shape(self, place: Place, spec: ShapeSpec) -> Shape | None:
@@ -319,20 +332,20 @@ class Compiler:
         """Check that names are unique among links, obstacles and attachments, and that names referred to exist."""
         links = link_names(robot)
         taken = dict.fromkeys(links, "a link of the robot")
-        bodies = [(part.place, part.value.name, "an obstacle") for part in self.draft.obstacles]
-        bodies += [(part.place, part.value.name, "an attached object") for part in self.draft.attached]
+        bodies = [(part.place, part.value.name, "an obstacle") for part in self._obstacles]
+        bodies += [(part.place, part.value.name, "an attached object") for part in self._attached]
         for place, name, kind in bodies:
             if name in taken:
                 found = f"'{name}', which is already the name of {taken[name]}"
                 self.report((*place, "name"), found, "a name of its own")
             taken.setdefault(name, kind)
-        for held in self.draft.attached:
+        for held in self._attached:
             if held.value.link not in links:
                 self.unknown((*held.place, "link"), "link", held.value.link, links)
             for i, name in enumerate(held.value.touch):
                 if name not in links:
                     self.unknown((*held.place, "touch", i), "link", name, links)
-        for pair in self.draft.allowed:
+        for pair in self._allowed:
             for i, name in enumerate(pair.value):
                 if name not in taken:
                     self.unknown((*pair.place, i), "body", name, taken)

@@ -72,7 +72,7 @@ def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Mapping[st
     loader = load_robot if robot is None else _loader(robot)
     try:
         with reading(None):
-            return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader).whole()
+            return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader)
     except InputError as error:
         raise error.about(_HERE, "op.Problem") from None
 

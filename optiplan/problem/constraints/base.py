@@ -80,7 +80,9 @@ Part = Annotated[tuple[Number, ...], AfterValidator(_ordered)]
 
 During: TypeAlias = Annotated[
     tuple[float, float],
-    Key(Part | None, lambda said: said or WHOLE, lambda said: None if tuple(said) == WHOLE else said, default=None),
+    Key(
+        Part | None, lambda said: said or WHOLE, lambda said: None if tuple(said) == WHOLE else list(said), default=None
+    ),
 ]
 """Part of the motion, as fractions of its duration."""
 

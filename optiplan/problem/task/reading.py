@@ -33,7 +33,7 @@ Located = LocatedValue[TaskStepSpec]
 
 
 class TaskReader:
-    """Turns the steps of a draft into statements; errors go to the compiler's issues."""
+    """Turns the steps of a file into statements; errors go to the compiler's issues."""
 
     def __init__(self, compiler: Compiler, robot: Robot, scene: Scene) -> None:
         self.compiler, self.robot, self.scene = compiler, robot, scene
@@ -43,10 +43,10 @@ class TaskReader:
     def steps(self) -> list[LocatedValue[TaskStep]]:
         """Return the valid steps; an approach gives two."""
         found: list[LocatedValue[TaskStep]] = []
-        kinds = {part.value.kind for part in self.compiler.draft.task}
+        kinds = {part.value.kind for part in self.compiler.task}
         if kinds and kinds <= {"attach", "detach"}:
             self.compiler.report(("task",), "steps that take no time", "one besides that does, such as a dwell")
-        for part in self.compiler.draft.task:
+        for part in self.compiler.task:
             spec, number = part.value, int(part.place[-1]) + 1
             kept = [
                 LocatedValue((*part.place, "path_constraints", i), one) for i, one in enumerate(spec.path_constraints)

@@ -105,7 +105,7 @@ class ProblemReader:
             document = replace(document, data=document.data | instead)
             self._count(document)
         with reading(self.folders) as files:
-            problem = Problem.of(read_problem(document, self._base, self.robot).whole())
+            problem = Problem.of(read_problem(document, self._base, self.robot))
         mark_used(self._base, files)
         return problem
 
