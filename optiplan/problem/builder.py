@@ -29,9 +29,9 @@ from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import LocatedValue, alternatives, fit, fits, mapping
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import CONFIGURATIONS, AlternativeSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.ends import AlternativeSpec, ConfigurationSpec, StartSpec, ViaSpec
 from optiplan.problem.schema.scene import AttachedSpec, ObstacleSpec
-from optiplan.problem.schema.task import GripperSpec, TaskStepSpec
+from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
 
@@ -179,7 +179,7 @@ class Compiler:
         spec = part.value
         tolerance = HIT if spec.tolerance is None else spec.tolerance
         if spec.pose is None:
-            q = self.configuration(robot, part.place, stated_configuration(spec))
+            q = self.configuration(robot, part.place, spec)
             return None if q is None else JointGoal(q, tolerance)
         both = spec.pose.tolerance or ToleranceSpec(position=tolerance, orientation=tolerance)
         pose = PoseGoalSpec(**spec.pose.model_dump(exclude={"tolerance"}), tolerance=both)
@@ -237,16 +237,16 @@ class Compiler:
             return None
         return frame
 
-    def configuration(self, robot: Robot, place: Place, spec: StartSpec) -> Array | None:
+    def configuration(self, robot: Robot, place: Place, spec: ConfigurationSpec) -> Array | None:
         """Return the joint values of one of `CONFIGURATIONS`, (n,), rad or m, if there are n within the limits."""
-        place = (*place, spec.kind)
+        place = (*place, spec.way)
         if spec.configuration is not None:
             if spec.configuration not in robot.configurations:
                 self.unknown(place, "configuration", spec.configuration, robot.configurations)
                 return None
             q = np.array(robot.configurations[spec.configuration], float)
         else:
-            q = np.array(spec.value, float)
+            q = np.array(getattr(spec, spec.way), float)
         if len(q) != robot.n:
             self.report(place, f"{len(q)} values", f"{robot.n} values, one for each of {', '.join(robot.joint_names)}")
             return None
@@ -353,11 +353,6 @@ class Compiler:
     def unknown(self, place: Place, kind: str, found: str, valid: Iterable[str]) -> None:
         """Record a name that is not among the valid ones."""
         self.report(place, f"unknown {kind} '{found}'", choices(found, sorted(valid)))
-
-
-def stated_configuration(spec: ViaSpec | GripperSpec) -> StartSpec:
-    """Return the configuration that a via or a gripper is to have."""
-    return StartSpec(**{key: value for key in CONFIGURATIONS if (value := getattr(spec, key)) is not None})
 
 
 def _joints(robot: Robot, groups: Iterable[str]) -> set[str]:

@@ -28,7 +28,7 @@ ARGUMENT_WRITERS = {
     "objective": ("objective", to_data.objective_data),
     "path_constraints": ("path_constraints", to_data.path_constraint_data),
     "base": ("base", to_data.base_data),
-    "gravity": ("gravity", to_data.gravity_data),
+    "gravity": ("gravity", plain),
 }
 """Parts of a problem: key of the file, and how the part stands there."""
 

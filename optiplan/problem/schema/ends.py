@@ -26,7 +26,20 @@ Rates = Annotated[JointValues | None, AfterValidator(lambda rates: rates if rate
 """One value per planned joint; zeros are as good as nothing, so that rest is said in one way."""
 
 
-class StartSpec(ExactlyOne):
+class ConfigurationSpec(Strict):
+    """`joints`, in the robot's order, rad or m; `joints_deg`; or `configuration`, a name in the robot file."""
+
+    joints: JointValues | None = None
+    joints_deg: JointValues | None = None
+    configuration: Name | None = None
+
+    @property
+    def way(self) -> str:
+        """The one of `CONFIGURATIONS` that is there."""
+        return next(key for key in CONFIGURATIONS if getattr(self, key) is not None)
+
+
+class StartSpec(ConfigurationSpec, ExactlyOne):
     """`joints`: one value per planned joint, or `joints_deg`; or `configuration`: a name in the robot file.
 
     In `joints_deg` turning joints are in degrees, sliding ones in m.
@@ -35,9 +48,6 @@ class StartSpec(ExactlyOne):
 
     BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
 
-    joints: JointValues | None = None
-    joints_deg: JointValues | None = None
-    configuration: Name | None = None
     velocity: Rates = None
     acceleration: Rates = None
 
@@ -70,16 +80,13 @@ class ViaPoseSpec(PoseSpec):
     tolerance: ToleranceSpec | None = None
 
 
-class ViaSpec(Strict):
+class ViaSpec(ConfigurationSpec):
     """A point to be passed between start and goal.
 
     `tolerance` is of each joint or of both parts of a pose, rad or m; `velocity` (rad/s or m/s, one value per planned
     joint) and `time` (s from the start) are wishes, which the planner `spline` can grant.
     """
 
-    joints: JointValues | None = None
-    joints_deg: JointValues | None = None
-    configuration: Name | None = None
     pose: ViaPoseSpec | None = None
     tolerance: Length | None = None
     velocity: JointValues | None = None

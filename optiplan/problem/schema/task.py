@@ -8,7 +8,6 @@ from pydantic import AfterValidator, Field, model_validator
 from optiplan.config.document import Strict
 from optiplan.config.values import (
     Direction,
-    JointValues,
     Length,
     Name,
     NamePair,
@@ -18,16 +17,13 @@ from optiplan.config.values import (
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import CONFIGURATIONS, ENDS, AlternativeSpec, ViaSpec, timed
+from optiplan.problem.schema.ends import CONFIGURATIONS, ENDS, AlternativeSpec, ConfigurationSpec, ViaSpec, timed
 from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
 
 
-class MoveSpec(Strict):
+class MoveSpec(ConfigurationSpec):
     """Go to one end, or any of several, past `via`, with the joints of `group` (default: that of the problem)."""
 
-    joints: JointValues | None = None
-    joints_deg: JointValues | None = None
-    configuration: Name | None = None
     pose: PoseGoalSpec | None = None
     region: RegionSpec | None = None
     any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
@@ -135,13 +131,14 @@ class DetachSpec(Strict):
     object: Name
 
 
-class GripperSpec(Strict):
-    """Joints of a `group` move to `joints`, rad or m, to `joints_deg`, or to their values in a named configuration."""
+class OfGroup(Strict):
+    """A group of joints."""
 
     group: Name
-    joints: JointValues | None = None
-    joints_deg: JointValues | None = None
-    configuration: Name | None = None
+
+
+class GripperSpec(ConfigurationSpec, OfGroup):
+    """Joints of a `group` move to `joints`, rad or m, to `joints_deg`, or to their values in a named configuration."""
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
