@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.config.document import plain
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import described, options_argument, wrong_argument
 from optiplan.geometry.pose import Pose
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.scene import Scene
@@ -149,8 +149,7 @@ def _mapping(argument: str, value: Any, expected: str) -> Any:
 
 def planner_data(planner: Any, options: Any) -> Any:
     """`planner:` of a file."""
-    if options is not None and not isinstance(options, Mapping):
-        raise wrong_argument("Problem", "options", described(options), "options by name, such as {'degree': 5}")
+    options_argument("Problem", options)
     if isinstance(planner, Mapping):
         return {**plain(planner), **plain(options or {})}
     return {"name": plain(planner), **plain(options or {})}

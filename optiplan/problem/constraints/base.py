@@ -139,7 +139,7 @@ class Statement(ABC):
         return create_model(f"{cls.__name__}Spec", __base__=bases, __doc__=inspect.getdoc(cls), **own)
 
     @classmethod
-    def checked(cls, stated: Any) -> Any:
+    def consistent(cls, stated: Any) -> Any:
         """Return what stands in a file, if its values go together.
 
         Raises:

@@ -33,7 +33,7 @@ class _ToolRate(Statement):
     during: During = WHOLE
 
     @classmethod
-    def checked(cls, stated: Any) -> Any:
+    def consistent(cls, stated: Any) -> Any:
         """Return what stands in a file, if it bounds something."""
         if stated.linear is None and stated.angular is None:
             raise ValueError("found neither; expected linear, angular, or both")

@@ -140,7 +140,7 @@ class OnArc(Statement):
     during: During = WHOLE
 
     @classmethod
-    def checked(cls, stated: Any) -> Any:
+    def consistent(cls, stated: Any) -> Any:
         """Return what stands in a file, if its points are not in line."""
         a, b, c = (getattr(stated, key) for key in ("from", "through", "to"))
         u, v = ([y - x for x, y in zip(a, end, strict=True)] for end in (b, c))

@@ -76,7 +76,7 @@ class RotationSpec(ConstraintSpec):
 
 
 def _rotation(spec: RotationSpec) -> Array:
-    return pose_from_data({"rpy": spec.rpy, "quaternion": spec.quaternion}).rotation
+    return np.asarray(pose_from_data({"rpy": spec.rpy, "quaternion": spec.quaternion}).rotation)
 
 
 def _quaternion(R: Array) -> dict[str, Any]:

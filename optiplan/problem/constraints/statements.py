@@ -44,7 +44,7 @@ KINDS: dict[str, type[Statement]] = {
 """Classes of constraints by their key in a problem file."""
 
 _SPECS: dict[str, Any] = {
-    key: (Annotated[kind.spec(), AfterValidator(kind.checked)] | None, None) for key, kind in KINDS.items()
+    key: (Annotated[kind.spec(), AfterValidator(kind.consistent)] | None, None) for key, kind in KINDS.items()
 }
 
 if TYPE_CHECKING:
