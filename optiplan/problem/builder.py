@@ -19,12 +19,12 @@ from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import open_mesh
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.pose import PoseGoalSpec, PoseSpec, ToleranceSpec
-from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import ShapeSpec, build_geometry, shape_from_spec
+from optiplan.problem.constraints.base import pose_of
 from optiplan.problem.constraints.motions import WheelSpeed
-from optiplan.problem.constraints.statements import PathConstraint, PathConstraintSpec, constraint_of
+from optiplan.problem.constraints.statements import KINDS, PathConstraint, PathConstraintSpec
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import LocatedValue, alternatives, fit, fits, mapping
 from optiplan.problem.regions.region import RegionGoal
@@ -163,7 +163,7 @@ class Compiler:
         }
         for part in self._constraints if parts is None else parts:
             place = (*part.place, part.value.kind)
-            one = constraint_of(part.value, robot.tool_frame)
+            one = KINDS[part.value.kind].of(part.value.value, robot.tool_frame)
             wrong = [mention for mention in one.mentioned() if mention.name not in valid[mention.kind]]
             for where, kind, name in wrong:
                 self.unknown((*place, *where), kind, name, valid[kind])
@@ -189,8 +189,7 @@ class Compiler:
         if part.value.velocity is None:
             return None
         place, v, limit = (*part.place, "velocity"), np.array(part.value.velocity, float), robot.limits.velocity
-        if len(v) != robot.n:
-            self.report(place, f"{len(v)} values", f"{robot.n} values, one for each of {', '.join(robot.joint_names)}")
+        if not self._one_each(robot, place, v):
             return None
         for j in np.flatnonzero(np.abs(v) > limit):
             found = f"{robot.joint_names[j]} = {v[j]:.10g}, beyond its limit"
@@ -212,9 +211,7 @@ class Compiler:
         for key in ("velocity", "acceleration"):
             said = getattr(part.value, key)
             rates.append(None if said is None else np.array(said, float))
-            if said is not None and len(said) != robot.n:
-                expected = f"{robot.n} values, one for each of {', '.join(robot.joint_names)}"
-                self.report((*part.place, key), f"{len(said)} values", expected)
+            if said is not None and not self._one_each(robot, (*part.place, key), said):
                 q = None
         return None if q is None else JointGoal(q, velocity=rates[0], acceleration=rates[1])
 
@@ -222,7 +219,9 @@ class Compiler:
         """Return the goal of a pose, if its frame is known."""
         frame = self._frame(robot, place, spec.frame)
         return (
-            None if frame is None else PoseGoal(frame, _pose(spec), spec.tolerance.position, spec.tolerance.orientation)
+            None
+            if frame is None
+            else PoseGoal(frame, pose_of(spec), spec.tolerance.position, spec.tolerance.orientation)
         )
 
     def _region(self, robot: Robot, place: Place, spec: RegionSpec) -> RegionGoal | None:
@@ -247,12 +246,17 @@ class Compiler:
             q = np.array(robot.configurations[spec.configuration], float)
         else:
             q = np.array(getattr(spec, spec.way), float)
-        if len(q) != robot.n:
-            self.report(place, f"{len(q)} values", f"{robot.n} values, one for each of {', '.join(robot.joint_names)}")
+        if not self._one_each(robot, place, q):
             return None
         if spec.joints_deg is not None:
             q = np.where(robot.revolute, np.deg2rad(q), q)
         return q if self._within_limits(robot, place, q) else None
+
+    def _one_each(self, robot: Robot, place: Place, values: Sequence[float] | Array) -> bool:
+        expected = f"{robot.n} values, one for each of {', '.join(robot.joint_names)}"
+        if len(values) != robot.n:
+            self.report(place, f"{len(values)} values", expected)
+        return len(values) == robot.n
 
     def _within_limits(self, robot: Robot, place: Place, q: Array) -> bool:
         lower, upper = robot.limits.lower, robot.limits.upper
@@ -304,7 +308,7 @@ class Compiler:
         links = set(link_names(robot))
         payload = [(held.link, held.inertia_in_link()) for held in scene.attached if held.mass and held.link in links]
         gravity = GRAVITY if self._gravity is None else self._gravity
-        X_WB = pin.SE3.Identity() if self._base is None else _pose(self._base)
+        X_WB = pin.SE3.Identity() if self._base is None else pose_of(self._base)
         return robot.mounted(Mounting(X_WB, np.array(gravity), tuple(payload)))
 
     def _shape(self, place: Place, spec: ShapeSpec) -> Shape | None:
@@ -369,10 +373,6 @@ def frame_names(robot: Robot) -> Sequence[str]:
     return [frame.name for frame in robot.model.frames if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)]
 
 
-def _pose(spec: PoseSpec) -> pin.SE3:
-    return pose_from_data({"position": spec.position, "rpy": spec.rpy, "quaternion": spec.quaternion})
-
-
 def stated_pose(spec: PoseSpec) -> tuple[pin.SE3, dict[str, Any]]:
     """A pose, and the words in which it was said."""
-    return _pose(spec), spec.model_dump(mode="json", exclude_none=True)
+    return pose_of(spec), spec.model_dump(mode="json", exclude_none=True)

@@ -13,7 +13,7 @@ from optiplan.geometry.pose import Pose
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import shape_data
-from optiplan.problem.constraints.statements import KINDS, constraint_data
+from optiplan.problem.constraints.statements import KINDS
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.schema.joint_names import ends_of
 from optiplan.problem.statement import end_data, is_configuration, via_point_data
@@ -113,7 +113,7 @@ def _one_constraint_data(one: Any, function: str, argument: str) -> dict[str, An
         raise wrong_argument(function, argument, described(one), f"one of: {expected}")
     poses = {name: pose_from_data(pose.to_data()) for name, pose in vars(one).items() if isinstance(pose, Pose)}
     try:
-        data: dict[str, Any] = plain(constraint_data(replace(one, **poses)))  # type: ignore[type-var]  # dataclasses
+        data: dict[str, Any] = plain({one.KEY: replace(one, **poses).to_data()})  # type: ignore[type-var]  # dataclasses
     except (AttributeError, TypeError, ValueError):
         words = f"one that is said by {', '.join(described(value) for value in vars(one).values())}"
         raise wrong_argument(function, argument, words, f"what op.{type(one).__name__} is made of") from None

@@ -55,16 +55,6 @@ else:
     )
 
 
-def constraint_of(stated: ExactlyOne, tool: str) -> PathConstraint:
-    """Return the constraint of a valid entry of a file; of the frame `tool` where it names none."""
-    return KINDS[stated.kind].of(stated.value, tool)
-
-
-def constraint_data(one: PathConstraint) -> dict[str, Any]:
-    """Return a constraint as a problem file says it: its key, and under that its values."""
-    return {one.KEY: one.to_data()}
-
-
 def frame_of(one: PathConstraint) -> str | None:
     """Return the frame that a constraint is about, if it is about one."""
     frame: str | None = getattr(one, "frame", None)

@@ -1,5 +1,6 @@
 """The schema of starts, goals and via points in a problem file."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, ClassVar, Self
 
@@ -72,6 +73,17 @@ class GoalSpec(AlternativeSpec):
     any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
 
 
+def exactly_one(spec: Strict, keys: Sequence[str]) -> None:
+    """Require one of these keys, and not two of them.
+
+    Raises:
+        ValueError: what was found and expected.
+    """
+    given = [key for key in keys if getattr(spec, key) is not None]
+    if len(given) != 1:
+        raise ValueError(f"found {' and '.join(given) or 'none of them'}; expected exactly one of: {', '.join(keys)}")
+
+
 class ViaPoseSpec(PoseSpec):
     """The pose of `frame` (default: the robot's tool frame) in the world, to be passed within `tolerance`."""
 
@@ -94,10 +106,7 @@ class ViaSpec(ConfigurationSpec):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        kinds = [key for key in (*CONFIGURATIONS, "pose") if getattr(self, key) is not None]
-        if len(kinds) != 1:
-            found = " and ".join(kinds) or "none of them"
-            raise ValueError(f"found {found}; expected exactly one of: {', '.join(CONFIGURATIONS)}, pose")
+        exactly_one(self, (*CONFIGURATIONS, "pose"))
         if self.pose is not None and self.pose.tolerance is not None and self.tolerance is not None:
             raise ValueError("found a tolerance of the via and one of its pose; expected at most one of them")
         return self

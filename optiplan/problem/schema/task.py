@@ -17,7 +17,15 @@ from optiplan.config.values import (
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import CONFIGURATIONS, ENDS, AlternativeSpec, ConfigurationSpec, ViaSpec, timed
+from optiplan.problem.schema.ends import (
+    CONFIGURATIONS,
+    ENDS,
+    AlternativeSpec,
+    ConfigurationSpec,
+    ViaSpec,
+    exactly_one,
+    timed,
+)
 from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
 
 
@@ -32,7 +40,7 @@ class MoveSpec(ConfigurationSpec):
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
-        _exactly_one(self, (*ENDS, "any_of"))
+        exactly_one(self, (*ENDS, "any_of"))
         return self
 
 
@@ -53,7 +61,7 @@ class StraightLineSpec(Strict):
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
-        _exactly_one(self, ("pose", "by"))
+        exactly_one(self, ("pose", "by"))
         if self.pose is not None and (self.in_ != "world" or self.frame is not None):
             raise ValueError("found `in` or `frame` of the line; expected `frame` of the pose")
         return self
@@ -90,7 +98,7 @@ class ApproachSpec(Strict):
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
-        _exactly_one(self, ("pose", "any_of"))
+        exactly_one(self, ("pose", "any_of"))
         return self
 
 
@@ -142,14 +150,8 @@ class GripperSpec(ConfigurationSpec, OfGroup):
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
-        _exactly_one(self, CONFIGURATIONS)
+        exactly_one(self, CONFIGURATIONS)
         return self
-
-
-def _exactly_one(spec: Strict, keys: tuple[str, ...]) -> None:
-    given = [key for key in keys if getattr(spec, key) is not None]
-    if len(given) != 1:
-        raise ValueError(f"found {' and '.join(given) or 'none of them'}; expected exactly one of: {', '.join(keys)}")
 
 
 class TaskStepSpec(Strict):
@@ -172,7 +174,7 @@ class TaskStepSpec(Strict):
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
-        _exactly_one(self, STEP_KINDS)
+        exactly_one(self, STEP_KINDS)
         return self
 
     @property
