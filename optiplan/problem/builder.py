@@ -217,12 +217,8 @@ class Compiler:
 
     def pose_goal(self, robot: Robot, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
         """Return the goal of a pose, if its frame is known."""
-        frame = self._frame(robot, place, spec.frame)
-        return (
-            None
-            if frame is None
-            else PoseGoal(frame, pose_of(spec), spec.tolerance.position, spec.tolerance.orientation)
-        )
+        frame, tolerance = self._frame(robot, place, spec.frame), spec.tolerance
+        return None if frame is None else PoseGoal(frame, pose_of(spec), tolerance.position, tolerance.orientation)
 
     def _region(self, robot: Robot, place: Place, spec: RegionSpec) -> RegionGoal | None:
         frame = self._frame(robot, place, spec.frame)
