@@ -32,7 +32,7 @@ DECIDES_COLLISIONS = (("robot",), ("group",), ("locked",), ("scene", "allowed_co
 
 
 @dataclass(frozen=True, eq=False)
-class _Parts:
+class _ProblemParts:
     """The robot where it stands, its scene, and the valid start, goal, vias, steps and constraints."""
 
     robot: Robot
@@ -132,10 +132,10 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     }
 
 
-def _parts(compiler: Compiler, robot: Robot, scene: Scene) -> _Parts:
+def _parts(compiler: Compiler, robot: Robot, scene: Scene) -> _ProblemParts:
     ends = compiler.start(robot), compiler.goal(robot), compiler.vias(robot)
     steps = TaskReader(compiler, robot, scene).steps()
-    return _Parts(robot, scene, *ends, steps, compiler.constraints(robot, scene))
+    return _ProblemParts(robot, scene, *ends, steps, compiler.constraints(robot, scene))
 
 
 def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:
@@ -159,7 +159,7 @@ def goal_or_task(document: Document) -> list[Issue]:
     return [document.issue((key,), f"`{key}` beside a task", where[key]) for key in beside]
 
 
-def _moving_first(document: Document, parts: _Parts) -> list[Issue]:
+def _moving_first(document: Document, parts: _ProblemParts) -> list[Issue]:
     """Report joints that move at the start of a task and that its first step does not move."""
     if parts.start is None or not parts.task:
         return []
@@ -209,13 +209,13 @@ def _named(spec: ProblemSpec, robot: Robot) -> Any:
     return robot.reference.robot
 
 
-def _states(parts: _Parts) -> list[StatedState]:
+def _states(parts: _ProblemParts) -> list[StatedState]:
     """The start and the goals of joint values, with what each is."""
     start = [] if parts.start is None else [StatedState(("start",), parts.start, True)]
     return [*start, *(StatedState(end.place, end.value, False) for end in parts.joint_goals)]
 
 
-def _constraints(document: Document, parts: _Parts, alternatives: int) -> list[Issue]:
+def _constraints(document: Document, parts: _ProblemParts, alternatives: int) -> list[Issue]:
     """Report constraints that the start, or every goal of joint values, violates, and pairs that none can hold."""
     issues = []
     for part in parts.constraints:
@@ -233,7 +233,7 @@ def _constraints(document: Document, parts: _Parts, alternatives: int) -> list[I
     return issues
 
 
-def _collisions(document: Document, parts: _Parts, compiler: Compiler) -> list[Issue]:
+def _collisions(document: Document, parts: _ProblemParts, compiler: Compiler) -> list[Issue]:
     """Report a start, a via, or a goal with all alternatives, in collision."""
     scene = parts.scene
     model = collision_model(parts.robot, scene)
