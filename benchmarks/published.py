@@ -90,7 +90,7 @@ def import_sets(robot: str, folder: Path, every: int = 1, offset: int = 0) -> di
         every: distance of two indices within a set.
         offset: first index.
     """
-    from optiplan.problem.importers.motion_bench_maker import (  # here, for tables of versions that have no such reader
+    from optiplan.importers.motion_bench_maker import (  # here, for tables of versions that have no such reader
         Importer,
         find_pairs,
     )

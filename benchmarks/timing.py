@@ -22,8 +22,8 @@ from pathlib import Path
 
 import numpy as np
 
+from optiplan.importers.motion_bench_maker import import_mbm
 from optiplan.planners.base import Budget
-from optiplan.problem.importers.motion_bench_maker import import_mbm
 from optiplan.problem.load import load_problem
 from optiplan.robot.robot import Limits, Robot
 from optiplan.runs.pipeline import run

@@ -5,7 +5,7 @@ An invalid *input* is an exception from this file. "No solution" is a value: see
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from numbers import Integral
@@ -139,6 +139,26 @@ def progress_argument(function: str, value: object, expected: str = "a function 
     """
     if value is not None and not callable(value):
         raise wrong_argument(function, "progress", described(value), expected)
+
+
+def whole_argument(function: str, argument: str, value: object, least: int, expected: str = "") -> None:
+    """Require a whole number of Python's, at least `least`.
+
+    Raises:
+        InputError: another value; `expected` is in place of the usual words.
+    """
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise wrong_argument(function, argument, described(value), expected or f"a whole number >= {least}")
+
+
+def options_argument(function: str, value: object) -> None:
+    """Require options of a planner by name, or None.
+
+    Raises:
+        InputError: another value.
+    """
+    if value is not None and not isinstance(value, Mapping):
+        raise wrong_argument(function, "options", described(value), "options by name, such as {'degree': 5}")
 
 
 def seed_argument(function: str, value: object) -> int:

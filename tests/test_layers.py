@@ -13,7 +13,7 @@ ROOMS = (
     {"robot"},
     {"kinematics", "collision", "trajectory"},
     {"workspace", "problem"},
-    {"control"},
+    {"control", "importers"},
     {"planners", "verify"},
     {"runs"},
     {"execution"},

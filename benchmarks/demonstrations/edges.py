@@ -16,7 +16,7 @@ from asked import Figures
 import optiplan as op
 from optiplan.geometry.meshes.reading_process import READERS
 from optiplan.geometry.meshes.triangles import MeshError
-from optiplan.problem.importers.moveit import convert
+from optiplan.importers.moveit import convert
 
 SHARED = Path(os.environ.get("OPTIPLAN_SHARED", Path(__file__).parents[3] / "shared"))
 

@@ -12,7 +12,7 @@ from optiplan.api.loading import load_robot
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.config.messages import choices
-from optiplan.errors import InputError, described, flag_argument, wrong_argument
+from optiplan.errors import InputError, described, flag_argument, whole_argument, wrong_argument
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.poses import pose_from_data, pose_from_matrix
 from optiplan.geometry.scene import Obstacle, Scene
@@ -77,8 +77,7 @@ def ik(  # noqa: PLR0913  # one keyword for each thing that chooses among soluti
     start = wanted_configuration(arm) if near is None else configuration(*named, near, "ik", "near")
     if prefer is not None and prefer not in AIMS:
         raise wrong_argument("ik", "prefer", described(prefer), choices(str(prefer), AIMS))
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise wrong_argument("ik", "count", described(count), "a whole number >= 1")
+    whole_argument("ik", "count", count, 1)
     wanted = None if prefer is None else Preference(prefer, start if prefer == "reference" else None)
     options = IkOptions(count=count if scene is None else _MORE * count, prefer=wanted)
     found = [one.q for one in answer(arm, name, X_WG, start, options).solutions if one.within_limits]

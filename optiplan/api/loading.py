@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from optiplan.api.stored_runs import run_of_record
 from optiplan.arrays import is_finite
 from optiplan.config.messages import choices
 from optiplan.errors import UnknownChoiceError, described, wrong_argument
@@ -16,6 +15,7 @@ from optiplan.robot import robot
 from optiplan.robot.robot import Robot
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import load_run as read_run
+from optiplan.runs.stored_runs import run_of_record
 
 
 def load_problem(source: Path | str | Mapping[str, Any], **overrides: Any) -> Problem:

@@ -10,7 +10,16 @@ from typing import Any
 
 from optiplan.api.planning import BUDGET, checked_problem, checked_seconds
 from optiplan.cores import cores
-from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, described, progress_argument, wrong_argument
+from optiplan.errors import (
+    InputError,
+    OptiPlanError,
+    UnknownChoiceError,
+    described,
+    options_argument,
+    progress_argument,
+    whole_argument,
+    wrong_argument,
+)
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import Problem
@@ -71,9 +80,8 @@ def plan_many(
         client: Any = workers
         there = [client.submit(_planned, one, pure=False) for one in requests]
         return _ordered(requests, [_arriving(one) for one in there], progress, lambda: client.cancel(there))
-    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
-        expected = "a whole number >= 1, or a Dask client (distributed.Client)"
-        raise wrong_argument("plan_many", "workers", described(workers), expected)
+    if workers is not None:
+        whole_argument("plan_many", "workers", workers, 1, "a whole number >= 1, or a Dask client (distributed.Client)")
     count = min(workers or cores(), max(len(requests), 1))
     context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
     pool = ProcessPoolExecutor(count, context, initializer=_one_thread)
@@ -86,8 +94,7 @@ def _requests(problems: Any, planner: str | None, options: Mapping[str, Any] | N
         raise wrong_argument("plan_many", "problems", described(problems), "a list of problems, of op.load_problem(…)")
     if planner is not None and not isinstance(planner, str):
         raise wrong_argument("plan_many", "planner", described(planner), "the name of a planner, or `module:Class`")
-    if options is not None and not isinstance(options, Mapping):
-        raise wrong_argument("plan_many", "options", described(options), "options by name, such as {'degree': 5}")
+    options_argument("plan_many", options)
     given = list(problems)
     for k, problem in enumerate(given):
         checked_problem(problem, "plan_many", f"problems[{k}]")

@@ -11,7 +11,16 @@ import numpy as np
 
 from optiplan.arrays import Array, is_finite
 from optiplan.config.messages import choices
-from optiplan.errors import InputError, Issue, UnknownChoiceError, described, seed_argument, wrong_argument
+from optiplan.errors import (
+    InputError,
+    Issue,
+    UnknownChoiceError,
+    described,
+    options_argument,
+    progress_argument,
+    seed_argument,
+    wrong_argument,
+)
 from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.third_party import planner_object
@@ -21,7 +30,7 @@ from optiplan.runs import pipeline
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import load_run
-from optiplan.runs.stored_verdict import judged
+from optiplan.runs.stored_runs import judged
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
@@ -81,9 +90,9 @@ def plan(
     """
     checked_problem(problem, "plan")
     asked, chosen = _planner(problem, planner, options)
-    if progress is not None and not callable(progress):
-        raise wrong_argument("plan", "progress", described(progress), "a function of a stage's name and a fraction")
-    clock, told = _budget(budget), progress or _silent
+    progress_argument("plan", progress, "a function of a stage's name and a fraction")
+    clock = budget if isinstance(budget, Budget) else Budget(checked_seconds("plan", budget))
+    told = progress or _silent
     if seed is not None:
         problem = problem.with_seed(seed_argument("plan", seed))
     known = _known(warm_start)
@@ -198,8 +207,7 @@ def checked_problem(problem: Any, function: str, argument: str = "problem") -> N
 
 def _planner(problem: Problem, planner: Any, options: Any) -> tuple[str | Planner[Any], Mapping[str, Any]]:
     """The planner that is asked for, and its options."""
-    if options is not None and not isinstance(options, Mapping):
-        raise wrong_argument("plan", "options", described(options), "options by name, such as {'degree': 5}")
+    options_argument("plan", options)
     if planner is None or isinstance(planner, str):
         return pipeline.chosen(problem, planner, options)
     found = planner_object(planner)
@@ -216,12 +224,6 @@ def _planner(problem: Problem, planner: Any, options: Any) -> tuple[str | Planne
 
 def _silent(stage: str, fraction: float) -> None:
     """Progress that nobody wants to know."""
-
-
-def _budget(budget: Any) -> Budget:
-    if isinstance(budget, Budget):
-        return budget
-    return Budget(checked_seconds("plan", budget))
 
 
 def checked_seconds(function: str, budget: Any) -> float:

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from optiplan.api.planning import BUDGET, plan
-from optiplan.errors import InputError, described, wrong_argument
+from optiplan.api.planning import BUDGET, checked_problem, plan
+from optiplan.errors import InputError, described, options_argument, wrong_argument
 from optiplan.geometry.pose import Values
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.planners.base import Budget, Planner
@@ -45,12 +45,10 @@ class Replanner:
     def __init__(
         self, problem: Problem, planner: str | Planner[Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> None:
-        if not isinstance(problem, Problem):
-            raise wrong_argument("Replanner", "problem", described(problem), "op.load_problem(…) or op.Problem(…)")
+        checked_problem(problem, "Replanner")
         if planner is not None and not isinstance(planner, str | Planner):
             raise wrong_argument("Replanner", "planner", described(planner), "a name of op.planners()")
-        if options is not None and not isinstance(options, Mapping):
-            raise wrong_argument("Replanner", "options", described(options), "options by name, such as {'degree': 5}")
+        options_argument("Replanner", options)
         self.problem = problem
         self.run: Run | None = None
         self._planner, self._options = planner, options

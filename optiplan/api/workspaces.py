@@ -4,7 +4,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from optiplan.arrays import is_finite
-from optiplan.errors import described, flag_argument, path_argument, text_argument, wrong_argument
+from optiplan.errors import (
+    described,
+    flag_argument,
+    path_argument,
+    text_argument,
+    whole_argument,
+    wrong_argument,
+)
 from optiplan.robot.robot import Robot
 from optiplan.runs.run_folder import check_folder
 from optiplan.viewer.workspaces.export import save_workspaces
@@ -69,8 +76,7 @@ def workspace(  # noqa: PLR0913  # one keyword for each option of the command
         ("seed", seed, 0),
     )
     for name, value, least in counts:
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
-            raise wrong_argument("workspace", name, described(value), f"a whole number >= {least}")
+        whole_argument("workspace", name, value, least)
     text_argument("workspace", "group", group, "the name of a group of joints")
     text_argument("workspace", "frame", frame, "the name of a link or fixed frame")
     flag_argument("workspace", "collision", collision)

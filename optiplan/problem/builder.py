@@ -9,28 +9,29 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.config.document import Document
+from optiplan.config.document import Document, Number
 from optiplan.config.messages import choices, describe
 from optiplan.config.simple_yaml import Place
+from optiplan.config.values import FileName, Name, NamePair, Vector
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import is_file
 from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import open_mesh
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.pose import PoseGoalSpec, PoseSpec, ToleranceSpec
-from optiplan.geometry.poses import pose_from_data
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import ShapeSpec, build_geometry, shape_from_spec
+from optiplan.problem.constraints.base import pose_of
 from optiplan.problem.constraints.motions import WheelSpeed
-from optiplan.problem.constraints.schema import PathConstraintSpec
-from optiplan.problem.constraints.statements import PathConstraint, constraint_of
+from optiplan.problem.constraints.statements import KINDS, PathConstraint, PathConstraintSpec
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal, Via
-from optiplan.problem.partial import Draft, LocatedValue
+from optiplan.problem.partial import LocatedValue, alternatives, fit, fits, mapping
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import CONFIGURATIONS, AlternativeSpec, StartSpec, ViaSpec
-from optiplan.problem.schema.task import GripperSpec
+from optiplan.problem.schema.ends import AlternativeSpec, ConfigurationSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.scene import AttachedSpec, ObstacleSpec
+from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
 
@@ -42,15 +43,31 @@ HIT = 1e-6
 
 
 class Compiler:
-    """One pass over a `Draft`; errors go to `issues`, and the part concerned becomes None.
+    """One pass over a problem file; errors go to `issues`, and the part concerned becomes None.
 
-    `main_joints` are those of the problem's own group, once there is a robot.
+    Each part is read by itself: none hides what is wrong with another. `main_joints` are those of the problem's own
+    group, once there is a robot.
     """
 
-    def __init__(self, document: Document, base: Path, draft: Draft) -> None:
-        self.document, self.base, self.draft = document, base, draft
+    def __init__(self, document: Document, base: Path, data: Any) -> None:
+        """Read `data`, that of the document or a whole `ProblemSpec`; meshes are relative to `base`."""
+        self.document, self.base = document, base
         self.issues: list[Issue] = []
         self.main_joints: tuple[str, ...] = ()
+        root = mapping(data)
+        scene = mapping(root.get("scene"))
+        self._robot = fit(FileName | dict[str, Any], root.get("robot"))
+        self._group = fit(Name, root.get("group"))
+        self._locked: Mapping[str, float] = fit(dict[str, Number], root.get("locked", {})) or {}
+        self._base, self._gravity = fit(PoseSpec, root.get("base")), fit(Vector, root.get("gravity"))
+        self.start_spec: StartSpec | None = fit(StartSpec, root.get("start"))
+        self.goal_specs = alternatives(root.get("goal"))
+        self.task = fits(("task",), TaskStepSpec, root.get("task"))
+        self._vias = fits(("via",), ViaSpec, root.get("via"))
+        self._constraints = fits(("path_constraints",), PathConstraintSpec, root.get("path_constraints"))
+        self._obstacles = fits(("scene", "obstacles"), ObstacleSpec, scene.get("obstacles"))
+        self._attached = fits(("scene", "attached"), AttachedSpec, scene.get("attached"))
+        self._allowed = fits(("scene", "allowed_collisions"), NamePair, scene.get("allowed_collisions"))
 
     def report(self, place: Place, found: str, expected: str) -> None:
         """Record one issue."""
@@ -58,29 +75,29 @@ class Compiler:
 
     def robot(self, load: RobotLoader = load_robot) -> Robot | None:
         """The robot, with the joints that the problem locks; those of all groups that a task moves are planned."""
-        if self.draft.robot is None:
+        if self._robot is None:
             return None
         try:
-            file = None if isinstance(self.draft.robot, Mapping) else robot_file(self.draft.robot, self.base)
+            file = None if isinstance(self._robot, Mapping) else robot_file(self._robot, self.base)
             if file is not None and not is_file(file):
-                found = f"'{self.draft.robot}', but there is no file {file}"
+                found = f"'{self._robot}', but there is no file {file}"
                 self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
                 return None
-            robot = load(self.draft.robot, self.base, self.draft.locked, self.draft.group)
+            robot = load(self._robot, self.base, self._locked, self._group)
             self.main_joints = robot.joint_names
             more = self._more_groups(robot)
             if more and robot.group is None:
                 self.report(("group",), "no name of a group", f"one to plan besides {' and '.join(more)}")
                 return None
             if more:
-                locked = {name: q for name, q in self.draft.locked.items() if name not in _joints(robot, more)}
-                robot = load(self.draft.robot, self.base, locked, "+".join([str(robot.group), *more]))
+                locked = {name: q for name, q in self._locked.items() if name not in _joints(robot, more)}
+                robot = load(self._robot, self.base, locked, "+".join([str(robot.group), *more]))
             return robot
         except UnknownChoiceError as error:
             place = (error.kind,) if error.kind in ("robot", "group") else ("locked",)
             self.report(place, f"unknown {error.kind} '{error.found}'", choices(error.found, error.choices))
         except OSError as error:  # a name that no file can have
-            found = f"{describe(self.draft.robot)} ({(error.strerror or str(error)).lower()})"
+            found = f"{describe(self._robot)} ({(error.strerror or str(error)).lower()})"
             self.report(("robot",), found, "a robot of `optiplan robots`, or the path of a robot.yaml")
         except InputError as error:
             self.issues.extend(map(self._relocated, error.issues))
@@ -102,7 +119,7 @@ class Compiler:
     def _more_groups(self, robot: Robot) -> list[str]:
         """Return the groups that steps of the task name and that are not planned anyway."""
         named: list[str] = []
-        for part in self.draft.task:
+        for part in self.task:
             group = str(getattr(getattr(part.value, part.value.kind), "group", None))
             if group in robot.groups and not set(robot.groups[group]) <= set(robot.joint_names):
                 named.append(group)
@@ -110,30 +127,25 @@ class Compiler:
 
     def _relocated(self, issue: Issue) -> Issue:
         """Attribute the robot reader's issues about locked joints or an inline robot to the problem file."""
-        if isinstance(self.draft.robot, Mapping) and Path(issue.file).name == DESCRIPTION:
+        if isinstance(self._robot, Mapping) and Path(issue.file).name == DESCRIPTION:
             return self.document.issue(("robot", *issue.path), issue.found, issue.expected)
-        if issue.path not in [("locked", name) for name in self.draft.locked]:
+        if issue.path not in [("locked", name) for name in self._locked]:
             return issue
         return self.document.issue(issue.path, issue.found, issue.expected)
 
     def start(self, robot: Robot) -> JointGoal | None:
         """The state at the start."""
-        part = self.draft.start
-        return None if part is None else self._state(robot, part)
+        return None if self.start_spec is None else self._state(robot, LocatedValue(("start",), self.start_spec))
 
     def goal(self, robot: Robot) -> list[LocatedValue[GoalEnd]]:
         """Return the valid alternatives."""
-        ends: list[LocatedValue[GoalEnd]] = []
-        for part in self.draft.goal:
-            end = self.alternative(robot, part)
-            if end is not None:
-                ends.append(LocatedValue(part.place, end))
-        return ends
+        ends = [(part.place, self.alternative(robot, part)) for part in self.goal_specs]
+        return [LocatedValue(place, end) for place, end in ends if end is not None]
 
     def vias(self, robot: Robot) -> list[LocatedValue[Via]]:
         """Return the valid vias."""
         vias: list[LocatedValue[Via]] = []
-        for part in self.draft.vias:
+        for part in self._vias:
             at, velocity = self.passed(robot, part), self._velocity(robot, part)
             if at is not None:
                 vias.append(LocatedValue(part.place, Via(at, velocity, part.value.time)))
@@ -149,9 +161,9 @@ class Compiler:
             "body": {*link_names(robot), *scene.names},
             "joint": set(robot.joint_names),
         }
-        for part in self.draft.constraints if parts is None else parts:
-            key, place = part.value.kind, (*part.place, part.value.kind)
-            one = constraint_of(key, part.value.value.model_dump(by_alias=True), robot.tool_frame)
+        for part in self._constraints if parts is None else parts:
+            place = (*part.place, part.value.kind)
+            one = KINDS[part.value.kind].of(part.value.value, robot.tool_frame)
             wrong = [mention for mention in one.mentioned() if mention.name not in valid[mention.kind]]
             for where, kind, name in wrong:
                 self.unknown((*place, *where), kind, name, valid[kind])
@@ -167,7 +179,7 @@ class Compiler:
         spec = part.value
         tolerance = HIT if spec.tolerance is None else spec.tolerance
         if spec.pose is None:
-            q = self.configuration(robot, part.place, stated_configuration(spec))
+            q = self.configuration(robot, part.place, spec)
             return None if q is None else JointGoal(q, tolerance)
         both = spec.pose.tolerance or ToleranceSpec(position=tolerance, orientation=tolerance)
         pose = PoseGoalSpec(**spec.pose.model_dump(exclude={"tolerance"}), tolerance=both)
@@ -177,8 +189,7 @@ class Compiler:
         if part.value.velocity is None:
             return None
         place, v, limit = (*part.place, "velocity"), np.array(part.value.velocity, float), robot.limits.velocity
-        if len(v) != robot.n:
-            self.report(place, f"{len(v)} values", f"{robot.n} values, one for each of {', '.join(robot.joint_names)}")
+        if not self._one_each(robot, place, v):
             return None
         for j in np.flatnonzero(np.abs(v) > limit):
             found = f"{robot.joint_names[j]} = {v[j]:.10g}, beyond its limit"
@@ -200,18 +211,14 @@ class Compiler:
         for key in ("velocity", "acceleration"):
             said = getattr(part.value, key)
             rates.append(None if said is None else np.array(said, float))
-            if said is not None and len(said) != robot.n:
-                expected = f"{robot.n} values, one for each of {', '.join(robot.joint_names)}"
-                self.report((*part.place, key), f"{len(said)} values", expected)
+            if said is not None and not self._one_each(robot, (*part.place, key), said):
                 q = None
         return None if q is None else JointGoal(q, velocity=rates[0], acceleration=rates[1])
 
     def pose_goal(self, robot: Robot, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
         """Return the goal of a pose, if its frame is known."""
-        frame = self._frame(robot, place, spec.frame)
-        return (
-            None if frame is None else PoseGoal(frame, _pose(spec), spec.tolerance.position, spec.tolerance.orientation)
-        )
+        frame, tolerance = self._frame(robot, place, spec.frame), spec.tolerance
+        return None if frame is None else PoseGoal(frame, pose_of(spec), tolerance.position, tolerance.orientation)
 
     def _region(self, robot: Robot, place: Place, spec: RegionSpec) -> RegionGoal | None:
         frame = self._frame(robot, place, spec.frame)
@@ -225,22 +232,27 @@ class Compiler:
             return None
         return frame
 
-    def configuration(self, robot: Robot, place: Place, spec: StartSpec) -> Array | None:
+    def configuration(self, robot: Robot, place: Place, spec: ConfigurationSpec) -> Array | None:
         """Return the joint values of one of `CONFIGURATIONS`, (n,), rad or m, if there are n within the limits."""
-        place = (*place, spec.kind)
+        place = (*place, spec.way)
         if spec.configuration is not None:
             if spec.configuration not in robot.configurations:
                 self.unknown(place, "configuration", spec.configuration, robot.configurations)
                 return None
             q = np.array(robot.configurations[spec.configuration], float)
         else:
-            q = np.array(spec.value, float)
-        if len(q) != robot.n:
-            self.report(place, f"{len(q)} values", f"{robot.n} values, one for each of {', '.join(robot.joint_names)}")
+            q = np.array(getattr(spec, spec.way), float)
+        if not self._one_each(robot, place, q):
             return None
         if spec.joints_deg is not None:
             q = np.where(robot.revolute, np.deg2rad(q), q)
         return q if self._within_limits(robot, place, q) else None
+
+    def _one_each(self, robot: Robot, place: Place, values: Sequence[float] | Array) -> bool:
+        expected = f"{robot.n} values, one for each of {', '.join(robot.joint_names)}"
+        if len(values) != robot.n:
+            self.report(place, f"{len(values)} values", expected)
+        return len(values) == robot.n
 
     def _within_limits(self, robot: Robot, place: Place, q: Array) -> bool:
         lower, upper = robot.limits.lower, robot.limits.upper
@@ -258,12 +270,12 @@ class Compiler:
     def scene(self, robot: Robot | None) -> Scene:
         """Return the valid bodies, and the allowed pairs whose names are known."""
         obstacles, attached = [], []
-        for part in self.draft.obstacles:
+        for part in self._obstacles:
             shape = self._shape((*part.place, "shape"), part.value.shape)
             if shape is not None:
                 motion = None if part.value.motion is None else ObstacleMotion.of_data(**dict(part.value.motion))
                 obstacles.append(Obstacle(part.value.name, shape, *stated_pose(part.value.pose), motion))
-        for held in self.draft.attached:
+        for held in self._attached:
             shape = self._shape((*held.place, "shape"), held.value.shape)
             touch = frozenset(held.value.touch)
             if shape is not None:
@@ -275,7 +287,7 @@ class Compiler:
                     attached.append(body)
         if robot is not None:
             self._names(robot)
-        allowed = frozenset(frozenset(pair.value) for pair in self.draft.allowed)
+        allowed = frozenset(frozenset(pair.value) for pair in self._allowed)
         return Scene(tuple(obstacles), tuple(attached), allowed)
 
     def weighable(self, place: Place, body: Attachment) -> bool:
@@ -291,8 +303,8 @@ class Compiler:
         """The robot where it stands, with what it carries."""
         links = set(link_names(robot))
         payload = [(held.link, held.inertia_in_link()) for held in scene.attached if held.mass and held.link in links]
-        gravity = GRAVITY if self.draft.gravity is None else self.draft.gravity
-        X_WB = pin.SE3.Identity() if self.draft.base is None else _pose(self.draft.base)
+        gravity = GRAVITY if self._gravity is None else self._gravity
+        X_WB = pin.SE3.Identity() if self._base is None else pose_of(self._base)
         return robot.mounted(Mounting(X_WB, np.array(gravity), tuple(payload)))
 
     def _shape(self, place: Place, spec: ShapeSpec) -> Shape | None:
@@ -320,20 +332,20 @@ class Compiler:
         """Check that names are unique among links, obstacles and attachments, and that names referred to exist."""
         links = link_names(robot)
         taken = dict.fromkeys(links, "a link of the robot")
-        bodies = [(part.place, part.value.name, "an obstacle") for part in self.draft.obstacles]
-        bodies += [(part.place, part.value.name, "an attached object") for part in self.draft.attached]
+        bodies = [(part.place, part.value.name, "an obstacle") for part in self._obstacles]
+        bodies += [(part.place, part.value.name, "an attached object") for part in self._attached]
         for place, name, kind in bodies:
             if name in taken:
                 found = f"'{name}', which is already the name of {taken[name]}"
                 self.report((*place, "name"), found, "a name of its own")
             taken.setdefault(name, kind)
-        for held in self.draft.attached:
+        for held in self._attached:
             if held.value.link not in links:
                 self.unknown((*held.place, "link"), "link", held.value.link, links)
             for i, name in enumerate(held.value.touch):
                 if name not in links:
                     self.unknown((*held.place, "touch", i), "link", name, links)
-        for pair in self.draft.allowed:
+        for pair in self._allowed:
             for i, name in enumerate(pair.value):
                 if name not in taken:
                     self.unknown((*pair.place, i), "body", name, taken)
@@ -341,11 +353,6 @@ class Compiler:
     def unknown(self, place: Place, kind: str, found: str, valid: Iterable[str]) -> None:
         """Record a name that is not among the valid ones."""
         self.report(place, f"unknown {kind} '{found}'", choices(found, sorted(valid)))
-
-
-def stated_configuration(spec: ViaSpec | GripperSpec) -> StartSpec:
-    """Return the configuration that a via or a gripper is to have."""
-    return StartSpec(**{key: value for key in CONFIGURATIONS if (value := getattr(spec, key)) is not None})
 
 
 def _joints(robot: Robot, groups: Iterable[str]) -> set[str]:
@@ -362,10 +369,6 @@ def frame_names(robot: Robot) -> Sequence[str]:
     return [frame.name for frame in robot.model.frames if frame.type in (pin.FrameType.BODY, pin.FrameType.OP_FRAME)]
 
 
-def _pose(spec: PoseSpec) -> pin.SE3:
-    return pose_from_data({"position": spec.position, "rpy": spec.rpy, "quaternion": spec.quaternion})
-
-
 def stated_pose(spec: PoseSpec) -> tuple[pin.SE3, dict[str, Any]]:
     """A pose, and the words in which it was said."""
-    return _pose(spec), spec.model_dump(mode="json", exclude_none=True)
+    return pose_of(spec), spec.model_dump(mode="json", exclude_none=True)

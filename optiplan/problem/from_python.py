@@ -28,7 +28,7 @@ ARGUMENT_WRITERS = {
     "objective": ("objective", to_data.objective_data),
     "path_constraints": ("path_constraints", to_data.path_constraint_data),
     "base": ("base", to_data.base_data),
-    "gravity": ("gravity", to_data.gravity_data),
+    "gravity": ("gravity", plain),
 }
 """Parts of a problem: key of the file, and how the part stands there."""
 
@@ -72,7 +72,7 @@ def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Mapping[st
     loader = load_robot if robot is None else _loader(robot)
     try:
         with reading(None):
-            return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader).whole()
+            return read_problem(Document(Path(_HERE), plain(data), {}), Path.cwd(), loader)
     except InputError as error:
         raise error.about(_HERE, "op.Problem") from None
 

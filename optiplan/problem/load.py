@@ -31,7 +31,7 @@ def load_problem(path: Path | str, folders: Iterable[Path | str] | None = None, 
         document = read_yaml(path)
         if overrides and isinstance(document.data, dict):
             document = replace(document, data=document.data | overrides)
-        return Problem.of(read_problem(document, Path(path).resolve().parent).whole())
+        return Problem.of(read_problem(document, Path(path).resolve().parent))
 
 
 def problem_from_dict(
@@ -55,17 +55,17 @@ def problem_from_dict(
     """
     with reading(_with_robots(folders)):
         document = Document(Path("<problem>"), plain(data), {})
-        return Problem.of(read_problem(document, Path(base).resolve(), robots).whole())
+        return Problem.of(read_problem(document, Path(base).resolve(), robots))
 
 
 def check_file(path: Path | str, folders: Iterable[Path | str] | None = None) -> list[Issue]:
     """Return every issue of a problem file, in file order; an invalid part hides no other."""
     with reading(_with_robots(folders)):
         try:
-            document = read_yaml(path)
+            read_problem(read_yaml(path), Path(path).resolve().parent)
         except InputError as error:
             return list(error.issues)
-        return list(read_problem(document, Path(path).resolve().parent).issues)
+    return []
 
 
 def _with_robots(folders: Iterable[Path | str] | None) -> list[Path | str] | None:

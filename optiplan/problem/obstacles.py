@@ -39,18 +39,13 @@ def Box(
         >>> op.Box("shelf", size=(0.8, 0.3, 0.02), position=(0.5, 0, 0.4))
         Obstacle: shelf, Box(size=(0.8, 0.3, 0.02)), at [0.5, 0, 0.4] m
     """
-    return _obstacle("Box", name, {"box": size}, (position, rpy, quaternion, rpy_deg), "size")
+    at = {"position": position, "rpy": rpy, "quaternion": quaternion, "rpy_deg": rpy_deg}
+    return _obstacle("Box", name, {"box": size}, at, "size")
 
 
 def Sphere(name: str, radius: float, position: Values = (0, 0, 0)) -> Obstacle:
-    """A ball around `position`, m; see `Box`.
-
-    Args:
-        name: of its own.
-        radius: m.
-        position: of the centre in the world [x, y, z], m.
-    """
-    return _obstacle("Sphere", name, {"sphere": radius}, (position,), "radius")
+    """A ball of a radius, m, around `position`, m; see `Box`."""
+    return _obstacle("Sphere", name, {"sphere": radius}, {"position": position}, "radius")
 
 
 def Cylinder(
@@ -62,19 +57,9 @@ def Cylinder(
     quaternion: Values | None = None,
     rpy_deg: Values | None = None,
 ) -> Obstacle:
-    """A cylinder along its axis z, centred on its frame; see `Box`.
-
-    Args:
-        name: of its own.
-        radius: m.
-        length: the whole of it, m.
-        position: of the centre in the world [x, y, z], m.
-        rpy: [roll, pitch, yaw], rad.
-        quaternion: [x, y, z, w], instead of `rpy`.
-        rpy_deg: `rpy` in degrees.
-    """
-    shape = {"cylinder": {"radius": radius, "length": length}}
-    return _obstacle("Cylinder", name, shape, (position, rpy, quaternion, rpy_deg))
+    """A cylinder along its axis z, centred on its frame: its radius and whole length, m; the rest is as of `Box`."""
+    at = {"position": position, "rpy": rpy, "quaternion": quaternion, "rpy_deg": rpy_deg}
+    return _obstacle("Cylinder", name, {"cylinder": {"radius": radius, "length": length}}, at)
 
 
 def Capsule(
@@ -86,31 +71,20 @@ def Capsule(
     quaternion: Values | None = None,
     rpy_deg: Values | None = None,
 ) -> Obstacle:
-    """A cylinder with round caps along its axis z, centred on its frame; see `Box`.
+    """A cylinder with round caps along its axis z, centred on its frame; the rest is as of `Box`.
 
-    Args:
-        name: of its own.
-        radius: of the cylinder and of the caps, m.
-        length: of the cylinder without the caps, m.
-        position: of the centre in the world [x, y, z], m.
-        rpy: [roll, pitch, yaw], rad.
-        quaternion: [x, y, z, w], instead of `rpy`.
-        rpy_deg: `rpy` in degrees.
+    `length`, m, is that of the cylinder without the caps; `radius`, m, is that of both.
     """
-    shape = {"capsule": {"radius": radius, "length": length}}
-    return _obstacle("Capsule", name, shape, (position, rpy, quaternion, rpy_deg))
+    at = {"position": position, "rpy": rpy, "quaternion": quaternion, "rpy_deg": rpy_deg}
+    return _obstacle("Capsule", name, {"capsule": {"radius": radius, "length": length}}, at)
 
 
 def HalfSpace(name: str, normal: Values = (0, 0, 1), offset: float = 0.0) -> Obstacle:
-    """All points p of the world with normal · p <= offset, such as a floor.
+    """All points p of the world with normal · p <= offset, m, such as a floor.
 
-    Args:
-        name: of its own.
-        normal: out of the solid, of unit length.
-        offset: m.
+    The normal points out of the solid and has unit length.
     """
-    shape = {"half_space": {"normal": normal, "offset": offset}}
-    return _obstacle("HalfSpace", name, shape, ((0, 0, 0), None, None))
+    return _obstacle("HalfSpace", name, {"half_space": {"normal": normal, "offset": offset}}, {})
 
 
 def Mesh(  # noqa: PLR0913
@@ -123,24 +97,17 @@ def Mesh(  # noqa: PLR0913
     quaternion: Values | None = None,
     rpy_deg: Values | None = None,
 ) -> Obstacle:
-    """The triangles of a file; see `Box`.
+    """The triangles of a file; its pose, that of the file's origin, is as of `Box`.
 
-    Args:
-        name: of its own.
-        file: STL, OBJ, DAE, PLY or GLB, relative to the working directory.
-        scale: of the file's numbers, one or [x, y, z]: 0.001 for millimetres.
-        convex: the convex hull instead, which is quicker.
-        position: of the file's origin in the world [x, y, z], m.
-        rpy: [roll, pitch, yaw], rad.
-        quaternion: [x, y, z, w], instead of `rpy`.
-        rpy_deg: `rpy` in degrees.
+    The file is STL, OBJ, DAE, PLY or GLB, relative to the working directory. Its numbers are multiplied by `scale`, one
+    or [x, y, z]: 0.001 for millimetres. `convex` takes the convex hull instead, which is quicker.
 
     Raises:
         InputError: the file is missing or no mesh, or another argument does not fit.
     """
     path = path_argument("Mesh", "file", file, f"the path of a mesh file ({FORMATS})")
-    shape = {"mesh": {"file": str(path.resolve()), "scale": scale, "convex": convex}}
-    return _obstacle("Mesh", name, shape, (position, rpy, quaternion, rpy_deg))
+    at = {"position": position, "rpy": rpy, "quaternion": quaternion, "rpy_deg": rpy_deg}
+    return _obstacle("Mesh", name, {"mesh": {"file": str(path.resolve()), "scale": scale, "convex": convex}}, at)
 
 
 def PointCloud(
@@ -152,26 +119,18 @@ def PointCloud(
     quaternion: Values | None = None,
     rpy_deg: Values | None = None,
 ) -> Obstacle:
-    """Everything within `radius` of the points of a file; see `Box`.
+    """Everything within `radius`, m, of the points of a file; its pose, that of the file's origin, is as of `Box`.
 
-    The points are gathered in cells with edges of `radius`; the box around the balls of each cell is what is kept away
+    The file is PLY (its vertices), PCD or NPZ (array `points`, (N, 3)), in m, relative to the working directory. The
+    points are gathered in cells with edges of `radius`; the box around the balls of each cell is what is kept away
     from. Where nothing was seen counts as free.
-
-    Args:
-        name: of its own.
-        file: PLY (its vertices), PCD or NPZ (array `points`, (N, 3)), in m, relative to the working directory.
-        radius: m.
-        position: of the file's origin in the world [x, y, z], m.
-        rpy: [roll, pitch, yaw] about the fixed axes x, then y, then z of the world, rad.
-        quaternion: [x, y, z, w], instead of `rpy`.
-        rpy_deg: `rpy` in degrees.
 
     Raises:
         InputError: the file is missing or holds no points, or another argument does not fit.
     """
     path = path_argument("PointCloud", "file", file, f"the path of a point cloud file ({POINT_FORMATS})")
-    shape = {"points": {"file": str(path.resolve()), "radius": radius}}
-    return _obstacle("PointCloud", name, shape, (position, rpy, quaternion, rpy_deg))
+    at = {"position": position, "rpy": rpy, "quaternion": quaternion, "rpy_deg": rpy_deg}
+    return _obstacle("PointCloud", name, {"points": {"file": str(path.resolve()), "radius": radius}}, at)
 
 
 def Octree(
@@ -182,32 +141,24 @@ def Octree(
     quaternion: Values | None = None,
     rpy_deg: Values | None = None,
 ) -> Obstacle:
-    """The occupied cells of an OctoMap file; see `Box`. Cells that it does not know count as free.
+    """The occupied cells of an OctoMap file; its pose, that of the file's origin, is as of `Box`.
 
-    Args:
-        name: of its own.
-        file: BT or OT, relative to the working directory.
-        position: of the file's origin in the world [x, y, z], m.
-        rpy: [roll, pitch, yaw] about the fixed axes x, then y, then z of the world, rad.
-        quaternion: [x, y, z, w], instead of `rpy`.
-        rpy_deg: `rpy` in degrees.
+    The file is BT or OT, relative to the working directory. Cells that it does not know count as free.
 
     Raises:
         InputError: the file is missing or holds no occupied cell, or another argument does not fit.
     """
     path = path_argument("Octree", "file", file, f"the path of an octree file ({OCTREE_FORMATS})")
-    return _obstacle("Octree", name, {"octree": {"file": str(path.resolve())}}, (position, rpy, quaternion, rpy_deg))
+    at = {"position": position, "rpy": rpy, "quaternion": quaternion, "rpy_deg": rpy_deg}
+    return _obstacle("Octree", name, {"octree": {"file": str(path.resolve())}}, at)
 
 
-def _obstacle(
-    function: str, name: str, shape: dict[str, Any], at: tuple[Any, ...], only: str | None = None
-) -> Obstacle:
+def _obstacle(function: str, name: str, shape: dict[str, Any], at: dict[str, Any], only: str | None = None) -> Obstacle:
     """Check and build; `only` names the argument of a shape that has just one."""
     ((kind, stated),) = shape.items()
     names = {f"shape.{kind}": only} if only else {f"shape.{kind}.{key}": key for key in stated}
-    keys = ("position", "rpy", "quaternion", "rpy_deg")
-    pose = {key: value for key, value in zip(keys, at, strict=False) if value is not None}
-    arguments = {**names, **{f"pose.{key}": key for key in keys}, "pose": "rpy"}
+    arguments = {**names, **{f"pose.{key}": key for key in at}, "pose": "rpy"}
+    pose = {key: value for key, value in at.items() if value is not None}
     spec = checked(ObstacleSpec, {"name": name, "shape": shape, "pose": pose}, function, arguments)
     X_WO, words = stated_pose(spec.pose)
     solid = shape_from_spec(spec.shape)

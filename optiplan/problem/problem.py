@@ -1,6 +1,7 @@
 """`Problem`: a planning problem as planners and the verifier read it, complete and frozen."""
 
 import hashlib
+import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -24,7 +25,6 @@ from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.statement import End, ViaPoint
-from optiplan.problem.summary import as_table, goals_in_words
 from optiplan.problem.task.builder import Task
 from optiplan.problem.task.steps import TaskStep
 from optiplan.problem.write import problem_text
@@ -374,19 +374,22 @@ class Problem(FreeSpace):
 
     def _repr_html_(self) -> str:
         """The same with the start and the hash, as a small table for notebooks."""
-        rows = {
-            "robot": f"{self.robot.name}, {self.robot.n} joints",
-            "start": ", ".join(f"{q:.4g}" for q in self.start),
-            "goal": self._end,
-            "via points": len(self.vias),
-            "scene": self._around,
-            "hash": f"{self.hash:.12}",
-        }
-        return as_table(self.name, rows)
+        rows: dict[str, Any] = {"robot": f"{self.robot.name}, {self.robot.n} joints"}
+        rows |= {"start": ", ".join(f"{q:.4g}" for q in self.start), "goal": self._end, "via points": len(self.vias)}
+        rows |= {"scene": self._around, "hash": f"{self.hash:.12}"}
+        cells = "".join(f"<tr><th>{key}</th><td>{html.escape(str(v))}</td></tr>" for key, v in rows.items() if v)
+        return f"<table><caption>Problem: {html.escape(self.name)}</caption>{cells}</table>"
 
     @property
     def _end(self) -> str:
-        return f"do {self.task[-1].number} steps" if self.task else goals_in_words(self.goal)
+        if self.task:
+            return f"do {self.task[-1].number} steps"
+        if len(self.goal) != 1:
+            return f"any of {len(self.goal)} ends"
+        end = self.goal[0]
+        if isinstance(end, JointGoal):
+            return "a configuration"
+        return f"a {'pose' if isinstance(end, PoseGoal) else 'region'} of {end.frame}"
 
     @property
     def _around(self) -> str:

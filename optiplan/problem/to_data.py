@@ -8,13 +8,14 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.config.document import plain
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import described, options_argument, wrong_argument
 from optiplan.geometry.pose import Pose
 from optiplan.geometry.poses import pose_from_data, pose_to_data
-from optiplan.geometry.scene import Attachment, Obstacle, Scene
+from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import shape_data
-from optiplan.problem.constraints.statements import KINDS, constraint_data
+from optiplan.problem.constraints.statements import KINDS
 from optiplan.problem.objectives.objective import Objective
+from optiplan.problem.schema.joint_names import ends_of
 from optiplan.problem.statement import end_data, is_configuration, via_point_data
 from optiplan.trajectory.state import State
 
@@ -68,7 +69,12 @@ def scene_data(scene: Any) -> Any:
             raise wrong_argument("Problem", "scene", described(scene), "op.Scene([…]) or a list of obstacles")
         scene = Scene(scene)
     obstacles = [
-        {"name": body.name, "shape": shape_data(body.shape), "pose": _pose(body.X_WO, body.stated), **_motion(body)}
+        {
+            "name": body.name,
+            "shape": shape_data(body.shape),
+            "pose": _pose(body.X_WO, body.stated),
+            **({} if body.motion is None else {"motion": body.motion.to_data()}),
+        }
         for body in scene.obstacles
     ]
     attached = [
@@ -78,20 +84,12 @@ def scene_data(scene: Any) -> Any:
             "link": held.link,
             "pose": _pose(held.X_LO, held.stated),
             "touch": sorted(held.touch),
-            **{key: plain(value) for key, value in _weight(held).items() if value is not None},
+            **{key: plain(said) for key in ("mass", "centre", "inertia") if (said := getattr(held, key)) is not None},
         }
         for held in scene.attached
     ]
     allowed = sorted(sorted(pair) for pair in scene.allowed)
     return {"obstacles": obstacles, "attached": attached, "allowed_collisions": allowed}
-
-
-def _motion(body: Obstacle) -> dict[str, Any]:
-    return {} if body.motion is None else {"motion": body.motion.to_data()}
-
-
-def _weight(held: Attachment) -> dict[str, Any]:
-    return {"mass": held.mass, "centre": held.centre, "inertia": held.inertia}
 
 
 def path_constraint_data(constraints: Any, function: str = "Problem") -> list[dict[str, Any]]:
@@ -115,7 +113,7 @@ def _one_constraint_data(one: Any, function: str, argument: str) -> dict[str, An
         raise wrong_argument(function, argument, described(one), f"one of: {expected}")
     poses = {name: pose_from_data(pose.to_data()) for name, pose in vars(one).items() if isinstance(pose, Pose)}
     try:
-        data: dict[str, Any] = plain(constraint_data(replace(one, **poses)))  # type: ignore[type-var]  # dataclasses
+        data: dict[str, Any] = plain({one.KEY: replace(one, **poses).to_data()})  # type: ignore[type-var]  # dataclasses
     except (AttributeError, TypeError, ValueError):
         words = f"one that is said by {', '.join(described(value) for value in vars(one).values())}"
         raise wrong_argument(function, argument, words, f"what op.{type(one).__name__} is made of") from None
@@ -128,37 +126,30 @@ def base_data(base: Any) -> Any:
         return pose_to_data(base)
     if isinstance(base, Pose):
         return {key: value for key, value in base.to_data().items() if key in ("position", "rpy", "quaternion")}
-    if not isinstance(base, Mapping):
-        raise wrong_argument("Problem", "base", described(base), "op.Pose(position, rpy=…)")
-    return plain(base)
-
-
-def gravity_data(gravity: Any) -> Any:
-    """`gravity:` of a file."""
-    return plain(gravity)
+    return _mapping("base", base, "op.Pose(position, rpy=…)")
 
 
 def limits_data(limits: Any) -> Any:
     """`limits:` of a file: fractions of the robot's own."""
-    if not isinstance(limits, Mapping):
-        expected = "fractions such as {'velocity': 0.5}"
-        raise wrong_argument("Problem", "limits", described(limits), expected)
-    return plain(limits)
+    return _mapping("limits", limits, "fractions such as {'velocity': 0.5}")
 
 
 def objective_data(objective: Any) -> Any:
     """`objective:` of a file."""
     if isinstance(objective, Objective):
         return {"time": objective.time, "jerk": objective.jerk} | objective.weights
-    if not isinstance(objective, Mapping):
-        raise wrong_argument("Problem", "objective", described(objective), "op.Objective(time=…, jerk=…, …)")
-    return plain(objective)
+    return _mapping("objective", objective, "op.Objective(time=…, jerk=…, …)")
+
+
+def _mapping(argument: str, value: Any, expected: str) -> Any:
+    if not isinstance(value, Mapping):
+        raise wrong_argument("Problem", argument, described(value), expected)
+    return plain(value)
 
 
 def planner_data(planner: Any, options: Any) -> Any:
     """`planner:` of a file."""
-    if options is not None and not isinstance(options, Mapping):
-        raise wrong_argument("Problem", "options", described(options), "options by name, such as {'degree': 5}")
+    options_argument("Problem", options)
     if isinstance(planner, Mapping):
         return {**plain(planner), **plain(options or {})}
     return {"name": plain(planner), **plain(options or {})}
@@ -177,34 +168,14 @@ def tool_statements(data: Mapping[str, Any], own_tools: Container[str] = ()) -> 
         data: of the problem: poses and regions of goal, vias and steps, lines by a vector and retreats.
         own_tools: groups with a tool frame of their own; steps of these are left out.
     """
-    found = [*_goal_statements(data.get("goal")), *_via_statements(data.get("via"))]
+    found = []
+    for place, end in ends_of({**data, "start": None}, ("move", "line", "approach")):
+        if place[0] != "task" or str(data["task"][place[1]][place[2]].get("group")) not in own_tools:
+            poses = [end] if place[2:4] == ("approach", "any_of") else [end.get(key) for key in ("pose", "region")]
+            found += [pose for pose in poses if isinstance(pose, dict)]
     for step in data.get("task") or ():
-        for kind in ("move", "line", "approach", "retreat"):
+        for kind in ("line", "retreat"):
             said = step.get(kind) if isinstance(step, Mapping) else None
-            if not isinstance(said, dict) or str(said.get("group")) in own_tools:
-                continue
-            if kind == "retreat" or (kind == "line" and "pose" not in said):
+            if isinstance(said, dict) and "pose" not in said and str(said.get("group")) not in own_tools:
                 found.append(said)
-            found += [*_goal_statements(said, of_poses=kind == "approach"), *_via_statements(said.get("via"))]
     return found
-
-
-def _goal_statements(goal: Any, of_poses: bool = False) -> list[dict[str, Any]]:
-    """Poses and regions of an end, or of several; `of_poses`: `any_of` lists the poses themselves."""
-    if not isinstance(goal, Mapping):
-        return []
-    several = _listed(goal.get("any_of"))
-    return _of_ends([goal]) + ([one for one in several if isinstance(one, dict)] if of_poses else _of_ends(several))
-
-
-def _via_statements(vias: Any) -> list[dict[str, Any]]:
-    return _of_ends(_listed(vias))
-
-
-def _of_ends(ends: Sequence[Any]) -> list[dict[str, Any]]:
-    given = [end for end in ends if isinstance(end, Mapping)]
-    return [end[key] for end in given for key in ("pose", "region") if isinstance(end.get(key), dict)]
-
-
-def _listed(value: Any) -> Sequence[Any]:
-    return value if isinstance(value, list | tuple) else ()

@@ -11,13 +11,13 @@ import httpx
 
 from optiplan.api.loading import load_problem
 from optiplan.api.planning import BUDGET
-from optiplan.api.stored_runs import run_of_record
 from optiplan.errors import InputError, Issue, OptiPlanError, described, wrong_argument
 from optiplan.files import read_bytes
 from optiplan.problem.hashing import shape_files_of
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RUN, TRAJECTORY
+from optiplan.runs.stored_runs import run_of_record
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -9,8 +9,8 @@ import optiplan
 from optiplan import cache
 from optiplan.bench.sources.base import Found, Place
 from optiplan.files import write_text
-from optiplan.problem.importers.motion_bench_maker import Importer, find_pairs, number_of
-from optiplan.problem.importers.moveit_objects import CannotConvert
+from optiplan.importers.motion_bench_maker import Importer, find_pairs, number_of
+from optiplan.importers.moveit_objects import CannotConvert
 from optiplan.robot.robot import load_robot
 
 CONVERSION = 1

@@ -35,7 +35,7 @@ def mbm(
 
       optiplan import mbm problems/bookshelf_small_panda out --robot panda
     """
-    from optiplan.problem.importers.motion_bench_maker import import_mbm
+    from optiplan.importers.motion_bench_maker import import_mbm
 
     with stdout_is_ours():
         done = import_mbm(directory, out, robot)

@@ -43,7 +43,7 @@ def verify(
     from optiplan.cli.printing.report import show_report
     from optiplan.problem.load import load_problem
     from optiplan.runs.run_folder import load_run
-    from optiplan.runs.stored_verdict import judged
+    from optiplan.runs.stored_runs import judged
     from optiplan.verify.report import jsonable
 
     path = find_problem(problem)

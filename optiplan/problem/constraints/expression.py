@@ -1,9 +1,9 @@
 """A user's own constraint: a CasADi expression of the robot's state between two bounds."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -63,15 +63,6 @@ class Expression(Statement):
         low, high = self.during
         if not 0.0 <= low < high <= 1.0:
             raise wrong_argument("Expression", "during", f"{self.during}", "(from, to) with 0 <= from < to <= 1")
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Raise: files hold no functions."""
-        raise NotImplementedError("an expression is a function, which no file holds")
-
-    def to_data(self) -> dict[str, Any]:
-        """Return what can be said of it."""
-        return {"name": self.name, "lower": self.lower, "upper": self.upper}
 
     @property
     def size(self) -> float:

@@ -1,51 +1,47 @@
-"""Path constraints on speeds, joints and distances: what stands under each key, and what it states."""
+"""Path constraints on speeds, joints and distances."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from optiplan.config.document import Number, Strict
+from optiplan.config.document import Number
 from optiplan.config.values import Length, Name, NamePair
-from optiplan.problem.constraints.base import WHOLE, ConstraintSpec, During, Mention, Part, Statement
+from optiplan.problem.constraints.base import WHOLE, Distance, During, Frame, Key, Mention, Statement
+
+Rate: TypeAlias = Annotated[
+    float,
+    Key(
+        Length | None,
+        lambda said: np.inf if said is None else said,
+        lambda rate: rate if np.isfinite(rate) else None,
+        default=None,
+    ),
+]
+"""A number > 0; infinite, and left out in a file: any."""
 
 
 @dataclass(frozen=True, eq=False)
-class _ToolRate:
+class _ToolRate(Statement):
     """A bound on how a frame moves and turns."""
 
-    frame: str
-    linear: float = np.inf
-    angular: float = np.inf
+    frame: Frame
+    linear: Rate = np.inf
+    angular: Rate = np.inf
     during: During = WHOLE
 
     @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(frame, *_rates(data), during)
-
-    def to_data(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {name: getattr(self, name) for name in ("linear", "angular") if np.isfinite(getattr(self, name))}
-
-
-class ToolSpeedSpec(ConstraintSpec):
-    """The frame moves no faster than `linear`, m/s, and turns no faster than `angular`, rad/s."""
-
-    linear: Length | None = None
-    angular: Length | None = None
-
-    @model_validator(mode="after")
-    def _something(self) -> Self:
-        if self.linear is None and self.angular is None:
+    def consistent(cls, stated: Any) -> Any:
+        """Return what stands in a file, if it bounds something."""
+        if stated.linear is None and stated.angular is None:
             raise ValueError("found neither; expected linear, angular, or both")
-        return self
+        return stated
 
 
 @dataclass(frozen=True, eq=False)
-class ToolSpeed(_ToolRate, Statement):
+class ToolSpeed(_ToolRate):
     """A frame moves and turns no faster than this.
 
     Attributes:
@@ -58,12 +54,8 @@ class ToolSpeed(_ToolRate, Statement):
     KEY: ClassVar[str] = "tool_speed"
 
 
-class ToolAccelerationSpec(ToolSpeedSpec):
-    """The frame's acceleration is at most `linear`, m/s², its angular acceleration at most `angular`, rad/s²."""
-
-
 @dataclass(frozen=True, eq=False)
-class ToolAcceleration(_ToolRate, Statement):
+class ToolAcceleration(_ToolRate):
     """A frame is accelerated no more than this.
 
     Attributes:
@@ -74,14 +66,6 @@ class ToolAcceleration(_ToolRate, Statement):
     """
 
     KEY: ClassVar[str] = "tool_acceleration"
-
-
-class PairClearanceSpec(Strict):
-    """Pairs of bodies stay farther apart than `at_least`, m."""
-
-    pairs: Annotated[tuple[NamePair, ...], Field(min_length=1)]
-    at_least: Length
-    during: Part | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,24 +80,13 @@ class PairClearance(Statement):
 
     KEY: ClassVar[str] = "clearance"
 
-    pairs: tuple[tuple[str, str], ...]
-    at_least: float
+    pairs: Annotated[tuple[tuple[str, str], ...], Key(Annotated[tuple[NamePair, ...], Field(min_length=1)])]
+    at_least: Distance
     during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(tuple((a, b) for a, b in data["pairs"]), data["at_least"], during)
 
     def mentioned(self) -> list[Mention]:
         """Return the bodies."""
         return [Mention(("pairs", i), "body", name) for i, pair in enumerate(self.pairs) for name in pair]
-
-
-class ManipulabilitySpec(ConstraintSpec):
-    """Yoshikawa's measure of the frame's Jacobian is at least this."""
-
-    at_least: Length
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,23 +101,9 @@ class ManipulabilityAbove(Statement):
 
     KEY: ClassVar[str] = "manipulability"
 
-    frame: str
-    at_least: float
+    frame: Frame
+    at_least: Distance
     during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(frame, data["at_least"], during)
-
-
-class JointCouplingSpec(Strict):
-    """A sum of joint positions: |sum of coefficient · q - equals| <= within."""
-
-    joints: Annotated[dict[Name, Number], Field(min_length=1)]
-    equals: Number = 0.0
-    within: Length
-    during: Part | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,26 +119,14 @@ class JointCoupling(Statement):
 
     KEY: ClassVar[str] = "coupling"
 
-    joints: Mapping[str, float]
-    equals: float
-    within: float
+    joints: Annotated[Mapping[str, float], Key(Annotated[dict[Name, Number], Field(min_length=1)])]
+    equals: Annotated[float, Key(Number, default=0.0)]
+    within: Distance
     during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(dict(data["joints"]), data["equals"], data["within"], during)
 
     def mentioned(self) -> list[Mention]:
         """Return the joints."""
         return [Mention(("joints", name), "joint", name) for name in self.joints]
-
-
-class WheelSpeedSpec(Strict):
-    """No mecanum wheel of the robot turns faster than `at_most`, rad/s."""
-
-    at_most: Length
-    during: Part | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,15 +140,5 @@ class WheelSpeed(Statement):
 
     KEY: ClassVar[str] = "wheel_speed"
 
-    at_most: float
+    at_most: Distance
     during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(data["at_most"], during)
-
-
-def _rates(data: Mapping[str, Any]) -> tuple[float, float]:
-    linear, angular = (np.inf if data.get(name) is None else float(data[name]) for name in ("linear", "angular"))
-    return linear, angular

@@ -1,27 +1,37 @@
-"""Path constraints on the pose of a frame: what stands under each key of a problem file, and what it states."""
+"""Path constraints on the pose of a frame."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 from pydantic import Field, model_validator
 
 from optiplan.arrays import Array
-from optiplan.config.values import Coordinate, Direction, Length, Name, Quaternion, Vector
+from optiplan.config.values import Coordinate, Length, Name, Quaternion, Vector
 from optiplan.geometry.pose import Angles, PoseSpec, ToleranceSpec
 from optiplan.geometry.poses import in_radians, pose_from_data, pose_to_data
-from optiplan.problem.constraints.base import WHOLE, ConstraintSpec, During, Mention, Statement, unit
+from optiplan.problem.constraints.base import (
+    WHOLE,
+    Angle,
+    ConstraintSpec,
+    During,
+    Frame,
+    Key,
+    Mention,
+    Point,
+    Statement,
+    UnitVector,
+    pose_of,
+)
 
-
-class OrientationConeSpec(ConstraintSpec):
-    """`axis` of the frame stays within an angle, rad, of the direction `toward` of the world."""
-
-    axis: Direction
-    toward: Direction
-    within: Annotated[Length, Field(le=math.pi)]
+WithinMetres: TypeAlias = Annotated[
+    float, Key(ToleranceSpec, name="tolerance", part="position", default=ToleranceSpec())
+]
+WithinAngle: TypeAlias = Annotated[
+    float, Key(ToleranceSpec, name="tolerance", part="orientation", default=ToleranceSpec())
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,25 +48,19 @@ class OrientationCone(Statement):
 
     KEY: ClassVar[str] = "orientation"
 
-    frame: str
-    axis: Array
-    toward: Array
-    within: float
+    frame: Frame
+    axis: UnitVector
+    toward: UnitVector
+    within: Angle
     during: During = WHOLE
 
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(frame, unit(data["axis"]), unit(data["toward"]), data["within"], during)
 
-
-class FixedOrientationSpec(ConstraintSpec):
-    """The frame keeps its orientation in the world, `rpy`, `rpy_deg` or `quaternion`, within an angle, rad."""
+class RotationSpec(ConstraintSpec):
+    """An orientation: `rpy`, `rpy_deg` or `quaternion`."""
 
     rpy: Angles | None = None
     rpy_deg: Vector | None = None
     quaternion: Quaternion | None = None
-    within: Annotated[Length, Field(le=math.pi)]
 
     @model_validator(mode="before")
     @classmethod
@@ -69,6 +73,14 @@ class FixedOrientationSpec(ConstraintSpec):
             found = "neither" if self.rpy is None else "both"
             raise ValueError(f"found {found}; expected rpy, rpy_deg or quaternion")
         return self
+
+
+def _rotation(spec: RotationSpec) -> Array:
+    return np.asarray(pose_from_data({"rpy": spec.rpy, "quaternion": spec.quaternion}).rotation)
+
+
+def _quaternion(R: Array) -> dict[str, Any]:
+    return {"quaternion": pin.Quaternion(np.asarray(R)).coeffs().tolist()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,29 +96,10 @@ class FixedOrientation(Statement):
 
     KEY: ClassVar[str] = "fixed_orientation"
 
-    frame: str
-    R_WF: Array
-    within: float
+    frame: Frame
+    R_WF: Annotated[Array, Key(RotationSpec, _rotation, _quaternion, beside=True)]
+    within: Angle
     during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(
-            frame, pose_from_data({"position": [0.0, 0.0, 0.0], **_rotation(data)}).rotation, data["within"], during
-        )
-
-    def to_data(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {"quaternion": pin.Quaternion(np.asarray(self.R_WF)).coeffs().tolist(), "within": self.within}
-
-
-class LookAtSpec(ConstraintSpec):
-    """`axis` of the frame points at `target`, m, within an angle, rad."""
-
-    axis: Direction
-    target: Vector
-    within: Annotated[Length, Field(lt=math.pi / 2)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,26 +116,11 @@ class LookAt(Statement):
 
     KEY: ClassVar[str] = "look_at"
 
-    frame: str
-    axis: Array
-    target: Array
-    within: float
+    frame: Frame
+    axis: UnitVector
+    target: Point
+    within: Annotated[float, Key(Annotated[Length, Field(lt=math.pi / 2)])]
     during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(frame, unit(data["axis"]), np.array(data["target"], float), data["within"], during)
-
-
-class OnScrewSpec(ConstraintSpec):
-    """The frame turns about an axis through `point`, sliding by `pitch`, m/rad; `pose` is one of its poses."""
-
-    axis: Direction
-    point: Vector
-    pitch: Coordinate = 0.0
-    pose: PoseSpec
-    tolerance: ToleranceSpec = ToleranceSpec()
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,44 +140,18 @@ class OnScrew(Statement):
 
     KEY: ClassVar[str] = "screw"
 
-    frame: str
-    axis: Array
-    point: Array
-    pitch: float
-    X_WF: pin.SE3
-    position: float
-    orientation: float
+    frame: Frame
+    axis: UnitVector
+    point: Point
+    pitch: Annotated[float, Key(Coordinate, default=0.0)]
+    X_WF: Annotated[pin.SE3, Key(PoseSpec, pose_of, pose_to_data, name="pose")]
+    position: WithinMetres
+    orientation: WithinAngle
     during: During = WHOLE
 
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(
-            frame,
-            unit(data["axis"]),
-            np.array(data["point"], float),
-            data["pitch"],
-            pose_from_data(data["pose"]),
-            *_tolerance(data),
-            during,
-        )
 
-    def to_data(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {
-            "axis": self.axis,
-            "point": self.point,
-            "pitch": self.pitch,
-            "pose": pose_to_data(self.X_WF),
-            "tolerance": {"position": self.position, "orientation": self.orientation},
-        }
-
-
-class RelativePoseSpec(ConstraintSpec, PoseSpec):
-    """The frame keeps its pose in the frame `to`, within `tolerance`."""
-
-    to: Name
-    tolerance: ToleranceSpec = ToleranceSpec()
+class FramePoseSpec(ConstraintSpec, PoseSpec):
+    """A pose of a frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,34 +169,13 @@ class RelativePose(Statement):
 
     KEY: ClassVar[str] = "relative_pose"
 
-    frame: str
-    to: str
-    X_TF: pin.SE3
-    position: float
-    orientation: float
+    frame: Frame
+    to: Annotated[str, Key(Name)]
+    X_TF: Annotated[pin.SE3, Key(FramePoseSpec, pose_of, pose_to_data, beside=True)]
+    position: WithinMetres
+    orientation: WithinAngle
     during: During = WHOLE
-
-    @classmethod
-    def of(cls, data: Mapping[str, Any], frame: str, during: During) -> Self:
-        """Return the constraint of a validated entry of a file."""
-        return cls(frame, data["to"], pose_from_data(data), *_tolerance(data), during)
-
-    def to_data(self) -> dict[str, Any]:
-        """Return its values as a problem file says them."""
-        return {
-            "to": self.to,
-            **pose_to_data(self.X_TF),
-            "tolerance": {"position": self.position, "orientation": self.orientation},
-        }
 
     def mentioned(self) -> list[Mention]:
         """Return both frames."""
         return [*super().mentioned(), Mention(("to",), "frame", self.to)]
-
-
-def _tolerance(data: Mapping[str, Any]) -> tuple[float, float]:
-    return data["tolerance"]["position"], data["tolerance"]["orientation"]
-
-
-def _rotation(data: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: data[key] for key in ("rpy", "quaternion") if data.get(key) is not None}

@@ -1,46 +1,58 @@
 """Path constraints: what holds during the whole motion, or a part of it."""
 
-from collections.abc import Mapping
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-import numpy as np
+from pydantic import AfterValidator, create_model
 
-from optiplan.problem.constraints import motions, points, poses
-from optiplan.problem.constraints.base import WHOLE, During, Statement
+from optiplan.config.values import ExactlyOne
+from optiplan.problem.constraints.base import Statement
+from optiplan.problem.constraints.motions import (
+    JointCoupling,
+    ManipulabilityAbove,
+    PairClearance,
+    ToolAcceleration,
+    ToolSpeed,
+    WheelSpeed,
+)
+from optiplan.problem.constraints.points import OnArc, OnCircle, OnLine, OnPlane, PositionBox
+from optiplan.problem.constraints.poses import FixedOrientation, LookAt, OnScrew, OrientationCone, RelativePose
 
 PathConstraint: TypeAlias = Statement
 """Any statement of `KINDS`."""
 
 KINDS: dict[str, type[Statement]] = {
     kind.KEY: kind
-    for room in (poses, points, motions)
-    for kind in vars(room).values()
-    if isinstance(kind, type) and issubclass(kind, Statement) and kind is not Statement
+    for kind in (
+        OrientationCone,
+        PositionBox,
+        OnPlane,
+        OnLine,
+        ToolSpeed,
+        PairClearance,
+        RelativePose,
+        FixedOrientation,
+        LookAt,
+        OnArc,
+        OnCircle,
+        OnScrew,
+        ToolAcceleration,
+        ManipulabilityAbove,
+        JointCoupling,
+        WheelSpeed,
+    )
 }
 """Classes of constraints by their key in a problem file."""
 
+_SPECS: dict[str, Any] = {
+    key: (Annotated[kind.spec(), AfterValidator(kind.consistent)] | None, None) for key, kind in KINDS.items()
+}
 
-def constraint_of(key: str, data: Mapping[str, Any], frame: str) -> PathConstraint:
-    """Return the constraint of a validated entry of a file.
-
-    Args:
-        key: one of `KINDS`.
-        data: the entry, all values there.
-        frame: of an entry that names none.
-    """
-    during: During = tuple(data["during"]) if data.get("during") is not None else WHOLE
-    return KINDS[key].of(data, data.get("frame") or frame, during)
-
-
-def constraint_data(one: PathConstraint) -> dict[str, Any]:
-    """Return a constraint as a problem file says it: its key, and under that its values."""
-    data = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in one.to_data().items()}
-    frame = frame_of(one)
-    if frame is not None:
-        data["frame"] = frame
-    if tuple(one.during) != WHOLE:
-        data["during"] = list(one.during)
-    return {one.KEY: data}
+if TYPE_CHECKING:
+    PathConstraintSpec: TypeAlias = ExactlyOne
+else:
+    PathConstraintSpec = create_model(
+        "PathConstraintSpec", __base__=ExactlyOne, __doc__="One constraint on the path.", **_SPECS
+    )
 
 
 def frame_of(one: PathConstraint) -> str | None:

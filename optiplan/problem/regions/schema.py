@@ -109,11 +109,7 @@ class RegionSpec(PoseSpec):
         """Return X_WR, X_RF, low (6,) and high (6,): metres, then rad."""
         usual = ToleranceSpec()
         low, high = np.hstack([self.along.bounds(usual.position), self.about.bounds(usual.orientation)])
-        return _pose(self), _pose(self.offset), low, high
-
-
-def _pose(spec: PoseSpec) -> pin.SE3:
-    return pose_from_data({"position": spec.position, "rpy": spec.rpy, "quaternion": spec.quaternion})
+        return pose_from_data(dict(self)), pose_from_data(dict(self.offset)), low, high
 
 
 def _bounds(said: Any) -> tuple[float, float]:

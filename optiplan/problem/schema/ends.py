@@ -1,5 +1,6 @@
 """The schema of starts, goals and via points in a problem file."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, ClassVar, Self
 
@@ -26,7 +27,20 @@ Rates = Annotated[JointValues | None, AfterValidator(lambda rates: rates if rate
 """One value per planned joint; zeros are as good as nothing, so that rest is said in one way."""
 
 
-class StartSpec(ExactlyOne):
+class ConfigurationSpec(Strict):
+    """`joints`, in the robot's order, rad or m; `joints_deg`; or `configuration`, a name in the robot file."""
+
+    joints: JointValues | None = None
+    joints_deg: JointValues | None = None
+    configuration: Name | None = None
+
+    @property
+    def way(self) -> str:
+        """The one of `CONFIGURATIONS` that is there."""
+        return next(key for key in CONFIGURATIONS if getattr(self, key) is not None)
+
+
+class StartSpec(ConfigurationSpec, ExactlyOne):
     """`joints`: one value per planned joint, or `joints_deg`; or `configuration`: a name in the robot file.
 
     In `joints_deg` turning joints are in degrees, sliding ones in m.
@@ -35,9 +49,6 @@ class StartSpec(ExactlyOne):
 
     BESIDE: ClassVar[frozenset[str]] = frozenset({"velocity", "acceleration"})
 
-    joints: JointValues | None = None
-    joints_deg: JointValues | None = None
-    configuration: Name | None = None
     velocity: Rates = None
     acceleration: Rates = None
 
@@ -62,6 +73,17 @@ class GoalSpec(AlternativeSpec):
     any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
 
 
+def exactly_one(spec: Strict, keys: Sequence[str]) -> None:
+    """Require one of these keys, and not two of them.
+
+    Raises:
+        ValueError: what was found and expected.
+    """
+    given = [key for key in keys if getattr(spec, key) is not None]
+    if len(given) != 1:
+        raise ValueError(f"found {' and '.join(given) or 'none of them'}; expected exactly one of: {', '.join(keys)}")
+
+
 class ViaPoseSpec(PoseSpec):
     """The pose of `frame` (default: the robot's tool frame) in the world, to be passed within `tolerance`."""
 
@@ -70,16 +92,13 @@ class ViaPoseSpec(PoseSpec):
     tolerance: ToleranceSpec | None = None
 
 
-class ViaSpec(Strict):
+class ViaSpec(ConfigurationSpec):
     """A point to be passed between start and goal.
 
     `tolerance` is of each joint or of both parts of a pose, rad or m; `velocity` (rad/s or m/s, one value per planned
     joint) and `time` (s from the start) are wishes, which the planner `spline` can grant.
     """
 
-    joints: JointValues | None = None
-    joints_deg: JointValues | None = None
-    configuration: Name | None = None
     pose: ViaPoseSpec | None = None
     tolerance: Length | None = None
     velocity: JointValues | None = None
@@ -87,10 +106,7 @@ class ViaSpec(Strict):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        kinds = [key for key in (*CONFIGURATIONS, "pose") if getattr(self, key) is not None]
-        if len(kinds) != 1:
-            found = " and ".join(kinds) or "none of them"
-            raise ValueError(f"found {found}; expected exactly one of: {', '.join(CONFIGURATIONS)}, pose")
+        exactly_one(self, (*CONFIGURATIONS, "pose"))
         if self.pose is not None and self.pose.tolerance is not None and self.tolerance is not None:
             raise ValueError("found a tolerance of the via and one of its pose; expected at most one of them")
         return self

@@ -19,7 +19,7 @@ def joint_orders(data: Any) -> Orders:
     """Return the names of all joint values that are given by name, in the order in which they are written."""
     return {
         (*place, key): tuple(end[key])
-        for place, end in _ends(data)
+        for place, end in ends_of(data, ("move", "approach", "gripper"))
         for key in KEYS
         if isinstance(end.get(key), Mapping)
     }
@@ -40,13 +40,13 @@ def lists_of(data: Any) -> Any:
     return _listed(data, (), joint_orders(data))
 
 
-def _ends(data: Any) -> Iterator[tuple[Place, Mapping[str, Any]]]:
-    """Return every mapping of a problem in which `KEYS` may stand, with its place."""
+def ends_of(data: Any, kinds: Sequence[str]) -> Iterator[tuple[Place, Mapping[str, Any]]]:
+    """Return every mapping of a problem that says an end or a via, with its place; of a task those of such steps."""
     if not isinstance(data, Mapping):
         return
     ends = [(("start",), data.get("start")), *_goal(("goal",), data.get("goal")), *_vias((), data)]
     for k, step in _items(data.get("task")):
-        for kind in ("move", "approach", "gripper"):
+        for kind in kinds:
             if isinstance(step, Mapping) and isinstance(step.get(kind), Mapping):
                 place = ("task", k, kind)
                 ends += [*_goal(place, step[kind]), *_vias(place, step[kind])]

@@ -19,7 +19,7 @@ from optiplan.config.values import (
     Vector,
 )
 from optiplan.geometry.pose import PoseSpec
-from optiplan.problem.constraints.schema import PathConstraintSpec
+from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.schema.ends import GoalSpec, StartSpec, ViaSpec, timed
 from optiplan.problem.schema.scene import SceneSpec
 from optiplan.problem.schema.task import TaskStepSpec

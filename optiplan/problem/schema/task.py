@@ -8,7 +8,6 @@ from pydantic import AfterValidator, Field, model_validator
 from optiplan.config.document import Strict
 from optiplan.config.values import (
     Direction,
-    JointValues,
     Length,
     Name,
     NamePair,
@@ -16,18 +15,23 @@ from optiplan.config.values import (
     Vector,
 )
 from optiplan.geometry.pose import PoseGoalSpec
-from optiplan.problem.constraints.schema import PathConstraintSpec
+from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import CONFIGURATIONS, ENDS, AlternativeSpec, ViaSpec, timed
+from optiplan.problem.schema.ends import (
+    CONFIGURATIONS,
+    ENDS,
+    AlternativeSpec,
+    ConfigurationSpec,
+    ViaSpec,
+    exactly_one,
+    timed,
+)
 from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
 
 
-class MoveSpec(Strict):
+class MoveSpec(ConfigurationSpec):
     """Go to one end, or any of several, past `via`, with the joints of `group` (default: that of the problem)."""
 
-    joints: JointValues | None = None
-    joints_deg: JointValues | None = None
-    configuration: Name | None = None
     pose: PoseGoalSpec | None = None
     region: RegionSpec | None = None
     any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
@@ -36,7 +40,7 @@ class MoveSpec(Strict):
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
-        _exactly_one(self, (*ENDS, "any_of"))
+        exactly_one(self, (*ENDS, "any_of"))
         return self
 
 
@@ -57,7 +61,7 @@ class StraightLineSpec(Strict):
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
-        _exactly_one(self, ("pose", "by"))
+        exactly_one(self, ("pose", "by"))
         if self.pose is not None and (self.in_ != "world" or self.frame is not None):
             raise ValueError("found `in` or `frame` of the line; expected `frame` of the pose")
         return self
@@ -94,7 +98,7 @@ class ApproachSpec(Strict):
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
-        _exactly_one(self, ("pose", "any_of"))
+        exactly_one(self, ("pose", "any_of"))
         return self
 
 
@@ -135,24 +139,19 @@ class DetachSpec(Strict):
     object: Name
 
 
-class GripperSpec(Strict):
-    """Joints of a `group` move to `joints`, rad or m, to `joints_deg`, or to their values in a named configuration."""
+class OfGroup(Strict):
+    """A group of joints."""
 
     group: Name
-    joints: JointValues | None = None
-    joints_deg: JointValues | None = None
-    configuration: Name | None = None
+
+
+class GripperSpec(ConfigurationSpec, OfGroup):
+    """Joints of a `group` move to `joints`, rad or m, to `joints_deg`, or to their values in a named configuration."""
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
-        _exactly_one(self, CONFIGURATIONS)
+        exactly_one(self, CONFIGURATIONS)
         return self
-
-
-def _exactly_one(spec: Strict, keys: tuple[str, ...]) -> None:
-    given = [key for key in keys if getattr(spec, key) is not None]
-    if len(given) != 1:
-        raise ValueError(f"found {' and '.join(given) or 'none of them'}; expected exactly one of: {', '.join(keys)}")
 
 
 class TaskStepSpec(Strict):
@@ -175,7 +174,7 @@ class TaskStepSpec(Strict):
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
-        _exactly_one(self, STEP_KINDS)
+        exactly_one(self, STEP_KINDS)
         return self
 
     @property

@@ -1,7 +1,8 @@
 """Read the steps of a task, checked against the robot, the scene and each other."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +12,7 @@ from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
-from optiplan.problem.builder import Compiler, frame_names, link_names, stated_configuration
+from optiplan.problem.builder import Compiler, frame_names, link_names
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.schema.ends import ENDS, AlternativeSpec, ViaSpec
@@ -33,7 +34,7 @@ Located = LocatedValue[TaskStepSpec]
 
 
 class TaskReader:
-    """Turns the steps of a draft into statements; errors go to the compiler's issues."""
+    """Turns the steps of a file into statements; errors go to the compiler's issues."""
 
     def __init__(self, compiler: Compiler, robot: Robot, scene: Scene) -> None:
         self.compiler, self.robot, self.scene = compiler, robot, scene
@@ -43,10 +44,10 @@ class TaskReader:
     def steps(self) -> list[LocatedValue[TaskStep]]:
         """Return the valid steps; an approach gives two."""
         found: list[LocatedValue[TaskStep]] = []
-        kinds = {part.value.kind for part in self.compiler.draft.task}
+        kinds = {part.value.kind for part in self.compiler.task}
         if kinds and kinds <= {"attach", "detach"}:
             self.compiler.report(("task",), "steps that take no time", "one besides that does, such as a dwell")
-        for part in self.compiler.draft.task:
+        for part in self.compiler.task:
             spec, number = part.value, int(part.place[-1]) + 1
             kept = [
                 LocatedValue((*part.place, "path_constraints", i), one) for i, one in enumerate(spec.path_constraints)
@@ -86,24 +87,18 @@ class TaskReader:
         return frozenset(frozenset(pair) for pair in part.value.allowed_collisions)
 
     def _actions(self, part: Located) -> Iterator[Action]:
-        spec = part.value
-        place = (*part.place, spec.kind)
-        if spec.move is not None:
-            yield from self._move(place, spec.move)
-        elif spec.line is not None:
-            yield from self._line(place, spec.line)
-        elif spec.approach is not None:
-            yield from self._approach(place, spec.approach)
-        elif spec.retreat is not None:
-            yield from self._retreat(place, spec.retreat)
-        elif spec.attach is not None:
-            yield from self._attach(place, spec.attach)
-        elif spec.detach is not None:
-            yield from self._detach(place, spec.detach)
-        elif spec.gripper is not None:
-            yield from self._gripper(place, spec.gripper)
-        elif spec.dwell is not None:
-            yield Dwell(spec.dwell)
+        readers: dict[str, Callable[[Place, Any], Iterator[Action]]] = {
+            "move": self._move,
+            "line": self._line,
+            "approach": self._approach,
+            "retreat": self._retreat,
+            "attach": self._attach,
+            "detach": self._detach,
+            "gripper": self._gripper,
+            "dwell": lambda _, seconds: iter([Dwell(seconds)]),
+        }
+        kind = part.value.kind
+        return readers[kind]((*part.place, kind), getattr(part.value, kind))
 
     def _joints(self, place: Place, group: str | None) -> tuple[str, ...] | None:
         """Return the joints of a group, in the robot's order; None where there is none of that name."""
@@ -209,7 +204,7 @@ class TaskReader:
         joints = self._joints(place, spec.group)
         if joints is None:
             return
-        q = self.compiler.configuration(self._alone(joints, spec.group), place, stated_configuration(spec))
+        q = self.compiler.configuration(self._alone(joints, spec.group), place, spec)
         if q is not None:
             yield Move(joints, (JointGoal(q),))
 

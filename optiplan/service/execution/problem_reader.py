@@ -99,7 +99,7 @@ class ProblemReader:
             document = replace(document, data=document.data | instead)
             self._count(document)
         with reading(self.folders) as files:
-            problem = Problem.of(read_problem(document, self._base, self._robots).whole())
+            problem = Problem.of(read_problem(document, self._base, self._robots))
         mark_used(self._base, files)
         return problem
 

@@ -125,11 +125,11 @@ def _problem(spec: ControlSpec, document: Document, base: Path) -> Problem:
         return problem
     data = {key: document.data[key] for key in OF_PROBLEM if key in document.data}
     data |= {"version": 1, "name": spec.name or document.path.stem.strip("<>"), "goal": data["start"]}
-    parts = read_problem(replace(document, data=data), base)
-    own = [issue for issue in parts.issues if issue.path[:1] != ("goal",)]
-    if own:
-        raise InputError(own)
-    return Problem.of(parts.whole())
+    try:
+        return Problem.of(read_problem(replace(document, data=data), base))
+    except InputError as error:
+        own = [issue for issue in error.issues if issue.path[:1] != ("goal",)]
+        raise InputError(own or error.issues) from None
 
 
 def _sizes(control: ControlFile) -> list[Issue]:

@@ -10,8 +10,8 @@ import pytest
 
 from optiplan.bench.results.best_known import BestKnown, BestKnownTable
 from optiplan.errors import InputError
+from optiplan.importers.motion_bench_maker import Importer
 from optiplan.planners.base import Budget
-from optiplan.problem.importers.motion_bench_maker import Importer
 from optiplan.problem.load import load_problem
 from optiplan.runs.pipeline import run
 

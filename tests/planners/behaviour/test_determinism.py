@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from optiplan.files import write_text
-from optiplan.problem.importers.motion_bench_maker import Importer
+from optiplan.importers.motion_bench_maker import Importer
 from optiplan.problem.write import problem_text
 
 ROOT = Path(__file__).parents[3]

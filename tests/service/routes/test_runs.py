@@ -16,7 +16,7 @@ import optiplan as op
 from optiplan.problem.load import load_problem
 from optiplan.robot.frames import frame_pose
 from optiplan.runs.run_folder import load_run
-from optiplan.runs.stored_verdict import judged
+from optiplan.runs.stored_runs import judged
 from optiplan.service.refusals import Refusal
 from optiplan.service.routes.runs import exported
 from optiplan.trajectory.trajectory import Trajectory

@@ -11,7 +11,7 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import load_run, save_run
-from optiplan.runs.stored_verdict import judged
+from optiplan.runs.stored_runs import judged
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify

@@ -1,6 +1,7 @@
-"""Runs from what was stored of them, verified afresh."""
+"""Stored runs and motions, verified afresh."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from optiplan.planners.base import Failure
@@ -8,8 +9,11 @@ from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
+from optiplan.runs.run_folder import StoredRun
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.limit_checks import same_problem
+from optiplan.verify.report import Report
 from optiplan.verify.verify import verify
 
 
@@ -50,3 +54,19 @@ def run_of_record(
         improvements=tuple((float(when), float(best)) for when, best in record.get("improvements") or ()),
         plan_cpu=timings.get("plan_cpu"),
     )
+
+
+def judged(problem: Problem, stored: StoredRun) -> Report:
+    """Verify a stored trajectory; the report names its origin and interpolation.
+
+    Raises:
+        ValueError: the run has no trajectory.
+    """
+    if stored.trajectory is None:
+        raise ValueError("the run has no trajectory")
+    report = verify(problem, stored.trajectory, given=stored.given)
+    if stored.interpolation:
+        report = replace(report, scope=(*report.scope, f"interpolation of the samples: {stored.interpolation}"))
+    if "hash" in stored.record:
+        report = replace(report, checks=(same_problem(stored.record, problem), *report.checks))
+    return report

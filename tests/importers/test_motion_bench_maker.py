@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.problem.importers.motion_bench_maker import import_mbm
+from optiplan.importers.motion_bench_maker import import_mbm
 from optiplan.problem.load import check_file, load_problem
 
 SCENE = """\

@@ -14,8 +14,8 @@ from ruamel.yaml.error import YAMLError
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue
 from optiplan.files import write_text
-from optiplan.problem.importers.moveit import convert, merged_state
-from optiplan.problem.importers.moveit_objects import CannotConvert
+from optiplan.importers.moveit import convert, merged_state
+from optiplan.importers.moveit_objects import CannotConvert
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.write import problem_text
 from optiplan.robot.robot import Robot, load_robot, robot_names

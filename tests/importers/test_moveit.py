@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 
 from optiplan.geometry.poses import pose_from_data
-from optiplan.problem.importers.moveit import convert
-from optiplan.problem.importers.moveit_objects import CannotConvert
+from optiplan.importers.moveit import convert
+from optiplan.importers.moveit_objects import CannotConvert
 from optiplan.robot.robot import load_robot
 
 BOX = {"type": "box", "dimensions": [0.1, 0.2, 0.3]}
@@ -15,7 +15,7 @@ QUARTER = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]  # a quarter turn about z
 
 @pytest.fixture(scope="module")
 def robot(request):
-    return load_robot(str(request.path.parents[1] / "arm" / "robot.yaml"))
+    return load_robot(str(request.path.parents[1] / "problem" / "arm" / "robot.yaml"))
 
 
 def joint_goal(**values):

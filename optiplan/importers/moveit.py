@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_to_data
-from optiplan.problem.importers.moveit_objects import CannotConvert, Frames, SceneConverter, joint_state, numbers, pose
+from optiplan.importers.moveit_objects import CannotConvert, Frames, SceneConverter, joint_state, numbers, pose
 from optiplan.robot.robot import Robot
 
 CLAMP = 1e-3

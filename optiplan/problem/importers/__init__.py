@@ -1,1 +1,0 @@
-"""Problems of other programs as problem files."""

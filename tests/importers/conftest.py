@@ -1,0 +1,1 @@
+from tests.problem.conftest import arm  # noqa: F401  # the same arm
