@@ -18,7 +18,7 @@ from optiplan.libraries import loading
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.timing.jerk_limited_constraints import Basis, Block, LawLimits
 from optiplan.trajectory.timing.path_constraints import Rows
-from optiplan.trajectory.timing.toppra import fastest_law
+from optiplan.trajectory.timing.reachability import fastest_law
 from optiplan.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
