@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +12,7 @@ from optiplan.arrays import Array
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.cartesian.branch_change import Branch, other_branches
+from optiplan.planners.cartesian.diagnosis import farthest_failure
 from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim, Tracker, coupled_frames
 from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import ToolPath
@@ -121,7 +122,7 @@ class ToolMotion(Planner[Options]):
             failures.append(replace(found, detail=f"on another branch, {found.detail}") if branch.changed else found)
         if budget.over:
             return PlanResult(None, out_of_time(budget, "following tool paths"), seconds)
-        return PlanResult(None, _reason(goals, failures), seconds)
+        return PlanResult(None, farthest_failure(goals, failures), seconds)
 
     def _attempt(self, work: PlanContext, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:
         """Return the motion on one branch, or why there is none."""
@@ -205,12 +206,3 @@ class ToolMotion(Planner[Options]):
             )
             return Failure("limits", detail, {"q": work.problem.start.tolist(), "duration": timed.duration})
         return timed.scaled(o.duration)
-
-
-def _reason(goals: list[Array] | Failure, failures: list[Failure]) -> Failure:
-    """Return the failure farthest along its path, after that of the goal if there is one."""
-    farthest = max(failures, key=lambda failure: float(failure.witness.get("fraction", 1.0)))
-    if not isinstance(goals, Failure):
-        return farthest
-    witness: dict[str, Any] = {**goals.witness, **farthest.witness}
-    return Failure(goals.kind, f"{goals.detail}; {farthest.detail}", witness)

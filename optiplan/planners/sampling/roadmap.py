@@ -12,7 +12,7 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends
-from optiplan.planners.sampling.search import Search
+from optiplan.planners.sampling.search import TREE_SAMPLE, Search
 from optiplan.planners.sampling.shortcutting import path_times
 
 _NEIGHBOURS = np.e * 1.1
@@ -21,7 +21,6 @@ _NEIGHBOURS = np.e * 1.1
 _LOOKS = 64  # samples between two checks of the clock, some 2 ms
 _LOCAL = 0.5  # share of samples near the ends of the current query, where passages are narrow
 _NARROW, _WIDE = 0.03, 0.5  # s at full speed: standard deviations of those, evenly over their logarithm
-_SAMPLE = 500  # vertices reported, at most
 
 Edges = npt.NDArray[np.intp]
 
@@ -120,7 +119,7 @@ class Roadmap:
         graph = csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
         _, part = connected_components(graph, directed=False)
         sides = [np.flatnonzero(np.isin(part, part[ends])) for ends in ([start], goals)]
-        trees = [points[side[:: len(side) // _SAMPLE + 1]] for side in sides]
+        trees = [points[side[:: len(side) // TREE_SAMPLE + 1]] for side in sides]
         return Search(None, trees[0], trees[1], (len(sides[0]), len(sides[1])))
 
 

@@ -245,7 +245,7 @@ def _no_path(model: CollisionModel, search: Search, limits: Limits, budget: Budg
     )
     if contact is None:
         return Failure("no-path", detail, {"q": q.tolist(), "q_goal_side": b.tolist()})
-    detail += f"; between them '{contact.pair.name_a}' meets '{contact.pair.name_b}'"
+    detail += f"; between them {contact.meeting}"
     return Failure("no-path", detail, {**contact_witness(q, contact), "q_goal_side": b.tolist()})
 
 
