@@ -64,14 +64,14 @@ class PolynomialLaw:
 
     shape: tuple[float, ...]
 
-    def peaks(self) -> tuple[float, float, float]:
-        """c_1, c_2, c_3 above."""
+    def peaks(self) -> list[float]:
+        """Return c_1, c_2 and c_3 above."""
         found, p = [], np.array([self.shape])
         for _ in range(3):
             p = polynomial.derivative(p)
             ends = polynomial.unit_extrema(p)
             found.append(float(max(-ends.low[0], ends.high[0])))
-        return found[0], found[1], found[2]
+        return found
 
     def shortest(self, bounds: Bounds) -> float:
         """See `Law`."""
