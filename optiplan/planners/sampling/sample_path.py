@@ -173,7 +173,7 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
         near = False
 
 
-class _Round(NamedTuple):
+class _SearchRound(NamedTuple):
     """A searcher, the check whose units measure distances, and the patience."""
 
     searcher: Searcher
@@ -181,7 +181,7 @@ class _Round(NamedTuple):
     patience: float
 
 
-def _schedule(check: MotionCheck, options: SamplingOptions) -> Iterator[_Round]:
+def _schedule(check: MotionCheck, options: SamplingOptions) -> Iterator[_SearchRound]:
     """Yield the rounds.
 
     Distances are measured in space, by what moves the robot: a slow joint is far in time and near in space. The
@@ -191,14 +191,14 @@ def _schedule(check: MotionCheck, options: SamplingOptions) -> Iterator[_Round]:
     """
     moment_arms, patience = check.by_moment_arms(), float(_PATIENCE)
     measures = (moment_arms, moment_arms.finer()) if np.isfinite(options.detour) else (check,)
-    others = [] if options.relaxed is None else [_Round(options.relaxed, moment_arms, _RELAXED)]
+    others = [] if options.relaxed is None else [_SearchRound(options.relaxed, moment_arms, _RELAXED)]
     for number, measure in enumerate(cycle(measures)):
         times = _GROWTH ** (number - _LATE)
         if number >= options.begun:
-            yield _Round(options.searcher, measure, patience)
+            yield _SearchRound(options.searcher, measure, patience)
             yield from others * int(times)
             if options.alternate is not None and check.native is None:
-                yield _Round(options.alternate, moment_arms, ALTERNATE_RATIO * patience)
+                yield _SearchRound(options.alternate, moment_arms, ALTERNATE_RATIO * patience)
         yield from others * ceil(times) * (number >= _LATE - 1)
         patience *= _GROWTH
 
