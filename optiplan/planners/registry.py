@@ -53,7 +53,7 @@ _BUNDLED = {
         ),
         "scurve": (
             "point_to_point.scurve:SCurvePlanner",
-            "fastest straight line in joint space with limited jerk (Ruckig)",
+            "fastest straight line in joint space with limited jerk",
         ),
         "septic": (
             "point_to_point.polynomials:Septic",
