@@ -2,7 +2,8 @@
 
 Constant jerk in up to seven phases; where the problem does not limit jerk (`limits: {jerk: none}`), constant
 acceleration in up to three. In a longer duration than the shortest: the same curve, stretched.
-Where the problem states a motion at its ends: each joint's own profile between its states (Ruckig), in one duration for all.
+Where the problem states a motion at its ends: each joint's own profile between its states, in one duration for all
+(Ruckig).
 """
 
 from optiplan.arrays import Array
