@@ -35,6 +35,11 @@ class Contact:
     point_b: Array
     normal: Array
 
+    @property
+    def meeting(self) -> str:
+        """Return "'a' meets 'b'", with the names of the bodies."""
+        return f"'{self.pair.name_a}' meets '{self.pair.name_b}'"
+
 
 @dataclass(frozen=True, eq=False)
 class Contacts:

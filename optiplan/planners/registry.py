@@ -53,7 +53,7 @@ _BUNDLED = {
         ),
         "scurve": (
             "point_to_point.scurve:SCurvePlanner",
-            "fastest straight line in joint space with limited jerk (Ruckig)",
+            "fastest straight line in joint space with limited jerk",
         ),
         "septic": (
             "point_to_point.polynomials:Septic",
@@ -97,11 +97,7 @@ _BUNDLED = {
 FAMILIES = tuple(_BUNDLED)
 """Families of planners: how they find their motion."""
 
-LIBRARIES = {
-    "optimisation": ("ompl.geometric", "toppra.algorithm"),
-    "sampling": ("ompl.geometric", "toppra.algorithm"),
-    "Cartesian": ("toppra.algorithm",),
-}
+LIBRARIES = {"optimisation": ("ompl.geometric",), "sampling": ("ompl.geometric",)}
 """Libraries by family that are slow to import and not always needed."""
 
 

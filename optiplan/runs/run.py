@@ -23,7 +23,7 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 from optiplan.verify.verify import verify
 
-LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "toppra", "ruckig", "trimesh", "coacd")
+LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "ruckig", "trimesh", "coacd")
 """Distributions whose version can change a result; recorded with every run."""
 
 SMALLEST_BOUND = 1e-4

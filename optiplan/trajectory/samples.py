@@ -1,7 +1,5 @@
 """Samples of a motion for quantities without exact extrema: torques, and the speed of the tool."""
 
-from itertools import pairwise
-
 import numpy as np
 
 from optiplan.arrays import Array
@@ -15,11 +13,20 @@ _MOST = 20_000  # samples in all, but for the least: a long motion is slow, so w
 def sample_times(trajectory: Trajectory) -> Array:
     """Return times (k,), s, at most 1 ms apart (in motions of up to 20 s), at least 256 in all.
 
-    Every polynomial piece has both of its ends, and at least three within. The end of a piece is just before it,
-    because there the acceleration may jump.
+    Every polynomial piece has both of its ends, and at least three within.
     """
-    step = max(_STEP, trajectory.duration / _MOST)
-    least = max(_LEAST, _LEAST_IN_ALL // len(trajectory.coefficients))
-    counts = [max(least, int(np.ceil((b - a) / step)) + 1) for a, b in pairwise(trajectory.breakpoints)]
-    ends = zip(pairwise(trajectory.breakpoints), counts, strict=True)
-    return np.concatenate([np.linspace(a, np.nextafter(b, a), count) for (a, b), count in ends])
+    return samples_of_pieces(trajectory, _STEP, max(_LEAST, _LEAST_IN_ALL // len(trajectory.coefficients)))
+
+
+def samples_of_pieces(trajectory: Trajectory, step: float, least: int) -> Array:
+    """Return times (k,), s, of every piece: `step` apart at most (in motions of up to 20,000 steps), `least` or more.
+
+    The ends of a piece are among them. The second is just before it, because there the acceleration may jump.
+    """
+    edges, widths = trajectory.breakpoints, trajectory.widths
+    step = max(step, trajectory.duration / _MOST)
+    counts = np.maximum(least, np.ceil(widths / step).astype(int) + 1)
+    piece = np.repeat(np.arange(len(widths)), counts)
+    place = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
+    t = edges[piece] + widths[piece] * (place / (counts - 1)[piece])
+    return np.asarray(np.minimum(t, np.nextafter(edges[1:], edges[:-1])[piece]))

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -11,21 +11,25 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.planners.cartesian.branch_change import Branch, other_branches
+from optiplan.planners.cartesian.diagnosis import farthest_failure
 from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim, Tracker, coupled_frames
 from optiplan.planners.cartesian.path_following import follow
-from optiplan.planners.cartesian.tool_path import ToolPath
+from optiplan.planners.cartesian.tool_path import ToolPath, line
 from optiplan.planners.common.context import PlanContext
 from optiplan.planners.common.failures import out_of_time, path_too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.region_poses import single_ends, with_poses
 from optiplan.planners.option_schema import PlannerOptions, option
+from optiplan.planners.point_to_point.quintic import Quintic
+from optiplan.planners.sampling.tree_planners import RrtConnect
 from optiplan.problem.constraints.motions import ToolSpeed
-from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, derived
 from optiplan.robot.frames import frame_pose
+from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.timing.time_path import Method, TimingOptions, ToolLimits, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
+_OTHER = 1e-3  # rad or m: configurations that differ by less are one
 _METHODS: dict[str, Method] = {"trapezoid": "toppra", "jerk": "jerk", "uniform": "uniform"}
 
 
@@ -63,6 +67,35 @@ class _Task:
     path: ToolPath
     orientation: bool
     goal: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Branch:
+    """A configuration q (n,) with the tool at its start pose; `changed` if it is not the start."""
+
+    q: Array
+    changed: bool = False
+
+    def before(self, problem: Problem, motion: Trajectory, budget: Budget) -> Trajectory | Failure:
+        """Return the motion from the problem's start to q and then the given one, or why there is no way to q."""
+        if not self.changed:
+            return motion
+        there = derived(problem, goal=(JointGoal(self.q, 1e-9),), vias=())
+        reasons = []
+        for planner in (Quintic(), RrtConnect()):
+            result = planner.plan(there, budget.share(0.5), lambda stage, fraction: None)
+            if result.trajectory is not None:
+                return join_trajectories([result.trajectory, motion])
+            reasons.append(result.failure)
+        return reasons[-1] or Failure("no-path", "no way to another branch")
+
+
+class _Trial(NamedTuple):
+    """What is tried: a task on one branch, with one use of the redundancy."""
+
+    branch: _Branch
+    task: _Task
+    aim: Aim
 
 
 class ToolMotion(Planner[Options]):
@@ -109,24 +142,25 @@ class ToolMotion(Planner[Options]):
         if isinstance(goals, Failure) and goals.kind != "goal-unreachable":
             return PlanResult(None, goals, seconds)
         tasks, failures = self._tasks(problem), list[Failure]()
-        for k, (branch, task, aim) in enumerate(self._attempts(work, tasks, goals)):
+        for k, one in enumerate(self._attempts(work, tasks, goals)):
             if budget.over:
                 return PlanResult(None, out_of_time(budget, "following tool paths"), seconds)
             progress("following", k / (k + 1.0))
-            found = self._attempt(work, task, branch, aim)
+            found, changed = self._attempt(work, one), one.branch.changed
             if isinstance(found, Trajectory):
-                info = {"tool_length": task.path.length, "tool_angle": task.path.angle, "attempts": k + 1}
-                info |= {"branch_changed": branch.changed, "cut_short": budget.over}
+                info = {"tool_length": one.task.path.length, "tool_angle": one.task.path.angle, "attempts": k + 1}
+                info |= {"branch_changed": changed, "cut_short": budget.over}
                 return PlanResult(found, None, seconds, info)
-            failures.append(replace(found, detail=f"on another branch, {found.detail}") if branch.changed else found)
+            failures.append(replace(found, detail=f"on another branch, {found.detail}") if changed else found)
         if budget.over:
             return PlanResult(None, out_of_time(budget, "following tool paths"), seconds)
-        return PlanResult(None, _reason(goals, failures), seconds)
+        return PlanResult(None, farthest_failure(goals, failures), seconds)
 
-    def _attempt(self, work: PlanContext, task: _Task, branch: Branch, aim: Aim) -> Trajectory | Failure:
+    def _attempt(self, work: PlanContext, one: _Trial) -> Trajectory | Failure:
         """Return the motion on one branch, or why there is none."""
+        branch, task = one.branch, one.task
         with work.watch.stage("following"):
-            followed = follow(work.model, task.path, task.frame, branch.q, work.budget, aim)
+            followed = follow(work.model, task.path, task.frame, branch.q, work.budget, one.aim)
         if isinstance(followed, Failure):
             return followed
         with work.watch.stage("timing"):
@@ -155,20 +189,17 @@ class ToolMotion(Planner[Options]):
             raise refused[0]
         return tasks
 
-    def _attempts(
-        self, work: PlanContext, tasks: list[_Task], goals: list[Array] | Failure
-    ) -> Iterator[tuple[Branch, _Task, Aim]]:
+    def _attempts(self, work: PlanContext, tasks: list[_Task], goals: list[Array] | Failure) -> Iterator[_Trial]:
         """Yield the start's own branch for every task, then, with `change_branch`, the others."""
         ends = [] if isinstance(goals, Failure) else goals
         for task in tasks:
             for aim in self._aims(work.problem, task, ends):
-                yield Branch(work.problem.start), task, aim
+                yield _Trial(_Branch(work.problem.start), task, aim)
         for task in tasks if self.options.change_branch else ():
             with work.watch.stage("goals"):
-                count = self.options.goals
-                branches = other_branches(work.problem, task.frame, work.model, work.budget, count, task.goal)
+                branches = _other_branches(work, task, self.options.goals)
             for branch in branches:
-                yield branch, task, self._plain(work.problem, task)
+                yield _Trial(branch, task, self._plain(work.problem, task))
 
     def _plain(self, problem: Problem, task: _Task) -> Aim:
         return Aim(task.goal, LIMIT_AVOIDANCES[0], task.orientation, coupled_frames(problem, task.frame))
@@ -207,10 +238,15 @@ class ToolMotion(Planner[Options]):
         return timed.scaled(o.duration)
 
 
-def _reason(goals: list[Array] | Failure, failures: list[Failure]) -> Failure:
-    """Return the failure farthest along its path, after that of the goal if there is one."""
-    farthest = max(failures, key=lambda failure: float(failure.witness.get("fraction", 1.0)))
-    if not isinstance(goals, Failure):
-        return farthest
-    witness: dict[str, Any] = {**goals.witness, **farthest.witness}
-    return Failure(goals.kind, f"{goals.detail}; {farthest.detail}", witness)
+def _other_branches(work: PlanContext, task: _Task, count: int) -> list[_Branch]:
+    """Return other free configurations with the frame at its start pose, the soonest reached first.
+
+    With a prescribed end, the nearest to it come first: they are on its branch.
+    """
+    problem, X = work.problem, frame_pose(work.problem.robot, work.problem.start, task.frame)
+    near = problem.start if task.goal is None else task.goal
+    there = derived(problem, start=near, goal=(PoseGoal(task.frame, X),), vias=())
+    goals = ranked_goals(there, work.model, work.budget, count + 1, nearer=False)
+    here = Tracker(problem.robot, task.frame, line(X, X), Aim())
+    exact = [here.correct(0.0, q) for q in ([] if isinstance(goals, Failure) else goals)]
+    return [_Branch(q, changed=True) for q in exact if q is not None and np.abs(q - problem.start).max() > _OTHER]

@@ -83,11 +83,10 @@ def stuck(tracker: Tracker, s: float, q: Array) -> Failure:
 
 def limit_crossing(path: Trajectory, limits: Limits) -> tuple[float, int] | None:
     """The first parameter at which a joint leaves its limits, and the joint's index; exact up to bisection."""
-    low, high, h = limits.lower - LIMIT_ROUNDING, limits.upper + LIMIT_ROUNDING, np.diff(path.breakpoints)
-    m, size, n = path.coefficients.shape
-    unit = np.swapaxes(path.coefficients, 1, 2) * h[:, None, None] ** np.arange(size)
-    ends = polynomial.unit_extrema(unit.reshape(m * n, size))
-    least, most, x_least, x_most = (a.reshape(m, n) for a in ends)
+    low, high, h = limits.lower - LIMIT_ROUNDING, limits.upper + LIMIT_ROUNDING, path.widths
+    unit = path.unit_pieces(0)
+    ends = polynomial.unit_extrema(unit.reshape(-1, unit.shape[2]))
+    least, most, x_least, x_most = (a.reshape(unit.shape[:2]) for a in ends)
     first: tuple[float, int] | None = None
     for outside, x in ((least < low, x_least), (most > high, x_most)):
         pieces = np.flatnonzero(outside.any(axis=1))
@@ -102,25 +101,37 @@ def limit_crossing(path: Trajectory, limits: Limits) -> tuple[float, int] | None
     return first
 
 
+def at_limit(robot: Robot, s: float, q: Array, joint: int, verb: str) -> Ending:
+    """Return the end at q (n,) where a joint meets, or is at (`verb`), its nearer limit."""
+    low, high, name = robot.limits.lower[joint], robot.limits.upper[joint], robot.joint_names[joint]
+    bound = float(min(low, high, key=lambda limit: abs(limit - q[joint])))
+    words = f"joint '{name}' {verb} its limit {bound:.4g}"
+    return Ending(s, q, "limits", "joint limit", words, {"joint": name, "limit": bound})
+
+
+def farthest_failure(goals: list[Array] | Failure, failures: list[Failure]) -> Failure:
+    """Return the failure farthest along its path, after that of the goal if there is one."""
+    farthest = max(failures, key=lambda failure: float(failure.witness.get("fraction", 1.0)))
+    if not isinstance(goals, Failure):
+        return farthest
+    witness = {**goals.witness, **farthest.witness}
+    return Failure(goals.kind, f"{goals.detail}; {farthest.detail}", witness)
+
+
 def _limit(robot: Robot, path: Trajectory) -> Ending | None:
     crossing = limit_crossing(path, robot.limits)
     if crossing is None:
         return None
     s, j = crossing
-    q = path(np.array([s]))[0]
-    bound = float(min(robot.limits.lower[j], robot.limits.upper[j], key=lambda limit: abs(limit - q[j])))
-    name = robot.joint_names[j]
-    words = f"joint '{name}' meets its limit {bound:.4g}"
-    return Ending(s, q, "limits", "joint limit", words, {"joint": name, "limit": bound})
+    return at_limit(robot, s, path(np.array([s]))[0], j, "meets")
 
 
 def _obstacle(model: CollisionModel, path: Trajectory, budget: Budget) -> Ending | None:
     touch = first_contact(model, path, lambda: budget.over)
     if touch is None:
         return None
-    pair = touch.contact.pair
-    words = f"'{pair.name_a}' meets '{pair.name_b}'"
-    return Ending(touch.t, touch.q, "collision", "obstacle", words, contact_witness(touch.q, touch.contact))
+    more = contact_witness(touch.q, touch.contact)
+    return Ending(touch.t, touch.q, "collision", "obstacle", touch.contact.meeting, more)
 
 
 def _stuck(tracker: Tracker, s: float, q: Array) -> Ending:

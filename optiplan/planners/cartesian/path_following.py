@@ -19,7 +19,7 @@ from optiplan.planners.cartesian.tool_path import FollowedPath
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.tolerances import NO_MOTION
 from optiplan.trajectory.joining import standstill
-from optiplan.trajectory.paths.hermite import hermite
+from optiplan.trajectory.paths.hermite import hermite, hermite_trajectory
 from optiplan.trajectory.trajectory import Trajectory
 
 _TOLERANCE = 1e-6  # m and rad: the tool's error between knots
@@ -40,8 +40,7 @@ class _Knots:
     state: list[Array]
 
     def path(self, joint_names: tuple[str, ...]) -> Trajectory:
-        pieces = [_piece(a, b, h) for a, b, h in zip(self.state, self.state[1:], np.diff(self.s), strict=False)]
-        return Trajectory(joint_names, np.array(self.s), np.array(pieces))
+        return hermite_trajectory(joint_names, np.array(self.s), np.array(self.state))
 
 
 def follow(

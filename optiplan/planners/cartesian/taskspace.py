@@ -171,8 +171,7 @@ class TaskSpace(Planner[TaskSpaceOptions]):
             return beyond_limits(problem.robot, over, motion, None)
         touch = first_contact(model, motion, lambda: work.budget.over)
         if touch is not None:
-            pair = touch.contact.pair
-            detail = f"between two steps of the roll-out '{pair.name_a}' meets '{pair.name_b}' at {touch.t:.3f} s"
+            detail = f"between two steps of the roll-out {touch.contact.meeting} at {touch.t:.3f} s"
             return Failure("collision", detail, touch.witness(motion))
         slower = within_torque(model.robot, limits, motion)
         return too_heavy(model.robot, limits, np.array([motion.start, motion.end])) if slower is None else slower

@@ -170,6 +170,5 @@ class PointToPoint(Planner[Options]):
 
 
 def _collision(touch: Touch, motion: Trajectory) -> Failure:
-    pair = touch.contact.pair
-    detail = f"the motion is not free: '{pair.name_a}' meets '{pair.name_b}' at {touch.t:.3f} s"
+    detail = f"the motion is not free: {touch.contact.meeting} at {touch.t:.3f} s"
     return Failure("collision", detail, touch.witness(motion))

@@ -1,8 +1,9 @@
-"""`scurve`: the fastest motion on a straight line in joint space with limited jerk, in exact pieces (Ruckig).
+"""`scurve`: the fastest motion on a straight line in joint space with limited jerk, in exact pieces.
 
 Constant jerk in up to seven phases; where the problem does not limit jerk (`limits: {jerk: none}`), constant
 acceleration in up to three. In a longer duration than the shortest: the same curve, stretched.
-Where the problem states a motion at its ends: each joint's own profile between its states, in one duration for all.
+Where the problem states a motion at its ends: each joint's own profile between its states, in one duration for all
+(Ruckig).
 """
 
 from optiplan.arrays import Array

@@ -7,7 +7,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.tolerances import LEAST_GAIN
 from optiplan.planners.sampling.edge_checker import MotionCheck, PartialCheck
 from optiplan.planners.sampling.search import Searcher
-from optiplan.planners.sampling.shortcutting import path_time, shorten
+from optiplan.planners.sampling.shortcutting import costs_along, path_cost, shorten
 from optiplan.robot.robot import Limits
 
 _PIECE = 0.2, 1.0  # shares of a path between two such points
@@ -40,12 +40,12 @@ def improved_path(
         searches: made at most.
     """
     path, velocity, stale = waypoints, check.limits.velocity, 0
-    cost = float(path_time(path, velocity).sum())
+    cost = path_cost(path, velocity)
     for _ in range(searches):
         if len(path) == 2 or stale >= _STALE or budget.over:
             break
         path = _with_new_piece(check, path, searcher, budget, rng)
-        before, cost = cost, float(path_time(path, velocity).sum())
+        before, cost = cost, path_cost(path, velocity)
         stale = stale + 1 if cost > (1.0 - LEAST_GAIN) * before else 0
     return path
 
@@ -66,13 +66,13 @@ def _with_new_piece(
     check: MotionCheck, path: Array, searcher: Searcher, budget: Budget, rng: np.random.Generator
 ) -> Array:
     velocity = check.limits.velocity
-    along = np.concatenate([[0.0], np.cumsum(path_time(path, velocity))])
+    along = costs_along(path, velocity)
     piece = rng.uniform(*_PIECE) * along[-1]
     first = rng.uniform(0.0, along[-1] - piece)
     last = first + piece
     ends = np.column_stack([np.interp([first, last], along, q) for q in path.T])
     before, after = path[along <= first], path[along >= last]
-    old = float(path_time(np.vstack([ends[:1], path[(along > first) & (along < last)], ends[1:]]), velocity).sum())
+    old = path_cost(np.vstack([ends[:1], path[(along > first) & (along < last)], ends[1:]]), velocity)
     longest = np.array([rng.uniform(*_SHORTER) * old])
     seed, draws = int(rng.integers(1, 2**31)), rng.uniform(size=(_SHORTCUTS, 3))
     box = box_of_paths(ends[0], ends[1:], longest, check.limits)
@@ -81,6 +81,6 @@ def _with_new_piece(
     if found.path is None:
         return path
     new = shorten(check, found.path, velocity, draws, budget)
-    if float(path_time(new, velocity).sum()) >= old:
+    if path_cost(new, velocity) >= old:
         return path
     return np.vstack([before, new, after])

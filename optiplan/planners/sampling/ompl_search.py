@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from math import inf, isfinite
 from typing import Any
@@ -15,7 +16,7 @@ from optiplan.libraries import loading
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends, SearchSpace
-from optiplan.planners.sampling.search import TREE_SAMPLE, Kind, Search, SearchOptions, native_rrt_connect
+from optiplan.planners.sampling.search import TREE_SAMPLE, Kind, Search, Searcher, SearchOptions, native_rrt_connect
 
 _START, _GOAL = 1, 2  # OMPL's tags of the two trees
 _BATCH = 100  # samples that BIT* adds at a time
@@ -72,17 +73,14 @@ def search(
     return replace(found, path=path, start_tree=found.goal_tree, goal_tree=found.start_tree, sizes=sizes)
 
 
-def rrt_connect(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
-    """Run RRT-Connect with default options, the fastest `Searcher`."""
-    return search(check, ends, budget, seed, SearchOptions("rrtconnect"), patience=patience)
+rrt_connect: Searcher = partial(search, options=SearchOptions("rrtconnect"))
+"""RRT-Connect with default options, the fastest searcher."""
 
+kpiece: Searcher = partial(search, options=SearchOptions("kpiece", _NARROW))
+"""KPIECE with short edges, for long narrow passages.
 
-def kpiece(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float = inf) -> Search:
-    """Run KPIECE with short edges, a `Searcher` for long narrow passages.
-
-    It grows from the borders of what the tool has covered, where RRT-Connect aims at the large free space outside.
-    """
-    return search(check, ends, budget, seed, SearchOptions("kpiece", _NARROW), patience=patience)
+It grows from the borders of what the tool has covered, where RRT-Connect aims at the large free space outside.
+"""
 
 
 def _goals_are_tighter(check: MotionCheck, ends: Ends, seed: int) -> bool:

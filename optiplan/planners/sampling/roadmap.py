@@ -12,7 +12,7 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends
-from optiplan.planners.sampling.search import Search
+from optiplan.planners.sampling.search import TREE_SAMPLE, Search
 from optiplan.planners.sampling.shortcutting import path_times
 
 _NEIGHBOURS = np.e * 1.1
@@ -21,7 +21,6 @@ _NEIGHBOURS = np.e * 1.1
 _LOOKS = 64  # samples between two checks of the clock, some 2 ms
 _LOCAL = 0.5  # share of samples near the ends of the current query, where passages are narrow
 _NARROW, _WIDE = 0.03, 0.5  # s at full speed: standard deviations of those, evenly over their logarithm
-_SAMPLE = 500  # vertices reported, at most
 
 Edges = npt.NDArray[np.intp]
 
@@ -65,11 +64,9 @@ class Roadmap:
         place = {(i, j): k for k, (i, j) in enumerate(edges.tolist())}
         alive = np.array([self.tried.get(edge, True) for edge in place], dtype=bool)
         while not budget.over:
-            reached, before = _shortest(len(points), edges[alive], cost[alive], start)
-            goal = goals[int(np.argmin(reached[goals]))]
-            if not np.isfinite(reached[goal]):
+            path = shortest_way(len(points), edges[alive], cost[alive], start, np.array(goals))
+            if path is None:
                 break
-            path = _trace(before, start, goal)
             blocked = self._first_blocked(check, path)
             if blocked is None:
                 return Search(points[path], points[[start]], points[goals], (len(points), len(goals)))
@@ -120,19 +117,25 @@ class Roadmap:
         graph = csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
         _, part = connected_components(graph, directed=False)
         sides = [np.flatnonzero(np.isin(part, part[ends])) for ends in ([start], goals)]
-        trees = [points[side[:: len(side) // _SAMPLE + 1]] for side in sides]
+        trees = [points[side[:: len(side) // TREE_SAMPLE + 1]] for side in sides]
         return Search(None, trees[0], trees[1], (len(sides[0]), len(sides[1])))
 
 
-def _shortest(count: int, edges: Edges, cost: Array, start: int) -> tuple[Array, Edges]:
-    """Return the cost (count,) of the shortest path from the start to every point (inf: none) and its predecessor."""
+def shortest_way(count: int, edges: Edges, cost: Array, start: int, goals: Edges) -> list[int] | None:
+    """Return the points of the shortest way from the start to a goal by edges (E, 2) at costs (E,); None without one.
+
+    Args:
+        count: of points.
+        edges: between points, each once.
+        cost: >= 0.
+        start: index of a point.
+        goals: (g,) of others.
+    """
     graph = csr_array((cost, (edges[:, 0], edges[:, 1])), shape=(count, count))
     reached, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
-    return reached, before
-
-
-def _trace(before: Edges, start: int, goal: int) -> list[int]:
-    path = [goal]
-    while path[-1] != start:
-        path.append(int(before[path[-1]]))
-    return path[::-1]
+    way = [int(goals[np.argmin(reached[goals])])]
+    if not np.isfinite(reached[way[0]]):
+        return None
+    while way[-1] != start:
+        way.append(int(before[way[-1]]))
+    return way[::-1]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import cycle
 from math import ceil
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from optiplan.planners.sampling.local_searches import box_of_paths
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.ompl_space import Ends
 from optiplan.planners.sampling.search import Search, Searcher
-from optiplan.planners.sampling.shortcutting import path_time, path_times, shorten
+from optiplan.planners.sampling.shortcutting import path_cost, path_times, shorten
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 
@@ -128,7 +128,7 @@ def sample_path(
             info = {"states": info["states"] + more["states"], "cut_short": info["cut_short"] or more["cut_short"]}
     distances = [np.abs(q - path[-1]).max() for q in goals]
     index = int(np.argmin(distances)) if min(distances) < NO_MOTION else -1
-    return SampledPath(path, index, float(path_time(path, limits.velocity).sum()), info)
+    return SampledPath(path, index, path_cost(path, limits.velocity), info)
 
 
 def path_check(model: CollisionModel, limits: Limits) -> MotionCheck:
@@ -140,7 +140,7 @@ def _shorter(check: MotionCheck, paths: list[Array | None], draws: Array, budget
     """Shorten each path and return the cheapest."""
     velocity = check.limits.velocity
     short = [shorten(check, path, velocity, draws, budget) for path in paths if path is not None]
-    return min(short, key=lambda path: float(path_time(path, velocity).sum()))
+    return min(short, key=lambda path: path_cost(path, velocity))
 
 
 def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.random.Generator) -> Search:
@@ -158,12 +158,13 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
             straight = np.maximum((np.abs(goals - start) / check.limits.velocity).max(axis=1), _SHORT)
             found = _near_the_ends(check, (start, goals), options.detour * straight, options, seed)
         else:
-            searcher, measure, patience = next(schedule)
+            now = next(schedule)
+            measure = now.measure
             if np.isfinite(options.longest):
                 box = box_of_paths(start, goals, np.full(len(goals), options.longest), measure.limits)
                 least = float(lower_bounds(start, goals, measure.limits).min())
                 measure = PartialCheck(measure, start, np.ones(len(start), dtype=bool), box, least)
-            found = searcher(measure, (start, goals), options.budget, seed, patience=patience)
+            found = now.searcher(measure, (start, goals), options.budget, seed, patience=now.patience)
         if not found.impatient or options.budget.over:
             return found
         if not near:
@@ -172,8 +173,16 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
         near = False
 
 
-def _schedule(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Searcher, MotionCheck, float]]:
-    """Yield the searcher, the check whose units measure distances, and the patience of each round.
+class _SearchRound(NamedTuple):
+    """A searcher, the check whose units measure distances, and the patience."""
+
+    searcher: Searcher
+    measure: MotionCheck
+    patience: float
+
+
+def _schedule(check: MotionCheck, options: SamplingOptions) -> Iterator[_SearchRound]:
+    """Yield the rounds.
 
     Distances are measured in space, by what moves the robot: a slow joint is far in time and near in space. The
     searcher takes long and short steps in turn. After each of its rounds `alternate` has one of about the same time.
@@ -182,14 +191,14 @@ def _schedule(check: MotionCheck, options: SamplingOptions) -> Iterator[tuple[Se
     """
     moment_arms, patience = check.by_moment_arms(), float(_PATIENCE)
     measures = (moment_arms, moment_arms.finer()) if np.isfinite(options.detour) else (check,)
-    others = [] if options.relaxed is None else [(options.relaxed, moment_arms, _RELAXED)]
+    others = [] if options.relaxed is None else [_SearchRound(options.relaxed, moment_arms, _RELAXED)]
     for number, measure in enumerate(cycle(measures)):
         times = _GROWTH ** (number - _LATE)
         if number >= options.begun:
-            yield options.searcher, measure, patience
+            yield _SearchRound(options.searcher, measure, patience)
             yield from others * int(times)
             if options.alternate is not None and check.native is None:
-                yield options.alternate, moment_arms, ALTERNATE_RATIO * patience
+                yield _SearchRound(options.alternate, moment_arms, ALTERNATE_RATIO * patience)
         yield from others * ceil(times) * (number >= _LATE - 1)
         patience *= _GROWTH
 
@@ -203,7 +212,7 @@ def _improved(
     """
     velocity, (start, goals) = check.limits.velocity, ends
     late, stale, states, cut_short = options.budget.share(_IMPROVING), 0, 0, False
-    cost = float(path_time(path, velocity).sum())
+    cost = path_cost(path, velocity)
     while stale < _STALE and not late.over:
         within = goals[path_times(np.broadcast_to(start, goals.shape), goals, velocity) <= cost]
         seed, draws = int(rng.integers(1, 2**31)), rng.uniform(size=(options.attempts, 3))
@@ -213,7 +222,7 @@ def _improved(
         found = _near_the_ends(check, (start, within), each, replace(options, budget=late), seed)
         states, cut_short = states + sum(found.sizes), cut_short or found.cut_short
         shorter = _shorter(check, [path, found.path], draws, options.budget)
-        gained = cost - float(path_time(shorter, velocity).sum())
+        gained = cost - path_cost(shorter, velocity)
         stale = stale + 1 if gained < LEAST_GAIN * cost else 0
         path, cost = shorter, cost - gained
     return path, {"states": states, "cut_short": cut_short or late.over}
@@ -245,7 +254,7 @@ def _no_path(model: CollisionModel, search: Search, limits: Limits, budget: Budg
     )
     if contact is None:
         return Failure("no-path", detail, {"q": q.tolist(), "q_goal_side": b.tolist()})
-    detail += f"; between them '{contact.pair.name_a}' meets '{contact.pair.name_b}'"
+    detail += f"; between them {contact.meeting}"
     return Failure("no-path", detail, {**contact_witness(q, contact), "q_goal_side": b.tolist()})
 
 

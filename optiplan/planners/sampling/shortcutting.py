@@ -34,6 +34,16 @@ def path_time(waypoints: Array, velocity: Array) -> Array:
     return path_times(waypoints[:-1], waypoints[1:], velocity)
 
 
+def path_cost(waypoints: Array, velocity: Array) -> float:
+    """Return the cost of the path through waypoints (k, n), s."""
+    return float(path_time(waypoints, velocity).sum())
+
+
+def costs_along(waypoints: Array, velocity: Array) -> Array:
+    """Return the cost of the path up to each of its waypoints (k, n): (k,) in s."""
+    return np.concatenate([[0.0], np.cumsum(path_time(waypoints, velocity))])
+
+
 def shorten(check: MotionCheck, waypoints: Array, velocity: Array, draws: Array, budget: Budget) -> Array:
     """Return a path with the same ends at no higher cost; every new segment passes `check`. Shapes (k, n) -> (m, n).
 
@@ -62,8 +72,7 @@ def _shorten_natively(check: "EdgeChecker", path: Array, velocity: Array, draws:
 
 
 def _attempt(check: MotionCheck, path: Array, velocity: Array, draw: Array) -> Array:
-    cost = path_time(path, velocity)
-    along = np.concatenate([[0.0], np.cumsum(cost)])
+    along = costs_along(path, velocity)
     first, last = np.sort(draw[:2]) * along[-1]
     joint = int(np.floor((2.0 * draw[2] - 1.0) * len(velocity)))  # negative: all joints
     ends = [np.array([np.interp(s, along, q) for q in path.T]) for s in (first, last)]
@@ -76,7 +85,7 @@ def _attempt(check: MotionCheck, path: Array, velocity: Array, draw: Array) -> A
     else:
         new = old.copy()
         new[:, joint] = np.interp(np.concatenate([[first], along[inner], [last]]), [first, last], old[[0, -1], joint])
-    if path_time(new, velocity).sum() > path_time(old, velocity).sum() * (1.0 - 1e-3) or not check.polyline_free(new):
+    if path_cost(new, velocity) > path_cost(old, velocity) * (1.0 - 1e-3) or not check.polyline_free(new):
         return path
     return np.vstack([path[along <= first], new, path[along >= last]])
 
@@ -85,8 +94,7 @@ def drop_corners(check: MotionCheck, path: Array, velocity: Array, budget: Budge
     """Remove each inner waypoint whose neighbours can be joined straight at no higher cost."""
     i = 1
     while i < len(path) - 1 and not budget.over:
-        old = path_time(path[i - 1 : i + 2], velocity).sum()
-        new = path_time(path[[i - 1, i + 1]], velocity).sum()
+        old, new = path_cost(path[i - 1 : i + 2], velocity), path_cost(path[[i - 1, i + 1]], velocity)
         if new <= old * (1.0 + 1e-9) and check.free(path[i - 1], path[i + 1]):
             path = np.delete(path, i, axis=0)
             i = max(1, i - 1)

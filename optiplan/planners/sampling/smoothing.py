@@ -6,7 +6,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.sampling.shortcutting import path_time
+from optiplan.planners.sampling.shortcutting import costs_along
 from optiplan.trajectory.trajectory import Trajectory
 
 DEGREE = 5  # the curve's third derivative is continuous, so that jerk can be limited along it
@@ -26,8 +26,7 @@ def smooth_path(model: CollisionModel, waypoints: Array, velocity: Array, budget
         velocity: (n,) limits, which measure the path's parameter (`shortcutting.path_time`).
         budget: once it is over, None is returned.
     """
-    cost = path_time(waypoints, velocity)
-    along = np.concatenate([[0.0], np.cumsum(cost)])
+    along = costs_along(waypoints, velocity)
     if along[-1] == 0.0:
         return None
     for spans in SPANS:

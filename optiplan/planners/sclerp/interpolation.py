@@ -99,7 +99,7 @@ def _error(stepper: ScrewStepper, path: Trajectory, s: Array) -> Array:
 
 def _outside(stepper: ScrewStepper, path: Trajectory) -> npt.NDArray[np.bool_]:
     """Which pieces leave the joint limits anywhere: (m,)."""
-    m, size, n = path.coefficients.shape
-    unit = np.swapaxes(path.coefficients, 1, 2) * np.diff(path.breakpoints)[:, None, None] ** np.arange(size)
-    low, high, _, _ = polynomial.unit_extrema(unit.reshape(m * n, size))
-    return np.asarray(((low.reshape(m, n) < stepper.low) | (high.reshape(m, n) > stepper.high)).any(axis=1))
+    unit = path.unit_pieces(0)
+    ends = polynomial.unit_extrema(unit.reshape(-1, unit.shape[2]))
+    low, high = (x.reshape(unit.shape[:2]) for x in (ends.low, ends.high))
+    return np.asarray(((low < stepper.low) | (high > stepper.high)).any(axis=1))

@@ -9,8 +9,9 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.planners.cartesian.diagnosis import farthest_failure
 from optiplan.planners.common.context import Stopwatch
-from optiplan.planners.common.failures import out_of_time, too_heavy
+from optiplan.planners.common.failures import out_of_time, path_too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.region_poses import single_ends, with_poses
 from optiplan.planners.sclerp.options import SclerpOptions
@@ -21,7 +22,6 @@ from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.trajectory import Trajectory
 
-_GRAVITY_SAMPLES = 200  # of a path
 _NEEDED = 6  # joints, for a screw; an arm with more of them is redundant
 _NEAR_BOUND = 1.01  # duration / lower bound up to which a motion is not compared with others
 
@@ -57,14 +57,14 @@ class Sclerp(Planner[SclerpOptions]):
             with watch.stage("timing"):
                 trajectory = time_path(path, problem.robot, problem.limits, TimingOptions(stop=lambda: budget.over))
             if trajectory is None:
-                failures.append(_heavy(problem, path))
+                failures.append(path_too_heavy(problem.robot, problem.limits, path))
             else:
                 motions.append((trajectory, task.info))
         if motions:
             best, info = min(motions, key=lambda motion: motion[0].duration)
             return PlanResult(best, None, watch.seconds, {**info, "tried": len(motions), "cut_short": budget.over})
         late = out_of_time(budget, "following a screw") if budget.over else None
-        return PlanResult(None, late or _reason(goals, failures), watch.seconds)
+        return PlanResult(None, late or farthest_failure(goals, failures), watch.seconds)
 
     def _enough(self, problem: Problem, motion: Trajectory) -> bool:
         """Return whether the comparison ends: the options exclude it, or the motion is close to its bound."""
@@ -97,15 +97,3 @@ def _pose(tool: Tool, goal: PoseGoal, q: Array) -> pin.SE3:
     """Return X_WG of the goal; its rotation is that of the tool at q (n,) where any orientation will do."""
     free = goal.orientation >= np.pi
     return pin.SE3(tool.pose(q).rotation, goal.X_WG.translation) if free else goal.X_WG
-
-
-def _heavy(problem: Problem, path: Trajectory) -> Failure:
-    return too_heavy(problem.robot, problem.limits, path(np.linspace(0.0, path.duration, _GRAVITY_SAMPLES)))
-
-
-def _reason(goals: list[Array] | Failure, failures: list[Failure]) -> Failure:
-    """Return the failure farthest along its screw, after the failure of the goal."""
-    farthest = max(failures, key=lambda failure: float(failure.witness.get("fraction", 1.0)))
-    if not isinstance(goals, Failure):
-        return farthest
-    return Failure(goals.kind, f"{goals.detail}; {farthest.detail}", {**goals.witness, **farthest.witness})

@@ -1,15 +1,15 @@
 """Find the joint path of the chosen scheme along one screw, or the place of its failure."""
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.base import Budget, Failure, FailureKind
-from optiplan.planners.cartesian.diagnosis import Ending, limit_crossing, stuck
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.cartesian.diagnosis import Ending, at_limit, limit_crossing, stuck
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import screw
 from optiplan.planners.common.continuous_collision import first_contact
@@ -23,14 +23,6 @@ from optiplan.planners.sclerp.screw_kinematics import Tool
 from optiplan.trajectory.trajectory import Trajectory
 
 _GOAL_TOLERANCE = 1e-6  # rad or m
-
-
-class _Why(NamedTuple):
-    """See `Ending`."""
-
-    kind: FailureKind
-    cause: str
-    words: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,17 +39,13 @@ class ScrewTask:
     exact: bool
     info: dict[str, Any]
 
-    def failure(self, s: float, q: Array, why: _Why, more: dict[str, Any]) -> Failure:
-        """Return a failure of kind, cause and words `why`, at the share s of the way and the configuration q (n,)."""
-        return Ending(s, q, why.kind, why.cause, why.words, more).failure(self.tool.pose(q))
+    def failure(self, ending: Ending) -> Failure:
+        """Return the failure of a motion that ends so, with the pose of the tool there."""
+        return ending.failure(self.tool.pose(ending.q))
 
     def at_limit(self, s: float, q: Array, joint: int) -> Failure:
-        """Joint limits do not let the tool go on."""
-        robot = self.tool.robot
-        low, high, name = robot.limits.lower[joint], robot.limits.upper[joint], robot.joint_names[joint]
-        bound = float(min(low, high, key=lambda limit: abs(limit - q[joint])))
-        why = _Why("limits", "joint limit", f"joint '{name}' is at its limit {bound:.4g}")
-        return self.failure(s, q, why, {"joint": name, "limit": bound})
+        """Return the failure where joint limits do not let the tool go on."""
+        return self.failure(at_limit(self.tool.robot, s, q, joint, "is at"))
 
 
 def attempt(model: CollisionModel, task: ScrewTask, options: SclerpOptions, budget: Budget) -> Trajectory | Failure:
@@ -77,9 +65,8 @@ def attempt(model: CollisionModel, task: ScrewTask, options: SclerpOptions, budg
     touch = first_contact(model, path, lambda: budget.over)
     if touch is None:
         return path
-    pair = touch.contact.pair
-    why = _Why("collision", "obstacle", f"'{pair.name_a}' meets '{pair.name_b}'")
-    refused = task.failure(touch.t / path.duration, touch.q, why, contact_witness(touch.q, touch.contact))
+    s, q, more = touch.t / path.duration, touch.q, contact_witness(touch.q, touch.contact)
+    refused = task.failure(Ending(s, q, "collision", "obstacle", touch.contact.meeting, more))
     return _shown(refused, path, touch.t, model)
 
 
@@ -100,7 +87,8 @@ def _by_quadratic_programs(task: ScrewTask, options: SclerpOptions, budget: Budg
         j = int(np.argmax(np.abs(end - task.goal)))
         name = task.tool.robot.joint_names[j]
         words = f"the screw ends in another configuration, '{name}' at {end[j]:.4g} instead of {task.goal[j]:.4g}"
-        return task.failure(1.0, end, _Why("no-path", "branch", words), {"joint": name, "goal": task.goal.tolist()})
+        more = {"joint": name, "goal": task.goal.tolist()}
+        return task.failure(Ending(1.0, end, "no-path", "branch", words, more))
     path = on_screw(stepper, stepped, lambda: budget.over)
     task.info["knots"] = len(path.breakpoints)
     return path
@@ -122,7 +110,7 @@ def _by_iteration(task: ScrewTask, options: SclerpOptions, budget: Budget) -> Tr
         found = iterate_scheme(task.tool, task.start, task.X_WG, options, lambda: budget.over)
     except np.linalg.LinAlgError:
         words = "J Jᵀ has no inverse: singular, or fewer than six joints"
-        return task.failure(0.0, task.start, _Why("singularity", "singularity", words), {})
+        return task.failure(Ending(0.0, task.start, "singularity", "singularity", words, {}))
     task.info.update(iterations=found.iterations, error=found.error, limit_hits=int(found.hits.any(axis=1).sum()))
     if found.converged:
         return through(task.tool.robot.joint_names, found.Q)
@@ -134,7 +122,7 @@ def _by_iteration(task: ScrewTask, options: SclerpOptions, budget: Budget) -> Tr
 
 def _used_up(task: ScrewTask, s: float, q: Array, options: SclerpOptions) -> Failure:
     words = f"{options.iterations} steps of the scheme '{options.scheme}' do not lead to the goal"
-    return task.failure(s, q, _Why("no-path", "iterations", words), {})
+    return task.failure(Ending(s, q, "no-path", "iterations", words, {}))
 
 
 def _share(task: ScrewTask, found: SchemeResult) -> float:

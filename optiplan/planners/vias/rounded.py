@@ -111,8 +111,7 @@ def _refused(work: PlanContext, sections: list[Trajectory]) -> Failure | None:
         touch = first_contact(work.model, section, lambda: work.budget.over)
         if touch is None:
             continue
-        pair = touch.contact.pair
-        detail = f"the rounded path is not free: '{pair.name_a}' meets '{pair.name_b}'"
+        detail = f"the rounded path is not free: {touch.contact.meeting}"
         shown = refused_path(sections, k, touch.t, work.problem.limits)
         return Failure("collision", detail, contact_witness(touch.q, touch.contact) | shown)
     return None

@@ -7,12 +7,13 @@ Trajectory Planning for Automatic Machines and Robots, ch. 2 and 3.
 
 from dataclasses import dataclass
 from math import inf
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.trajectory import polynomial
+from optiplan.trajectory.timing.s_curve import s_curve
 from optiplan.trajectory.tolerances import SAME_TIME
 
 
@@ -64,14 +65,14 @@ class PolynomialLaw:
 
     shape: tuple[float, ...]
 
-    def peaks(self) -> tuple[float, float, float]:
-        """c_1, c_2, c_3 above."""
+    def peaks(self) -> list[float]:
+        """Return c_1, c_2 and c_3 above."""
         found, p = [], np.array([self.shape])
         for _ in range(3):
             p = polynomial.derivative(p)
             ends = polynomial.unit_extrema(p)
             found.append(float(max(-ends.low[0], ends.high[0])))
-        return found[0], found[1], found[2]
+        return found
 
     def shortest(self, bounds: Bounds) -> float:
         """See `Law`."""
@@ -170,10 +171,7 @@ class BangBang:
 
 @dataclass(frozen=True)
 class SCurve:
-    """The least time under bounds on velocity, acceleration and jerk (seven phases, found by Ruckig), or stretched.
-
-    Source: Berscheid and Kröger, Jerk-limited real-time trajectory generation with arbitrary target states, RSS 2021.
-    """
+    """The least time under bounds on velocity, acceleration and jerk (the seven phases of `s_curve`), or stretched."""
 
     def shortest(self, bounds: Bounds) -> float:
         """See `Law`."""
@@ -185,33 +183,8 @@ class SCurve:
 
     @staticmethod
     def _fastest(bounds: Bounds) -> LawPieces:
-        """Ruckig's phases, in units in which the motion takes about 1 and its largest acceleration is 1.
-
-        Ruckig's tolerances are absolute, so that bounds of very different sizes would fail in s and seconds.
-        """
-        v, a, j = bounds.velocity, bounds.acceleration, bounds.jerk
-        unit = float(max(1.0 / v, 2.0 / a**0.5, np.cbrt(32.0 / j)))  # s
-        length = 1.0 / (min(a, (v * j) ** 0.5, float(np.cbrt(0.5 * j * j))) * unit**2)
-        profile = _ruckig(length, length * unit * v, length * unit**2 * a, length * unit**3 * j)
-        rows, s, speed = [], 0.0, 0.0
-        for h, acceleration, jerk in zip(profile.t, profile.a, profile.j, strict=False):  # a: also at the end
-            rows.append([s, speed, acceleration / 2.0, jerk / 6.0])
-            s += h * (speed + h * (acceleration / 2.0 + h * jerk / 6.0))
-            speed += h * (acceleration + h * jerk / 2.0)
-        edges = np.concatenate([[0.0], np.cumsum(profile.t)])
-        found = _without_empty(edges, np.array(rows) / length)
-        return found.stretched(found.duration * unit)
-
-
-def _ruckig(distance: float, velocity: float, acceleration: float, jerk: float) -> Any:
-    """Ruckig's profile from rest to rest: durations `t` (7,), accelerations `a` and jerks `j` of its phases."""
-    import ruckig
-
-    request, answer = ruckig.InputParameter(1), ruckig.Trajectory(1)
-    request.current_position, request.target_position = [0.0], [distance]
-    request.max_velocity, request.max_acceleration, request.max_jerk = [velocity], [acceleration], [jerk]
-    ruckig.Ruckig(1).calculate(request, answer)
-    return answer.profiles[0][0]
+        times, rows = s_curve(1.0, bounds.velocity, bounds.acceleration, bounds.jerk)
+        return LawPieces(np.concatenate([[0.0], np.cumsum(times)]), rows)
 
 
 def _without_empty(breakpoints: Array, coefficients: Array) -> LawPieces:

@@ -9,7 +9,7 @@ tau = max (f / bound)^(1/p). So every iterate holds at the samples, and the dura
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from optiplan.libraries import loading
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.timing.jerk_limited_constraints import Basis, Block, LawLimits
 from optiplan.trajectory.timing.path_constraints import Rows
-from optiplan.trajectory.timing.toppra import fastest_law
+from optiplan.trajectory.timing.reachability import fastest_law
 from optiplan.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -130,20 +130,20 @@ def _best_share(limited: LawLimits, basis: Basis, control: Array, step: Array) -
 def _step(basis: Basis, control: Array, blocks: list[Block], radius: float) -> Array | None:
     """The change of the control points (N,) that the linear program proposes; None when the solver gives up."""
     count = len(control)
-    rows, by_tau, right = _program_rows(basis, blocks, count)
+    rows = _program_rows(basis, blocks, count)
     with loading():
         import qpsolvers
         import scipy.sparse as sp
 
     falling = sp.diags([1.0, -1.0], [0, 1], shape=(count - 1, count))
-    matrix = sp.bmat([[rows, sp.csr_matrix(by_tau[:, None])], [falling, None]], format="csc")
+    matrix = sp.bmat([[rows.by_control, sp.csr_matrix(rows.by_tau[:, None])], [falling, None]], format="csc")
     free = np.append(np.arange(3, count - 3), count)  # the others keep both ends at rest; the last column is tau - 1
     low = np.append(np.full(count - 6, -radius), _LEAST_TAU - 1.0)
     high = np.append(np.full(count - 6, radius), 0.0)
     quadratic, linear = sp.diags(np.full(len(free), _REGULARISATION), format="csc"), np.zeros(len(free))
     linear[-1] = 1.0
     program = qpsolvers.Problem(
-        quadratic, linear, matrix[:, free], np.append(right, np.diff(control)), None, None, low, high
+        quadratic, linear, matrix[:, free], np.append(rows.right, np.diff(control)), None, None, low, high
     )
     solution = qpsolvers.solve_problem(program, solver="piqp", eps_abs=_ACCURACY, eps_rel=_ACCURACY)
     if not solution.found or solution.x is None:
@@ -151,8 +151,16 @@ def _step(basis: Basis, control: Array, blocks: list[Block], radius: float) -> A
     return np.concatenate([np.zeros(3), solution.x[:-1], np.zeros(3)])
 
 
-def _program_rows(basis: Basis, blocks: list[Block], count: int) -> tuple["csr_matrix", Array, Array]:
-    """Rows a . dc + b (tau - 1) <= r of both signs of every limit: a (R, count), b (R,), r (R,).
+class _ProgramRows(NamedTuple):
+    """Rows a . dc + b (tau - 1) <= r: a (R, count), b (R,), r (R,)."""
+
+    by_control: "csr_matrix"
+    by_tau: Array
+    right: Array
+
+
+def _program_rows(basis: Basis, blocks: list[Block], count: int) -> _ProgramRows:
+    """Return the rows of both signs of every limit.
 
     Values far from their bounds are left out, but at each sample the one that grows most steeply stays. On a straight
     stretch of the path all joints of a block are in proportion, and that one bounds the others.
@@ -176,4 +184,4 @@ def _program_rows(basis: Basis, blocks: list[Block], count: int) -> tuple["csr_m
     column, entry = np.concatenate(columns), np.concatenate(entries)
     starts = 4 * np.arange(len(column) + 1)
     matrix = csr_matrix((entry.ravel(), column.ravel(), starts), shape=(len(column), count))
-    return matrix, np.concatenate(by_tau), np.concatenate(right)
+    return _ProgramRows(matrix, np.concatenate(by_tau), np.concatenate(right))

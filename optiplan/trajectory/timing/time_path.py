@@ -12,10 +12,10 @@ from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.timing.compose import compose
 from optiplan.trajectory.timing.jerk_limited import smooth_law
 from optiplan.trajectory.timing.path_constraints import Rows, ToolLimits, rows_at, tool_scale, tool_shares
+from optiplan.trajectory.timing.reachability import fastest_law, slowness
 from optiplan.trajectory.timing.s_curve import s_curve
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
-from optiplan.trajectory.timing.toppra import fastest_law, slowness
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 

@@ -7,11 +7,11 @@ from optiplan.arrays import Array, Index
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.samples import samples_of_pieces
 from optiplan.trajectory.trajectory import Trajectory
 
 RESERVE = 1e-3  # share of the limit kept free for what happens between samples
 _STEP = 8e-3  # s between samples, at most
-_MOST = 20_000  # samples in all, but for the least: a long motion is slow, so its torques change slowly
 _LEAST = 9  # samples of a piece: within one the acceleration is a low polynomial, only its ends may bend or jump
 _NEAR = 0.93, 0.99  # shares of the largest demand: gaps beside larger samples are refined, in two rounds
 _FINER = 9  # instants within such a gap
@@ -30,7 +30,7 @@ def torque_scale(robot: Robot, limit: Array, trajectory: Trajectory) -> float:
     if not np.isfinite(limit).any():
         return 1.0
     demand = _Demand(robot, limit, trajectory)
-    t = _instants(trajectory)
+    t = samples_of_pieces(trajectory, _STEP, _LEAST)
     found = demand.at(t)
     peak = float(found.max())
     for near in _NEAR:
@@ -59,18 +59,6 @@ def _gaps(t: Array, found: Array, near: float, peak: float) -> Index:
     return np.flatnonzero((ends >= near) & (ends + rise >= peak))
 
 
-def _instants(trajectory: Trajectory) -> Array:
-    """Return times (k,), s, of every piece, its ends included; its end is just before it: the acceleration may jump."""
-    edges = trajectory.breakpoints
-    lengths = np.diff(edges)
-    step = max(_STEP, trajectory.duration / _MOST)
-    counts = np.maximum(_LEAST, np.ceil(lengths / step).astype(int) + 1)
-    piece = np.repeat(np.arange(len(lengths)), counts)
-    place = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
-    t = edges[piece] + lengths[piece] * (place / (counts - 1)[piece])
-    return np.asarray(np.minimum(t, np.nextafter(edges[1:], edges[:-1])[piece]))
-
-
 class _Demand:
     """The largest (tau - g) / (limit - g) of all joints along a trajectory: s² of the slow-down that it asks for."""
 
@@ -96,7 +84,7 @@ class _Demand:
 
 def torque_share(robot: Robot, limit: Array, trajectory: Trajectory, t: Array | None = None) -> float:
     """Return the largest |tau| / limit (n,) at times t (N,), s, or at those of the pieces."""
-    t = _instants(trajectory) if t is None else t
+    t = samples_of_pieces(trajectory, _STEP, _LEAST) if t is None else t
     return float((np.abs(_torques(robot, trajectory, t)) / limit).max())
 
 

@@ -14,10 +14,10 @@ from optiplan.robot.robot import load_robot
 from optiplan.trajectory.paths.corner_blends import blend_path
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.timing.path_constraints import rows_at, tool_motion
+from optiplan.trajectory.timing.reachability import fastest_law, slowness
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.timing.time_path import TimingOptions, ToolLimits, compose, time_path
 from optiplan.trajectory.timing.time_scaling import speed_ratio
-from optiplan.trajectory.timing.toppra import fastest_law, slowness
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify

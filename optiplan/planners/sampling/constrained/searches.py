@@ -1,6 +1,5 @@
 """Searches on the constraints: RRT-Connect, RRT* (also informed) and a roadmap."""
 
-import heapq
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -10,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.planners.common.tolerances import LEAST_GAIN
 from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.ompl_space import search_bounds
+from optiplan.planners.sampling.roadmap import shortest_way
 from optiplan.planners.sampling.shortcutting import path_times
 
 _EXTEND = 0.6  # s at full joint speed: how far a tree grows towards a sample
@@ -282,13 +282,14 @@ def _shortest(query: Query, vertices: list[Array], walked: dict[tuple[int, int],
     walker, Q = query.walker, np.array(vertices)
     apart = np.linalg.norm((Q[:, None] - Q[None]) / walker.units, axis=2)
     near = np.argsort(apart, axis=1)[:, 1 : 1 + _NEIGHBOURS]
-    links: list[set[int]] = [set() for _ in vertices]
-    for k, row in enumerate(near.tolist()):
-        for other in row:
-            links[k].add(other)
-            links[other].add(k)
+    pairs = np.column_stack([np.repeat(np.arange(len(Q)), near.shape[1]), near.ravel()])
+    edges = np.unique(np.sort(pairs, axis=1), axis=0)
+    cost = apart[edges[:, 0], edges[:, 1]]
+    place = {(i, j): k for k, (i, j) in enumerate(edges.tolist())}
+    open_edges = np.array([walked.get(edge, []) is not None for edge in place], dtype=bool)
+    goals = np.arange(1, 1 + len(query.goals))
     while not query.over:
-        way = _dijkstra(links, apart, walked, len(query.goals))
+        way = shortest_way(len(Q), edges[open_edges], cost[open_edges], 0, goals)
         if way is None:
             return None
         points = [query.start]
@@ -299,31 +300,9 @@ def _shortest(query: Query, vertices: list[Array], walked: dict[tuple[int, int],
                 walked[key] = None if found is None else [Q[key[0]], *found[:-1], target]
             stretch = walked[key]
             if stretch is None:
+                open_edges[place[key]] = False
                 break
             points += stretch[1:] if edge[0] == key[0] else stretch[::-1][1:]
         else:
             return np.array(points)
-    return None
-
-
-def _dijkstra(
-    links: list[set[int]], apart: Array, walked: dict[tuple[int, int], list[Array] | None], goals: int
-) -> list[int] | None:
-    """Return the vertices of the shortest way from 0 to one of 1 … goals by edges that are not known to be blocked."""
-    costs, before, queue = {0: 0.0}, {0: 0}, [(0.0, 0)]
-    while queue:
-        cost, k = heapq.heappop(queue)
-        if cost > costs[k]:
-            continue
-        if 1 <= k <= goals:
-            way = [k]
-            while way[-1]:
-                way.append(before[way[-1]])
-            return way[::-1]
-        for other in links[k]:
-            key = min(k, other), max(k, other)
-            through = cost + float(apart[k, other])
-            if walked.get(key, []) is not None and through < costs.get(other, np.inf):
-                costs[other], before[other] = through, k
-                heapq.heappush(queue, (through, other))
     return None

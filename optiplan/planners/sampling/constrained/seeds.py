@@ -11,7 +11,7 @@ from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.sampling.constrained.manifold import in_part_only
 from optiplan.planners.sampling.constrained.planner import ConstrainedPath, ConstrainedSearch, constrained_path, timed
 from optiplan.planners.sampling.sample_path import SampledPath
-from optiplan.planners.sampling.shortcutting import path_time
+from optiplan.planners.sampling.shortcutting import path_cost
 from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -40,7 +40,7 @@ class ConstrainedSeeds:
         if isinstance(found, Failure):
             return found
         self.last, self.timed = found, None
-        cost = float(path_time(found.waypoints, problem.limits.velocity).sum())
+        cost = path_cost(found.waypoints, problem.limits.velocity)
         return SampledPath(found.waypoints, -1, cost, {"states": found.states, "cut_short": budget.over})
 
     def motion(self, path: SampledPath, constraints: PathConstraints, budget: Budget) -> Trajectory | Failure | None:

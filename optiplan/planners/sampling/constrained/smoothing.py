@@ -6,7 +6,7 @@ from optiplan.arrays import Array
 from optiplan.libraries import loading
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.sampling.constrained.walk import Walker
-from optiplan.planners.sampling.shortcutting import path_time
+from optiplan.planners.sampling.shortcutting import costs_along
 from optiplan.planners.sampling.smoothing import DEGREE, SPANS, spline_along
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -26,7 +26,7 @@ def shortcut(walker: Walker, path: Array, draws: Array) -> Array:
         if len(path) < 3 or walker.budget.over or stale >= _STALE:
             break
         stale += 1
-        along = np.concatenate([[0.0], np.cumsum(path_time(path, walker.units))])
+        along = costs_along(path, walker.units)
         i, j = np.sort(np.searchsorted(along, row * along[-1]))
         if j - i < 2:
             continue
@@ -48,7 +48,7 @@ def smooth_curves(walker: Walker, waypoints: Array, names: tuple[str, ...]) -> l
     a spline of degree five goes through them. Between samples at distance h it is off by the order of h^6; the straight
     segments of the path are off by h^2. The smoothest comes first.
     """
-    along = np.concatenate([[0.0], np.cumsum(path_time(waypoints, walker.units))])
+    along = costs_along(waypoints, walker.units)
     found: list[Trajectory] = []
     for spans in SPANS:
         if walker.budget.over or along[-1] == 0.0 or len(found) == 2:

@@ -6,7 +6,7 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.constrained.manifold import Manifold
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.sampling.shortcutting import path_time
+from optiplan.planners.sampling.shortcutting import path_cost
 
 _STEP = 0.08  # rad or m, of the joint that moves most
 _DEPTH = 4  # of halving a step whose middle does not hold the constraints
@@ -56,7 +56,7 @@ class Walker:
 
     def cost(self, points: Array) -> float:
         """Return the time of a path (k, n), s, as other sampling planners measure it."""
-        return float(path_time(points, self.units).sum())
+        return path_cost(points, self.units)
 
     def _between(self, a: Array, b: Array, depth: int) -> list[Array] | None:
         """Return the points after a up to b whose middles hold the constraints, and whose segments are free."""
