@@ -137,7 +137,7 @@ $(CORE): $(wildcard optiplan/_core/src/*) CMakeLists.txt | compiler $(TOOLS)
 	   echo "building the native core (less than a minute)"; \
 	   export PATH="$(abspath $(BIN)):$$PATH"; \
 	   cmake -S . -B build/core -G Ninja -DOPTIPLAN_IN_PLACE=ON -DPython_EXECUTABLE="$(abspath $(BIN))/python" \
-	     --log-level=NOTICE && cmake --build build/core -- --quiet || \
+	     --log-level=NOTICE && env -u MAKEFLAGS cmake --build build/core -- --quiet || \
 	   echo "the native core could not be built: planners run on their reference path in Python" >&2; fi
 	@touch $@
 
