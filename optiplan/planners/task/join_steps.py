@@ -19,7 +19,7 @@ from optiplan.arrays import Array
 from optiplan.libraries import loading
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.common.tolerances import POSITION_LIMIT_ROUNDING, NO_MOTION
+from optiplan.planners.common.tolerances import NO_MOTION, POSITION_LIMIT_ROUNDING
 from optiplan.planners.task.planned_steps import Group, Pause, PlannedMotion, Stretch, TaskPart
 from optiplan.planners.task.smooth_runs import SmoothRun, path_state, smooth_runs
 from optiplan.planners.task.stops import why_stop

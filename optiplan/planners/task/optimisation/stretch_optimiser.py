@@ -144,7 +144,8 @@ class StretchOptimiser:
             if one.is_line:
                 slower = max(slower, tool_scale(robot, one.tool_limits, cut_trajectory(whole, begin, end)))
         low, high = whole.extrema(0)
-        if (low < limits.lower - POSITION_LIMIT_ROUNDING).any() or (high > limits.upper + POSITION_LIMIT_ROUNDING).any():
+        beyond = np.maximum(limits.lower - low, high - limits.upper)
+        if (beyond > POSITION_LIMIT_ROUNDING).any():
             return None
         fitted = scale_to_limits(whole, limits, slower)
         scale = torque_scale(robot, limits.torque, fitted)
