@@ -1,32 +1,42 @@
-"""Execute a plan: a speed that changes on the way, a pause, and a new motion that takes over, all on proved paths."""
+"""Execute a plan at a speed that changes on the way, pause it, and let a new motion take over.
+
+Run it: python examples/17_execute.py
+"""
 
 import optiplan as op
 
-problem = op.load_problem("01_reach")
-executor = op.Executor(op.plan(problem))
 
-# A controller asks for a set-point every millisecond. Override, pause and resume take effect at once.
-executor.override = 0.4
-for _ in range(200):
-    tick = executor.tick(0.001)  # tick.q, tick.v, tick.a, tick.torque
-executor.pause()
-while executor.status.phase != "paused":
-    executor.tick(0.001)
-print(f"paused at {executor.status.place:.3f} s of the plan, on the path")
-executor.override = 1.0
-executor.resume()
-for _ in range(100):
-    executor.tick(0.001)
+def main():
+    """Run along the proved path, then along another one."""
+    problem = op.load_problem("01_reach")
+    executor = op.Executor(op.plan(problem))
 
-# A new goal while the robot moves: plan from where it is in 50 ms, and hand the motion over before that.
-state = executor.state_in(0.05)
-home = op.plan(problem.with_start(state).with_goal(problem.start), budget=1.0)
-print("the new motion takes over" if executor.splice(home) else f"stopped: {executor.status.reason}")
-while executor.status.phase not in ("done", "stopped"):
-    executor.tick(0.001)
-print(executor.status.phase)
+    # A controller asks for a set-point every millisecond. Override, pause and resume take effect at once.
+    executor.override = 0.4
+    for _ in range(200):
+        executor.tick(0.001)  # tick.q, tick.v, tick.a, tick.torque
+    executor.pause()
+    while executor.status.phase != "paused":
+        executor.tick(0.001)
+    print(f"paused at {executor.status.place:.3f} s of the plan, on the path")
+    executor.override = 1.0
+    executor.resume()
+    for _ in range(100):
+        executor.tick(0.001)
 
-# How far the robot goes along its path until it stands still, from any place at full speed.
-stops = op.Executor(home).stopping(5)
-for place, seconds in zip(stops.place, stops.time, strict=True):
-    print(f"from {place:.2f} s: {1e3 * seconds:.0f} ms")
+    # A new goal while the robot moves: plan from where it is in 50 ms, and hand the motion over before that.
+    state = executor.state_in(0.05)
+    home = op.plan(problem.with_start(state).with_goal(problem.start), budget=1.0)
+    print("the new motion takes over" if executor.splice(home) else f"stopped: {executor.status.reason}")
+    while executor.status.phase not in ("done", "stopped"):
+        executor.tick(0.001)
+    print(executor.status.phase)
+
+    # How far the robot goes along its path until it stands still, from any place at full speed.
+    stops = op.Executor(home).stopping(5)
+    for place, seconds in zip(stops.place, stops.time, strict=True):
+        print(f"from {place:.2f} s: {1e3 * seconds:.0f} ms")
+
+
+if __name__ == "__main__":
+    main()

@@ -20,7 +20,7 @@ from asked import Figures
 
 import optiplan as op
 from optiplan.runs.run_folder import load_run
-from optiplan.runs.stored_verdict import judged
+from optiplan.runs.stored_runs import judged
 from optiplan.trajectory.trajectory import Trajectory
 
 Data = dict[str, Any]

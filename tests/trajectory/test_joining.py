@@ -51,3 +51,13 @@ def test_segments_are_scaled_and_stored(motion):
 def test_broken_segments_are_refused(motion, wrong):
     with pytest.raises(InputError, match="segments"):
         Trajectory.from_dict(motion.to_dict() | {"segments": wrong})
+
+
+def test_a_part_between_breakpoints_a_rounding_apart():
+    late = 0.5154762651049016
+    times = np.array([0.0, late - 0.1, np.nextafter(late, 0.0), late, 1.0])
+    motion = Trajectory(("a",), times, np.arange(8.0).reshape(4, 2, 1))
+    for begin, end in ((0.1, late), (0.3, 0.9), (late - 0.1, late)):
+        part = cut_trajectory(motion, begin, end)
+        assert part.duration == end - begin
+        np.testing.assert_allclose(part.start, motion(begin))

@@ -174,8 +174,8 @@ def test_a_pose_is_measured_as_an_angle_and_a_distance():
     cone = op.OrientationCone("tip", np.array([0, 0, 1.0]), np.array([0, 0, 1.0]), within=0.2)
     (tilt,) = measures(cone)
     X = np.stack([pin.SE3(pin.rpy.rpyToMatrix(angle, 0, 0), np.zeros(3)).homogeneous for angle in (0.0, 0.1, 0.2, 3.0)])
-    assert [tilt.told(float(value)) for value in tilt.value(X)] == pytest.approx([0.0, 0.1, 0.2, 3.0])
-    assert tilt.told(tilt.limit) == pytest.approx(0.2)
+    assert [tilt.shown(float(value)) for value in tilt.value(X)] == pytest.approx([0.0, 0.1, 0.2, 3.0])
+    assert tilt.shown(tilt.limit) == pytest.approx(0.2)
 
 
 def test_planners_that_do_not_hold_constraints_say_so(problem):

@@ -4,11 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import cKDTree
 
 from optiplan.arrays import Array
+from optiplan.libraries import loading
 from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_space import Ends
@@ -95,6 +93,9 @@ class Roadmap:
         total = len(self.vertices)
         count = min(total, 1 + int(np.ceil(_NEIGHBOURS * np.log(total))))
         scaled = self.vertices / self._velocity
+        with loading():
+            from scipy.spatial import cKDTree
+
         _, near = cKDTree(scaled).query(scaled, k=count)
         pairs = np.column_stack([np.repeat(np.arange(total), count), near.ravel()])
         pairs = np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1)
@@ -114,6 +115,10 @@ class Roadmap:
         """Return the search without a path: the vertices connected with the start, and with a goal."""
         points = self.vertices
         edges = np.array([edge for edge, free in self.tried.items() if free], dtype=np.intp).reshape(-1, 2)
+        with loading():
+            from scipy.sparse import csr_array
+            from scipy.sparse.csgraph import connected_components
+
         graph = csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(points), len(points)))
         _, part = connected_components(graph, directed=False)
         sides = [np.flatnonzero(np.isin(part, part[ends])) for ends in ([start], goals)]
@@ -131,6 +136,10 @@ def shortest_way(count: int, edges: Edges, cost: Array, start: int, goals: Edges
         start: index of a point.
         goals: (g,) of others.
     """
+    with loading():
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import dijkstra
+
     graph = csr_array((cost, (edges[:, 0], edges[:, 1])), shape=(count, count))
     reached, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
     way = [int(goals[np.argmin(reached[goals])])]

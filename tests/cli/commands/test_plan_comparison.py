@@ -203,7 +203,7 @@ def test_a_bug_loses_no_other_run(optiplan, optiplan_json, free, monkeypatch, tm
 
 def test_view_opens_one_page_of_all_runs_best_first(optiplan, slow_lspb, monkeypatch):
     opened = []
-    monkeypatch.setattr(viewing, "serve_page", lambda problem, runs, port: opened.append(runs))
+    monkeypatch.setattr(viewing, "serve_page", lambda problem, runs: opened.append(runs))
     assert optiplan("plan", slow_lspb, "--planner", "lspb,quintic,scurve", "--view")[0] == 0
     assert [run.label for run in opened[0]] == ["scurve", "quintic", "lspb"]
     assert [run.trajectory is None for run in opened[0]] == [False, False, True]
