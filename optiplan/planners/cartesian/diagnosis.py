@@ -18,7 +18,7 @@ from optiplan.planners.cartesian.differential_ik import Tracker
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import contact_witness
 from optiplan.planners.common.refused_path import refused_path
-from optiplan.planners.common.tolerances import LIMIT_ROUNDING
+from optiplan.planners.common.tolerances import POSITION_LIMIT_ROUNDING
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 from optiplan.trajectory import polynomial
@@ -83,7 +83,7 @@ def stuck(tracker: Tracker, s: float, q: Array) -> Failure:
 
 def limit_crossing(path: Trajectory, limits: Limits) -> tuple[float, int] | None:
     """The first parameter at which a joint leaves its limits, and the joint's index; exact up to bisection."""
-    low, high, h = limits.lower - LIMIT_ROUNDING, limits.upper + LIMIT_ROUNDING, path.widths
+    low, high, h = limits.lower - POSITION_LIMIT_ROUNDING, limits.upper + POSITION_LIMIT_ROUNDING, path.widths
     unit = path.unit_pieces(0)
     ends = polynomial.unit_extrema(unit.reshape(-1, unit.shape[2]))
     least, most, x_least, x_most = (a.reshape(unit.shape[:2]) for a in ends)

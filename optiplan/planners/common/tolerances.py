@@ -3,7 +3,7 @@
 NO_MOTION = 1e-9
 """rad or m: a joint that moves by less stands still; the rest is rounding."""
 
-LIMIT_ROUNDING = 1e-9
+POSITION_LIMIT_ROUNDING = 1e-9
 """rad or m: rounding beyond a position limit."""
 
 LEAST_GAIN = 0.01

@@ -19,7 +19,7 @@ from optiplan.arrays import Array
 from optiplan.libraries import loading
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.common.continuous_collision import first_contact
-from optiplan.planners.common.tolerances import LIMIT_ROUNDING, NO_MOTION
+from optiplan.planners.common.tolerances import NO_MOTION, POSITION_LIMIT_ROUNDING
 from optiplan.planners.task.planned_steps import Group, Pause, PlannedMotion, Stretch, TaskPart
 from optiplan.planners.task.smooth_runs import SmoothRun, path_state, smooth_runs
 from optiplan.planners.task.stops import why_stop
@@ -210,7 +210,7 @@ class _Path:
             extrema = part.extrema_at(0)
             beyond = np.concatenate([limits.lower - low, high - limits.upper])
             where: float | None = None
-            if beyond.max() > LIMIT_ROUNDING:
+            if beyond.max() > POSITION_LIMIT_ROUNDING:
                 times = np.concatenate([extrema.t_low, extrema.t_high])
                 where = float(times[int(np.argmax(beyond))])
             else:

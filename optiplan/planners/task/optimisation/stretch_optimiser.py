@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import contacts_along
-from optiplan.planners.common.tolerances import LIMIT_ROUNDING
+from optiplan.planners.common.tolerances import POSITION_LIMIT_ROUNDING
 from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.planners.task.join_steps import time_of
 from optiplan.planners.task.optimisation.line_part import LinePart, SpeedLimit
@@ -144,7 +144,8 @@ class StretchOptimiser:
             if one.is_line:
                 slower = max(slower, tool_scale(robot, one.tool_limits, cut_trajectory(whole, begin, end)))
         low, high = whole.extrema(0)
-        if (low < limits.lower - LIMIT_ROUNDING).any() or (high > limits.upper + LIMIT_ROUNDING).any():
+        beyond = np.maximum(limits.lower - low, high - limits.upper)
+        if (beyond > POSITION_LIMIT_ROUNDING).any():
             return None
         fitted = scale_to_limits(whole, limits, slower)
         scale = torque_scale(robot, limits.torque, fitted)
