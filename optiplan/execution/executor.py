@@ -2,15 +2,19 @@
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import described, wrong_argument
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.proved_path import PathStretch, ProvedPath
+from optiplan.execution.scene_watch import SceneWatch, SeenObstacle
+from optiplan.geometry.pose import Pose, Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.state import State
@@ -30,7 +34,7 @@ KEPT_STATES = 64
 STOP_PLACES = 200
 """Places of a motion for which `stopping` gives the stop."""
 
-Phase = Literal["running", "changing", "paused", "stopping", "stopped", "done"]
+Phase = Literal["running", "changing", "paused", "waiting", "stopping", "stopped", "done"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,8 @@ class Status:
     """What an executor is doing.
 
     Attributes:
-        phase: `running` at a steady speed, `changing` it, `paused`, `stopping`, `stopped`, or `done` at the end.
+        phase: `running` at a steady speed, `changing` it, `paused`, `waiting` for an obstacle to leave the path,
+            `stopping`, `stopped`, or `done` at the end.
         place: on the path: time of the planned motion, s.
         progress: share of the planned motion that is done, 0 to 1.
         speed: rate of the planned motion, 1 as planned; negative backwards.
@@ -102,6 +107,7 @@ class Executor:
         run: a verified run of `op.plan`, among obstacles that stand still.
         override: speed at the start, 0 to 1.
         deviation: how far a measured joint may be from its set-point, rad or m, before the robot stops; None: anything.
+        clearance: distance to keep from obstacles that `update_scene` moves, m.
 
     Attributes:
         run: the run that is being executed.
@@ -120,19 +126,25 @@ class Executor:
         True
     """
 
-    def __init__(self, run: Run, *, override: float = 1.0, deviation: float | None = None) -> None:
+    def __init__(
+        self, run: Run, *, override: float = 1.0, deviation: float | None = None, clearance: float = 0.0
+    ) -> None:
         if not isinstance(run, Run):
             raise wrong_argument("Executor", "run", described(run), "a verified run of op.plan(…)")
         if not _is_share(override):
             raise wrong_argument("Executor", "override", described(override), "a speed from 0 to 1")
         if deviation is not None and not (_is_number(deviation) and deviation > 0.0):
             raise wrong_argument("Executor", "deviation", described(deviation), "a distance > 0, rad or m, or None")
-        self._path = ProvedPath(run, "Executor")
+        if not (_is_number(clearance) and clearance >= 0.0):
+            raise wrong_argument("Executor", "clearance", described(clearance), "a distance >= 0, m")
+        self._path, self._clearance = ProvedPath(run, "Executor"), float(clearance)
+        self._watch = SceneWatch(self._path, self._clearance)
+        self._obstacles: dict[str, SeenObstacle] = {}
         self._stretch: PathStretch = self._path.forwards
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
         self._law: TimeLaw = self._start_law(self._path, float(override))
-        self._held: Literal["", "paused", "stopped"] = "" if override > 0.0 else "paused"
+        self._held: Literal["", "paused", "waiting", "stopped"] = "" if override > 0.0 else "paused"
         self._reason, self._most_deviation = "", deviation
         self._deviation: float | None = None
         self._seen = -math.inf  # the place up to which events are done
@@ -179,6 +191,58 @@ class Executor:
         """Stop, and go back along the path at the speed of `override`, to the last event of a task or the start."""
         self._held, self._reason, self._backwards = "", "", True
         self._aim()
+
+    def update_scene(
+        self, poses: Mapping[str, Pose], velocities: Mapping[str, Values] | None = None, spread: float = 0.0
+    ) -> None:
+        """Obstacles of the scene have moved: check the rest of the path against them, now.
+
+        Where they block it, the robot stops along the path and waits; a later update that leaves the path clear lets it
+        go on. Nothing raises here: an update that cannot be used ends in a stop.
+
+        Args:
+            poses: of obstacles of the scene, by name.
+            velocities: (3,) m/s, of the frames of some of them; the others stand still.
+            spread: m/s; how fast they may depart from that course, in any direction.
+        """
+        reason = self._see(poses, velocities or {}, spread)
+        if reason:
+            self.stop(reason)
+            return
+        seen = list(self._obstacles.values())
+        if self._held == "waiting":
+            place = PathPlace(*self._law.at(self.time))
+            ahead = self._stretch.laws.change(place, self.time, self._override)
+            if ahead is not None and self._watch.blocked(self._stretch, ahead, self.time, seen) is None:
+                self._held, self._reason = "", ""
+                self._aim()
+            return
+        found = self._watch.blocked(self._stretch, self._law, self.time, seen)
+        if found is None:
+            return
+        first, second = found.pair
+        self._next = None
+        if not self._held:
+            self._held, self._reason = "waiting", f"'{first}' would meet '{second}' at {found.place:.3f} s of the path"
+        self._aim()
+        if self._watch.blocked(self._stretch, self._law, self.time, seen) is not None:
+            self._reason += "; the stop comes too late"
+
+    def _see(self, poses: Mapping[str, Pose], velocities: Mapping[str, Values], spread: float) -> str:
+        """Remember where obstacles are; return why that is not possible, or nothing."""
+        known = {obstacle.name for obstacle in self._watch.scene.obstacles}
+        if not isinstance(poses, Mapping) or not all(isinstance(pose, Pose) for pose in poses.values()):
+            return f"update_scene: found {described(poses)}; expected poses by name"
+        if not _is_number(spread) or spread < 0.0:
+            return f"update_scene: found a spread of {described(spread)}; expected a speed >= 0, m/s"
+        for name, pose in poses.items():
+            if name not in known:
+                return f"update_scene: found an obstacle '{name}'; expected one of: {', '.join(sorted(known))}"
+            velocity = np.asarray(velocities.get(name, np.zeros(3)), dtype=float)
+            if velocity.shape != (3,) or not np.isfinite(velocity).all():
+                return f"update_scene: found a velocity of {described(velocities[name])} for '{name}'; expected (3,), m/s"
+            self._obstacles[name] = SeenObstacle(name, pin.SE3(pose.matrix), velocity, float(spread), self.time)
+        return ""
 
     def state_in(self, latency: float) -> State:
         """Return the state of the robot `latency` s from now, if nothing is changed until then.
@@ -310,6 +374,7 @@ class Executor:
         assert self._next is not None
         then, path = self._next
         self._path, self._stretch, self._next = path, path.forwards, None
+        self._watch, self._obstacles = SceneWatch(path, self._clearance), {}
         self._law = path.forwards.laws.steady(0.0, 1.0, then)
         self._seen, self._backwards = -math.inf, False
         self._wanted = 0.0 if self._held else self._override
@@ -358,8 +423,8 @@ class Executor:
             phase = "done"
         elif self._held == "stopped":
             phase = "stopped" if resting else "stopping"
-        elif self._held == "paused" and resting:
-            phase = "paused"
+        elif self._held in ("paused", "waiting") and resting:
+            phase = self._held
         elif self.time < self._law.settled or self._pending:
             phase = "changing"
         elif resting:

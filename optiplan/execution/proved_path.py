@@ -45,6 +45,7 @@ class ProvedPath:
     Attributes:
         run: the run.
         events: what is done on the way, in order.
+        parts: stretches of the path in which the scene stays the same, in order.
         forwards: the whole path.
 
     Raises:
@@ -64,7 +65,8 @@ class ProvedPath:
                 found = f"a run with the path constraint `{constraint.KEY}`, which depends on accelerations"
                 raise wrong_argument(called, "run", found, "path constraints of poses, positions and speeds")
         self.run = run
-        self._loads = [Load(part.begin, part.end, part.problem.robot) for part in scene_parts(problem, self.motion)]
+        self.parts = scene_parts(problem, self.motion)
+        self._loads = [Load(part.begin, part.end, part.problem.robot) for part in self.parts]
         self.events: tuple[Segment, ...] = tuple(one for one in self.motion.segments if one.kind in EVENTS)
         self.forwards = PathStretch(PathLaws(self.motion, problem.limits, self._loads), 0.0, 1.0)
         stops = sorted({0.0, self.motion.duration, *(event.begin for event in self.events)})
