@@ -46,7 +46,8 @@ if TYPE_CHECKING:
     from optiplan.control.tasks.other_frames import LookAtTask, RelativePoseTask
     from optiplan.control.tasks.whole_body import CentreOfMassTask, ManipulabilityTask
     from optiplan.errors import InputError, OptiPlanError
-    from optiplan.execution.executor import Executor, Status, Stopping, Tick
+    from optiplan.execution.executor import Executor
+    from optiplan.execution.status import Status, Stopping, Tick
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
@@ -109,7 +110,8 @@ _ROOMS = {
     "control.tasks.other_frames": ("LookAtTask", "RelativePoseTask"),
     "control.tasks.whole_body": ("CentreOfMassTask", "ManipulabilityTask"),
     "errors": ("InputError", "OptiPlanError"),
-    "execution.executor": ("Executor", "Status", "Stopping", "Tick"),
+    "execution.executor": ("Executor",),
+    "execution.status": ("Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "planners.trajopt.program.nlp": ("TrajectoryNlp",),

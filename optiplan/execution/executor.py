@@ -3,17 +3,16 @@
 import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
 from optiplan.errors import described, wrong_argument
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import SceneWatch, SeenObstacle
+from optiplan.execution.status import Phase, Status, Stopping, Tick
 from optiplan.geometry.pose import Pose, Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import Segment
@@ -33,66 +32,6 @@ KEPT_STATES = 64
 
 STOP_PLACES = 200
 """Places of a motion for which `stopping` gives the stop."""
-
-Phase = Literal["running", "changing", "paused", "waiting", "stopping", "stopped", "done"]
-
-
-@dataclass(frozen=True)
-class Status:
-    """What an executor is doing.
-
-    Attributes:
-        phase: `running` at a steady speed, `changing` it, `paused`, `waiting` for an obstacle to leave the path,
-            `stopping`, `stopped`, or `done` at the end.
-        place: on the path: time of the planned motion, s.
-        progress: share of the planned motion that is done, 0 to 1.
-        speed: rate of the planned motion, 1 as planned; negative backwards.
-        override: the speed that is wanted.
-        stops_in: s from now until the robot stands still, if it stops now.
-        reason: why it stopped by itself; empty where it did not.
-        deviation: (n,) distance of the measured joints from their set-points at most so far, rad or m; None without
-            measurements.
-    """
-
-    phase: Phase
-    place: float
-    progress: float
-    speed: float
-    override: float
-    reason: str = ""
-    deviation: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Tick:
-    """What the robot is to do at the end of a tick.
-
-    Attributes:
-        t: time since the first tick, s.
-        q, v, a: (n,), rad or m and s.
-        torque: (n,), feed-forward of the rigid bodies, N·m or N.
-        events: what is due in this tick: steps of a task that take, release or grip.
-        status: what the executor is doing.
-    """
-
-    t: float
-    q: Array
-    v: Array
-    a: Array
-    torque: Array
-    events: tuple[Segment, ...]
-    status: Status
-
-
-class Stopping(NamedTuple):
-    """The stop along the path from full speed, for K places of a motion: (K,) each.
-
-    `place` where it begins, s; `time` until the robot stands still, s; `travel` along the path, s.
-    """
-
-    place: Array
-    time: Array
-    travel: Array
 
 
 class Executor:
@@ -240,7 +179,8 @@ class Executor:
                 return f"update_scene: found an obstacle '{name}'; expected one of: {', '.join(sorted(known))}"
             velocity = np.asarray(velocities.get(name, np.zeros(3)), dtype=float)
             if velocity.shape != (3,) or not np.isfinite(velocity).all():
-                return f"update_scene: found a velocity of {described(velocities[name])} for '{name}'; expected (3,), m/s"
+                found = described(velocities[name])
+                return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
             self._obstacles[name] = SeenObstacle(name, pin.SE3(pose.matrix), velocity, float(spread), self.time)
         return ""
 
@@ -307,7 +247,7 @@ class Executor:
             self._turn()
         point = self._point()
         if measured is not None:
-            self._watch(measured, point)
+            self._compare(measured, point)
         place = self._stretch.place(point.place.s)
         events = self._due(place)
         speed = self._stretch.direction * point.place.speed
@@ -393,7 +333,7 @@ class Executor:
             return LONGEST_TICK
         return float(dt)
 
-    def _watch(self, measured: object, point: SetPoint) -> None:
+    def _compare(self, measured: object, point: SetPoint) -> None:
         """Compare measured positions with the set-point."""
         values = measured.q if isinstance(measured, State) else measured
         try:

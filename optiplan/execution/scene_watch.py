@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan._core import core
 from optiplan.arrays import Array
-from optiplan.collision.native_model import NativeCollisionModel, planning_model
+from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.geometry.scene import Scene
 from optiplan.trajectory.joining import cut_trajectory
@@ -93,7 +93,7 @@ class SceneWatch:
                 if end > begin:
                     whole = (begin, end) == (0.0, motion.duration)
                     cut = motion if whole else cut_trajectory(motion, begin, end)
-                    model = planning_model(part.problem.robot, part.problem.scene)
+                    model = NativeCollisionModel(part.problem.robot, part.problem.scene)
                     found.append(_PartWatch(model, cut, begin))
             self._watches[key] = sorted(found, key=lambda part: part.begin)
         return self._watches[key]
@@ -109,9 +109,7 @@ class _PartWatch:
         if model.world is not None:
             self._core = core.PathWatch.of(model.world, motion.breakpoints, motion.coefficients, CELL, begin)
 
-    def blocked(
-        self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float
-    ) -> BlockedPlace | None:
+    def blocked(self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float) -> BlockedPlace | None:
         """See `SceneWatch.blocked`; a scene that the core does not know is blocked everywhere."""
         if self._core is None:
             return BlockedPlace(max(law.at(now)[0], self.begin), (self._model.unknown[0], "the robot"))

@@ -9,7 +9,10 @@ namespace {
 
 // Two pieces of degree 3 over [0, 0.8], which do not meet: ranges are of each alone.
 Curve path() {
-    return {{0.0, 0.5, 0.8}, {0.2, -0.3, 0.5, 0.4, 1.0, -2.0, 3.0, 1.0, 0.4, 0.1, -0.6, 0.2, 0.3, 0.5, -4.0, 2.0}, 3, 2};
+    return {{0.0, 0.5, 0.8},
+            {0.2, -0.3, 0.5, 0.4, 1.0, -2.0, 3.0, 1.0, 0.4, 0.1, -0.6, 0.2, 0.3, 0.5, -4.0, 2.0},
+            3,
+            2};
 }
 
 PathTables tables(double torque = 100.0) {

@@ -54,8 +54,7 @@ Cells PathTables::cells_of(double width) const {
             if (high < low) continue;
             const double middle = 0.5 * (low + high) - begin, half = 0.5 * (high - low);
             for (std::size_t j = 0; j < n; ++j) {
-                for (std::size_t k = 0; k <= degree; ++k)
-                    c[k] = path_.coefficients[(piece * (degree + 1) + k) * n + j];
+                for (std::size_t k = 0; k <= degree; ++k) c[k] = path_.coefficients[(piece * (degree + 1) + k) * n + j];
                 for (std::size_t i = 0; i < degree; ++i)  // Taylor shift by repeated Horner steps
                     for (std::size_t k = degree; k-- > i;) c[k] += middle * c[k + 1];
                 for (std::size_t order = 1; order <= 3; ++order) {
@@ -63,8 +62,10 @@ Cells PathTables::cells_of(double width) const {
                     for (std::size_t k = order; k <= degree; ++k, power *= half) {
                         double term = c[k];
                         for (std::size_t f = 0; f < order; ++f) term *= static_cast<double>(k - f);
-                        if (k == order) value = term;
-                        else reach += std::fabs(term) * power;
+                        if (k == order)
+                            value = term;
+                        else
+                            reach += std::fabs(term) * power;
                     }
                     double &least = cells.low[order - 1][cell * n + j], &most = cells.high[order - 1][cell * n + j];
                     least = std::min(least, value - reach), most = std::max(most, value + reach);

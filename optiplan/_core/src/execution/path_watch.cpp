@@ -59,7 +59,8 @@ Blocked PathWatch::blocked(const TimeLaw &law, double now, const std::vector<See
         if (first && cell.begin > here) enters = arrival(law, cell.begin, now);
         first = false;
         if (std::isinf(enters)) break;  // it stands still before that
-        const double leaves = arrival(law, cell.end, enters), last = std::isinf(leaves) ? std::max(rest, enters) : leaves;
+        const double leaves = arrival(law, cell.end, enters),
+                     last = std::isinf(leaves) ? std::max(rest, enters) : leaves;
         for (std::size_t k = 0; k < moving_.size(); ++k) {
             at_.bodies[moving_[k]] = cell.bodies[k];
             at_.centres[moving_[k]] = cell.centres[k];

@@ -33,7 +33,8 @@ class PathWatch {
 
     std::int64_t bodies() const { return static_cast<std::int64_t>(of_body_.size()); }
 
-    // What blocks the path from the law's place at `now` on to where it ends; the path begins at s = `begin` of the law.
+    // What blocks the path from the law's place at `now` on to where it ends; the path begins at s = `begin` of the
+    // law.
     Blocked blocked(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin);
 
   private:

@@ -75,8 +75,7 @@ bool LawSearch::allowed(const LawState &at, double ddds, double lasting, const C
             const double most_jerk = tables_.limits().jerk[j];
             if (!std::isfinite(most_jerk)) continue;
             const Range third{cells.low[2][i], cells.high[2][i]};
-            const Range jerk =
-                times_size(third, cube) + scaled(product(second, turning), 3.0) + scaled(first, ddds);
+            const Range jerk = times_size(third, cube) + scaled(product(second, turning), 3.0) + scaled(first, ddds);
             if (jerk.low < -most_jerk || jerk.high > most_jerk) return false;
         }
     if (!torque || !tables_.limits_torque()) return true;

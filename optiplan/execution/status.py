@@ -1,0 +1,67 @@
+"""What an executor hands out: the set-point of a tick, what it is doing, and its stops."""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from optiplan.arrays import Array
+from optiplan.trajectory.segments import Segment
+
+Phase = Literal["running", "changing", "paused", "waiting", "stopping", "stopped", "done"]
+
+
+@dataclass(frozen=True)
+class Status:
+    """What an executor is doing.
+
+    Attributes:
+        phase: `running` at a steady speed, `changing` it, `paused`, `waiting` for an obstacle to leave the path,
+            `stopping`, `stopped`, or `done` at the end.
+        place: on the path: time of the planned motion, s.
+        progress: share of the planned motion that is done, 0 to 1.
+        speed: rate of the planned motion, 1 as planned; negative backwards.
+        override: the speed that is wanted.
+        stops_in: s from now until the robot stands still, if it stops now.
+        reason: why it stopped by itself; empty where it did not.
+        deviation: (n,) distance of the measured joints from their set-points at most so far, rad or m; None without
+            measurements.
+    """
+
+    phase: Phase
+    place: float
+    progress: float
+    speed: float
+    override: float
+    reason: str = ""
+    deviation: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Tick:
+    """What the robot is to do at the end of a tick.
+
+    Attributes:
+        t: time since the first tick, s.
+        q, v, a: (n,), rad or m and s.
+        torque: (n,), feed-forward of the rigid bodies, N·m or N.
+        events: what is due in this tick: steps of a task that take, release or grip.
+        status: what the executor is doing.
+    """
+
+    t: float
+    q: Array
+    v: Array
+    a: Array
+    torque: Array
+    events: tuple[Segment, ...]
+    status: Status
+
+
+class Stopping(NamedTuple):
+    """The stop along the path from full speed, for K places of a motion: (K,) each.
+
+    `place` where it begins, s; `time` until the robot stands still, s; `travel` along the path, s.
+    """
+
+    place: Array
+    time: Array
+    travel: Array
