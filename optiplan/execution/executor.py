@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import OptiPlanError, wrong_argument
+from optiplan.execution.arguments import is_number, is_share, numbers, same_state, told
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.proved_path import PathStretch, ProvedPath
-from optiplan.execution.scene_watch import SceneWatch, SeenObstacle
+from optiplan.execution.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
 from optiplan.execution.status import Phase, Status, Stopping, Tick
 from optiplan.geometry.pose import Pose, Values
 from optiplan.runs.run import Run
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 LONGEST_TICK = 0.1
 """s: after a longer one the robot had no set-points for too long, and stops."""
 
-SAME_STATE = 1e-8
-"""rad or m, and the same per s and s²: how far apart two states may be where one motion takes over."""
+TOO_LATE = "the stop comes too late"
+"""What a reason says where the robot would not stand still in time."""
 
 KEPT_STATES = 64
 """Predicted states that a splice may begin at."""
@@ -69,13 +70,13 @@ class Executor:
         self, run: Run, *, override: float = 1.0, deviation: float | None = None, clearance: float = 0.0
     ) -> None:
         if not isinstance(run, Run):
-            raise wrong_argument("Executor", "run", described(run), "a verified run of op.plan(…)")
-        if not _is_share(override):
-            raise wrong_argument("Executor", "override", described(override), "a speed from 0 to 1")
-        if deviation is not None and not (_is_number(deviation) and deviation > 0.0):
-            raise wrong_argument("Executor", "deviation", described(deviation), "a distance > 0, rad or m, or None")
-        if not (_is_number(clearance) and clearance >= 0.0):
-            raise wrong_argument("Executor", "clearance", described(clearance), "a distance >= 0, m")
+            raise wrong_argument("Executor", "run", told(run), "a verified run of op.plan(…)")
+        if not is_share(override):
+            raise wrong_argument("Executor", "override", told(override), "a speed from 0 to 1")
+        if deviation is not None and not (is_number(deviation) and deviation > 0.0):
+            raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
+        if not (is_number(clearance) and clearance >= 0.0):
+            raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
         self._path, self._clearance = ProvedPath(run, "Executor"), float(clearance)
         self._watch = SceneWatch(self._path, self._clearance)
         self._obstacles: dict[str, SeenObstacle] = {}
@@ -88,9 +89,12 @@ class Executor:
         self._deviation: float | None = None
         self._seen = -math.inf  # the place up to which events are done
         self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
-        self._next: tuple[float, ProvedPath] | None = None
+        self._next: tuple[float, ProvedPath, float] | None = None  # when it takes over, and when it was handed over
         self._pending = False
         self._backwards = False
+        self._missed: tuple[Segment, ...] = ()
+        if self._law.target != override:  # it begins in motion
+            self._aim()
 
     @property
     def run(self) -> Run:
@@ -104,16 +108,16 @@ class Executor:
 
     @override.setter
     def override(self, speed: float) -> None:
-        if not _is_share(speed):
-            self.stop(f"override: found {described(speed)}; expected a speed from 0 to 1")
+        if not is_share(speed):
+            self.stop(f"override: found {told(speed)}; expected a speed from 0 to 1")
             return
         self._override = float(speed)
         self._aim()
 
     def pause(self) -> None:
         """Stop along the path; `resume` goes on."""
-        if not self._held:
-            self._held = "paused"
+        if self._held in ("", "waiting"):
+            self._held, self._reason = "paused", ""
             self._aim()
 
     def stop(self, reason: str = "asked to stop") -> None:
@@ -144,42 +148,49 @@ class Executor:
             velocities: (3,) m/s, of the frames of some of them; the others stand still.
             spread: m/s; how fast they may depart from that course, in any direction.
         """
-        reason = self._see(poses, velocities or {}, spread)
+        reason = self._see(poses, {} if velocities is None else velocities, spread)
         if reason:
             self.stop(reason)
             return
-        seen = list(self._obstacles.values())
-        if self._held == "waiting":
-            place = PathPlace(*self._law.at(self.time))
-            ahead = self._stretch.laws.change(place, self.time, self._override)
-            if ahead is not None and self._watch.blocked(self._stretch, ahead, self.time, seen) is None:
+        if self._held == "waiting" and self._next is None:
+            ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
+            if ahead is not None and self._blocked(ahead) is None:
                 self._held, self._reason = "", ""
                 self._aim()
-            return
-        found = self._watch.blocked(self._stretch, self._law, self.time, seen)
+                return
+        self._yield()
+
+    def _blocked(self, law: "TimeLaw") -> BlockedPlace | None:
+        return self._watch.blocked(self._stretch, law, self.time, list(self._obstacles.values()))
+
+    def _yield(self) -> None:
+        """Wait, where obstacles that were seen block the way of the law."""
+        found = self._blocked(self._law) if self._obstacles else None
         if found is None:
             return
-        first, second = found.pair
-        self._next = None
         if not self._held:
-            self._held, self._reason = "waiting", f"'{first}' would meet '{second}' at {found.place:.3f} s of the path"
-        self._aim()
-        if self._watch.blocked(self._stretch, self._law, self.time, seen) is not None:
-            self._reason += "; the stop comes too late"
+            self._held, self._next = "waiting", None
+            self._reason = f"'{found.pair[0]}' would meet '{found.pair[1]}' at {found.place:.3f} s of the path"
+            self._lead()
+            found = self._blocked(self._law)
+        if found is not None and TOO_LATE not in self._reason:
+            self._reason += f"; {TOO_LATE}" if self._reason else TOO_LATE
 
     def _see(self, poses: Mapping[str, Pose], velocities: Mapping[str, Values], spread: float) -> str:
         """Remember where obstacles are; return why that is not possible, or nothing."""
         known = {obstacle.name for obstacle in self._watch.scene.obstacles}
         if not isinstance(poses, Mapping) or not all(isinstance(pose, Pose) for pose in poses.values()):
-            return f"update_scene: found {described(poses)}; expected poses by name"
-        if not _is_number(spread) or spread < 0.0:
-            return f"update_scene: found a spread of {described(spread)}; expected a speed >= 0, m/s"
+            return f"update_scene: found {told(poses)}; expected poses by name"
+        if not is_number(spread) or spread < 0.0:
+            return f"update_scene: found a spread of {told(spread)}; expected a speed >= 0, m/s"
+        if not isinstance(velocities, Mapping):
+            return f"update_scene: found {told(velocities)}; expected velocities by name"
         for name, pose in poses.items():
             if name not in known:
                 return f"update_scene: found an obstacle '{name}'; expected one of: {', '.join(sorted(known))}"
-            velocity = np.asarray(velocities.get(name, np.zeros(3)), dtype=float)
+            velocity = numbers(velocities.get(name, np.zeros(3)))
             if velocity.shape != (3,) or not np.isfinite(velocity).all():
-                found = described(velocities[name])
+                found = told(velocities[name])
                 return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
             self._obstacles[name] = SeenObstacle(name, pin.SE3(pose.matrix), velocity, float(spread), self.time)
         return ""
@@ -192,8 +203,8 @@ class Executor:
         Raises:
             InputError: the latency is no number of seconds >= 0.
         """
-        if not _is_number(latency) or latency < 0.0:
-            raise wrong_argument("Executor.state_in", "latency", described(latency), "seconds >= 0")
+        if not is_number(latency) or latency < 0.0:
+            raise wrong_argument("Executor.state_in", "latency", told(latency), "seconds >= 0")
         then = self.time + float(latency)
         point = self._stretch.laws.set_point(self._law, then)
         state = State(point.q, point.v, point.a)
@@ -203,8 +214,9 @@ class Executor:
     def splice(self, run: Run) -> bool:
         """Let another verified run take over where it begins: in a state that `state_in` returned.
 
-        Position, velocity and acceleration are continuous there. Where the run comes too late, where the speed was
-        changed since its state was predicted, or where it is not verified, the robot stops along its path instead.
+        Position, velocity and acceleration are continuous there. Where the run comes too late, where it is not
+        verified, or where the speed is changed between the prediction of its state and its begin, the robot stops along
+        its path instead.
 
         Returns:
             Whether the run takes over.
@@ -220,13 +232,18 @@ class Executor:
         if run.problem.robot.joint_names != self.run.problem.robot.joint_names:
             return "the motion that was to take over is of another robot"
         start = run.problem.start_state
-        for then, state, law in self._predicted:
-            if law is self._law and _same(state, start):
-                if then < self.time:
-                    return f"the motion that was to take over came {self.time - then:.3f} s late"
-                self._next = then, ProvedPath(run, "Executor.splice")
-                return ""
-        return "the motion that was to take over begins in a state that is not on the way"
+        found = [then for then, state, law in self._predicted if law is self._law and same_state(state, start)]
+        if not found:
+            return "the motion that was to take over begins in a state that is not on the way"
+        stands = self._law.target == 0.0 and self._law.settled <= found[-1]  # and from then on is in that state
+        then = max(found[-1], self.time) if stands else found[-1]
+        if then < self.time:
+            return f"the motion that was to take over came {self.time - then:.3f} s late"
+        try:
+            self._next = then, ProvedPath(run, "Executor.splice"), self.time
+        except OptiPlanError as error:
+            return f"the motion that was to take over: {error}"
+        return ""
 
     def tick(self, dt: float, measured: object = None) -> Tick:
         """Return the set-point `dt` s after the last one.
@@ -241,8 +258,8 @@ class Executor:
         if self._next is not None and self.time + step >= self._next[0]:
             self._take_over()
         self.time += step
-        if self._pending:
-            self._replace_law()
+        if self._pending and self._replace_law():
+            self._yield()
         if self._law.target == 0.0 and self.time >= self._law.settled:
             self._turn()
         point = self._point()
@@ -276,34 +293,45 @@ class Executor:
 
     def _aim(self) -> None:
         """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
+        if self._lead():
+            self._yield()
+
+    def _lead(self) -> bool:
+        """See `_aim`; return whether there is another law."""
         turns = self._backwards != (self._stretch.direction < 0.0)
         self._wanted = 0.0 if self._held or turns else self._override
-        self._replace_law()
+        replaced = self._replace_law()
         if turns and self._law.target == 0.0 and self._law.settled <= self.time:
             self._turn()
+        return replaced
 
-    def _replace_law(self) -> None:
-        """Replace the law by one that leads to the wanted speed; the present one stays while there is none."""
+    def _replace_law(self) -> bool:
+        """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
         s, speed, acceleration = self._law.at(self.time)
         length = self._stretch.laws.motion.duration
         if s >= length:  # at its end the robot stands still, whatever the law
             self._law, self._pending = self._stretch.laws.steady(length, 0.0, self.time), False
-            return
+            return False
         if self._law.target == self._wanted:  # it is on its way there
             self._pending = False
-            return
+            return False
         self._pending = True
         law = self._stretch.laws.change(PathPlace(s, speed, acceleration), self.time, self._wanted)
-        if law is not None:
-            self._law = law
-            self._pending = law.target != self._wanted and law.at(law.settled)[0] < length
+        if law is None:
+            return False
+        self._law = law
+        self._pending = law.target != self._wanted and law.at(law.settled)[0] < length
+        if self._next is not None:  # it was to begin in a state that the robot does not come to any more
+            self._next = None
+            self.stop("the speed was changed before another motion could take over")
+        return True
 
     def _turn(self) -> None:
         """Change the direction of a robot that stands still, if that is wanted."""
         if self._held or self._backwards == (self._stretch.direction < 0.0):
             return
         place = self._stretch.place(self._law.at(self.time)[0])
-        stretch = self._path.backwards(place) if self._backwards else self._path.forwards
+        stretch = self._path.backwards(place, self._seen) if self._backwards else self._path.forwards
         if stretch is None:
             return
         s = (place - stretch.start) * stretch.direction
@@ -312,21 +340,25 @@ class Executor:
 
     def _take_over(self) -> None:
         assert self._next is not None
-        then, path = self._next
+        then, path, since = self._next
+        self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
         self._path, self._stretch, self._next = path, path.forwards, None
-        self._watch, self._obstacles = SceneWatch(path, self._clearance), {}
-        self._law = path.forwards.laws.steady(0.0, 1.0, then)
+        self._watch, known = SceneWatch(path, self._clearance), {one.name for one in path.run.problem.scene.obstacles}
+        self._obstacles = {k: one for k, one in self._obstacles.items() if one.time >= since and k in known}
         self._seen, self._backwards = -math.inf, False
         self._wanted = 0.0 if self._held else self._override
-        self._pending = self._wanted != 1.0
+        self._law = path.forwards.laws.steady(0.0, self._wanted if path.starts_at_rest else 1.0, then)
+        self._pending = self._wanted != self._law.target
+        if not self._pending:
+            self._yield()
 
     def _point(self) -> SetPoint:
         return self._stretch.laws.set_point(self._law, self.time)
 
     def _checked_step(self, dt: float) -> float:
         """Return the tick's length, s; where that cannot be, 0 or the longest, and the robot stops."""
-        if not _is_number(dt) or dt < 0.0:
-            self.stop(f"tick: found a step of {described(dt)}; expected seconds >= 0")
+        if not is_number(dt) or dt < 0.0:
+            self.stop(f"tick: found a step of {told(dt)}; expected seconds >= 0")
             return 0.0
         if dt > LONGEST_TICK:
             self.stop(f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s")
@@ -336,16 +368,13 @@ class Executor:
     def _compare(self, measured: object, point: SetPoint) -> None:
         """Compare measured positions with the set-point."""
         values = measured.q if isinstance(measured, State) else measured
-        try:
-            q = np.asarray(values, dtype=float)
-        except (TypeError, ValueError):
-            q = np.empty(0)
+        q = numbers(values)
         if q.shape != point.q.shape or not np.isfinite(q).all():
-            self.stop(f"measured: found {described(measured)}; expected {len(point.q)} finite positions")
+            self.stop(f"measured: found {told(measured)}; expected {len(point.q)} finite positions")
             return
         off = np.abs(q - point.q)
         self._deviation = max(self._deviation or 0.0, float(off.max()))
-        if self._most_deviation is not None and off.max() > self._most_deviation and not self._reason:
+        if self._most_deviation is not None and off.max() > self._most_deviation and self._held != "stopped":
             joint = self.run.problem.robot.joint_names[int(off.argmax())]
             self.stop(f"{joint} is {off.max():.4g} from its set-point, farther than {self._most_deviation:g}")
 
@@ -353,6 +382,7 @@ class Executor:
         """Return the events that have become due by a place of the path."""
         due = tuple(event for event in self._path.events if self._seen < event.begin <= place)
         self._seen = max(self._seen, place)
+        due, self._missed = self._missed + due, ()
         return due
 
     def _status(self, place: float, speed: float) -> Status:
@@ -370,15 +400,3 @@ class Executor:
         elif resting:
             phase = "paused"
         return Status(phase, place, place / T, speed, self._override, self._reason, self._deviation)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _is_share(value: object) -> bool:
-    return _is_number(value) and 0.0 <= value <= 1.0  # type: ignore[operator]  # it is a number
-
-
-def _same(a: State, b: State) -> bool:
-    return all(np.allclose(x, y, rtol=0.0, atol=SAME_STATE) for x, y in ((a.q, b.q), (a.v, b.v), (a.a, b.a)))

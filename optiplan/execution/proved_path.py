@@ -1,7 +1,6 @@
 """The path of a verified run, from which stretch to which it may be run forwards and backwards, and its laws."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -18,6 +17,9 @@ from optiplan.trajectory.trajectory import Trajectory
 
 TIMED_CONSTRAINTS = (ToolAcceleration, Expression)
 """Path constraints that a slower run of the same path may violate."""
+
+AT_REST = 1e-6
+"""rad or m per s and s²: a robot that is no faster stands still."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +51,8 @@ class ProvedPath:
         forwards: the whole path.
 
     Raises:
-        InputError: the run is not verified, obstacles move by the clock, a path constraint depends on accelerations, or
-            the robot cannot stand still everywhere.
+        InputError: the run is not verified or ends in motion, obstacles move by the clock, a path constraint depends on
+            accelerations, or the robot cannot stand still everywhere.
     """
 
     def __init__(self, run: Run, called: str) -> None:
@@ -65,12 +67,16 @@ class ProvedPath:
                 found = f"a run with the path constraint `{constraint.KEY}`, which depends on accelerations"
                 raise wrong_argument(called, "run", found, "path constraints of poses, positions and speeds")
         self.run = run
+        if not self._rests(self.motion.duration):
+            found = "a run that ends in motion"
+            raise wrong_argument(called, "run", found, "a motion at whose end the robot stands still")
         self.parts = scene_parts(problem, self.motion)
         self._loads = [Load(part.begin, part.end, part.problem.robot) for part in self.parts]
         self.events: tuple[Segment, ...] = tuple(one for one in self.motion.segments if one.kind in EVENTS)
         self.forwards = PathStretch(PathLaws(self.motion, problem.limits, self._loads), 0.0, 1.0)
-        stops = sorted({0.0, self.motion.duration, *(event.begin for event in self.events)})
-        self._ways_back = [self._way_back(begin, end) for begin, end in pairwise(stops)]
+        self._stops = sorted({0.0, *(t for event in self.events for t in (event.begin, event.end))})
+        ends = (*self._stops[1:], self.motion.duration)
+        self._ways_back = [self._way_back(*both) for both in zip(self._stops, ends, strict=True) if both[0] < both[1]]
         overloaded = self.forwards.laws.overloaded
         if overloaded is not None:
             found = f"a run in which gravity alone takes more torque than allowed at {overloaded:.3f} s"
@@ -82,18 +88,20 @@ class ProvedPath:
         assert self.run.trajectory is not None
         return self.run.trajectory
 
-    def backwards(self, place: float) -> PathStretch | None:
-        """Return the way back from a place to the last event before it, or to the start; None where there is none.
+    def backwards(self, place: float, done: float) -> PathStretch | None:
+        """Return the way back from a place to the last event, or to the start; None where there is none.
 
-        An event is not undone: what was taken stays taken.
+        An event is not undone: what was taken stays taken. `done`, s, is the place up to which events were handed out.
         """
-        if not place > 0.0:
+        last = self._stops[int(np.searchsorted(self._stops, max(place, done), side="right")) - 1]
+        if place <= last:
             return None
-        k = int(np.searchsorted([stretch.start for stretch in self._ways_back], place))
-        return self._ways_back[min(k, len(self._ways_back) - 1)]
+        return self._ways_back[self._stops.index(last)]
 
-    def _way_back(self, begin: float, end: float) -> PathStretch:
-        """Return the stretch from `end` back to `begin`."""
+    def _way_back(self, begin: float, end: float) -> PathStretch | None:
+        """Return the stretch from `end` back to `begin`; None where the robot does not stand still there."""
+        if not self._rests(begin):
+            return None
         part = reversed_motion(cut_trajectory(self.motion, begin, end))
         loads = [
             Load(end - min(load.end, end), end - max(load.begin, begin), load.robot)
@@ -104,8 +112,13 @@ class ProvedPath:
 
     @property
     def starts_at_rest(self) -> bool:
-        """Whether the motion begins without velocity and acceleration."""
-        return not (self.motion(np.zeros(1), 1).any() or self.motion(np.zeros(1), 2).any())
+        """Whether the motion begins without velocity, and without acceleration where jerk has a limit."""
+        return self._rests(0.0)
+
+    def _rests(self, t: float) -> bool:
+        v, a = (np.abs(self.motion(np.array([t]), order)[0]) for order in (1, 2))
+        smooth = np.isfinite(self.run.problem.limits.jerk)
+        return bool((v <= AT_REST).all() and (a[smooth] <= AT_REST).all())
 
 
 def _constraints(problem: Problem) -> list[object]:

@@ -20,7 +20,6 @@ class Status:
         progress: share of the planned motion that is done, 0 to 1.
         speed: rate of the planned motion, 1 as planned; negative backwards.
         override: the speed that is wanted.
-        stops_in: s from now until the robot stands still, if it stops now.
         reason: why it stopped by itself; empty where it did not.
         deviation: (n,) distance of the measured joints from their set-points at most so far, rad or m; None without
             measurements.

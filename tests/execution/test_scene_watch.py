@@ -113,3 +113,58 @@ def test_updates_that_cannot_be_used_end_in_a_stop(run, update, words):
     executor.update_scene(*update)
     assert words in executor.status.reason
     assert executor.status.phase == "stopping"
+
+
+def blocked_executor(run):
+    """An executor at 0.1 s, and where the tool will be."""
+    executor = op.Executor(run, clearance=0.01)
+    for _ in range(100):
+        executor.tick(DT)
+    return executor, op.Pose(tuple(run.problem.robot.fk(run.trajectory(0.7 * run.duration)).matrix[:3, 3]))
+
+
+def test_who_pauses_a_waiting_robot_keeps_it_paused(run):
+    executor, ahead = blocked_executor(run)
+    executor.update_scene({"ball0": ahead})
+    executor.pause()
+    executor.update_scene({"ball0": op.Pose((2.0, 0.0, 0.5))})
+    for _ in range(500):
+        executor.tick(DT)
+    assert executor.status.phase == "paused"
+
+
+@pytest.mark.parametrize("ask", ["resume", "override"])
+def test_a_robot_does_not_set_out_on_a_blocked_path(run, ask):
+    executor, ahead = blocked_executor(run)
+    if ask == "resume":
+        executor.pause()
+    else:
+        executor.override = 0.0
+    for _ in range(500):
+        executor.tick(DT)
+    executor.update_scene({"ball0": ahead})
+    assert executor.status.phase == "paused"
+    executor.resume()
+    executor.override = 1.0
+    for _ in range(1000):
+        tick = executor.tick(DT)
+    assert executor.status.phase == "waiting"
+    assert clearances(run, tuple(ahead.matrix[:3, 3]), np.array([tick.status.place]))[0] > 0.01
+
+
+def test_that_a_stop_comes_too_late_is_said_once(run):
+    executor, _ = blocked_executor(run)
+    executor.pause()
+    here = op.Pose(tuple(run.problem.robot.fk(run.trajectory(0.12)).matrix[:3, 3]))
+    for _ in range(5):
+        executor.update_scene({"ball0": here})
+    assert executor.status.reason.count("too late") == 1
+
+
+def test_a_deviation_stops_a_waiting_robot(run):
+    executor, ahead = blocked_executor(run)
+    executor._most_deviation = 0.05
+    executor.update_scene({"ball0": ahead})
+    executor.tick(DT, np.full(7, 9.0))
+    assert executor.status.phase in ("stopping", "stopped")
+    assert "set-point" in executor.status.reason

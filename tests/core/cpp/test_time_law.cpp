@@ -103,3 +103,66 @@ TEST(torques_beyond_the_limit_are_not_proved) {
     CHECK(LawSearch(made, RULES).change({0.5, 1.0, 0.0}, 0.0, 0.0, law));
     CHECK(!LawSearch(weak, RULES).holds(law, 0.0));
 }
+
+TEST(a_slow_speed_is_reached_from_both_sides) {
+    const PathTables made = tables();
+    const LawSearch search(made, RULES);
+    TimeLaw down, law;
+    CHECK(search.change({0.2, 1.0, 0.0}, 0.0, 0.0, down));
+    for (double t = 0.0; t < down.settled(); t += 5e-3)
+        for (double target : {1e-6, 1e-3, 1e-2}) {
+            if (!search.change(down.at(t), t, target, law)) continue;
+            CHECK(law.target() == target || law.at(law.settled()).s >= made.length());
+            CHECK(law.settled() < t + 5.0 && law.pieces.size() < 2000);
+        }
+}
+
+// p'' is a ridge at 0.1 s: its slope, +-1000 rad/s^3, turns at a breakpoint. A step of 2 ms about it has 99 rad/s^2 at
+// both ends and 100 between.
+TEST(torques_that_turn_at_a_breakpoint_are_not_missed) {
+    Curve path{{0.0, 0.1, 0.2}, {}, 3, 2};
+    for (double c : {0.0, 0.0, 0.0, 1e3 / 6.0, 1.0 / 6.0, 5.0, 50.0, -1e3 / 6.0})
+        path.coefficients.insert(path.coefficients.end(), {c, 0.0});
+    const LawPiece piece{0.0, {0.099, 1.0, -1e-3}, 0.0};
+    const TimeLaw law{{piece, {2e-3, piece.at.after(2e-3, 0.0), 0.0}}};
+    const auto made = [&path](double torque) {
+        PathTables found(path, {{1e3, 1e3}, {1e9, 1e9}, {torque, torque}}, {{0.2, arm()}}, 2e-3);
+        found.set_curvature(std::vector<double>(found.coarse().count * 2, 0.0), {50.0}, {5e3});
+        return found;
+    };
+    const PathTables loose = made(1e9);
+    const auto most = [&loose](double s) {
+        double p[8], tau[2];
+        loose.derivatives(s, p);
+        loose.torques(s, false, p, p + 2, p + 4, tau);
+        return std::max(std::fabs(tau[0]), std::fabs(tau[1]));
+    };
+    const double ends = std::max(most(0.099), most(0.101)), ridge = most(0.1);
+    CHECK(ridge > ends * 1.001);
+    CHECK(LawSearch(made(1.001 * ridge), RULES).holds(law, 0.0));
+    CHECK(!LawSearch(made(0.5 * (ends + ridge)), RULES).holds(law, 0.0));
+}
+
+// The load changes at 0.0995 s, in the middle of a step, and with it the torque: the larger arm up to there.
+TEST(torques_up_to_another_load_are_not_missed) {
+    Curve path{{0.0, 0.2}, {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e3 / 6.0, 0.0}, 3, 2};
+    const LawPiece piece{0.0, {0.098, 1.0, -1e-3}, 0.0};
+    const TimeLaw law{{piece, {2e-3, piece.at.after(2e-3, 0.0), 0.0}}};
+    Tree light = arm();
+    for (auto &joint : light.joints) joint.mass *= 0.5, joint.inertia = {};
+    const auto made = [&](double torque) {
+        PathTables found(path, {{1e3, 1e3}, {1e9, 1e9}, {torque, torque}}, {{0.0995, arm()}, {0.2, light}}, 2e-3);
+        found.set_curvature(std::vector<double>(found.coarse().count * 2, 0.0), {50.0}, {5e3});
+        return found;
+    };
+    const PathTables loose = made(1e9);
+    const auto most = [&loose](double s) {
+        double p[8], tau[2];
+        loose.derivatives(s, p, true);
+        loose.torques(s, true, p, p + 2, p + 4, tau);
+        return std::max(std::fabs(tau[0]), std::fabs(tau[1]));
+    };
+    CHECK(most(0.0995) > 1.001 * most(0.098));
+    CHECK(LawSearch(made(1.01 * most(0.0995)), RULES).holds(law, 0.0));
+    CHECK(!LawSearch(made(0.5 * (most(0.098) + most(0.0995))), RULES).holds(law, 0.0));
+}

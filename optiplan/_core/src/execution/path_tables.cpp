@@ -104,10 +104,19 @@ void PathTables::torque_terms(double s, double *a, double *b, double *g) const {
             out[term][j] = (1.0 - share) * left[term * n + j] + share * right[term * n + j];
 }
 
-void PathTables::derivatives(double s, double *out) const {
+double PathTables::edge_after(double s) const {
+    const auto first = [s](const std::vector<double> &ends) {
+        const auto after = std::upper_bound(ends.begin(), ends.end(), s);
+        return after == ends.end() ? std::numeric_limits<double>::infinity() : *after;
+    };
+    return std::min(first(path_.breakpoints), first(load_ends_));
+}
+
+void PathTables::derivatives(double s, double *out, bool before) const {
     const std::size_t n = joints(), degree = static_cast<std::size_t>(path_.degree);
     s = std::clamp(s, 0.0, length());
-    const auto after = std::upper_bound(path_.breakpoints.begin() + 1, path_.breakpoints.end() - 1, s);
+    const auto first = path_.breakpoints.begin() + 1, last = path_.breakpoints.end() - 1;
+    const auto after = before ? std::lower_bound(first, last, s) : std::upper_bound(first, last, s);
     const std::size_t piece = static_cast<std::size_t>(after - path_.breakpoints.begin()) - 1;
     const double local = s - path_.breakpoints[piece];
     const double *c = path_.coefficients.data() + piece * (degree + 1) * n;

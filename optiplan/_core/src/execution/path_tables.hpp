@@ -52,8 +52,12 @@ class PathTables {
     // a, b and g, (n,) each, at s, between their values at the ends of its cell; of the load there.
     void torque_terms(double s, double *a, double *b, double *g) const;
 
-    // Position and its first three derivatives in s, (4, n); s is clamped to the path.
-    void derivatives(double s, double *out) const;
+    // Position and its first three derivatives in s, (4, n), of the piece before s if `before`, else of that after it;
+    // s is clamped to the path.
+    void derivatives(double s, double *out, bool before = false) const;
+
+    // The first s beyond a place where torques may jump or turn sharply: a breakpoint, or another load; or infinity.
+    double edge_after(double s) const;
 
     // tau (n,) of the load at s (before it, at a boundary, if `before`).
     void torques(double s, bool before, const double *q, const double *v, const double *a, double *tau) const;

@@ -66,6 +66,7 @@ Blocked PathWatch::blocked(const TimeLaw &law, double now, const std::vector<See
             at_.centres[moving_[k]] = cell.centres[k];
         }
         for (const Seen &seen : obstacles) {
+            if (of_body_[seen.body].empty()) continue;  // the robot holds it: it is where the path has it
             const double middle = 0.5 * (enters + last), speed = norm(seen.velocity);
             const double strays = 0.5 * (last - enters) * speed + std::max(last - seen.time, 0.0) * seen.spread;
             Pose X = seen.X_WB;

@@ -7,6 +7,7 @@ namespace optiplan {
 
 static constexpr double ROUNDING = 1e-12;    // of a speed, which lies in [0, 1]
 static constexpr int MOST_PIECES = 4'000;    // of a law
+static constexpr int MOST_WAITS = 1'000;     // steps of a law at a steady speed that is not yet the target
 static constexpr double LONGEST = 1.0;       // s, of the last piece before the target
 static constexpr double WEAKER[] = {1.0, 0.8, 0.55, 0.3, 0.12};  // shares of the strongest jerk that are tried
 static constexpr double GENTLER[] = {0.9, 0.6, 0.4, 0.25};       // the same on the way to a steady speed
@@ -159,15 +160,22 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
     // Towards the target from where the present acceleration leads.
     const double back = at.dds == 0.0 ? 0.0 : strongest(at, at.dds > 0.0 ? -1.0 : 1.0);
     const double ends = at.ds + (back > 0.0 ? 0.5 * at.dds * std::fabs(at.dds) / back : 0.0);
-    const double direction = target < ends ? -1.0 : 1.0;
+    double direction = target < ends ? -1.0 : 1.0;
     const auto push = [&](double ddds, double lasting) {
         law.pieces.push_back({t, at, ddds});
         at = at.after(lasting, ddds), t += lasting;
     };
     if (!levels_off(at, direction, target, off) && !levels_off(at, -direction, target, off)) return false;
     bool moved = false;
+    int waits = 0;
     while (static_cast<int>(law.pieces.size()) < MOST_PIECES && at.s < tables_.length()) {
-        if (at.dds == 0.0 && std::fabs(at.ds - target) <= ROUNDING) break;
+        if (at.dds == 0.0) {
+            if (std::fabs(at.ds - target) <= ROUNDING) {
+                at.ds = target;
+                break;
+            }
+            direction = target < at.ds ? -1.0 : 1.0;  // the way here may have led beyond the target
+        }
         // The strongest jerk from whose end a steady speed is in reach.
         const double most = strongest(at, direction);
         bool stepped = false;
@@ -209,7 +217,7 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
             }
         }
         if (at.dds == 0.0) {  // not here: on at this speed
-            if (at.ds <= ROUNDING) break;
+            if (at.ds <= ROUNDING || ++waits > MOST_WAITS) break;
             if (!moved && law.pieces.empty()) law.pieces.push_back({t, at, 0.0});
             if (law.pieces.back().ddds != 0.0 || law.pieces.back().at.dds != 0.0) law.pieces.push_back({t, at, 0.0});
             at = at.after(rules_.step, 0.0), t += rules_.step;
@@ -234,13 +242,14 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
     return true;
 }
 
-// On a part of a law |tau| is at most the larger value of its ends plus width^2 / 8 max |tau''|.
+// On a part of a law |tau| is at most the larger value of its ends plus width^2 / 8 max |tau''|. A part ends where the
+// path has a breakpoint or the load changes: there tau may jump, or turn sharply.
 bool LawSearch::holds(const TimeLaw &law, double from) const {
     if (!tables_.limits_torque()) return true;
     const std::size_t n = tables_.joints();
     std::vector<double> at(4 * n), v(n), a(n), ends[2] = {std::vector<double>(n), std::vector<double>(n)};
     const auto demand = [&](const LawState &state, bool before, std::vector<double> &tau) {
-        tables_.derivatives(state.s, at.data());
+        tables_.derivatives(state.s, at.data(), before);
         for (std::size_t j = 0; j < n; ++j) {
             v[j] = at[n + j] * state.ds;
             a[j] = at[2 * n + j] * state.ds * state.ds + at[n + j] * state.dds;
@@ -249,37 +258,48 @@ bool LawSearch::holds(const TimeLaw &law, double from) const {
     };
     for (std::size_t k = 0; k + 1 < law.pieces.size(); ++k) {
         const LawPiece &piece = law.pieces[k];
-        const double end = law.pieces[k + 1].begin;
-        if (end <= from || (piece.at.dds == 0.0 && piece.ddds == 0.0)) continue;
-        double t = std::max(piece.begin, from) - piece.begin;
-        demand(piece.at.after(t, piece.ddds), false, ends[0]);
-        while (t < end - piece.begin) {
-            double width = std::min(rules_.step, end - piece.begin - t);
-            for (int cuts = 0;; ++cuts) {
-                const LawState begin = piece.at.after(t, piece.ddds), next = piece.at.after(t + width, piece.ddds);
-                if (begin.s >= tables_.length()) return true;
-                const double rate = std::max(std::fabs(begin.dds), std::fabs(next.dds));
-                const int first = tables_.coarse().at(begin.s), last = tables_.coarse().at(next.s);
-                bool free = true;
-                const bool loads = tables_.load_at(begin.s, false) != tables_.load_at(next.s, true);
-                for (int side = 0; side < (loads ? 2 : 1) && free; ++side) {
-                    if (loads) demand(begin, side == 0, ends[0]);
-                    demand(next, side == 0, ends[1]);
-                    for (std::size_t j = 0; j < n && free; ++j) {
-                        double curvature = 0.0;
-                        for (int cell = first; cell <= last; ++cell)
-                            curvature = std::max(curvature, tables_.curvature(cell, rate, std::fabs(piece.ddds))[j]);
-                        const double most = std::max(std::fabs(ends[0][j]), std::fabs(ends[1][j]));
-                        free = most + 0.125 * width * width * curvature <= tables_.limits().torque[j];
-                    }
+        const double end = law.pieces[k + 1].begin - piece.begin;
+        if (end <= from - piece.begin || (piece.at.dds == 0.0 && piece.ddds == 0.0)) continue;
+        double t = std::max(from - piece.begin, 0.0);
+        for (bool fresh = true; t < end;) {
+            const LawState begin = piece.at.after(t, piece.ddds);
+            if (begin.s >= tables_.length()) return true;
+            if (fresh) demand(begin, false, ends[0]);
+            const double edge = tables_.edge_after(begin.s);
+            double until = std::min(t + rules_.step, end);
+            if (piece.at.after(until, piece.ddds).s > edge)
+                for (double low = t;;) {
+                    const double middle = 0.5 * (low + until);
+                    if (middle <= low || middle >= until) break;
+                    (piece.at.after(middle, piece.ddds).s < edge ? low : until) = middle;
                 }
-                if (free) break;
-                if (cuts == 6) return false;
-                width *= 0.5;
+            for (int cuts = 0;; ++cuts) {
+                LawState next = piece.at.after(until, piece.ddds);
+                fresh = next.s >= edge;
+                if (fresh) next.s = edge;
+                demand(next, fresh, ends[1]);
+                if (holds_between(begin, next, piece.ddds, until - t, ends)) break;
+                const double middle = 0.5 * (t + until);
+                if (cuts == 6 || middle <= t) return false;
+                until = middle;
             }
-            t += width;
+            t = until;
             std::swap(ends[0], ends[1]);
         }
+    }
+    return true;
+}
+
+bool LawSearch::holds_between(const LawState &begin, const LawState &end, double ddds, double width,
+                              const std::vector<double> (&ends)[2]) const {
+    const double rate = std::max(std::fabs(begin.dds), std::fabs(end.dds));
+    const int first = tables_.coarse().at(begin.s), last = tables_.coarse().at(end.s);
+    for (std::size_t j = 0; j < tables_.joints(); ++j) {
+        double curvature = 0.0;
+        for (int cell = first; cell <= last; ++cell)
+            curvature = std::max(curvature, tables_.curvature(cell, rate, std::fabs(ddds))[j]);
+        const double most = std::max(std::fabs(ends[0][j]), std::fabs(ends[1][j]));
+        if (!(most + 0.125 * width * width * curvature <= tables_.limits().torque[j])) return false;
     }
     return true;
 }

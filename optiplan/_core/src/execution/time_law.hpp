@@ -55,6 +55,8 @@ class LawSearch {
   private:
     bool allowed(const LawState &at, double ddds, double lasting, const Cells &cells, bool torque) const;
     bool allowed_along(const LawState &at, double ddds, double lasting) const;
+    bool holds_between(const LawState &begin, const LawState &end, double ddds, double width,
+                       const std::vector<double> (&ends)[2]) const;
     double strongest(const LawState &at, double direction) const;
     bool levels_off(const LawState &at, double direction, double target, double &ddds) const;
 

@@ -1,0 +1,52 @@
+"""What is handed to an executor while the robot moves, checked without raising, whatever it is."""
+
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.errors import described
+from optiplan.trajectory.state import State
+
+SAME_STATE = 1e-8
+"""rad or m, and the same per s and s²: how far apart two states may be where one motion takes over."""
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite real number."""
+    if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer of 400 digits
+        return False
+
+
+def is_share(value: Any) -> bool:
+    """Whether a value is a number from 0 to 1."""
+    return is_number(value) and bool(0.0 <= value <= 1.0)
+
+
+def numbers(values: Any) -> Array:
+    """Return values as an array; an empty one where they are no real numbers."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # of complex numbers
+            return np.asarray(values, dtype=float)
+    except Exception:  # an object may raise anything when it is asked for its numbers
+        return np.empty(0)
+
+
+def told(value: Any) -> str:
+    """Describe a value, also one that cannot be printed."""
+    try:
+        return described(value)
+    except Exception:
+        return f"the {type(value).__name__}"
+
+
+def same_state(a: State, b: State) -> bool:
+    """Whether two states are one, but for rounding."""
+    return all(np.allclose(x, y, rtol=0.0, atol=SAME_STATE) for x, y in ((a.q, b.q), (a.v, b.v), (a.a, b.a)))

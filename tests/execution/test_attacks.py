@@ -1,0 +1,199 @@
+"""What an executor is asked at the wrong moment, or with values that cannot be: it keeps to what was proved."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.execution.path_laws import PathLaws
+from optiplan.execution.proved_path import ProvedPath
+
+DT = 1e-3
+
+
+def after(executor, ticks):
+    for _ in range(ticks):
+        tick = executor.tick(DT)
+    return tick
+
+
+def settled(executor, most=4000):
+    """Tick until the robot stands still; return the ticks."""
+    ticks = []
+    while not ticks or (executor.status.speed != 0.0 and len(ticks) < most):
+        ticks.append(executor.tick(DT))
+    assert executor.status.speed == 0.0
+    return ticks
+
+
+def assert_continuous(run, ticks):
+    a, v, q = (np.array([getattr(tick, key) for tick in ticks]) for key in ("a", "v", "q"))
+    assert (np.abs(np.diff(a, axis=0)) <= run.problem.limits.jerk * DT * (1 + 1e-5) + 1e-6).all()
+    np.testing.assert_allclose(np.diff(q, axis=0), 0.5 * DT * (v[1:] + v[:-1]), atol=2e-6)
+
+
+@pytest.fixture(scope="module")
+def spliced(run_of):
+    """An executor at 0.2 s, with a run that is to take over 50 ms later."""
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    after(executor, 200)
+    return run, op.plan(run.problem.with_start(executor.state_in(0.05)), budget=2.0)
+
+
+def pending(spliced):
+    run, second = spliced
+    executor = op.Executor(run)
+    after(executor, 200)
+    executor.state_in(0.05)
+    assert executor.splice(second)
+    return executor
+
+
+@pytest.mark.parametrize(
+    "ask", [lambda ex: setattr(ex, "override", 0.3), lambda ex: ex.pause(), lambda ex: ex.reverse()]
+)
+def test_a_change_of_speed_drops_a_run_that_was_to_take_over(spliced, ask):
+    executor = pending(spliced)
+    ticks = [executor.tick(DT) for _ in range(20)]
+    ask(executor)
+    assert "before another motion" in executor.status.reason
+    ticks += settled(executor)
+    assert_continuous(spliced[0], ticks)
+    assert executor.run is spliced[0]
+    assert executor.status.phase in ("stopped", "done")
+
+
+def test_a_run_that_begins_in_motion_is_led_to_the_wanted_speed(spliced):
+    _, second = spliced
+    slow = op.Executor(second, override=0.3)
+    assert after(slow, 400).status.speed in (0.3, 0.0)
+    assert slow.status.place < second.duration
+    held = op.Executor(second, override=0.0)
+    settled(held)
+    assert held.status.phase in ("paused", "done")
+
+
+def test_there_is_no_way_back_to_a_start_in_motion(spliced):
+    _, second = spliced
+    executor = op.Executor(second)
+    ticks = [executor.tick(DT) for _ in range(60)]
+    executor.reverse()
+    ticks += settled(executor)
+    place = executor.status.place
+    ticks += [executor.tick(DT) for _ in range(300)]
+    assert executor.status.place == place > 0.0
+    assert_continuous(second, ticks)
+
+
+def test_a_run_that_ends_in_motion_is_refused(run_of):
+    run = run_of("01_reach")
+    c = run.trajectory.coefficients.copy()
+    c[-1, 1] += 0.1
+    with pytest.raises(op.InputError, match="ends in motion"):
+        op.Executor(replace(run, trajectory=replace(run.trajectory, coefficients=c)))
+
+
+def test_a_robot_at_rest_takes_another_run_whenever_it_comes(run_of):
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    after(executor, 200)
+    executor.pause()
+    settled(executor)
+    second = op.plan(run.problem.with_start(executor.state_in(0.01)), budget=2.0)
+    place = after(executor, 300).q
+    assert executor.splice(second)
+    np.testing.assert_allclose(after(executor, 300).q, place, atol=1e-8)  # it is paused still
+    assert executor.run is second
+    assert executor.status.phase == "paused"
+    executor.resume()
+    assert after(executor, 250).status.speed == 1.0
+
+
+def test_the_way_back_ends_at_the_last_event(run_of):
+    run = run_of("40_panda_sorts_cubes")
+    path = ProvedPath(run, "test")
+    attach = next(event for event in path.events if event.kind == "attach")
+    grip = next(event for event in path.events if event.kind == "gripper")
+    assert path.backwards(attach.begin, attach.begin) is None  # it was just done
+    assert path.backwards(attach.begin - 1e-13, attach.begin) is None
+    back = path.backwards(grip.end + 0.2, grip.end + 0.2)
+    assert back.start - back.laws.motion.duration == pytest.approx(grip.end, abs=1e-12)  # the gripper stays closed
+    assert path.backwards(run.duration, run.duration).start == run.duration
+
+
+def test_reverse_at_an_event_that_was_done_stays_there(run_of):
+    run = run_of("40_panda_sorts_cubes")
+    executor = op.Executor(run)
+    grip = next(event for event in run.trajectory.segments if event.kind == "gripper")
+    while executor.status.place < grip.end + 0.3:
+        executor.tick(5e-3)
+    executor.reverse()
+    done = [event for tick in (executor.tick(5e-3) for _ in range(400)) for event in tick.events]
+    assert executor.status.place == pytest.approx(grip.end, abs=1e-9)
+    for ask in (executor.resume, executor.reverse, executor.resume, executor.reverse):
+        ask()
+        done += executor.tick(5e-3).events
+    done += [event for tick in (executor.tick(5e-3) for _ in range(200)) for event in tick.events]
+    assert executor.status.place >= grip.end - 1e-9
+    assert done == []
+
+
+def test_events_before_another_run_takes_over_are_handed_out(run_of):
+    run = run_of("40_panda_sorts_cubes")
+    executor = op.Executor(run)
+    attach = next(event for event in run.trajectory.segments if event.kind == "attach")
+    while executor.time < attach.begin - 0.03:
+        executor.tick(0.01)
+    second = op.Executor(run)._path
+    executor._next = attach.begin + 0.005, second, executor.time
+    done = [event for tick in (executor.tick(0.1) for _ in range(3)) for event in tick.events]
+    assert attach in done
+
+
+class Hostile:
+    def __array__(self, *_, **__):
+        raise RuntimeError("no numbers")
+
+    def __repr__(self):
+        raise RuntimeError("no words")
+
+
+NUMBERS = [10**400, 1j, np.complex128(1j), Hostile(), None, True, "soon", np.float64("inf"), [1.0]]
+
+
+@pytest.mark.parametrize("value", NUMBERS, ids=lambda value: type(value).__name__)
+def test_nothing_raises(run_of, value):
+    executor = op.Executor(run_of("01_reach"), deviation=0.1)
+    name = "nobody"
+    for ask in (
+        lambda: executor.tick(value),
+        lambda: setattr(executor, "override", value),
+        lambda: executor.update_scene({}, {}, value),
+        lambda: executor.update_scene({name: value}),
+        lambda: executor.update_scene(value),
+        lambda: executor.splice(value),
+    ):
+        ask()
+        assert executor.status.reason
+        executor.resume()
+    for measured in (value, [value] * 7, np.full(7, 1j), Hostile()):
+        if measured is not None:
+            executor.tick(DT, measured)
+            assert executor.status.reason
+            executor.resume()
+
+
+def test_speeds_are_reached_from_anywhere(run_of):
+    path = ProvedPath(run_of("16_delbot"), "test")
+    laws: PathLaws = path.forwards.laws
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        law = laws.change((rng.uniform(0.0, 0.8 * path.motion.duration), 1.0, 0.0), 0.0, 0.0)
+        t = rng.uniform(0.0, law.settled)
+        target = float(rng.choice([1e-3, 1e-2, 0.1]))
+        then = laws.change(law.at(t), t, target)
+        if then is not None and then.at(then.settled)[0] < path.motion.duration:
+            assert then.target == target
+            assert then.settled < t + 10.0
