@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
-from optiplan.execution.path_laws import PathLaws
+from optiplan.execution.path_laws import PathPlace
 from optiplan.execution.proved_path import ProvedPath
 
 DT = 1e-3
@@ -108,7 +108,7 @@ def test_a_robot_at_rest_takes_another_run_whenever_it_comes(run_of):
     assert executor.run is second
     assert executor.status.phase == "paused"
     executor.resume()
-    assert after(executor, 250).status.speed == 1.0
+    assert after(executor, 100).status.speed > 0.5
 
 
 def test_the_way_back_ends_at_the_last_event(run_of):
@@ -185,15 +185,26 @@ def test_nothing_raises(run_of, value):
             executor.resume()
 
 
-def test_speeds_are_reached_from_anywhere(run_of):
-    path = ProvedPath(run_of("16_delbot"), "test")
-    laws: PathLaws = path.forwards.laws
+@pytest.mark.parametrize("name", ["01_reach", "16_delbot"])
+def test_speeds_are_reached_from_anywhere(run_of, name):
+    path = ProvedPath(run_of(name), "test")
+    laws, duration = path.forwards.laws, path.motion.duration
     rng = np.random.default_rng(1)
-    for _ in range(60):
-        law = laws.change((rng.uniform(0.0, 0.8 * path.motion.duration), 1.0, 0.0), 0.0, 0.0)
-        t = rng.uniform(0.0, law.settled)
-        target = float(rng.choice([1e-3, 1e-2, 0.1]))
-        then = laws.change(law.at(t), t, target)
-        if then is not None and then.at(then.settled)[0] < path.motion.duration:
-            assert then.target == target
-            assert then.settled < t + 10.0
+    for _ in range(150):
+        law, t = laws.steady(rng.uniform(0.0, 0.9 * duration), rng.choice([0.01, 1.0]), 0.0), 0.0
+        for _ in range(4):
+            target = float(rng.choice([0.0, 1e-6, 1e-3, 1e-2, rng.uniform(), 1.0 - 1e-6]))
+            then = laws.change(PathPlace(*law.at(t)), t, target)
+            if then is not None:
+                assert then.target == target or then.at(then.settled)[0] >= duration
+                assert then.at(then.settled)[0] >= duration or then.settled < t + 3.0
+            law = then or law
+            t += rng.uniform(0.0, max(law.settled - t, 0.01))
+
+
+def test_a_stop_does_not_wait_for_a_weak_braking_to_end(run_of):
+    path = ProvedPath(run_of("40_panda_sorts_cubes"), "test")
+    for event in path.events:
+        for place in np.linspace(event.begin, event.end, 200 if event.end > event.begin else 1):
+            law = path.forwards.laws.change(PathPlace(float(place), 1.0, 0.0), 0.0, 1e-3)
+            assert law is None or law.settled < 3.0, place

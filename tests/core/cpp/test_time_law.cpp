@@ -117,6 +117,17 @@ TEST(a_slow_speed_is_reached_from_both_sides) {
         }
 }
 
+TEST(a_law_does_not_swing_about_its_speed) {
+    const PathTables made = tables();
+    TimeLaw law;
+    for (double s = 0.01; s < 0.95; s += 0.01)
+        for (double more : {0.3, 1.2, 1.43, 2.0}) {
+            CHECK(LawSearch(made, RULES).change({s, 0.01, 0.0}, 0.0, 0.01 - more * 1e-3, law));
+            CHECK(law.target() == 0.01 - more * 1e-3 && law.settled() < 0.1);
+            for (double t = 0.0; t < law.settled(); t += 1e-4) CHECK(law.at(t).dds <= 1e-9);
+        }
+}
+
 // p'' is a ridge at 0.1 s: its slope, +-1000 rad/s^3, turns at a breakpoint. A step of 2 ms about it has 99 rad/s^2 at
 // both ends and 100 between.
 TEST(torques_that_turn_at_a_breakpoint_are_not_missed) {

@@ -9,6 +9,7 @@ static constexpr double ROUNDING = 1e-12;    // of a speed, which lies in [0, 1]
 static constexpr int MOST_PIECES = 4'000;    // of a law
 static constexpr int MOST_WAITS = 1'000;     // steps of a law at a steady speed that is not yet the target
 static constexpr double LONGEST = 1.0;       // s, of the last piece before the target
+static constexpr double LONGEST_END = 0.3;   // s, in which an acceleration must be able to end
 static constexpr double WEAKER[] = {1.0, 0.8, 0.55, 0.3, 0.12};  // shares of the strongest jerk that are tried
 static constexpr double GENTLER[] = {0.9, 0.6, 0.4, 0.25};       // the same on the way to a steady speed
 
@@ -146,7 +147,8 @@ bool LawSearch::levels_off(const LawState &at, double direction, double target, 
     const double most = strongest(ahead, -sign);
     const auto open = [&](double size) {
         ddds = -sign * size;
-        return size > 0.0 && allowed_along(at, ddds, std::fabs(at.dds) / size);
+        return size > 0.0 && std::fabs(at.dds) <= LONGEST_END * size &&
+               allowed_along(at, ddds, std::fabs(at.dds) / size);
     };
     for (double share : GENTLER)
         if (share * most >= least && open(share * most)) return true;
@@ -180,7 +182,8 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
         const double most = strongest(at, direction);
         bool stepped = false;
         for (double share : WEAKER) {
-            const double ddds = off + share * (direction * most - off);
+            const double ddds = off + share * (direction * most - off), rate = at.dds + rules_.step * ddds;
+            if (direction * at.dds >= 0.0 && direction * rate < 0.0) continue;  // it would lead away from the target
             if (direction * (ddds - off) <= 0.0 || !allowed(at, ddds, rules_.step, tables_.fine(), true)) continue;
             double then = 0.0;
             const LawState next = at.after(rules_.step, ddds);
