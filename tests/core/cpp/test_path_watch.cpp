@@ -57,6 +57,16 @@ TEST(what_moves_is_met_where_it_is_by_then) {
     CHECK(watch.blocked(slow, 0.0, {box_at(1.0)}, 0.0).pair == 1);
 }
 
+// The second link is reported far away, as an obstacle that the robot took is where it stood before.
+TEST(what_the_robot_holds_is_where_the_path_has_it) {
+    const World world = arm_and_box();
+    PathWatch watch(world, path(), 4e-3, 0.0);
+    const TimeLaw law{{{0.0, {0.0, 1.0, 0.0}, 0.0}}};
+    const Seen held{1, {{}, {9.0, 0.0, 0.0}}, {0, 0, 0}, 0.0, 0.0};
+    CHECK(watch.blocked(law, 0.0, {held, box_at(1.0)}, 0.0).pair == 1);
+    CHECK(watch.blocked(law, 0.0, {held, box_at(1.0)}, 0.0).s < 0.95);
+}
+
 TEST(a_part_of_a_path_begins_later) {
     const World world = arm_and_box();
     PathWatch watch(world, path(), 4e-3, 2.0);
