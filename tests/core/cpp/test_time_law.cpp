@@ -103,3 +103,16 @@ TEST(torques_beyond_the_limit_are_not_proved) {
     CHECK(LawSearch(made, RULES).change({0.5, 1.0, 0.0}, 0.0, 0.0, law));
     CHECK(!LawSearch(weak, RULES).holds(law, 0.0));
 }
+
+TEST(small_speeds_are_met_exactly_and_at_once) {
+    const PathTables made = tables();
+    const LawSearch search(made, RULES);
+    for (double s : {0.1, 0.3, 0.5, 0.7, 0.9})
+        for (double target : {1e-4, 0.0024, 0.02}) {
+            TimeLaw law;
+            CHECK(search.change({s, 0.0, 0.0}, 0.0, target, law));
+            CHECK(law.target() == target && law.settled() < 0.1 && law.pieces.size() < 60);
+            CHECK(search.change({s, target, 0.0}, 0.0, 0.0, law));
+            CHECK(law.target() == 0.0 && law.settled() < 0.1 && law.pieces.size() < 60);
+        }
+}

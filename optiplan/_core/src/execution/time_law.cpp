@@ -175,7 +175,6 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
         at = at.after(lasting, ddds), t += lasting;
     };
     if (!levels_off(at, direction, target, off) && !levels_off(at, -direction, target, off)) return false;
-    bool moved = false;
     while (static_cast<int>(law.pieces.size()) < MOST_PIECES && at.s < tables_.length()) {
         if (at.dds == 0.0 && std::fabs(at.ds - target) <= ROUNDING) break;
         // The strongest jerk from whose end a steady speed is in reach.
@@ -186,9 +185,11 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
             if (direction * (ddds - off) <= 0.0 || !allowed(at, ddds, rules_.step, tables_.fine(), true)) continue;
             double then = 0.0;
             const LawState next = at.after(rules_.step, ddds);
-            if (!levels_off(next, direction, target, then)) continue;
+            const bool turns = at.dds * direction > 0.0 && next.dds * direction < 0.0;
+            const bool passes = direction * (target - at.ds) >= 0.0 && direction * (target - next.ds) < 0.0;
+            if (turns || passes || !levels_off(next, direction, target, then)) continue;
             push(ddds, rules_.step);
-            off = then, stepped = moved = true;
+            off = then, stepped = true;
             break;
         }
         if (stepped) continue;
@@ -198,7 +199,7 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
             const double lasting = std::fabs(at.dds / ddds);
             if (lasting <= LONGEST && allowed_along(at, ddds, lasting)) {
                 push(ddds, lasting);
-                at.ds = target, at.dds = 0.0, off = 0.0, moved = true;
+                at.ds = target, at.dds = 0.0, off = 0.0;
                 continue;
             }
         }
@@ -214,15 +215,17 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
                 const double lasting = std::sqrt(room / size);
                 push(direction * size, lasting);
                 push(-direction * size, lasting);
-                at.ds = target, at.dds = 0.0, off = 0.0, moved = true;
+                at.ds = target, at.dds = 0.0, off = 0.0;
                 continue;
             }
         }
-        if (at.dds == 0.0) {  // not here: on at this speed
+        if (at.dds == 0.0) {  // not in this cell: on at this speed to the next one
             if (at.ds <= ROUNDING) break;
-            if (!moved && law.pieces.empty()) law.pieces.push_back({t, at, 0.0});
-            if (law.pieces.back().ddds != 0.0 || law.pieces.back().at.dds != 0.0) law.pieces.push_back({t, at, 0.0});
-            at = at.after(rules_.step, 0.0), t += rules_.step;
+            const bool steady = !law.pieces.empty() && law.pieces.back().ddds == 0.0 && law.pieces.back().at.dds == 0.0;
+            if (!steady) law.pieces.push_back({t, at, 0.0});
+            const Cells &cells = tables_.fine();
+            const double lasting = std::max(((cells.at(at.s) + 1) * cells.width - at.s) / at.ds, rules_.step);
+            at = at.after(lasting, 0.0), t += lasting;
             continue;
         }
         const double lasting = std::fabs(at.dds / off);
