@@ -5,8 +5,9 @@
     python benchmarks/same_bits.py --write now.csv       # hashes of this tree; --against now.csv compares with them
 
 A hash is the first 16 digits of the SHA-256 of breakpoints and coefficients; a failure is named by its kind.
-`trajopt` runs with `seeds: 1`, every planner with an hour, and the clock stands still, so that it ends nothing.
-A smaller `--budget` makes patience end sooner; such hashes are compared among themselves, by `--write` and `--against`.
+`trajopt` runs with `seeds: 1`, and the clock stands still, so that it ends nothing. A larger `--budget` makes patience
+end later; such hashes are compared among themselves, by `--write` and `--against`. Hashes are those of one machine:
+another processor rounds otherwise in BLAS.
 `--also` adds problem files of any kind (tasks, motion at the ends, obstacles that move).
 Exit code 1 where a hash differs from the last column of the table.
 """
@@ -43,7 +44,7 @@ def main() -> None:
     parser.add_argument("--also", nargs="*", type=Path, default=[], help="further problem files, with trajopt")
     parser.add_argument("--against", type=Path, default=TABLE, help="table of hashes")
     parser.add_argument("--write", type=Path, help="write hashes and process times here")
-    parser.add_argument("--budget", type=float, default=3600.0, help="seconds for each run")
+    parser.add_argument("--budget", type=float, default=1.0, help="seconds for each run")
     options = parser.parse_args()
     libraries.time = SimpleNamespace(perf_counter=lambda: 0.0)  # type: ignore[assignment]
     known = recorded(options.against)

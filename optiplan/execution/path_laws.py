@@ -31,11 +31,14 @@ if TYPE_CHECKING:
     from optiplan._core._core_base import PathLaws as CoreLaws
     from optiplan._core._core_base import TimeLaw
 
-CELL, MOST_CELLS = 2e-3, 20_000
-"""Width of the cells of a path, s, and how many at most: cells of long motions are wider."""
+SHORTEST_STEP, LONGEST_STEP, STEPS = 1e-3, 2e-3, 1000
+"""s: pieces of a law, and cells of the path; as many as this where the bounds allow it."""
 
-STEP, LOOK = 2e-3, 8e-3
-"""s: pieces of a law, and intervals in which the way from each of them to a steady speed is checked."""
+MOST_CELLS = 20_000
+"""Cells of a path at most: those of long motions are wider than a step."""
+
+LOOK = 4
+"""Steps in whose intervals the way from each piece to a steady speed is checked."""
 
 MOST_RATE, MOST_JERK = 50.0, 5e3
 """|s''|, 1/s, and |s'''|, 1/s²: bounds of a law where the path stands still, and no joint bounds it."""
@@ -100,6 +103,7 @@ class PathLaws:
         if core is None:
             raise OptiPlanError("execution needs the native core of optiplan, which is not built: make core")
         self.motion = motion
+        step = float(np.clip(motion.duration / STEPS, SHORTEST_STEP, LONGEST_STEP))
         share = 1.0 + VerifyPolicy().limit_tolerance
         rates = np.array([limits.acceleration * share, limits.jerk * share, limits.torque * share])
         self._core: CoreLaws = core.PathLaws.of(
@@ -108,8 +112,8 @@ class PathLaws:
             rates,
             np.array([load.end for load in loads]),
             [native_tree(load.robot.model) for load in loads],
-            max(CELL, motion.duration / MOST_CELLS),
-            np.array([STEP, LOOK, MOST_RATE, MOST_JERK]),
+            max(step, motion.duration / MOST_CELLS),
+            np.array([step, LOOK * step, MOST_RATE, MOST_JERK]),
         )
         if np.isfinite(rates[2]).any():
             bounds = _curvature(motion, loads, self._core.coarse_cells)

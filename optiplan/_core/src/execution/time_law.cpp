@@ -2,16 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace optiplan {
 
 static constexpr double ROUNDING = 1e-12;    // of a speed, which lies in [0, 1]
 static constexpr int MOST_PIECES = 4'000;    // of a law
-static constexpr int MOST_WAITS = 1'000;     // steps of a law at a steady speed that is not yet the target
 static constexpr double LONGEST = 1.0;       // s, of the last piece before the target
 static constexpr double LONGEST_END = 0.3;   // s, in which an acceleration must be able to end
-static constexpr double WEAKER[] = {1.0, 0.8, 0.55, 0.3, 0.12};  // shares of the strongest jerk that are tried
-static constexpr double GENTLER[] = {0.9, 0.6, 0.4, 0.25};       // the same on the way to a steady speed
+static constexpr double WEAKER[] = {1.0,  0.9, 0.75, 0.55,
+                                    0.35, 0.2, 0.1};  // shares of the strongest jerk that are tried
+static constexpr double GENTLER[] = {1.0, 0.95, 0.85, 0.7, 0.55, 0.4, 0.25};  // the same on the way to a steady speed
 
 LawState LawState::after(double t, double ddds) const {
     return {s + t * (ds + t * (0.5 * dds + t * ddds / 6.0)), ds + t * (dds + 0.5 * t * ddds), dds + t * ddds};
@@ -67,19 +68,22 @@ bool LawSearch::allowed(const LawState &at, double ddds, double lasting, const C
     const Range turning = times_size(rate, speed);
     const std::size_t n = tables_.joints();
     const int last = cells.at(next.s);
-    for (int cell = cells.at(at.s); cell <= last; ++cell)
-        for (std::size_t j = 0; j < n; ++j) {
-            const std::size_t i = cell * n + j;
-            const Range first{cells.low[0][i], cells.high[0][i]}, second{cells.low[1][i], cells.high[1][i]};
+    const double *most = tables_.limits().acceleration.data(), *most_jerk = tables_.limits().jerk.data();
+    for (int cell = cells.at(at.s); cell <= last; ++cell) {
+        const std::size_t i = cell * n;
+        const double *low1 = cells.low[0].data() + i, *high1 = cells.high[0].data() + i;
+        const double *low2 = cells.low[1].data() + i, *high2 = cells.high[1].data() + i;
+        const double *low3 = cells.low[2].data() + i, *high3 = cells.high[2].data() + i;
+        int beyond = 0;
+        for (std::size_t j = 0; j < n; ++j) {  // without a branch, so that joints are computed side by side
+            const Range first{low1[j], high1[j]}, second{low2[j], high2[j]}, third{low3[j], high3[j]};
             const Range acceleration = times_size(second, square) + product(first, rate);
-            const double most = tables_.limits().acceleration[j];
-            if (acceleration.low < -most || acceleration.high > most) return false;
-            const double most_jerk = tables_.limits().jerk[j];
-            if (!std::isfinite(most_jerk)) continue;
-            const Range third{cells.low[2][i], cells.high[2][i]};
             const Range jerk = times_size(third, cube) + scaled(product(second, turning), 3.0) + scaled(first, ddds);
-            if (jerk.low < -most_jerk || jerk.high > most_jerk) return false;
+            beyond |= (acceleration.low < -most[j]) | (acceleration.high > most[j]) | (jerk.low < -most_jerk[j]) |
+                      (jerk.high > most_jerk[j]);
         }
+        if (beyond) return false;
+    }
     if (!torque || !tables_.limits_torque()) return true;
     terms_.resize(3 * n);
     const double end = std::min(next.s, tables_.length());
@@ -150,8 +154,13 @@ bool LawSearch::levels_off(const LawState &at, double direction, double target, 
         return size > 0.0 && std::fabs(at.dds) <= LONGEST_END * size &&
                allowed_along(at, ddds, std::fabs(at.dds) / size);
     };
-    for (double share : GENTLER)
-        if (share * most >= least && open(share * most)) return true;
+    const auto leads = [&](std::size_t k) { return GENTLER[k] * most >= least && open(GENTLER[k] * most); };
+    if (leads(gentle_)) return true;  // as in the step before
+    for (std::size_t k = 0; k < std::size(GENTLER); ++k)
+        if (k != gentle_ && leads(k)) {
+            gentle_ = k;
+            return true;
+        }
     return least <= rules_.most_jerk && open(least);
 }
 
@@ -168,8 +177,6 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
         at = at.after(lasting, ddds), t += lasting;
     };
     if (!levels_off(at, direction, target, off) && !levels_off(at, -direction, target, off)) return false;
-    bool moved = false;
-    int waits = 0;
     while (static_cast<int>(law.pieces.size()) < MOST_PIECES && at.s < tables_.length()) {
         if (at.dds == 0.0) {
             if (std::fabs(at.ds - target) <= ROUNDING) {
@@ -187,9 +194,10 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
             if (direction * (ddds - off) <= 0.0 || !allowed(at, ddds, rules_.step, tables_.fine(), true)) continue;
             double then = 0.0;
             const LawState next = at.after(rules_.step, ddds);
-            if (!levels_off(next, direction, target, then)) continue;
+            const bool passes = direction * (target - at.ds) >= 0.0 && direction * (target - next.ds) < 0.0;
+            if (passes || !levels_off(next, direction, target, then)) continue;
             push(ddds, rules_.step);
-            off = then, stepped = moved = true;
+            off = then, stepped = true;
             break;
         }
         if (stepped) continue;
@@ -199,7 +207,7 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
             const double lasting = std::fabs(at.dds / ddds);
             if (lasting <= LONGEST && allowed_along(at, ddds, lasting)) {
                 push(ddds, lasting);
-                at.ds = target, at.dds = 0.0, off = 0.0, moved = true;
+                at.ds = target, at.dds = 0.0, off = 0.0;
                 continue;
             }
         }
@@ -215,15 +223,17 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
                 const double lasting = std::sqrt(room / size);
                 push(direction * size, lasting);
                 push(-direction * size, lasting);
-                at.ds = target, at.dds = 0.0, off = 0.0, moved = true;
+                at.ds = target, at.dds = 0.0, off = 0.0;
                 continue;
             }
         }
-        if (at.dds == 0.0) {  // not here: on at this speed
-            if (at.ds <= ROUNDING || ++waits > MOST_WAITS) break;
-            if (!moved && law.pieces.empty()) law.pieces.push_back({t, at, 0.0});
-            if (law.pieces.back().ddds != 0.0 || law.pieces.back().at.dds != 0.0) law.pieces.push_back({t, at, 0.0});
-            at = at.after(rules_.step, 0.0), t += rules_.step;
+        if (at.dds == 0.0) {  // not in this cell: on at this speed to the next one
+            if (at.ds <= ROUNDING) break;
+            const bool steady = !law.pieces.empty() && law.pieces.back().ddds == 0.0 && law.pieces.back().at.dds == 0.0;
+            if (!steady) law.pieces.push_back({t, at, 0.0});
+            const Cells &cells = tables_.fine();
+            const double lasting = std::max(((cells.at(at.s) + 1) * cells.width - at.s) / at.ds, rules_.step);
+            at = at.after(lasting, 0.0), t += lasting;
             continue;
         }
         const double lasting = std::fabs(at.dds / off);
@@ -235,6 +245,7 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
         double low = 0.0, high = t - last.begin;
         while (high - low > ROUNDING) {
             const double middle = 0.5 * (low + high);
+            if (middle <= low || middle >= high) break;  // of hours, at a very slow speed, no double is as close
             (last.at.after(middle, last.ddds).s < tables_.length() ? low : high) = middle;
         }
         at = last.at.after(high, last.ddds), t = last.begin + high;

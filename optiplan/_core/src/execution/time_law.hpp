@@ -63,6 +63,7 @@ class LawSearch {
     const PathTables &tables_;
     LawRules rules_;
     mutable std::vector<double> terms_;  // of torque
+    mutable std::size_t gentle_ = 0;     // the share of the strongest jerk that led to a steady speed last
 };
 
 }  // namespace optiplan
