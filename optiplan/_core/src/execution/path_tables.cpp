@@ -141,12 +141,27 @@ void PathTables::torques(double s, bool before, const double *q, const double *v
     dynamics_[load_at(s, before)]->torques(q, v, a, tau);
 }
 
+// Within a cell |g| is at most the larger value of its ends plus width^2 / 8 max |g''|. Of the terms that add up to the
+// bound on |tau''| of the motion, those of |g''| are some.
 double PathTables::overloaded() const {
     if (!torque_) return -1.0;
     const std::size_t n = joints();
-    for (int i = 0; i <= fine_.count; ++i)
-        for (std::size_t j = 0; j < n; ++j)
-            if (std::fabs(terms_[(i * 3 + 2) * n + j]) > limits_.torque[j]) return std::min(i * fine_.width, length());
+    std::vector<double> at(4 * n), zero(n, 0.0), g(n), most(n);
+    for (int i = 0; i < fine_.count; ++i) {
+        const double begin = i * fine_.width, end = std::min((i + 1) * fine_.width, length());
+        std::fill(most.begin(), most.end(), 0.0);
+        for (int load = load_at(begin, false); load <= load_at(end, true); ++load)
+            for (double s : {begin, end}) {
+                derivatives(s, at.data());
+                dynamics_[load]->torques(at.data(), zero.data(), zero.data(), g.data());
+                for (std::size_t j = 0; j < n; ++j) most[j] = std::max(most[j], std::fabs(g[j]));
+            }
+        for (int cell = coarse_.at(begin); cell <= coarse_.at(end); ++cell)
+            for (std::size_t j = 0; j < n; ++j) {
+                const double curved = curvature_.empty() ? 0.0 : curvature(cell, 0.0, 0.0)[j];
+                if (most[j] + 0.125 * fine_.width * fine_.width * curved > limits_.torque[j]) return begin;
+            }
+    }
     return -1.0;
 }
 
