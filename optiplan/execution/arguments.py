@@ -1,12 +1,11 @@
 """What is handed to an executor while the robot moves, checked without raising, whatever it is."""
 
-import math
 import warnings
 from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, is_finite
 from optiplan.errors import described
 from optiplan.trajectory.state import State
 
@@ -14,19 +13,9 @@ SAME_STATE = 1e-8
 """rad or m, and the same per s and s²: how far apart two states may be where one motion takes over."""
 
 
-def is_number(value: Any) -> bool:
-    """Whether a value is a finite real number."""
-    if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
-        return False
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # an integer of 400 digits
-        return False
-
-
 def is_share(value: Any) -> bool:
     """Whether a value is a number from 0 to 1."""
-    return is_number(value) and bool(0.0 <= value <= 1.0)
+    return is_finite(value) and bool(0.0 <= value <= 1.0)
 
 
 def numbers(values: Any) -> Array:

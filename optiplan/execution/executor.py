@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import pinocchio as pin
 
+from optiplan.arrays import is_finite
 from optiplan.errors import OptiPlanError, wrong_argument
-from optiplan.execution.arguments import is_number, is_share, numbers, same_state, told
+from optiplan.execution.arguments import is_share, numbers, same_state, told
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
@@ -73,9 +74,9 @@ class Executor:
             raise wrong_argument("Executor", "run", told(run), "a verified run of op.plan(…)")
         if not is_share(override):
             raise wrong_argument("Executor", "override", told(override), "a speed from 0 to 1")
-        if deviation is not None and not (is_number(deviation) and deviation > 0.0):
+        if deviation is not None and not (is_finite(deviation) and deviation > 0.0):
             raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
-        if not (is_number(clearance) and clearance >= 0.0):
+        if not (is_finite(clearance) and clearance >= 0.0):
             raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
         self._path, self._clearance = ProvedPath(run, "Executor"), float(clearance)
         self._watch = SceneWatch(self._path, self._clearance)
@@ -181,7 +182,7 @@ class Executor:
         known = {obstacle.name for obstacle in self._watch.scene.obstacles}
         if not isinstance(poses, Mapping) or not all(isinstance(pose, Pose) for pose in poses.values()):
             return f"update_scene: found {told(poses)}; expected poses by name"
-        if not is_number(spread) or spread < 0.0:
+        if not is_finite(spread) or spread < 0.0:
             return f"update_scene: found a spread of {told(spread)}; expected a speed >= 0, m/s"
         if not isinstance(velocities, Mapping):
             return f"update_scene: found {told(velocities)}; expected velocities by name"
@@ -203,7 +204,7 @@ class Executor:
         Raises:
             InputError: the latency is no number of seconds >= 0.
         """
-        if not is_number(latency) or latency < 0.0:
+        if not is_finite(latency) or latency < 0.0:
             raise wrong_argument("Executor.state_in", "latency", told(latency), "seconds >= 0")
         then = self.time + float(latency)
         point = self._stretch.laws.set_point(self._law, then)
@@ -357,7 +358,7 @@ class Executor:
 
     def _checked_step(self, dt: float) -> float:
         """Return the tick's length, s; where that cannot be, 0 or the longest, and the robot stops."""
-        if not is_number(dt) or dt < 0.0:
+        if not is_finite(dt) or dt < 0.0:
             self.stop(f"tick: found a step of {told(dt)}; expected seconds >= 0")
             return 0.0
         if dt > LONGEST_TICK:

@@ -147,8 +147,7 @@ bool LawSearch::levels_off(const LawState &at, double direction, double target, 
     const double half = 0.5 * at.dds * at.dds;
     if (room <= 0.0) return false;
     const double least = half / room;
-    LawState ahead = at;
-    const double most = strongest(ahead, -sign);
+    const double most = strongest(at, -sign);
     const auto open = [&](double size) {
         ddds = -sign * size;
         return size > 0.0 && std::fabs(at.dds) <= LONGEST_END * size &&
