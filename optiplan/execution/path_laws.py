@@ -118,7 +118,8 @@ class PathLaws:
         if np.isfinite(rates[2]).any():
             bounds = _curvature(motion, loads, self._core.coarse_cells)
             self._core.set_curvature(bounds, LEVELS * MOST_RATE, LEVELS * MOST_JERK)
-        self.overloaded = None if self._core.overloaded < 0.0 else float(self._core.overloaded)
+        overloaded = self._core.overloaded  # computed at each access
+        self.overloaded = None if overloaded < 0.0 else overloaded
 
     def change(self, place: PathPlace, begin: float, target: float) -> "TimeLaw | None":
         """Return the law from a place at time `begin`, s, to a steady speed; None where it cannot begin there.
