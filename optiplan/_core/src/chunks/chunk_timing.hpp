@@ -1,0 +1,13 @@
+// Times of the set-points of a chunk that has none, near the fastest that the joints' limits admit.
+#pragma once
+
+#include "chunks/chunk_spline.hpp"
+
+namespace optiplan {
+
+// Rising times (k,) > 0 at which the spline from `start` through Q (k, n) to rest keeps velocity, acceleration and jerk;
+// empty where none is found. Every interval is made longer or shorter by what the spline asks of the joints there,
+// again and again; the fastest spline within the limits is kept.
+Vec chunk_times(const JointState &start, const double *Q, std::size_t k, const JointLimits &limits);
+
+}  // namespace optiplan
