@@ -6,10 +6,12 @@
 
 namespace optiplan {
 
-static constexpr int ROUNDS = 60;
+static constexpr int ROUNDS = 30;
 static constexpr double SHORTEST = 1e-4;  // s, of an interval
 static constexpr double SPARE = 1.0 + 1e-7;
-static constexpr double PACE = 0.6;       // power of the ratio by which an interval is changed
+static constexpr double PACE = 0.2;   // power of the ratio by which an interval is changed
+static constexpr double SIDE = 0.9;   // share of the ratio of a neighbour that counts, too
+static constexpr double SHRINK = 1.0 / 3.0, MOST = 3.0;  // ratios that count
 
 // By how much longer each interval would have to be, were it alone, for the spline to keep its limits there: (k,).
 static Vec ratios(const ChunkSpline &spline, const Curve &curve, const JointLimits &limits, std::size_t k) {
@@ -34,16 +36,118 @@ static Vec ratios(const ChunkSpline &spline, const Curve &curve, const JointLimi
     return found;
 }
 
-Vec chunk_times(const JointState &start, const double *Q, std::size_t k, const JointLimits &limits) {
+// The fastest speeds along a path within velocity and acceleration, x = s'^2 at G + 1 places of it, by backward and
+// forward passes (Pham and Pham, A new approach to time-optimal path parameterization, T-RO 2018).
+class SpeedProfile {
+  public:
+    SpeedProfile(const Curve &path, const JointLimits &limits) : path_(path), limits_(limits) {
+        const std::size_t pieces = path.breakpoints.size() - 1;
+        for (std::size_t i = 0; i < pieces; ++i)
+            for (int k = 0; k < GRID; ++k)
+                places_.push_back(path.breakpoints[i] + (path.breakpoints[i + 1] - path.breakpoints[i]) * k / GRID);
+        places_.push_back(path.breakpoints.back());
+    }
+
+    // Time at each breakpoint of the path, from speed `first` at its start to rest at its end.
+    Vec times(double first) {
+        const std::size_t last = places_.size() - 1;
+        Vec most(last + 1, 0.0), x(last + 1);
+        for (std::size_t i = last; i-- > 0;) most[i] = fastest(i, most[i + 1]);
+        x[0] = std::min(first * first, most[0]);
+        Vec found{0.0};
+        double t = 0.0;
+        for (std::size_t i = 0; i < last; ++i) {
+            const double step = places_[i + 1] - places_[i];
+            double low, high;
+            derivatives(i);
+            range(x[i], low, high);
+            x[i + 1] = std::clamp(x[i] + 2.0 * step * high, 0.0, most[i + 1]);
+            t += 2.0 * step / std::max(std::sqrt(x[i]) + std::sqrt(x[i + 1]), 1e-6);
+            if ((i + 1) % GRID == 0) found.push_back(t);
+        }
+        return found;
+    }
+
+  private:
+    static constexpr int GRID = 4;
+
+    // First and second derivatives of the path at a place, and the most x there that velocities admit.
+    void derivatives(std::size_t place) {
+        const std::size_t n = static_cast<std::size_t>(path_.joints), pieces = path_.breakpoints.size() - 1;
+        const std::size_t piece = std::min(place / GRID, pieces - 1);
+        const double s = places_[place] - path_.breakpoints[piece];
+        const double *c = path_.coefficients.data() + piece * 4 * n;
+        first_.resize(n), second_.resize(n);
+        top_ = HUGE_VAL;
+        for (std::size_t j = 0; j < n; ++j) {
+            first_[j] = c[n + j] + s * (2.0 * c[2 * n + j] + s * 3.0 * c[3 * n + j]);
+            second_[j] = 2.0 * c[2 * n + j] + 6.0 * s * c[3 * n + j];
+            const double rate = limits_.rates[0][j] / std::max(std::fabs(first_[j]), 1e-12);
+            top_ = std::min(top_, rate * rate);
+        }
+    }
+
+    // Accelerations s'' that joints admit at speed x: |p' s'' + p'' x| <= A; whether there are any.
+    bool range(double x, double &low, double &high) const {
+        low = -HUGE_VAL, high = HUGE_VAL;
+        for (std::size_t j = 0; j < first_.size(); ++j) {
+            const double bend = second_[j] * x, size = std::fabs(first_[j]), limit = limits_.rates[1][j];
+            if (size < 1e-9) {
+                if (std::fabs(bend) > limit) return false;
+                continue;
+            }
+            const double middle = -bend / first_[j], half = limit / size;
+            low = std::max(low, middle - half), high = std::min(high, middle + half);
+        }
+        return low <= high;
+    }
+
+    // The most x at a place from which the next place is reached with no more than `next`.
+    double fastest(std::size_t place, double next) {
+        derivatives(place);
+        const double step = places_[place + 1] - places_[place];
+        const auto good = [&](double x) {
+            double low, high;
+            return range(x, low, high) && x + 2.0 * step * low <= next && x + 2.0 * step * high >= 0.0;
+        };
+        double low = 0.0, high = std::min(top_, 1e12);
+        if (good(high)) return high;
+        for (int k = 0; k < 30; ++k) (good(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
+        return low;
+    }
+
+    const Curve &path_;
+    const JointLimits &limits_;
+    Vec places_, first_, second_;
+    double top_ = 0.0;
+};
+
+// Intervals (k,) of the fastest way along the path of a spline, without limits of jerk.
+static Vec first_intervals(const JointState &start, const double *Q, std::size_t k, const JointLimits &limits, bool rests) {
     const std::size_t n = start.q.size();
-    Vec h(k), times(k), best;
+    Vec h(k), times(k);
     for (std::size_t i = 0; i < k; ++i) {
         const double *from = i ? Q + (i - 1) * n : start.q.data();
         h[i] = SHORTEST;
         for (std::size_t j = 0; j < n; ++j) h[i] = std::max(h[i], std::fabs(Q[i * n + j] - from[j]) / limits.rates[0][j]);
     }
+    std::partial_sum(h.begin(), h.end(), times.begin());
+    JointState begin = start;
+    if (rests)  // the path needs a direction where the robot stands
+        for (std::size_t j = 0; j < n; ++j) begin.v[j] = (Q[j] - start.q[j]) / h[0];
+    const ChunkSpline spline(times, false);
+    const Curve path = spline.curve(spline.through(begin, Q), n);
+    const Vec at = SpeedProfile(path, limits).times(rests ? 0.0 : 1.0);
+    for (std::size_t i = 0; i < k; ++i)
+        h[i] = std::max(SHORTEST, at[spline.knot_of(i)] - (i ? at[spline.knot_of(i - 1)] : 0.0));
+    return h;
+}
+
+Vec chunk_times(const JointState &start, const double *Q, std::size_t k, const JointLimits &limits) {
+    const std::size_t n = start.q.size();
     bool rests = true;
     for (std::size_t j = 0; j < n; ++j) rests &= start.v[j] == 0.0 && start.a[j] == 0.0;
+    Vec h = first_intervals(start, Q, k, limits, rests), times(k), best;
     for (int round = 0; round < ROUNDS; ++round) {
         std::partial_sum(h.begin(), h.end(), times.begin());
         const ChunkSpline spline(times, true);
@@ -56,8 +160,11 @@ Vec chunk_times(const JointState &start, const double *Q, std::size_t k, const J
             best = times;
             for (double &t : best) t *= scale;
         }
-        for (std::size_t i = 0; i < k; ++i)
-            h[i] = std::max(SHORTEST, h[i] * std::pow(std::clamp(found[i], 0.3, 3.0), PACE));
+        for (std::size_t i = 0; i < k; ++i) {
+            // What a spline does in one interval depends on its neighbours, too.
+            const double most = std::max({found[i], i ? SIDE * found[i - 1] : 0.0, i + 1 < k ? SIDE * found[i + 1] : 0.0});
+            h[i] = std::max(SHORTEST, h[i] * std::pow(std::clamp(most, SHRINK, MOST), PACE));
+        }
         if (!rests && worst > 1.0 && round > ROUNDS / 2)  // towards what can be kept
             for (double &each : h) each *= 1.02;
     }

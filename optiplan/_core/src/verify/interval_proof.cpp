@@ -375,7 +375,7 @@ bool IntervalProof::prove_span(const Span &span, std::size_t begin, std::size_t 
     return proved;
 }
 
-Verdict IntervalProof::prove(const Curve &curve, const IntervalRules &rules, double from) {
+Verdict IntervalProof::prove(const Curve &curve, const IntervalRules &rules) {
     rules_ = rules, verdict_ = {};
     std::fill(normals_.begin(), normals_.end(), Vec3{});
     std::fill(features_.begin(), features_.end(), Features{});
@@ -383,50 +383,9 @@ Verdict IntervalProof::prove(const Curve &curve, const IntervalRules &rules, dou
     open_.clear();
     for (int pair = 0; pair < static_cast<int>(world_.pairs().size()); ++pair) open_.push_back(pair);
     const int pieces = static_cast<int>(curve.breakpoints.size()) - 1;
-    int first = 0;
-    while (first + 1 < pieces && curve.breakpoints[first + 1] <= from) ++first;
-    const Span whole{first, pieces, 0.0, 0.0};
+    const Span whole{0, pieces, 0.0, 0.0};
     if (!open_.empty()) prove_span(whole, 0, open_.size());
     return verdict_;
-}
-
-void IntervalProof::survey(const Curve &curve, double window, double width, std::vector<double> &times,
-                           std::vector<std::vector<double>> &rows, std::vector<Contact> &found) {
-    build(curve);
-    const std::size_t n = q_.size(), pieces = curve.breakpoints.size() - 1;
-    Span whole{0, static_cast<int>(pieces), 0.0, 0.0};
-    std::vector<int> near, here;
-    constexpr int BLOCK = 8;
-    for (std::size_t i = 0; i < pieces; ++i) {
-        if (i % BLOCK == 0) {  // the pairs that come near in some pieces in a row
-            whole.first = static_cast<int>(i), whole.last = static_cast<int>(std::min(i + BLOCK, pieces));
-            box_of(whole);
-            stand();
-            near.clear();
-            for (int pair = 0; pair < static_cast<int>(world_.pairs().size()); ++pair) {
-                const double enough = window + travel(pair);
-                if (!world_.boxes_apart(at_, pair, enough)) near.push_back(pair);
-            }
-        }
-        if (near.empty()) continue;
-        const double length = curve.breakpoints[i + 1] - curve.breakpoints[i];
-        const int parts = std::max(1, static_cast<int>(std::ceil(length / width)));
-        for (int k = 0; k < parts; ++k) {
-            const double half = 0.5 * length / parts;
-            box_of({static_cast<int>(i), static_cast<int>(i) + 1, (2 * k + 1) * half, half});
-            stand();
-            for (int pair : near) {
-                if (world_.boxes_apart(at_, pair, window)) continue;
-                const Witness w = world_.nearest_points(at_, pair, window, &features_[pair]);
-                if (w.distance >= window) continue;
-                std::vector<double> row(n);
-                const Contact contact{static_cast<int>(times.size()), pair, w};
-                world_.gradient(at_.joints.data(), contact, row.data());
-                times.push_back(curve.breakpoints[i] + (2 * k + 1) * half);
-                rows.push_back(std::move(row)), found.push_back(contact);
-            }
-        }
-    }
 }
 
 }  // namespace optiplan

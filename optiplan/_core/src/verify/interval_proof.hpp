@@ -55,13 +55,10 @@ class IntervalProof {
     // Puts a body that no joint carries.
     void move(int body, const Pose &X_WB);
 
-    // The curve from time `from` on is proved, in whole pieces.
-    Verdict prove(const Curve &curve, const IntervalRules &rules, double from = 0.0);
+    Verdict prove(const Curve &curve, const IntervalRules &rules);
 
-    // Pairs nearer than `window`, m, in the middles of all pieces and of parts of them no longer than `width`, s:
-    // row k of a contact is at times[k].
-    void survey(const Curve &curve, double window, double width, std::vector<double> &times,
-                std::vector<std::vector<double>> &rows, std::vector<Contact> &found);
+    // Where obstacles stand; joints as in the last query.
+    Placement &placement() { return at_; }
 
   private:
     struct Points {

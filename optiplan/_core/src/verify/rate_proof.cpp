@@ -42,13 +42,12 @@ static int bernstein_of(const double *c, int size, int order, double width, doub
     return degree + 1;
 }
 
-Beyond beyond_limits(const Curve &curve, const RateLimits &limits, double from) {
+Beyond beyond_limits(const Curve &curve, const RateLimits &limits) {
     const int n = curve.joints, size = curve.degree + 1, pieces = static_cast<int>(curve.breakpoints.size()) - 1;
     std::vector<double> sums(3 * n, 0.0), ends(3 * n);
     double c[MOST], b[MOST];
     for (int i = 0; i < pieces; ++i) {
         const double begin = curve.breakpoints[i], width = curve.breakpoints[i + 1] - begin;
-        if (i > 0 && curve.breakpoints[i + 1] <= from) continue;
         for (int j = 0; j < n; ++j) {
             for (int k = 0; k < size; ++k) c[k] = curve.coefficients[(static_cast<std::size_t>(i) * size + k) * n + j];
             for (int order = 0; order < 4; ++order) {
@@ -57,7 +56,7 @@ Beyond beyond_limits(const Curve &curve, const RateLimits &limits, double from) 
                 const double low = order ? -high : limits.lower[j];
                 if (order < 3) {
                     double &sum = sums[order * n + j];
-                    if (i > 0 && begin > from) sum += std::fabs(b[0] - ends[order * n + j]);
+                    if (i > 0) sum += std::fabs(b[0] - ends[order * n + j]);
                     ends[order * n + j] = b[count - 1];
                     if (sum > limits.steps[order][j]) return {4 + order, j, begin, sum, limits.steps[order][j]};
                 }
@@ -69,6 +68,26 @@ Beyond beyond_limits(const Curve &curve, const RateLimits &limits, double from) 
             }
         }
     }
+    return {};
+}
+
+Beyond beyond_ends(const Curve &curve, const RateLimits &limits, const double *state) {
+    const std::size_t n = static_cast<std::size_t>(curve.joints), size = static_cast<std::size_t>(curve.degree) + 1;
+    const std::size_t last = curve.breakpoints.size() - 2;
+    const double width = curve.breakpoints[last + 1] - curve.breakpoints[last];
+    double c[MOST], b[MOST];
+    for (std::size_t j = 0; j < n; ++j)
+        for (int order = 0; order < 3; ++order) {
+            const double allowed = limits.steps[order][j];
+            const double first = order < static_cast<int>(size) ? curve.coefficients[order * n + j] * (order == 2 ? 2.0 : 1.0) : 0.0;
+            const double off = std::fabs(first - state[order * n + j]);
+            if (!(off <= allowed)) return {7 + order, static_cast<int>(j), 0.0, off, allowed};
+            if (order == 0) continue;
+            for (std::size_t k = 0; k < size; ++k) c[k] = curve.coefficients[(last * size + k) * n + j];
+            const int count = bernstein_of(c, static_cast<int>(size), order, width, b);
+            const double rest = std::fabs(b[count - 1]);
+            if (!(rest <= allowed)) return {9 + order, static_cast<int>(j), curve.breakpoints.back(), rest, allowed};
+        }
     return {};
 }
 

@@ -13,16 +13,19 @@ struct RateLimits {
     std::vector<double> steps[3];                // sums of steps of position, velocity, acceleration at breakpoints
 };
 
-// What is beyond its limit first. order: 0 position to 3 jerk; 4 to 6: steps of position, velocity or acceleration.
-// -1: nothing is.
+// What is beyond its limit first. order: 0 position to 3 jerk; 4 to 6: steps of position, velocity or acceleration; 7
+// to 9: the same off where the motion is to begin; 10 and 11: velocity and acceleration at its end. -1: nothing is.
 struct Beyond {
     int order = -1, joint = 0;
     double time = 0.0, value = 0.0, limit = 0.0;
 };
 
-// low <= p^(order) <= high on every piece from time `from` on. A polynomial lies between the least and the largest of
+// low <= p^(order) <= high on every piece. A polynomial lies between the least and the largest of
 // its Bernstein coefficients; where that is not enough it is halved by de Casteljau's algorithm.
-Beyond beyond_limits(const Curve &curve, const RateLimits &limits, double from = 0.0);
+Beyond beyond_limits(const Curve &curve, const RateLimits &limits);
+
+// It begins in `state` (3, n), position, velocity and acceleration, and ends at rest, both within `steps`.
+Beyond beyond_ends(const Curve &curve, const RateLimits &limits, const double *state);
 
 // Least and largest values of a polynomial in Bernstein form on [0, 1] are within [low, high].
 bool stays_between(const double *bernstein, int size, double low, double high, int halvings = 40);

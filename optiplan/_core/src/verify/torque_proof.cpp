@@ -145,12 +145,11 @@ bool TorqueProof::part(const Curve &curve, int piece, double begin, double width
            part(curve, piece, middle, half, between.data(), right, limits, depth - 1, found);
 }
 
-TorqueProof::Overload TorqueProof::overload(const Curve &curve, const std::vector<double> &limits, double from) {
+TorqueProof::Overload TorqueProof::overload(const Curve &curve, const std::vector<double> &limits) {
     Overload found;
     const std::size_t n = static_cast<std::size_t>(curve.joints);
     std::vector<double> left(n), right(n);
     for (std::size_t piece = 0; piece + 1 < curve.breakpoints.size(); ++piece) {
-        if (curve.breakpoints[piece + 1] <= from) continue;
         const double width = curve.breakpoints[piece + 1] - curve.breakpoints[piece];
         torques(curve, static_cast<int>(piece), 0.0, left.data());
         torques(curve, static_cast<int>(piece), width, right.data());

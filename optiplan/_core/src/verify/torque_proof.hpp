@@ -21,7 +21,7 @@ class TorqueProof {
         int joint = -1;
         double time = 0.0, value = 0.0;
     };
-    Overload overload(const Curve &curve, const std::vector<double> &limits, double from = 0.0);
+    Overload overload(const Curve &curve, const std::vector<double> &limits);
 
     // Bounds over an interval on the sum of all that adds up to tau_j and on |tau_j''|, (n,) each, from bounds
     // `motion` (5, n) on |q_j^(k)|.
