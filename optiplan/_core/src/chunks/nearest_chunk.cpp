@@ -10,17 +10,19 @@ namespace optiplan {
 static constexpr double SCALE = 0.05;     // rad or m: unit of the program's variables
 static constexpr double RADIUS = 0.6;     // rad or m: change of a control point at most
 static constexpr double UNIT = 0.01;      // m: unit of the program's distances
-static constexpr double PRICE = 1e3;      // of a unit of distance that lacks, and of limits passed by their own size
+static constexpr double PRICE = 100.0;      // of a unit of distance that lacks, and of limits passed by their own size
 static constexpr double TIGHT = 1e-3;     // share of the limits that is kept free, times their order
 static constexpr double REGULAR = 1e-3;   // cost of the change of a control point beside that of set-points
 static constexpr double LIKELY = 0.3;     // rad or m: where this change of each joint does not bring a pair near enough, it has no row
-static constexpr int ITERATIONS = 25;     // a program that takes more has no solution within the limits, as a rule
+static constexpr int ITERATIONS = 30;     // a program that takes more has no solution within the limits, as a rule
+static constexpr double GAP = 2e-4;       // of the program, in half the squared changes, rad or m, over SCALE squared
+static constexpr std::size_t FEW = 4;     // rows at one time: of the nearest pairs
 static constexpr int BLOCK = 8;           // pieces in a row of which near pairs are found together
 
 std::vector<NearPlace> near_places(const World &world, Placement &at, const Curve &curve, double window, double width) {
     const std::size_t n = static_cast<std::size_t>(curve.joints);
     const int pieces = static_cast<int>(curve.breakpoints.size()) - 1;
-    std::vector<NearPlace> found;
+    std::vector<NearPlace> found, here;
     Vec q(n), reach(n), low(n), high(n), reaches;
     std::vector<int> near;
     std::vector<Features> features(world.pairs().size());
@@ -46,14 +48,19 @@ std::vector<NearPlace> near_places(const World &world, Placement &at, const Curv
                 const double time = begin + (k + 0.5) * length / parts;
                 curve.around(i, time, 0.0, q.data(), reach.data());
                 world.place(q.data(), at);
+                here.clear();
                 for (int pair : near) {
                     if (world.boxes_apart(at, pair, window)) continue;
                     const Witness w = world.nearest_points(at, pair, window, &features[pair]);
                     if (w.distance >= window) continue;
                     NearPlace place{time, w.distance, Vec(n)};
                     world.gradient(at.joints.data(), {0, pair, w}, place.gradient.data());
-                    found.push_back(std::move(place));
+                    here.push_back(std::move(place));
                 }
+                const std::size_t count = std::min(FEW, here.size());
+                std::partial_sort(here.begin(), here.begin() + static_cast<std::ptrdiff_t>(count), here.end(),
+                                  [](const NearPlace &a, const NearPlace &b) { return a.distance < b.distance; });
+                for (std::size_t row = 0; row < count; ++row) found.push_back(std::move(here[row]));
             }
         }
     }
@@ -195,7 +202,7 @@ bool NearestChunk::step(const std::vector<NearPlace> &near, double distance) {
     }
     if (!spline_.rests()) add_stop_rows(distance);
     ArrowSettings settings;
-    settings.gap = 1e-3, settings.iterations = ITERATIONS;
+    settings.gap = GAP, settings.iterations = ITERATIONS;
     const ArrowSolution found = qp_.solve(program_, settings);
     if (!found.solved || found.t > 1e-5) return false;
     for (std::size_t i = 3; i < spline_.points(); ++i) {
