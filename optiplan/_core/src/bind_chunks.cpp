@@ -31,7 +31,8 @@ Curve curve_of(const Vector &breakpoints, const Stack &coefficients, int joints)
 nb::tuple arrays_of(Curve curve) {
     const std::size_t pieces = curve.breakpoints.size() - 1, n = static_cast<std::size_t>(curve.joints);
     return nb::make_tuple(to_numpy(std::move(curve.breakpoints), {pieces + 1}),
-                          to_numpy(std::move(curve.coefficients), {pieces, static_cast<std::size_t>(curve.degree) + 1, n}));
+                          to_numpy(std::move(curve.coefficients),
+                                   {pieces, static_cast<std::size_t>(curve.degree) + 1, n}));
 }
 
 JointState state_of(const Matrix &state) {
@@ -100,9 +101,10 @@ struct MotionProof {
     int joints() const { return intervals.world().tree().planned; }
 };
 
-std::unique_ptr<MotionProof> make_proof(const World &world, const Indices &kinds,
-                                        const std::vector<std::tuple<int, std::vector<int>, std::vector<bool>, Matrix>> &kept,
-                                        const Matrix &limits, const Vector &armature) {
+std::unique_ptr<MotionProof>
+make_proof(const World &world, const Indices &kinds,
+           const std::vector<std::tuple<int, std::vector<int>, std::vector<bool>, Matrix>> &kept, const Matrix &limits,
+           const Vector &armature) {
     const std::size_t n = static_cast<std::size_t>(world.tree().planned);
     expect(kinds.size() == world.pairs().size(), "a kind for every pair");
     expect(limits.shape(0) == 9 && limits.shape(1) == n && n <= 64,

@@ -37,7 +37,7 @@ HUGE = 1e5
 DISTANCES = (1e-3, 2e-3, 4e-3)
 """m, beyond the clearance: what the nearest chunk keeps between samples, tried in this order."""
 
-WINDOW, WIDTH = 0.03, 0.02
+WINDOW, WIDTH = 0.02, 0.02
 """Pairs nearer than this, m, in the middles of parts of the motion no longer than this, s, are kept apart."""
 
 GENTLER = 0.7

@@ -10,14 +10,15 @@ namespace optiplan {
 static constexpr double SCALE = 0.05;     // rad or m: unit of the program's variables
 static constexpr double RADIUS = 0.6;     // rad or m: change of a control point at most
 static constexpr double UNIT = 0.01;      // m: unit of the program's distances
-static constexpr double PRICE = 100.0;      // of a unit of distance that lacks, and of limits passed by their own size
-static constexpr double TIGHT = 1e-3;     // share of the limits that is kept free, times their order
-static constexpr double REGULAR = 1e-3;   // cost of the change of a control point beside that of set-points
-static constexpr double LIKELY = 0.3;     // rad or m: where this change of each joint does not bring a pair near enough, it has no row
-static constexpr int ITERATIONS = 30;     // a program that takes more has no solution within the limits, as a rule
-static constexpr double GAP = 2e-4;       // of the program, in half the squared changes, rad or m, over SCALE squared
-static constexpr std::size_t FEW = 4;     // rows at one time: of the nearest pairs
-static constexpr int BLOCK = 8;           // pieces in a row of which near pairs are found together
+static constexpr double PRICE = 100.0;  // of a unit of distance that lacks, and of limits passed by their own size
+static constexpr double TIGHT = 1e-3;  // share of the limits that is kept free, times their order
+static constexpr double REGULAR = 1e-3;  // cost of the change of a control point beside that of set-points
+static constexpr double LIKELY =
+    0.3;  // rad or m: where this change of each joint does not bring a pair near enough, it has no row
+static constexpr int ITERATIONS = 30;  // a program that takes more has no solution within the limits, as a rule
+static constexpr double GAP = 2e-4;  // of the program, in half the squared changes, rad or m, over SCALE squared
+static constexpr std::size_t FEW = 4;  // rows at one time: of the nearest pairs
+static constexpr int BLOCK = 8;  // pieces in a row of which near pairs are found together
 
 std::vector<NearPlace> near_places(const World &world, Placement &at, const Curve &curve, double window, double width) {
     const std::size_t n = static_cast<std::size_t>(curve.joints);
@@ -69,8 +70,8 @@ std::vector<NearPlace> near_places(const World &world, Placement &at, const Curv
 
 NearestChunk::NearestChunk(const ChunkSpline &spline, const JointState &start, const double *Q,
                            const JointLimits &limits)
-    : spline_(spline), limits_(limits), n_(start.q.size()),
-      count_(spline.knots().size() - (spline.rests() ? 3 : 2)), first_(spline.through(start, Q)), control_(first_) {
+    : spline_(spline), limits_(limits), n_(start.q.size()), count_(spline.knots().size() - (spline.rests() ? 3 : 2)),
+      first_(spline.through(start, Q)), control_(first_) {
     base();
 }
 
@@ -218,8 +219,7 @@ Vec NearestChunk::set_points() const {
     for (std::size_t i = 0; i < count_; ++i) {
         const Stencil s = spline_.at(spline_.knots()[spline_.knot_of(i)]);
         for (std::size_t k = 0; k < s.count; ++k)
-            for (std::size_t j = 0; j < n_; ++j)
-                made[i * n_ + j] += s.weights[k] * control_[(s.first + k) * n_ + j];
+            for (std::size_t j = 0; j < n_; ++j) made[i * n_ + j] += s.weights[k] * control_[(s.first + k) * n_ + j];
     }
     return made;
 }

@@ -44,8 +44,8 @@ IntervalProof::IntervalProof(const World &world, std::vector<int> kinds, std::ve
         const Pair &both = world_.pairs()[pair];
         const Body &a = world_.bodies()[both.a], &b = world_.bodies()[both.b];
         const int common = world_.common(pair);
-        sides_.push_back({{below(both.a, common), below(both.b, common)}, a.half_space || b.half_space,
-                          !a.mesh() && !b.mesh()});
+        sides_.push_back(
+            {{below(both.a, common), below(both.b, common)}, a.half_space || b.half_space, !a.mesh() && !b.mesh()});
     }
     for (const Body &body : world_.bodies()) {
         Points points;
@@ -76,8 +76,7 @@ void IntervalProof::build(const Curve &curve) {
         const double width = curve.breakpoints[i + 1] - curve.breakpoints[i];
         const int piece = static_cast<int>(i);
         box_of({piece, piece + 1, 0.5 * width, 0.5 * width});
-        for (std::size_t j = 0; j < n; ++j)
-            low_[i * n + j] = q_[j] - reach_[j], high_[i * n + j] = q_[j] + reach_[j];
+        for (std::size_t j = 0; j < n; ++j) low_[i * n + j] = q_[j] - reach_[j], high_[i * n + j] = q_[j] + reach_[j];
     }
 }
 
@@ -105,7 +104,8 @@ void IntervalProof::box_of(const Span &span) {
             const double size = std::fabs(b[k]);
             reach = (reach + size) * span.half;
             speed = k > 1 ? (speed + k * size) * span.half : speed + size;
-            if (k > 1) acceleration = (k > 2 ? (acceleration + k * (k - 1) * size) * span.half : acceleration + 2.0 * size);
+            if (k > 1)
+                acceleration = (k > 2 ? (acceleration + k * (k - 1) * size) * span.half : acceleration + 2.0 * size);
         }
         q_[j] = b[0], v_[j] = degree > 0 ? b[1] : 0.0;
         reach_[j] = reach + REACH_SPARE, speed_[j] = speed, acceleration_[j] = acceleration;
@@ -117,12 +117,14 @@ void IntervalProof::stand() {
     std::fill(laid_.begin(), laid_.end(), 0);
 }
 
-// The farthest that a point of a body gets from each axis, and how far it travels with the joints from there to its tip.
+// The farthest that a point of a body gets from each axis, and how far it travels with the joints from there to its
+// tip.
 void IntervalProof::lay(int body) {
     if (laid_[body]) return;
     laid_[body] = 1;
     const Tree &tree = world_.tree();
-    double *lever = lever_.data() + body * tree.joints.size(), *travelled = travelled_.data() + body * tree.joints.size();
+    double *lever = lever_.data() + body * tree.joints.size(),
+           *travelled = travelled_.data() + body * tree.joints.size();
     double own = 0.0;
     for (int j = world_.bodies()[body].joint; j > 0; j = tree.joints[j].parent) {
         const Joint &joint = tree.joints[j];
@@ -155,16 +157,20 @@ double IntervalProof::support(int body, const Vec3 &n) const {
     const Vec3 local = transposed(X.R, n);
     const double origin = dot(n, X.p);
     switch (shape.kind) {
-        case Kind::sphere: return origin + shape.radius * norm(n);
-        case Kind::capsule: return origin + shape.half_length * std::fabs(local.z) + shape.radius * norm(n);
-        case Kind::box:
-            return origin + shape.half.x * std::fabs(local.x) + shape.half.y * std::fabs(local.y) +
-                   shape.half.z * std::fabs(local.z);
-        case Kind::cylinder:
-            return origin + shape.half_length * std::fabs(local.z) +
-                   shape.radius * std::sqrt(local.x * local.x + local.y * local.y);
-        case Kind::hull: break;
-        default: return HUGE_VAL;
+    case Kind::sphere:
+        return origin + shape.radius * norm(n);
+    case Kind::capsule:
+        return origin + shape.half_length * std::fabs(local.z) + shape.radius * norm(n);
+    case Kind::box:
+        return origin + shape.half.x * std::fabs(local.x) + shape.half.y * std::fabs(local.y) +
+               shape.half.z * std::fabs(local.z);
+    case Kind::cylinder:
+        return origin + shape.half_length * std::fabs(local.z) +
+               shape.radius * std::sqrt(local.x * local.x + local.y * local.y);
+    case Kind::hull:
+        break;
+    default:
+        return HUGE_VAL;
     }
     const Points &points = points_[body];
     double most[UNROLLED];
@@ -217,7 +223,8 @@ double IntervalProof::linear(int pair, const Vec3 &n, double half) {
             const Joint &joint = tree.joints[j];
             const double scale = std::fabs(joint.multiplier), speed = scale * speed_[joint.leader];
             total -= speed;  // of the joints before it
-            loss += 0.5 * half * half * lever[j] * (scale * acceleration_[joint.leader] + speed * (speed + 2.0 * total));
+            loss +=
+                0.5 * half * half * lever[j] * (scale * acceleration_[joint.leader] + speed * (speed + 2.0 * total));
             const Vec3 axis = tree.axis(at_.joints.data(), j);
             const double rate = joint.multiplier * v_[joint.leader];
             if (joint.revolute)
@@ -305,8 +312,7 @@ bool IntervalProof::settle(int pair, const Span &span) {
     double distance = bound;
     Vec3 n = normals_[pair];
     if (!sides_[pair].plane) {
-        const Witness w =
-            optiplan::distance(a, at_.bodies[both.a], b, at_.bodies[both.b], HUGE_VAL, &features_[pair]);
+        const Witness w = optiplan::distance(a, at_.bodies[both.a], b, at_.bodies[both.b], HUGE_VAL, &features_[pair]);
         distance = w.distance;
         if (w.distance > 0.0) {
             normals_[pair] = n = w.normal;

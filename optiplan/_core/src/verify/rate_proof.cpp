@@ -37,7 +37,8 @@ static int bernstein_of(const double *c, int size, int order, double width, doub
     for (int i = 0; i <= degree; ++i) {
         double share = 1.0;  // C(i, k) / C(degree, k)
         b[i] = unit[0];
-        for (int k = 1; k <= i; ++k) share *= static_cast<double>(i - k + 1) / (degree - k + 1), b[i] += share * unit[k];
+        for (int k = 1; k <= i; ++k)
+            share *= static_cast<double>(i - k + 1) / (degree - k + 1), b[i] += share * unit[k];
     }
     return degree + 1;
 }
@@ -79,7 +80,8 @@ Beyond beyond_ends(const Curve &curve, const RateLimits &limits, const double *s
     for (std::size_t j = 0; j < n; ++j)
         for (int order = 0; order < 3; ++order) {
             const double allowed = limits.steps[order][j];
-            const double first = order < static_cast<int>(size) ? curve.coefficients[order * n + j] * (order == 2 ? 2.0 : 1.0) : 0.0;
+            const double first =
+                order < static_cast<int>(size) ? curve.coefficients[order * n + j] * (order == 2 ? 2.0 : 1.0) : 0.0;
             const double off = std::fabs(first - state[order * n + j]);
             if (!(off <= allowed)) return {7 + order, static_cast<int>(j), 0.0, off, allowed};
             if (order == 0) continue;

@@ -76,7 +76,8 @@ void TorqueProof::bounds(const double *motion, double *size, double *curvature) 
         const std::size_t parent = static_cast<std::size_t>(joint.parent);
         const std::vector<double> &carried = joint.revolute ? moment : force;
         const double motor = static_cast<std::size_t>(joint.leader) < armature_.size() ? armature_[joint.leader] : 0.0;
-        const double second = axis_[j] * carried[2 * J + j] + axis_[J + j] * carried[J + j] + axis_[2 * J + j] * carried[j];
+        const double second =
+            axis_[j] * carried[2 * J + j] + axis_[J + j] * carried[J + j] + axis_[2 * J + j] * carried[j];
         const double share = std::fabs(joint.multiplier);
         size[joint.leader] += share * (carried[j] + 2.0 * motor * q_[2 * J + j]);
         curvature[joint.leader] += share * (2.0 * second + 24.0 * motor * q_[4 * J + j]);
@@ -132,7 +133,8 @@ bool TorqueProof::part(const Curve &curve, int piece, double begin, double width
     bool proved = true;
     for (std::size_t j = 0; j < n && proved; ++j) {
         const double ends = std::max(std::fabs(left[j]), std::fabs(right[j])), spare = ROUNDING * size[j];
-        if (!(ends + spare <= limits[j]) || (depth == 0 && !(ends + spare + 0.125 * width * width * curvature[j] <= limits[j]))) {
+        if (!(ends + spare <= limits[j]) ||
+            (depth == 0 && !(ends + spare + 0.125 * width * width * curvature[j] <= limits[j]))) {
             found = {static_cast<int>(j), curve.breakpoints[piece] + begin, ends};
             return false;
         }
