@@ -63,7 +63,9 @@ def cell(name: str, rng: np.random.Generator) -> op.Problem:
     home = next(iter(robot.configurations))
     problem, boxes = op.Problem(robot, home, home), []
     while len(boxes) < 20:
-        box = op.Box(f"box{len(boxes)}", size=rng.uniform(0.04, 0.15, 3), position=rng.uniform([-0.8, -0.8, 0], [0.8, 0.8, 1.1]))
+        box = op.Box(
+            f"box{len(boxes)}", size=rng.uniform(0.04, 0.15, 3), position=rng.uniform([-0.8, -0.8, 0], [0.8, 0.8, 1.1])
+        )
         try:
             problem = problem.with_scene([*boxes, box])
         except op.InputError:
@@ -72,7 +74,9 @@ def cell(name: str, rng: np.random.Generator) -> op.Problem:
     return problem
 
 
-def chunk(problem: op.Problem, size: int, noisy: bool, rng: np.random.Generator) -> tuple[op.State, np.ndarray, np.ndarray]:
+def chunk(
+    problem: op.Problem, size: int, noisy: bool, rng: np.random.Generator
+) -> tuple[op.State, np.ndarray, np.ndarray]:
     """A state, set-points (size, n) and their times."""
     n, limits = problem.robot.n, problem.limits
     t = np.arange(1, size + 1) / RATE
@@ -144,7 +148,9 @@ def accepts(problem: op.Problem, state: op.State, Q: np.ndarray, t: np.ndarray) 
 def cells(name: str, found: dict) -> list[str]:
     """A row of the table."""
     outcomes, ms = found["outcomes"], found["ms"]
-    shares = [f"{100 * outcomes.get(one, 0) / found['chunks']:.0f} %" for one in ("proved", "nearest", "stopped", "refused")]
+    shares = [
+        f"{100 * outcomes.get(one, 0) / found['chunks']:.0f} %" for one in ("proved", "nearest", "stopped", "refused")
+    ]
     times = [" / ".join(f"{x:.2f}" for x in ms[one]) if one in ms else "–" for one in ("proved", "nearest", "stopped")]
     judged = f"{found['false']} of {found['judged']}", f"{found['needless']} of {found['accepted']}"
     return [name, f"{found['chunks']}", *shares, *times, *judged, f"{found['change']:.2g}"]

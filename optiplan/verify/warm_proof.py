@@ -71,7 +71,7 @@ class WarmProof:
     """Prove motions of the robot of a problem among obstacles that stand still.
 
     A motion is proved to begin in a state, to keep the limits of position, velocity, acceleration, jerk and torque, to
-    keep all pairs of bodies farther apart than `clearance`, and to end at rest.
+    touch nothing, neither itself nor an obstacle, to keep farther than `clearance` from obstacles, and to end at rest.
 
     Limits: Bernstein coefficients of each polynomial piece. Torques: values and a bound on their second derivative.
     Distances: on an interval of time with a plane between two bodies, the gap along its normal in the middle, by
@@ -83,7 +83,7 @@ class WarmProof:
 
     Args:
         problem: gives robot, scene and limits; its goal and its task are not looked at.
-        clearance: m, >= 0.
+        clearance: from obstacles, m, >= 0.
 
     Raises:
         OptiPlanError: the core is missing or does not know the shape of a body.
@@ -92,7 +92,7 @@ class WarmProof:
     def __init__(self, problem: Problem, clearance: float) -> None:
         if core is None:
             raise OptiPlanError("this needs the native core, which is not built: see docs/how-to/install.md")
-        robot = checked_robot(problem, VerifyPolicy(clearance=clearance))
+        robot = checked_robot(problem, VerifyPolicy())
         self._model = model = NativeCollisionModel(robot, problem.scene)
         if model.world is None:
             raise OptiPlanError(f"the native core does not know the shape of {', '.join(model.unknown)}")
@@ -112,10 +112,11 @@ class WarmProof:
         """What a proof is about, in short statements."""
         limits = ["position", *(name for name in (*ORDERS[1:], "torque") if self._limited(name))]
         meshes = any(isinstance(body.geometry, coal.BVHModelBase) for body in self._model.geometry.geometryObjects)
+        beyond = f", those with an obstacle by more than {1e3 * self.clearance:g} mm" if self.clearance else ""
         trust = "; of non-convex meshes whose hulls meet, as measured less 2e-6 m" if meshes else ""
         return (
             f"limits of {', '.join(limits)}, at all times",
-            f"{len(self._model.pairs)} pairs of bodies stay apart by more than {1e3 * self.clearance:g} mm, at all times",
+            f"{len(self._model.pairs)} pairs of bodies stay apart{beyond}, at all times",
             f"distances: gaps between separating planes, by support functions in the native core{trust}",
             "obstacles stand still where the problem and `poses` have them",
         )
@@ -131,7 +132,9 @@ class WarmProof:
     def place(self, poses: Mapping[str, pin.SE3]) -> None:
         """Put obstacles at poses in the world; those not named stand where the problem has them."""
         wanted = {name: np.ascontiguousarray(X.homogeneous) for name, X in poses.items()}
-        changed = [name for name in wanted if name not in self._moved or not np.array_equal(wanted[name], self._moved[name])]
+        changed = [
+            name for name in wanted if name not in self._moved or not np.array_equal(wanted[name], self._moved[name])
+        ]
         back = [name for name in self._moved if name not in wanted]
         for name in changed:
             self._core.move(self._obstacles[name], wanted[name])
@@ -198,7 +201,9 @@ class WarmProof:
         for name, X in self._moved.items():
             placements[self._obstacles[name]] = X
         found = containment.find(self._model.kinematics.poses(self._model.full(q[None]))[0][joints] @ placements)
-        return "" if found is None else f"'{self._model.names[found.inner]}' is inside '{self._model.names[found.mesh]}'"
+        return (
+            "" if found is None else f"'{self._model.names[found.inner]}' is inside '{self._model.names[found.mesh]}'"
+        )
 
     def _beyond(self, order: int, joint: int, time: float, value: float, limit: float) -> str:
         name = self._robot.joint_names[joint]
@@ -207,7 +212,9 @@ class WarmProof:
         if order == 0:
             return f"'{name}' would be at {value:.4f} {unit} at {time:.3f} s; its limit is {limit:.4f} {unit}"
         if order < 4:
-            return f"{kind} of '{name}' would be {value:.4g} {unit} at {time:.3f} s; its limit is {abs(limit):.4g} {unit}"
+            return (
+                f"{kind} of '{name}' would be {value:.4g} {unit} at {time:.3f} s; its limit is {abs(limit):.4g} {unit}"
+            )
         if order < 7:
             return f"{kind} of '{name}' steps by {value:.3g} {unit} at {time:.3f} s"
         where = "begins off the robot's own" if order < 10 else "ends with a"
@@ -231,7 +238,11 @@ def _table(pair: int, kept: KeptClearance) -> tuple[int, list[int], list[bool], 
 def _rows(problem: Problem) -> Array:
     """Limits (9, n) with `SHARE` of the verifier's tolerances: five of motion, torque, and sums of steps of three."""
     limits, policy = problem.limits, VerifyPolicy()
-    more, spare, rest = 1.0 + SHARE * policy.limit_tolerance, SHARE * policy.position_tolerance, SHARE * policy.rest_tolerance
+    more, spare, rest = (
+        1.0 + SHARE * policy.limit_tolerance,
+        SHARE * policy.position_tolerance,
+        SHARE * policy.rest_tolerance,
+    )
     rows = [limits.lower - spare, limits.upper + spare, *(more * rate for rate in limits.rates)]
     masses = any(body.mass > 0.0 for body in problem.robot.model.inertias)
     rows.append(more * limits.torque if masses else np.full(problem.robot.n, np.inf))

@@ -163,7 +163,7 @@ nb::tuple prove_torques(MotionProof &self, const Vector &breakpoints, const Stac
 
 nb::tuple prove_apart(MotionProof &self, const Vector &breakpoints, const Stack &coefficients, double clearance) {
     IntervalRules rules;
-    rules.clearance = clearance;
+    rules.clearance[1] = clearance;
     const Verdict v = self.intervals.prove(curve_of(breakpoints, coefficients, self.joints()), rules);
     return nb::make_tuple(v.pair, v.time, v.distance, v.touches, v.least[0], v.least[1], v.intervals, v.queries);
 }
@@ -184,10 +184,14 @@ std::unique_ptr<Nearest> make_nearest(MotionProof &proof, const Matrix &state, c
         proof, {ChunkSpline(to_vector(times), rests), state_of(state), Q.data(), limits_of(limits)}, Q.shape(0)});
 }
 
-// One step; the curve then, without a solution None.
-std::optional<nb::tuple> nearest_step(Nearest &self, double distance, double window, double width, double share) {
+// One step towards keeping `distance` from the robot's own bodies, and `clearance` more from obstacles; the curve then,
+// without a solution None.
+std::optional<nb::tuple> nearest_step(Nearest &self, double distance, double clearance, double window, double width) {
     IntervalProof &proof = self.proof.intervals;
-    const auto near = near_places(proof.world(), proof.placement(), self.chunk.curve(share), window, width);
+    const double share = 1.0;
+    auto near = near_places(proof.world(), proof.placement(), self.chunk.curve(share), window + clearance, width);
+    for (NearPlace &place : near)
+        if (proof.kind(place.pair)) place.distance -= clearance;
     if (!self.chunk.step(near, distance)) return std::nullopt;
     return arrays_of(self.chunk.curve(share));
 }
@@ -208,7 +212,7 @@ void bind_chunks(nb::module_ &m) {
     nb::class_<Nearest>(m, "NearestChunk")
         .def_static("of", &make_nearest, "proof"_a, "state"_a, "Q"_a, "times"_a, "rests"_a, "limits"_a,
                     nb::keep_alive<0, 1>())
-        .def("step", &nearest_step, "distance"_a, "window"_a, "width"_a, "share"_a = 1.0)
+        .def("step", &nearest_step, "distance"_a, "clearance"_a, "window"_a, "width"_a)
         .def("set_points", [](const Nearest &self) {
             Vec made = self.chunk.set_points();
             const std::size_t n = made.size() / self.count;

@@ -31,6 +31,9 @@ MOST_SET_POINTS = 1000
 SAME = 1e-9
 """rad or m, or s: set-points or times that are no farther apart are one."""
 
+AT_REST = 1e-10
+"""rad or m per s and s²: a joint that is no faster stands still."""
+
 HUGE = 1e5
 """rad or m: set-points beyond are numbers gone wrong."""
 
@@ -93,7 +96,7 @@ def certify(
         start: where the robot is: a `State`, or the motion that it would run from now on, to rest, which is then another
             stop that is tried: `chunk.rest(0.1)`. None: the problem's start.
         poses: of obstacles of the scene that stand elsewhere by now, by name.
-        clearance: m, that all pairs of bodies exceed.
+        clearance: m, to keep from obstacles.
 
     Returns:
         The outcome with the motion to send.
@@ -177,12 +180,18 @@ def _state(problem: Problem, start: State | Trajectory | None) -> Array:
             raise wrong_argument("certify", "start", "a motion of other joints", "a motion of the problem's robot")
         c = state.coefficients[0]
         rows = [c[k] * math.factorial(k) if k < len(c) else np.zeros(state.n) for k in range(3)]
-        return np.array(rows)
+        return _still(np.array(rows))
     if not isinstance(state, State):
         raise wrong_argument("certify", "start", described(start), "a State or a Trajectory")
     if state.n != problem.robot.n:
         raise wrong_argument("certify", "start", f"a state of {state.n} joints", f"one of {problem.robot.n}")
-    return np.array([state.q, state.v, state.a])
+    return _still(np.array([state.q, state.v, state.a]))
+
+
+def _still(state: Array) -> Array:
+    """Return a state (3, n) without the rounding that a motion at rest has left."""
+    state[1:][np.abs(state[1:]) < AT_REST] = 0.0
+    return state
 
 
 def _poses(proof: WarmProof, poses: Mapping[str, Pose] | None) -> dict[str, pin.SE3]:
@@ -256,7 +265,9 @@ class _Certifier:
         late = np.flatnonzero(np.diff(self.given) <= SAME)
         if len(late):
             k = int(late[0])
-            return f"set-point {k + 1} is at {self.given[k + 1]:.6g} s, not after set-point {k} at {self.given[k]:.6g} s"
+            return (
+                f"set-point {k + 1} is at {self.given[k + 1]:.6g} s, not after set-point {k} at {self.given[k]:.6g} s"
+            )
         return ""
 
     def _used(self) -> Flags:
@@ -275,7 +286,7 @@ class _Certifier:
         search = proof.nearest(self.state, wanted, times, rests, limits)
         gentle = False
         for distance in DISTANCES:
-            found = search.step(proof.clearance + distance, WINDOW, WIDTH)
+            found = search.step(distance, proof.clearance, WINDOW, WIDTH)
             if found is None:
                 return None
             motion = Polynomials(*found)

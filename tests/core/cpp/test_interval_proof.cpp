@@ -58,12 +58,12 @@ TEST(a_clearance_is_kept_to_the_micrometre) {
     IntervalProof proof(world, {0, 0}, {});
     IntervalRules rules;
     for (double less : {1e-3, 1e-4, 2e-6}) {
-        rules.clearance = least - less;
+        rules.clearance[0] = least - less;
         const Verdict found = proof.prove(curve, rules);
-        CHECK(found.pair < 0 && found.least[0] > rules.clearance);
+        CHECK(found.pair < 0 && found.least[0] > rules.clearance[0]);
     }
     for (double more : {2e-6, 1e-4, 1e-2}) {
-        rules.clearance = least + more;
+        rules.clearance[0] = least + more;
         CHECK(proof.prove(curve, rules).pair >= 0);
     }
 }

@@ -61,7 +61,7 @@ TEST(noise_beyond_the_limits_is_taken_out_and_no_more) {
 }
 
 TEST(set_points_are_moved_out_of_a_box) {
-    const World world = arm_and_box({1.33, 1.514, 0.0});
+    const World world = arm_and_box({1.37, 1.56, 0.0});
     Placement at = world.placement();
     Vec Q = turn(20);
     for (std::size_t i = 1; i < Q.size(); i += 2) Q[i] = 0.5;  // where it is stretched, no joint takes the tip away

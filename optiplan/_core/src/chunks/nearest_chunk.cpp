@@ -54,7 +54,7 @@ std::vector<NearPlace> near_places(const World &world, Placement &at, const Curv
                     if (world.boxes_apart(at, pair, window)) continue;
                     const Witness w = world.nearest_points(at, pair, window, &features[pair]);
                     if (w.distance >= window) continue;
-                    NearPlace place{time, w.distance, Vec(n)};
+                    NearPlace place{time, w.distance, Vec(n), pair};
                     world.gradient(at.joints.data(), {0, pair, w}, place.gradient.data());
                     here.push_back(std::move(place));
                 }
@@ -187,7 +187,7 @@ void NearestChunk::add_stop_rows(double distance) {
         const double travel = stop.travel(last.v[j]), end = last.q[j] + travel, side = travel > 0.0 ? -1.0 : 1.0;
         const double room = travel > 0.0 ? limits_.upper[j] - end : end - limits_.lower[j];
         if (travel == 0.0 || room > LIKELY) continue;
-        NearPlace place{spline_.knots().back() + stop.lasting(), distance + room - 1e-4, Vec(n_, 0.0)};
+        NearPlace place{spline_.knots().back() + stop.lasting(), distance + room - 1e-4, Vec(n_, 0.0), -1};
         place.gradient[j] = side;
         add_row(place, distance);
     }

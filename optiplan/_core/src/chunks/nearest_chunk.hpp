@@ -10,6 +10,7 @@ namespace optiplan {
 struct NearPlace {
     double time, distance;
     Vec gradient;
+    int pair = -1;
 };
 
 // Pairs nearer than `window`, m, in the middles of parts of a curve of `width` s at most, with obstacles where `at` has

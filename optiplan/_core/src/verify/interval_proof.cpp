@@ -244,7 +244,7 @@ bool IntervalProof::kept(int pair) const {
     if (which < 0) return false;
     double low[64], high[64];
     for (std::size_t j = 0; j < q_.size(); ++j) low[j] = q_[j] - reach_[j], high[j] = q_[j] + reach_[j];
-    return kept_[which].least(low, high) > rules_.clearance + ROUNDING;
+    return kept_[which].least(low, high) > rules_.clearance[kinds_[pair]] + ROUNDING;
 }
 
 // A plane farther than `enough` from touching, where one is found; `bound` is the gap along the last one tried.
@@ -296,7 +296,8 @@ bool IntervalProof::fail(int pair, const Span &span, double distance, bool touch
 bool IntervalProof::settle(int pair, const Span &span) {
     const Pair &both = world_.pairs()[pair];
     const bool part = span.half > 0.0;
-    const double moved = travel(pair), wanted = rules_.clearance + rules_.worth, enough = wanted + moved + ROUNDING;
+    const double clearance = rules_.clearance[kinds_[pair]];
+    const double moved = travel(pair), wanted = clearance + rules_.worth, enough = wanted + moved + ROUNDING;
     double bound = -HUGE_VAL;
     if (!world_.bodies()[both.a].half_space && !world_.bodies()[both.b].half_space) {
         const double far = norm(at_.centres[both.b] - at_.centres[both.a]) - world_.bodies()[both.a].radius -
@@ -323,7 +324,7 @@ bool IntervalProof::settle(int pair, const Span &span) {
         const double solid = world_.distance(at_, pair, HUGE_VAL).distance - MESH_ROUNDING;
         if (solid > bound) bound = distance = solid, n = {};
     }
-    if (distance <= rules_.clearance + ROUNDING) return fail(pair, span, distance, true);
+    if (distance <= clearance + ROUNDING) return fail(pair, span, distance, true);
     double margin = bound - moved;
     if (sides_[pair].plane || squared_norm(n) > 0.0) {
         const bool first = world_.bodies()[both.a].half_space, second = world_.bodies()[both.b].half_space;
@@ -332,10 +333,10 @@ bool IntervalProof::settle(int pair, const Span &span) {
         margin = std::max(margin, linear(pair, n, span.half));
     }
     margin -= ROUNDING;
-    const double over = std::min(rules_.worth, rules_.share * (bound - rules_.clearance));
-    if (margin > rules_.clearance && margin >= rules_.clearance + over) return settled(pair, margin);
+    const double over = std::min(rules_.worth, rules_.share * (bound - clearance));
+    if (margin > clearance && margin >= clearance + over) return settled(pair, margin);
     if (2.0 * span.half <= rules_.narrowest) {
-        if (margin > rules_.clearance) return settled(pair, margin);
+        if (margin > clearance) return settled(pair, margin);
         return fail(pair, span, bound, false);
     }
     return false;

@@ -19,7 +19,7 @@ struct KeptBoxes {
 };
 
 struct IntervalRules {
-    double clearance = 0.0;   // m, to be exceeded
+    double clearance[2] = {0.0, 0.0};  // m, to be exceeded, of each kind of pairs
     double worth = 5e-3;      // m, beyond `clearance`: more is not proved
     double share = 0.5;       // of the distance in the middle beyond `clearance`: more is not proved
     double narrowest = 1e-7;  // s: on shorter intervals the proof is given up
@@ -51,6 +51,7 @@ class IntervalProof {
     IntervalProof(const World &world, std::vector<int> kinds, std::vector<KeptBoxes> kept);
 
     const World &world() const { return world_; }
+    int kind(int pair) const { return kinds_[pair]; }
 
     // Puts a body that no joint carries.
     void move(int body, const Pose &X_WB);
