@@ -5,10 +5,10 @@
     python benchmarks/certify_chunks.py --robots baxter srra ur3 --sizes 50 --count 100 --judge 1
 
 Each robot stands among 20 boxes. A chunk is a smooth random motion at 50 Hz from a random free state, at rest or in
-motion; every second one has noise of 1 mrad on its set-points, as policies have. The judge is `op.verify`: a motion that
-was sent and that it refuses is a false proof. Where a chunk is not proved as it is, the judge looks at that motion, too:
-one that it accepts was refused without need. Times are of the processor. The last line printed is JSON; the exit code
-is 1 after a false proof.
+motion; every second one has noise of 1 mrad on its set-points, as policies have. The judge is `op.verify`: a motion
+that was sent and that it refuses is a false proof. Where a chunk is not proved as it is, the judge looks at that
+motion, too: one that it accepts was refused without need. Times are of the processor. The last line printed is JSON;
+the exit code is 1 after a false proof.
 """
 
 import os

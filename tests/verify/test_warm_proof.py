@@ -1,4 +1,4 @@
-"""The proof in the core against the verifier: whatever it proves, the verifier accepts, and little is refused beside."""
+"""The proof in the core beside the verifier: what it proves, the verifier accepts; little else is refused."""
 
 import numpy as np
 import pytest
@@ -91,7 +91,7 @@ def test_grazing_motions(depth):
 
 
 def grazing(problem, trajectory, depth):
-    """The problem with the nearest obstacle moved, by bisection, until the motion misses it by `depth`; None if none is."""
+    """The problem with the nearest obstacle moved until the motion misses it by `depth`; None where there is none."""
     times, scene = np.linspace(0.0, trajectory.duration, 400), problem.scene
     for _ in range(12):
         model = NativeCollisionModel(problem.robot, scene)

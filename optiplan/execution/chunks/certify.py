@@ -1,63 +1,30 @@
 """`certify`: a chunk of set-points of a learned policy becomes a motion that is proved until the robot stands still."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Mapping
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 
-from optiplan._core import core
-from optiplan.arrays import Array, Flags, is_finite
+from optiplan.arrays import Array, is_finite
 from optiplan.errors import OptiPlanError, described, wrong_argument
 from optiplan.execution.arguments import numbers, told
-from optiplan.execution.chunks.chunk import Chunk, Outcome
+from optiplan.execution.chunks.chunk import Chunk
+from optiplan.execution.chunks.search import ChunkSearch, Prepared
 from optiplan.geometry.pose import Pose
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.warm_proof import MOST_JOINTS, MotionVerdict, Polynomials, WarmProof
-
-INTERPOLATION = (
-    "cubic spline through the set-points at their times, with continuous acceleration; it begins in the robot's state, "
-    "with one more knot in the middle of the first interval; then every joint stops as fast as its limits allow"
-)
+from optiplan.verify.warm_proof import MOST_JOINTS, WarmProof
 
 MOST_SET_POINTS = 1000
 """In one chunk."""
 
-SAME = 1e-9
-"""rad or m, or s: set-points or times that are no farther apart are one."""
-
 AT_REST = 1e-10
 """rad or m per s and s²: a joint that is no faster stands still."""
 
-HUGE = 1e5
-"""rad or m: set-points beyond are numbers gone wrong."""
-
-DISTANCES = (1e-3, 2e-3, 4e-3)
-"""m, beyond the clearance: what the nearest chunk keeps between samples, tried in this order."""
-
-WINDOW, WIDTH = 0.02, 0.02
-"""Pairs nearer than this, m, in the middles of parts of the motion no longer than this, s, are kept apart."""
-
-GENTLER = 0.7
-"""Share of the limits of acceleration for the nearest chunk, where torques are the reason, and for a stop."""
-
-STANDSTILL = 0.1
-"""s: the stop of a robot that stands."""
-
-
-class _Prepared(NamedTuple):
-    """What is kept of a problem: the proof, and limits (5, n) of position, velocity, acceleration and jerk."""
-
-    proof: WarmProof
-    limits: Array
-
-
-_kept: WeakKeyDictionary[Problem, dict[float, _Prepared]] = WeakKeyDictionary()
+_kept: WeakKeyDictionary[Problem, dict[float, Prepared]] = WeakKeyDictionary()
 
 
 def certify(
@@ -93,8 +60,8 @@ def certify(
         problem: robot, scene and limits; its goal and vias are not looked at.
         q: set-points (k, n), rad or m; 1 to 1000 of them.
         t: (k,) s, rising, from 0 at the start of the motion; None: none.
-        start: where the robot is: a `State`, or the motion that it would run from now on, to rest, which is then another
-            stop that is tried: `chunk.rest(0.1)`. None: the problem's start.
+        start: where the robot is: a `State`, or the motion that it would run from now on, to rest, such as
+            `chunk.rest(0.1)`, which is then another stop that is tried. None: the problem's start.
         poses: of obstacles of the scene that stand elsewhere by now, by name.
         clearance: m, to keep from obstacles.
 
@@ -102,8 +69,8 @@ def certify(
         The outcome with the motion to send.
 
     Raises:
-        InputError: arrays of the wrong shape, unknown obstacles, or a problem with a task, path constraints or obstacles
-            that move by the clock, which this proof does not cover.
+        InputError: arrays of the wrong shape, unknown obstacles, or a problem with a task, path constraints or
+            obstacles that move by the clock, which this proof does not cover.
 
     Example:
         >>> import numpy as np
@@ -125,10 +92,10 @@ def certify(
     X = _poses(prepared.proof, poses)
     prepared.proof.place(X)
     rest = start if isinstance(start, Trajectory) else None
-    return _Certifier(problem, prepared, Q, times, state, rest, X).chunk()
+    return ChunkSearch(problem, prepared, Q, times, state, rest, X).chunk()
 
 
-def _prepared(problem: Problem, clearance: float) -> _Prepared:
+def _prepared(problem: Problem, clearance: float) -> Prepared:
     """Return what is kept of the problem, made where there is none."""
     if not isinstance(problem, Problem):
         raise wrong_argument("certify", "problem", described(problem), "op.Problem(…) or op.load_problem(…)")
@@ -146,7 +113,7 @@ def _prepared(problem: Problem, clearance: float) -> _Prepared:
         limits = problem.limits
         known.clear()  # of one clearance at a time
         rows = np.array([limits.lower, limits.upper, *limits.rates])
-        known[clearance] = _Prepared(proof, rows)
+        known[clearance] = Prepared(proof, rows)
     return known[clearance]
 
 
@@ -205,162 +172,3 @@ def _poses(proof: WarmProof, poses: Mapping[str, Pose] | None) -> dict[str, pin.
             expected = f"one of: {', '.join(proof.obstacles)}" if proof.obstacles else "a scene with obstacles"
             raise wrong_argument("certify", "poses", f"an obstacle '{name}'", expected)
     return {name: pin.SE3(pose.matrix) for name, pose in poses.items()}
-
-
-@dataclass(eq=False)
-class _Certifier:
-    """One call of `certify`."""
-
-    problem: Problem
-    prepared: _Prepared
-    Q: Array
-    given: Array | None
-    state: Array
-    running: Trajectory | None
-    poses: Mapping[str, pin.SE3]
-    times: Array = field(default_factory=lambda: np.empty(0))
-
-    def chunk(self) -> Chunk:
-        """Prove what can be proved."""
-        wrong = self._wrong()
-        if wrong:
-            return self._stop(wrong)
-        used = self._used()
-        off = ""
-        if self.given is not None:
-            self.times = self.given
-            if not used[0]:
-                joint = int(np.argmax(np.abs(self.Q[0] - self.state[0])))
-                far = float(np.abs(self.Q[0] - self.state[0])[joint])
-                if far > SAME:
-                    name, unit = self.problem.robot.joint_names[joint], self.problem.robot.unit("position", joint)
-                    off = f"set-point 0 is at time 0, but '{name}' is {far:.3g} {unit} away from it"
-        if not used.any():
-            return self._stop(off) if off else self._answer("proved", self._standing(), 0.0, len(self.Q))
-        wanted, rests = np.ascontiguousarray(self.Q[used]), self.given is None
-        if self.given is None:
-            found = core.chunk_times(self.state, wanted, self.prepared.limits)
-            if not len(found):
-                return self._stop("no times within the limits of the joints were found")
-            self.times = np.concatenate([[0.0], found])[np.cumsum(used)]
-        times = self.times[used]
-        motion = Polynomials(*core.chunk_curve(self.state, wanted, times, rests, self.prepared.limits))
-        verdict = self.prepared.proof.prove(motion, self.state)
-        if verdict.proved and not off:
-            return self._answer("proved", motion, float(times[-1]), len(self.Q), verdict=verdict)
-        reason = off or verdict.reason
-        return self._nearest(wanted, times, rests, used, reason) or self._stop(reason, motion, verdict)
-
-    def _wrong(self) -> str:
-        """Return what is wrong with the numbers, or nothing."""
-        bad: Flags = ~(np.abs(self.Q) <= HUGE)
-        if bad.any():
-            row, joint = (int(k[0]) for k in np.nonzero(bad))
-            return f"set-point {row} has {self.Q[row, joint]} for '{self.problem.robot.joint_names[joint]}'"
-        if self.given is None:
-            return ""
-        if not np.isfinite(self.given).all() or self.given[0] < 0.0:
-            k = int(np.argmin(np.isfinite(self.given) & (self.given >= 0.0)))
-            return f"set-point {k} is at time {self.given[k]} s"
-        late = np.flatnonzero(np.diff(self.given) <= SAME)
-        if len(late):
-            k = int(late[0])
-            return (
-                f"set-point {k + 1} is at {self.given[k + 1]:.6g} s, not after set-point {k} at {self.given[k]:.6g} s"
-            )
-        return ""
-
-    def _used(self) -> Flags:
-        """Which set-points the spline passes, (k,): not the one at time 0, nor, without times, the same once more."""
-        used = np.ones(len(self.Q), dtype=bool)
-        if self.given is not None:
-            used[0] = self.given[0] > SAME
-        else:
-            before = np.vstack([self.state[:1], self.Q[:-1]])
-            used = np.asarray(np.abs(self.Q - before).max(axis=1) > SAME)
-        return used
-
-    def _nearest(self, wanted: Array, times: Array, rests: bool, used: Flags, reason: str) -> Chunk | None:
-        """Return the nearest chunk that is proved, or None."""
-        proof, limits = self.prepared.proof, self.prepared.limits
-        search = proof.nearest(self.state, wanted, times, rests, limits)
-        gentle = False
-        for distance in DISTANCES:
-            found = search.step(distance, proof.clearance, WINDOW, WIDTH)
-            if found is None:
-                return None
-            motion = Polynomials(*found)
-            verdict = proof.prove(motion, self.state)
-            if verdict.proved:
-                moved = np.vstack([self.state[:1], search.set_points()])[np.cumsum(used)]
-                change = np.linalg.norm(moved - self.Q, axis=1)
-                return self._answer("nearest", motion, float(times[-1]), len(self.Q), reason, verdict, moved, change)
-            if verdict.torque and not gentle:
-                gentle, limits = True, limits * np.array([1.0, 1.0, 1.0, GENTLER, 1.0])[:, None]
-                search = proof.nearest(self.state, wanted, times, rests, limits)
-        return None
-
-    def _stop(self, reason: str, motion: Polynomials | None = None, verdict: MotionVerdict | None = None) -> Chunk:
-        """Follow the chunk as far as it is proved, and stop; else stop at once."""
-        proof, limits = self.prepared.proof, self.prepared.limits
-        if motion is not None and verdict is not None:
-            for end in self._ends(motion, verdict.time):
-                part = motion.breakpoints[: end + 1], motion.coefficients[:end]
-                found = Polynomials(*core.with_stop(*map(np.ascontiguousarray, part), limits))
-                proved = proof.prove(found, self.state)
-                if proved.proved:
-                    until = float(motion.breakpoints[end])
-                    reached = int((self.times <= until + SAME).sum())
-                    return self._answer("stopped", found, until, reached, reason, proved)
-        for found in self._stops():
-            proved = proof.prove(found, self.state)
-            if proved.proved:
-                return self._answer("stopped", found, 0.0, 0, reason, proved)
-        return self._answer("refused", None, 0.0, 0, f"{reason}; no stop is proved: {proved.reason}")
-
-    def _ends(self, motion: Polynomials, time: float) -> Sequence[int]:
-        """Breakpoints at set-points at which a stop may begin, the last first, at growing distances from `time`."""
-        last = int(np.searchsorted(motion.breakpoints, time - SAME, side="right")) - 1
-        chosen = [last - step for step in (0, 1, 3, 7, 15, 31)]
-        return [end for end in chosen if end >= 2]
-
-    def _stops(self) -> Sequence[Polynomials]:
-        """Stops at once, the fastest first, and what the robot would run without this chunk."""
-        if not self.state[1:].any():
-            return [self._standing()]
-        limits = self.prepared.limits
-        stops = [Polynomials(*core.stop_curve(self.state, limits, share)) for share in (1.0, GENTLER)]
-        stops = [stop for stop in stops if len(stop.coefficients)]
-        if self.running is not None:
-            stops.append(Polynomials(self.running.breakpoints, self.running.coefficients))
-        return stops or [self._standing()]
-
-    def _standing(self) -> Polynomials:
-        return Polynomials(np.array([0.0, STANDSTILL]), self.state[None, :1].copy())
-
-    def _answer(
-        self,
-        outcome: Outcome,
-        motion: Polynomials | None,
-        until: float,
-        reached: int,
-        reason: str = "",
-        verdict: MotionVerdict | None = None,
-        set_points: Array | None = None,
-        change: Array | None = None,
-    ) -> Chunk:
-        names = self.problem.robot.joint_names
-        return Chunk(
-            outcome,
-            None if motion is None else Trajectory(names, *motion),
-            until,
-            reached,
-            self.times,
-            self.Q if set_points is None else set_points,
-            np.zeros(len(self.Q)) if change is None else change,
-            reason,
-            (np.inf, np.inf) if verdict is None else verdict.clearance,
-            (INTERPOLATION, *self.prepared.proof.scope),
-            _problem=self.problem,
-            _poses=self.poses,
-        )

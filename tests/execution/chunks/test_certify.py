@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
-from optiplan.execution.chunks.certify import DISTANCES
+from optiplan.execution.chunks.search import DISTANCES
 
 DT = 0.02
 
