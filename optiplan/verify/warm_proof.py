@@ -20,6 +20,7 @@ from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.errors import OptiPlanError
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import ORDERS
+from optiplan.robot.mimic_joints import unfold
 from optiplan.robot.self_collision.pair_bounds import LocalBox
 from optiplan.verify.collision_check import checked_robot
 from optiplan.verify.continuous.kept_clearance import KeptClearance, kept_clearances
@@ -71,7 +72,7 @@ class WarmProof:
     """Prove motions of the robot of a problem among obstacles that stand still.
 
     A motion is proved to begin in a state, to keep the limits of position, velocity, acceleration, jerk and torque, to
-    touch nothing, neither itself nor an obstacle, to keep farther than `clearance` from obstacles, and to end at rest.
+    touch nothing, neither itself nor an obstacle, to keep a clearance from obstacles, and to end at rest.
 
     Limits: Bernstein coefficients of each polynomial piece. Torques: values and a bound on their second derivative.
     Distances: on an interval of time with a plane between two bodies, the gap along its normal in the middle, by
@@ -83,20 +84,19 @@ class WarmProof:
 
     Args:
         problem: gives robot, scene and limits; its goal and its task are not looked at.
-        clearance: from obstacles, m, >= 0.
 
     Raises:
         OptiPlanError: the core is missing or does not know the shape of a body.
     """
 
-    def __init__(self, problem: Problem, clearance: float) -> None:
+    def __init__(self, problem: Problem) -> None:
         if core is None:
             raise OptiPlanError("this needs the native core, which is not built: see docs/how-to/install.md")
         robot = checked_robot(problem, VerifyPolicy())
         self._model = model = NativeCollisionModel(robot, problem.scene)
         if model.world is None:
             raise OptiPlanError(f"the native core does not know the shape of {', '.join(model.unknown)}")
-        self.clearance, self._robot, self._limits = clearance, robot, problem.limits
+        self._robot, self._limits = robot, problem.limits
         first = len(model.names) - len(problem.scene.obstacles)
         self._obstacles = {obstacle.name: first + k for k, obstacle in enumerate(problem.scene.obstacles)}
         self._moved: dict[str, Array] = {}
@@ -104,15 +104,15 @@ class WarmProof:
         kinds = np.array([int(max(pair.a, pair.b) >= first) for pair in model.pairs], dtype=np.int64)
         kept = kept_clearances(robot)
         tables = [_table(pair.index, kept[pair.a, pair.b]) for pair in model.pairs if (pair.a, pair.b) in kept]
-        armature = np.array(robot.model.armature) if robot.model.armature.size == robot.n else np.zeros(robot.n)
+        plain = unfold(robot.model)
+        armature = (plain.A**2).T @ np.array(plain.model.armature)  # a follower's turns with its multiplier
         self._core = core.MotionProof.of(model.world, kinds, tables, _rows(problem), armature)
 
-    @property
-    def scope(self) -> tuple[str, ...]:
-        """What a proof is about, in short statements."""
+    def scope(self, clearance: float) -> tuple[str, ...]:
+        """Return what a proof with a clearance from obstacles, m, is about, in short statements."""
         limits = ["position", *(name for name in (*ORDERS[1:], "torque") if self._limited(name))]
         meshes = any(isinstance(body.geometry, coal.BVHModelBase) for body in self._model.geometry.geometryObjects)
-        beyond = f", those with an obstacle by more than {1e3 * self.clearance:g} mm" if self.clearance else ""
+        beyond = f", those with an obstacle by more than {1e3 * clearance:g} mm" if clearance else ""
         trust = "; of non-convex meshes whose hulls meet, as measured less 2e-6 m" if meshes else ""
         return (
             f"limits of {', '.join(limits)}, at all times",
@@ -166,8 +166,14 @@ class WarmProof:
         a, b = (self._model.names[used[k]] for k in found[0])
         return f"'{b}' stands in '{a}'"
 
-    def prove(self, motion: Polynomials, state: Array) -> MotionVerdict:
-        """Prove a motion that begins in a state (3, n): position, velocity and acceleration, rad or m and s."""
+    def prove(self, motion: Polynomials, state: Array, clearance: float = 0.0) -> MotionVerdict:
+        """Prove a motion.
+
+        Args:
+            motion: of degree 15 at most.
+            state: in which it begins (3, n): position, velocity and acceleration, rad or m and s.
+            clearance: from obstacles, m, >= 0.
+        """
         b, c = motion
         if self._sunk:
             return MotionVerdict(self._sunk)
@@ -177,7 +183,7 @@ class WarmProof:
         inside = self._inside(state[0])
         if inside:
             return MotionVerdict(inside)
-        pair, time, distance, touches, own, scene, _, _ = self._core.apart(b, c, self.clearance)
+        pair, time, distance, touches, own, scene, _, _ = self._core.apart(b, c, clearance)
         if pair >= 0:
             return MotionVerdict(self._near(pair, time, distance, touches), time)
         joint, time, value = self._core.torques(b, c)
@@ -207,6 +213,10 @@ class WarmProof:
 
     def _beyond(self, order: int, joint: int, time: float, value: float, limit: float) -> str:
         name = self._robot.joint_names[joint]
+        if order == 12:
+            return (
+                f"large terms of the motion of '{name}' cancel at {time:.3f} s: their sum is known to {value:.2g} only"
+            )
         kind = ORDERS[order if order < 4 else order - 4 if order < 7 else order - 7 if order < 10 else order - 9]
         unit = self._robot.unit(kind, joint)
         if order == 0:

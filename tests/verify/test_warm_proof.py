@@ -53,7 +53,7 @@ def verified(problem, found, state):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_it_agrees_with_the_verifier(name):
     problem = among_boxes(name, 12, 3)
-    proof, rng = WarmProof(problem, 0.0), np.random.default_rng(1)
+    proof, rng = WarmProof(problem), np.random.default_rng(1)
     verdicts = []
     for k in range(24):
         found, state = motion(problem, rng, (0.1, 0.3, 1.0)[k % 3])
@@ -79,13 +79,13 @@ def test_grazing_motions(depth):
         Q = problem.start + rng.uniform(-0.3, 0.3, (2, 7))
         found = Polynomials(*core.chunk_curve(state, Q, core.chunk_times(state, Q, rows), True, rows))
         trajectory = op.Trajectory(problem.robot.joint_names, *found)
-        if not WarmProof(problem, 0.0).prove(found, state).proved:
+        if not WarmProof(problem).prove(found, state).proved:
             continue
         moved = grazing(problem, trajectory, depth)
         if moved is None:
             continue
         judged += 1
-        ours, theirs = WarmProof(moved, 0.0).prove(found, state), verified(moved, found, state)
+        ours, theirs = WarmProof(moved).prove(found, state), verified(moved, found, state)
         assert theirs.verified == (depth > 0.0), theirs
         assert ours.proved == (depth > 0.0), ours
 
@@ -120,8 +120,8 @@ def test_a_body_inside_a_mesh_is_not_apart(tmp_path):
     problem = op.Problem("planar2r", [0.1, 0.2], [0.1, 0.2])
     inside = derived(problem, scene=op.Scene([op.Mesh("shell", file=file, convex=False, position=(0.5, 0.0, 0.0))]))
     found, state = motion(problem, np.random.default_rng(1), 0.2)
-    assert WarmProof(problem, 0.0).prove(found, state).proved
-    verdict, theirs = WarmProof(inside, 0.0).prove(found, state), verified(inside, found, state)
+    assert WarmProof(problem).prove(found, state).proved
+    verdict, theirs = WarmProof(inside).prove(found, state), verified(inside, found, state)
     assert not theirs.verified
     assert not verdict.proved, verdict
 
@@ -129,7 +129,7 @@ def test_a_body_inside_a_mesh_is_not_apart(tmp_path):
 @pytest.mark.parametrize("spoil", ["start", "step", "end", "jerk", "nan"])
 def test_a_motion_that_is_none_is_refused(spoil):
     problem = among_boxes("panda", 4, 1)
-    proof = WarmProof(problem, 0.0)
+    proof = WarmProof(problem)
     found, state = motion(problem, np.random.default_rng(3), 0.1)
     while not proof.prove(found, state).proved:
         found, state = motion(problem, np.random.default_rng(4), 0.1)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from threading import Lock
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -24,7 +25,7 @@ MOST_SET_POINTS = 1000
 AT_REST = 1e-10
 """rad or m per s and s²: a joint that is no faster stands still."""
 
-_kept: WeakKeyDictionary[Problem, dict[float, Prepared]] = WeakKeyDictionary()
+_kept: WeakKeyDictionary[Problem, Prepared] = WeakKeyDictionary()
 
 
 def certify(
@@ -80,7 +81,9 @@ def certify(
         >>> op.certify(problem, ramp, 0.05 * np.arange(1, 11))
         Chunk: proved as it is, 10 set-points, 0.500 s
     """
-    prepared = _prepared(problem, clearance)
+    prepared = _prepared(problem)
+    if not is_finite(clearance) or clearance < 0.0:
+        raise wrong_argument("certify", "clearance", described(clearance), "a distance >= 0, m")
     n = problem.robot.n
     Q, times = _numbers("q", q), None if t is None else _numbers("t", t)
     if Q.ndim != 2 or Q.shape[1] != n or not 1 <= len(Q) <= MOST_SET_POINTS:
@@ -90,31 +93,27 @@ def certify(
         raise wrong_argument("certify", "t", f"an array of shape {times.shape}", f"({len(Q)},): a time a set-point")
     state = _state(problem, start)
     X = _poses(prepared.proof, poses)
-    prepared.proof.place(X)
     rest = start if isinstance(start, Trajectory) else None
-    return ChunkSearch(problem, prepared, Q, times, state, rest, X).chunk()
+    with prepared.lock:  # another thread may have obstacles elsewhere
+        prepared.proof.place(X)
+        return ChunkSearch(problem, prepared, Q, times, state, rest, X, float(clearance)).chunk()
 
 
-def _prepared(problem: Problem, clearance: float) -> Prepared:
+def _prepared(problem: Problem) -> Prepared:
     """Return what is kept of the problem, made where there is none."""
     if not isinstance(problem, Problem):
         raise wrong_argument("certify", "problem", described(problem), "op.Problem(…) or op.load_problem(…)")
-    if not is_finite(clearance) or clearance < 0.0:
-        raise wrong_argument("certify", "clearance", described(clearance), "a distance >= 0, m")
-    known = _kept.setdefault(problem, {})
-    if clearance not in known:
+    if problem not in _kept:
         found = _not_covered(problem)
         if found:
             raise wrong_argument("certify", "problem", found, "one robot among obstacles that stand still")
         try:
-            proof = WarmProof(problem, float(clearance))
+            proof = WarmProof(problem)
         except OptiPlanError as error:
             raise OptiPlanError(f"op.certify: {error}") from None
         limits = problem.limits
-        known.clear()  # of one clearance at a time
-        rows = np.array([limits.lower, limits.upper, *limits.rates])
-        known[clearance] = Prepared(proof, rows)
-    return known[clearance]
+        _kept[problem] = Prepared(proof, np.array([limits.lower, limits.upper, *limits.rates]), Lock())
+    return _kept[problem]
 
 
 def _not_covered(problem: Problem) -> str:

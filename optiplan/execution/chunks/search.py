@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -39,10 +40,14 @@ STANDSTILL = 0.1
 
 
 class Prepared(NamedTuple):
-    """What is kept of a problem: the proof, and limits (5, n) of position, velocity, acceleration and jerk."""
+    """What is kept of a problem, for one thread at a time.
+
+    `limits` (5, n) are those of position, velocity, acceleration and jerk.
+    """
 
     proof: WarmProof
     limits: Array
+    lock: Lock
 
 
 @dataclass(eq=False)
@@ -56,6 +61,7 @@ class ChunkSearch:
     state: Array
     running: Trajectory | None
     poses: Mapping[str, pin.SE3]
+    clearance: float
     times: Array = field(default_factory=lambda: np.empty(0))
 
     def chunk(self) -> Chunk:
@@ -83,11 +89,14 @@ class ChunkSearch:
             self.times = np.concatenate([[0.0], found])[np.cumsum(used)]
         times = self.times[used]
         motion = Polynomials(*core.chunk_curve(self.state, wanted, times, rests, self.prepared.limits))
-        verdict = self.prepared.proof.prove(motion, self.state)
+        verdict = self._prove(motion)
         if verdict.proved and not off:
             return self._answer("proved", _Sent(motion, verdict, float(times[-1]), len(self.Q)))
         reason = off or verdict.reason
         return self._nearest(wanted, times, rests, used, reason) or self._stop(reason, motion, verdict)
+
+    def _prove(self, motion: Polynomials) -> MotionVerdict:
+        return self.prepared.proof.prove(motion, self.state, self.clearance)
 
     def _wrong(self) -> str:
         """Return what is wrong with the numbers, or nothing."""
@@ -124,11 +133,11 @@ class ChunkSearch:
         search = proof.nearest(self.state, wanted, times, rests, limits)
         gentle = False
         for distance in DISTANCES:
-            found = search.step(distance, proof.clearance, WINDOW, WIDTH)
+            found = search.step(distance, self.clearance, WINDOW, WIDTH)
             if found is None:
                 return None
             motion = Polynomials(*found)
-            verdict = proof.prove(motion, self.state)
+            verdict = self._prove(motion)
             if verdict.proved:
                 moved = np.vstack([self.state[:1], search.set_points()])[np.cumsum(used)]
                 change = np.linalg.norm(moved - self.Q, axis=1)
@@ -141,18 +150,18 @@ class ChunkSearch:
 
     def _stop(self, reason: str, motion: Polynomials | None = None, verdict: MotionVerdict | None = None) -> Chunk:
         """Follow the chunk as far as it is proved, and stop; else stop at once."""
-        proof, limits = self.prepared.proof, self.prepared.limits
+        limits = self.prepared.limits
         if motion is not None and verdict is not None:
             for end in self._ends(motion, verdict.time):
                 begun, pieces = motion.breakpoints[: end + 1].copy(), motion.coefficients[:end].copy()
                 found = Polynomials(*core.with_stop(begun, pieces, limits))
-                proved = proof.prove(found, self.state)
+                proved = self._prove(found)
                 if proved.proved:
                     until = float(motion.breakpoints[end])
                     reached = int((self.times <= until + SAME).sum())
                     return self._answer("stopped", _Sent(found, proved, until, reached), reason)
         for found in self._stops():
-            proved = proof.prove(found, self.state)
+            proved = self._prove(found)
             if proved.proved:
                 return self._answer("stopped", _Sent(found, proved), reason)
         return self._answer("refused", _Sent(None, proved), f"{reason}; no stop is proved: {proved.reason}")
@@ -183,7 +192,7 @@ class ChunkSearch:
             return self._stop("the robot is in motion where the chunk ends")
         self.times = self.times if len(self.times) else np.zeros(len(self.Q))
         standing = self._standing()
-        verdict = self.prepared.proof.prove(standing, self.state)
+        verdict = self._prove(standing)
         if not verdict.proved:
             return self._stop(verdict.reason)
         return self._answer("proved", _Sent(standing, verdict, 0.0, len(self.Q)))
@@ -200,7 +209,7 @@ class ChunkSearch:
             nothing if sent.change is None else sent.change,
             reason,
             sent.verdict.clearance,
-            (INTERPOLATION, *self.prepared.proof.scope),
+            (INTERPOLATION, *self.prepared.proof.scope(self.clearance)),
             _problem=self.problem,
             _poses=self.poses,
         )

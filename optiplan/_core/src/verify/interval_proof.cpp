@@ -239,12 +239,13 @@ double IntervalProof::linear(int pair, const Vec3 &n, double half) {
     return -std::max(after, before) - loss;
 }
 
-bool IntervalProof::kept(int pair) const {
+// What is kept of a pair for all configurations that the joints may have here; -infinity without.
+double IntervalProof::kept(int pair) const {
     const int which = kept_of_[pair];
-    if (which < 0) return false;
+    if (which < 0) return -HUGE_VAL;
     double low[64], high[64];
     for (std::size_t j = 0; j < q_.size(); ++j) low[j] = q_[j] - reach_[j], high[j] = q_[j] + reach_[j];
-    return kept_[which].least(low, high) > rules_.clearance[kinds_[pair]] + ROUNDING;
+    return kept_[which].least(low, high);
 }
 
 // A plane farther than `enough` from touching, where one is found; `bound` is the gap along the last one tried.
@@ -278,7 +279,7 @@ bool IntervalProof::separated(int pair, double enough, double &bound) {
     return bound > enough;
 }
 
-// Records the margin proved; false where a better one is worth looking for.
+// Records the margin proved.
 bool IntervalProof::settled(int pair, double margin) {
     double &least = verdict_.least[kinds_[pair]];
     least = std::min(least, margin);
@@ -306,7 +307,8 @@ bool IntervalProof::settle(int pair, const Span &span) {
     }
     const double boxes = world_.lower_bound(at_, pair);
     if (boxes > enough) return settled(pair, boxes - moved - ROUNDING);
-    if (kept(pair)) return true;
+    const double known = kept(pair);
+    if (known > clearance + ROUNDING) return settled(pair, known);
     if (separated(pair, enough, bound)) return settled(pair, bound - moved - ROUNDING);
     if (!part) return false;
     const Shape &a = world_.bodies()[both.a].outline(), &b = world_.bodies()[both.b].outline();

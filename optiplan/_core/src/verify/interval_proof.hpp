@@ -23,7 +23,7 @@ struct IntervalRules {
     double worth = 5e-3;      // m, beyond `clearance`: more is not proved
     double share = 0.5;       // of the distance in the middle beyond `clearance`: more is not proved
     double narrowest = 1e-7;  // s: on shorter intervals the proof is given up
-    int most = 20000;         // intervals
+    int most = 6000;          // intervals
 };
 
 // What stopped a proof: everything before `time` is proved. pair -1: nothing did.
@@ -84,7 +84,7 @@ class IntervalProof {
     double support(int body, const Vec3 &n) const;
     double gap(int pair, const Vec3 &n) const;
     double linear(int pair, const Vec3 &n, double half);
-    bool kept(int pair) const;
+    double kept(int pair) const;
     bool settle(int pair, const Span &span);
     bool separated(int pair, double enough, double &bound);
     bool fail(int pair, const Span &span, double distance, bool touches);

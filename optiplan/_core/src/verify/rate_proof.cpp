@@ -5,7 +5,8 @@
 
 namespace optiplan {
 
-static constexpr int MOST = 16;  // coefficients of a polynomial
+static constexpr int MOST = 16;          // coefficients of a polynomial
+static constexpr double UNIT = 0x1p-53;  // rounding of one operation
 
 bool stays_between(const double *b, int size, double low, double high, int halvings) {
     double least = b[0], most = b[0];
@@ -55,6 +56,14 @@ Beyond beyond_limits(const Curve &curve, const RateLimits &limits) {
                 const int count = bernstein_of(c, size, order, width, b);
                 const double high = order ? limits.rates[order - 1][j] : limits.upper[j];
                 const double low = order ? -high : limits.lower[j];
+                double terms = 0.0, factor = 1.0;
+                for (int k = order; k < size; ++k, factor *= width) {
+                    double term = std::fabs(c[k]) * factor;
+                    for (int f = 0; f < order; ++f) term *= k - f;
+                    terms += term;
+                }
+                const double allowed = order ? ROUNDED * std::min(high, 1e9) : limits.steps[0][j];
+                if (!(UNIT * (size + 1) * terms <= allowed)) return {12, j, begin, UNIT * (size + 1) * terms, allowed};
                 if (order < 3) {
                     double &sum = sums[order * n + j];
                     if (i > 0) sum += std::fabs(b[0] - ends[order * n + j]);

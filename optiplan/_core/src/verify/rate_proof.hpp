@@ -7,6 +7,8 @@
 
 namespace optiplan {
 
+constexpr double ROUNDED = 1e-7;  // share of a limit
+
 // Of all joints (n,), tolerances of the verifier included; infinite where there is none.
 struct RateLimits {
     std::vector<double> lower, upper, rates[3];  // rates: velocity, acceleration, jerk
@@ -14,7 +16,8 @@ struct RateLimits {
 };
 
 // What is beyond its limit first. order: 0 position to 3 jerk; 4 to 6: steps of position, velocity or acceleration; 7
-// to 9: the same off where the motion is to begin; 10 and 11: velocity and acceleration at its end. -1: nothing is.
+// to 9: the same off where the motion is to begin; 10 and 11: velocity and acceleration at its end; 12: large terms
+// cancel, so that rounding may pass `ROUNDED` of a limit. -1: nothing is.
 struct Beyond {
     int order = -1, joint = 0;
     double time = 0.0, value = 0.0, limit = 0.0;
