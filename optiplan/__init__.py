@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from optiplan.control.tasks.other_frames import LookAtTask, RelativePoseTask
     from optiplan.control.tasks.whole_body import CentreOfMassTask, ManipulabilityTask
     from optiplan.errors import InputError, OptiPlanError
+    from optiplan.execution.chunks.certify import certify
+    from optiplan.execution.chunks.chunk import Chunk
     from optiplan.execution.executor import Executor
     from optiplan.execution.status import Status, Stopping, Tick
     from optiplan.geometry.pose import Pose
@@ -110,6 +112,8 @@ _ROOMS = {
     "control.tasks.other_frames": ("LookAtTask", "RelativePoseTask"),
     "control.tasks.whole_body": ("CentreOfMassTask", "ManipulabilityTask"),
     "errors": ("InputError", "OptiPlanError"),
+    "execution.chunks.certify": ("certify",),
+    "execution.chunks.chunk": ("Chunk",),
     "execution.executor": ("Executor",),
     "execution.status": ("Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
@@ -155,6 +159,7 @@ __all__ = [
     "Capsule",
     "CentreOfMassTask",
     "Check",
+    "Chunk",
     "ClearanceLimit",
     "Client",
     "ControlProblem",
@@ -233,6 +238,7 @@ __all__ = [
     "__version__",
     "bench",
     "casadi_problem",
+    "certify",
     "check",
     "execute",
     "ik",

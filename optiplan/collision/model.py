@@ -96,6 +96,11 @@ class CollisionModel:
         bodies = {body for pair in self.pairs for body in (pair.a, pair.b)}
         return any(is_flat(self.geometry.geometryObjects[body].geometry) for body in bodies)
 
+    @property
+    def standing_pairs(self) -> Index:
+        """Return the pairs (K, 2) of a link that no planned joint moves and an obstacle, which are not queried."""
+        return self._standing
+
     def at_times(self, Q: Array, t: Array) -> Array:
         """Return configurations Q (N, n) with the obstacles at times t (N,), s: (N, n + 3 m)."""
         return np.hstack([Q, displacements(self.motions, t)])
