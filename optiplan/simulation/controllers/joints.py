@@ -55,7 +55,8 @@ class PidController:
 class ComputedTorque:
     """tau = M(q) (a_ref + Kd (v_ref - v) + Kp (q_ref - q)) + c(q, v) + g(q), Kp = w², Kd = 2 z w.
 
-    With the right model every joint's error obeys e'' + 2 z w e' + w² e = 0.
+    With the right model every joint's error obeys e'' + 2 z w e' + w² e = 0. Where the reference has a feed-forward of
+    torques, M(q) a_ref + c + g is taken from it.
     """
 
     output: Input = "torque"
@@ -74,8 +75,14 @@ class ComputedTorque:
 
     def torque(self, q: Array, v: Array, target: JointTarget) -> Array:
         """See the class; (n,), N·m (N)."""
-        a = target.ahead_a + self._kd * (target.v - v) + self._kp * (target.q - q)
-        return self._dynamics.torque(q, v, a)
+        feedback = self._kd * (target.v - v) + self._kp * (target.q - q)
+        if target.ahead_torque is not None:
+            return np.asarray(target.ahead_torque + self._dynamics.mass_matrix(q) @ feedback)
+        return self._dynamics.torque(q, v, target.ahead_a + feedback)
+
+    def carry(self, dynamics: RigidBodyDynamics) -> None:
+        """Believe in another model from now on: the robot has taken or released a load."""
+        self._dynamics = dynamics
 
     def command(self, q: Array, v: Array, target: JointTarget | ToolTarget) -> Command:
         """See the class."""

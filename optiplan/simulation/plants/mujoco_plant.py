@@ -29,7 +29,7 @@ class MujocoPlant(TorquePlant):
         """
         super().__init__(robot, step, options)  # its dynamics are for holding and for pushes; the motion is MuJoCo's
         self._mujoco = mujoco_module()
-        self.model: Any = self._mujoco.MjModel.from_xml_string(mjcf(robot, scene, step, options))
+        self.model: Any = self._mujoco.MjModel.from_xml_string(self._mjcf(robot, scene, options))
         self.data: Any = self._mujoco.MjData(self.model)
         joints = [self.model.joint(name) for name in robot.joint_names]
         self._at = np.array([joint.qposadr[0] for joint in joints])
@@ -46,6 +46,9 @@ class MujocoPlant(TorquePlant):
         self._mujoco.mj_forward(self.model, self.data)
         self._note()
         self._take_state()
+
+    def _mjcf(self, robot: Robot, scene: Scene, options: PlantOptions) -> str:
+        return mjcf(robot, scene, self.step, options)
 
     def advance(self, command: Array, steps: int, wrench: pin.Force | None = None) -> Array:
         """Hold the torque `command` (n,), N·m (N), as far as the drives can give it."""
