@@ -2,7 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -31,7 +31,10 @@ RESTING = 5e-3
 UNPLANNED, RESTED = 1, 2
 """What contact of a pair means in a stage: it is unplanned; or it is so away from where the object rests. Else 0."""
 
-_LATER = {"active": "false", "solref": "0.001 1"}
+_HARD = "0.99 0.999 0.001 0.5 2"
+"""Impedance of contacts of objects and of couplings: fingers are light, and press with much."""
+
+_LATER = {"active": "false", "solref": "0.001 1", "solimp": _HARD}
 """Of welds and couplings: none holds at first; their time constant, s, is four steps of the plant."""
 
 _MEETING = "0.002 1"
@@ -164,7 +167,7 @@ class TaskObjects:
         for k, stage in enumerate(stages):
             before, after = held[k - 1] if k else {}, held[k + 1] if k + 1 < len(stages) else {}
             for t, others in ((stage.begin, before), (ends[k], after)):
-                changed = [body for name, body in held[k].items() if name in self.names and name not in others]
+                changed = [body for name, body in held[k].items() if name in self.names and not _same(body, others)]
                 if not changed:
                     continue
                 q = np.asarray(trajectory(t))
@@ -209,6 +212,8 @@ class TaskObjects:
                 if own:
                     pair.set("friction", f"{friction} {friction} 0.005 0.0001 0.0001")
                     pair.set("solref", _MEETING)
+                    pair.set("solreffriction", "0.0005 1")
+                    pair.set("solimp", _HARD)
         for name, link in self.holders:
             bodies = {"body1": _carrier(self.robot, link), "body2": name}
             ET.SubElement(equality, "weld", {"name": weld_name(name, link), **bodies, **_LATER})
@@ -217,6 +222,11 @@ class TaskObjects:
             closing = next(f for stage in self.stages for f in stage.fingers.values() if {i, j} <= set(f))
             joints = {"joint1": names[i], "joint2": names[j], "polycoef": f"0 {closing[i] * closing[j]} 0 0 0"}
             ET.SubElement(equality, "joint", {"name": coupling_name(i, j), **joints, **_LATER})
+
+
+def _same(body: Attachment, others: Mapping[str, Attachment]) -> bool:
+    """Whether the same link holds a body among others."""
+    return body.name in others and others[body.name].link == body.link
 
 
 def coupling_name(a: int, b: int) -> str:

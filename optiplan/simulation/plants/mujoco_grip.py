@@ -1,6 +1,5 @@
 """Grips by friction in MuJoCo: fingers press, and how much of what friction can hold is needed."""
 
-from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,7 +16,7 @@ CLOSED = 0.5
 class FingerGrip:
     """The fingers of a robot that hold the objects of a task by friction.
 
-    Where a task closes fingers on an object, they press with a constant force, coupled as by one drive, and contacts of
+    Where a task closes fingers on an object, each presses with a constant force, coupled as by one drive, and contacts of
     MuJoCo hold it. Where it closes none, a weld holds, and two pads stand for fingers in the figures: they press along
     y of the tool frame, or of the link that holds.
 
@@ -28,6 +27,11 @@ class FingerGrip:
     def __init__(self, mujoco: Any, model: Any, data: Any, objects: TaskObjects) -> None:
         assert objects.grip is not None
         self._mujoco, self._model, self._data, self._objects, self._grip = mujoco, model, data, objects, objects.grip
+        robot = objects.robot
+        self._following = {
+            int(model.joint(name).dofadr[0]): (robot.joint_names.index(mimic.source), float(np.sign(mimic.multiplier)))
+            for name, mimic in robot.followers.items()
+        }
         self._pressing: dict[int, float] = {}
         self._holding: dict[str, tuple[set[int], float]] = {}
         self._closed: set[str] = set()
@@ -35,15 +39,16 @@ class FingerGrip:
 
     def enter(self, stage: Stage, q: Array) -> None:
         """Press on what a stage says, with the joints at q (n,), rad or m."""
-        robot = self._objects.robot
-        followers = Counter(mimic.source for mimic in robot.followers.values())
         self._pressing, self._holding = {}, {}
+        self._data.qfrc_applied[list(self._following)] = 0.0
         for name in stage.pressed:
-            fingers = {j: 1 + followers[robot.joint_names[j]] for j in stage.fingers[name]}
-            directions = stage.fingers[name]
-            self._pressing |= {j: directions[j] * count * self._grip.force for j, count in fingers.items()}
+            force = {j: direction * self._grip.force for j, direction in stage.fingers[name].items()}
+            led = [(dof, factor * force[j]) for dof, (j, factor) in self._following.items() if j in force]
+            for dof, value in led:
+                self._data.qfrc_applied[dof] = value
+            self._pressing |= force
             touching = self._objects.meetings_with(name, self._objects.finger_links(stage, name))
-            self._holding[name] = touching, self._grip.force * sum(fingers.values())
+            self._holding[name] = touching, self._grip.force * (len(force) + len(led))
         self._closed &= stage.pressed
         for a, b in self._objects.coupled:
             coupling = int(self._model.equality(coupling_name(a, b)).id)
@@ -63,11 +68,14 @@ class FingerGrip:
     def measure(self, meetings: Index, welded: Mapping[str, str]) -> None:
         """Look at the contacts of the present state, between these meetings (contacts,), and at what welds hold."""
         for name, (touching, expected) in self._holding.items():
-            normal = needed = 0.0
+            body = self._model.body(name).id
+            normal, along = 0.0, np.zeros(3)
             for k in np.flatnonzero(np.isin(meetings, list(touching))).tolist():
                 self._mujoco.mj_contactForce(self._model, self._data, k, self._wrench)
                 normal += float(self._wrench[0])
-                needed += float(np.hypot(self._wrench[1], self._wrench[2]))
+                way = 1.0 if self._model.geom_bodyid[self._data.contact[k].geom[1]] == body else -1.0
+                along += way * (self._wrench[1:3] @ self._data.contact[k].frame[3:].reshape(2, 3))
+            needed = float(np.linalg.norm(along))
             if normal > CLOSED * expected:
                 self._closed.add(name)
             if name in self._closed:
