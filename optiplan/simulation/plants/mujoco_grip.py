@@ -16,12 +16,13 @@ CLOSED = 0.5
 class FingerGrip:
     """The fingers of a robot that hold the objects of a task by friction.
 
-    Where a task closes fingers on an object, each presses with a constant force, coupled as by one drive, and contacts of
-    MuJoCo hold it. Where it closes none, a weld holds, and two pads stand for fingers in the figures: they press along
-    y of the tool frame, or of the link that holds.
+    Where a task closes fingers on an object, each presses with a constant force, coupled as by one drive, and contacts
+    of MuJoCo hold it. Where it closes none, a weld holds, and two pads stand for fingers in the figures: they press
+    along y of the tool frame, or of the link that holds.
 
-    The load is the share of friction that is needed, |f_t| / (mu f_n): sums over the contacts of an object's fingers;
-    for pads, f_t is m (a - g) without its part along y, and f_n = 2 F.
+    The load is the share of friction that is needed, |f_t| / (mu f_n), without moments. Of an object's fingers, f_t is
+    the sum of their forces along their surfaces and f_n that of the normal ones; of two pads, f_t is m (a - g) without
+    its part along y, and f_n = 2 F.
     """
 
     def __init__(self, mujoco: Any, model: Any, data: Any, objects: TaskObjects) -> None:

@@ -109,7 +109,7 @@ class MujocoTaskPlant(MujocoPlant):
             return
         contact, meaning = self.data.contact, self._objects.meaning[self._stage]
         found = self.meetings(*contact.geom[contact.dist < -TOUCHING].T)
-        for k in np.unique(found[meaning[found] > 0]).tolist():
+        for k in set(found[meaning[found] > 0].tolist()):
             a, b = self._objects.pair_names(k)
             if meaning[k] != RESTED or not (self._rests(a, b) or self._rests(b, a)):
                 self._touched.add((min(a, b), max(a, b)))
