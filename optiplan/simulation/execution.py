@@ -19,7 +19,7 @@ from optiplan.simulation.plants.task_plant import CarryingPlant, FrictionGrip, o
 from optiplan.simulation.references.executed import ExecutedReference
 from optiplan.simulation.references.joints import TrajectoryReference
 from optiplan.simulation.tasks.course import NOTHING_HELD, TaskCourse
-from optiplan.simulation.tasks.stages import Stage, stages_of
+from optiplan.simulation.tasks.stages import TaskStage, stages_of
 from optiplan.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def torque_plant(problem: Problem, engine: Engine, q: Array, step: float, option
 
 
 def task_plant(
-    problem: Problem, trajectory: Trajectory, stages: list[Stage], options: ExecutionOptions, made: PlantOptions
+    problem: Problem, trajectory: Trajectory, stages: list[TaskStage], options: ExecutionOptions, made: PlantOptions
 ) -> "CarryingPlant | MujocoTaskPlant":
     """Return the plant of a task's robot and objects, at the start of a motion."""
     if options.engine == "mujoco":

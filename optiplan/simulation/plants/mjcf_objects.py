@@ -19,7 +19,7 @@ from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.mjcf import inertial_of, pose_of
 from optiplan.simulation.plants.task_plant import FRICTION, FrictionGrip, objects_of
-from optiplan.simulation.tasks.stages import Stage
+from optiplan.simulation.tasks.stages import TaskStage
 from optiplan.trajectory.trajectory import Trajectory
 
 LIGHT = 0.01
@@ -74,7 +74,7 @@ class TaskObjects:
     """
 
     def __init__(
-        self, problem: Problem, trajectory: Trajectory, stages: Sequence[Stage], grip: FrictionGrip | None
+        self, problem: Problem, trajectory: Trajectory, stages: Sequence[TaskStage], grip: FrictionGrip | None
     ) -> None:
         self.names, self.grip, self.stages = objects_of(problem), grip, list(stages)
         self.start: Array = np.asarray(trajectory.start)
@@ -130,7 +130,7 @@ class TaskObjects:
         frame = tool if tool.parentJoint == own.parentJoint else own
         return _carrier(self.robot, link), np.array(frame.placement.rotation[:, 1])
 
-    def finger_links(self, stage: Stage, name: str) -> set[str]:
+    def finger_links(self, stage: TaskStage, name: str) -> set[str]:
         """Return the links whose friction holds an object in a stage."""
         robot = self.robot
         if self.grip is None or name not in stage.fingers:
@@ -140,7 +140,7 @@ class TaskObjects:
         bodies = enumerate(robot.geometry.geometryObjects)
         return {robot.link_of(k) for k, body in bodies if robot.model.names[body.parentJoint] in moved}
 
-    def _judged(self, stage: Stage, meeting: Meeting, planned: bool) -> tuple[bool, int]:
+    def _judged(self, stage: TaskStage, meeting: Meeting, planned: bool) -> tuple[bool, int]:
         """Return whether a pair has contact in a stage, and what that means; `planned`: the plan keeps it apart."""
         pair = self.bodies[meeting.a], self.bodies[meeting.b]
         objects = [name for name in pair if name in self.names]
@@ -158,7 +158,7 @@ class TaskObjects:
         return planned, RESTED if rests else UNPLANNED
 
     def _find_rests(
-        self, stages: Sequence[Stage], models: Sequence[CollisionModel], trajectory: Trajectory
+        self, stages: Sequence[TaskStage], models: Sequence[CollisionModel], trajectory: Trajectory
     ) -> dict[str, list[tuple[str, Array]]]:
         """Return what held objects are near to where they are taken or released; see `rests`."""
         found: dict[str, list[tuple[str, Array]]] = {}

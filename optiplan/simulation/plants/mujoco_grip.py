@@ -7,7 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array, Index
 from optiplan.simulation.plants.mjcf_objects import TaskObjects, coupling_name
-from optiplan.simulation.tasks.stages import Stage
+from optiplan.simulation.tasks.stages import TaskStage
 
 CLOSED = 0.5
 """Share of the force of all fingers from which on a grip counts as closed."""
@@ -38,7 +38,7 @@ class FingerGrip:
         self._closed: set[str] = set()
         self._most, self._wrench = 0.0, np.zeros(6)
 
-    def enter(self, stage: Stage, q: Array) -> None:
+    def enter(self, stage: TaskStage, q: Array) -> None:
         """Press on what a stage says, with the joints at q (n,), rad or m."""
         self._pressing, self._holding = {}, {}
         self._data.qfrc_applied[list(self._following)] = 0.0

@@ -17,7 +17,7 @@ from optiplan.simulation.plants.mjcf import SEPARATOR, mjcf
 from optiplan.simulation.plants.mjcf_objects import RESTED, RESTING, TaskObjects, weld_name
 from optiplan.simulation.plants.mujoco_grip import FingerGrip
 from optiplan.simulation.plants.mujoco_plant import TOUCHING, MujocoPlant
-from optiplan.simulation.tasks.stages import Stage
+from optiplan.simulation.tasks.stages import TaskStage
 
 APART = 1.0
 """m; bodies of an inactive pair may overlap by as much without force."""
@@ -56,7 +56,7 @@ class MujocoTaskPlant(MujocoPlant):
         """Return the meeting of each two geoms of a and b (K,), its place in `TaskObjects.meetings`: (K,)."""
         return np.asarray(self._meeting[self._body[a], self._body[b]])
 
-    def enter(self, stage: Stage, actions: Sequence[Attach | Detach]) -> None:
+    def enter(self, stage: TaskStage, actions: Sequence[Attach | Detach]) -> None:
         """See `TaskPlant`."""
         self._stage = self._objects.stages.index(stage)
         active = self._objects.active[self._stage][self._of_pair]

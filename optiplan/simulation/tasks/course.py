@@ -12,7 +12,7 @@ from optiplan.simulation.log import Log
 from optiplan.simulation.plants.base import Payload, assumed_dynamics
 from optiplan.simulation.plants.task_plant import TaskPlant
 from optiplan.simulation.tasks.objects import object_logs
-from optiplan.simulation.tasks.stages import Stage, stage_at
+from optiplan.simulation.tasks.stages import TaskStage, stage_at
 
 
 class Course:
@@ -38,7 +38,7 @@ class TaskCourse(Course):
 
     def __init__(
         self,
-        stages: Sequence[Stage],
+        stages: Sequence[TaskStage],
         names: Sequence[str],
         plant: TaskPlant,
         controller: ComputedTorque,

@@ -8,11 +8,11 @@ import pinocchio as pin
 from optiplan.arrays import Array, Index
 from optiplan.robot.frames import frame_pose, frame_poses
 from optiplan.simulation.log import Log, ObjectLog
-from optiplan.simulation.tasks.stages import Stage
+from optiplan.simulation.tasks.stages import TaskStage
 
 
 def object_logs(
-    names: Sequence[str], stages: Sequence[Stage], poses: Array, entered: Index, log: Log, end: Array
+    names: Sequence[str], stages: Sequence[TaskStage], poses: Array, entered: Index, log: Log, end: Array
 ) -> dict[str, ObjectLog]:
     """Return what became of each object.
 
@@ -37,7 +37,7 @@ def object_logs(
     return found
 
 
-def _planned(stage: Stage, name: str, q: Array) -> pin.SE3:
+def _planned(stage: TaskStage, name: str, q: Array) -> pin.SE3:
     """Return the pose of an object of a scene, with the joints at q (n,)."""
     for body in stage.problem.scene.attached:
         if body.name == name:
@@ -45,7 +45,7 @@ def _planned(stage: Stage, name: str, q: Array) -> pin.SE3:
     return next(body.X_WO for body in stage.problem.scene.obstacles if body.name == name)
 
 
-def _slips(stages: Sequence[Stage], name: str, poses: Array, entered: Index, Q: Array) -> Iterator[float]:
+def _slips(stages: Sequence[TaskStage], name: str, poses: Array, entered: Index, Q: Array) -> Iterator[float]:
     """Return how far an object moved in the link that held it, m, each time that it was held.
 
     Poses (K, 7), stages (K,) and joints Q (K, n) are of the same times. Fingers hold from the time when they press.

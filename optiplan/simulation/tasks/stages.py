@@ -14,7 +14,7 @@ from optiplan.trajectory.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class TaskStage:
     """A stretch of a motion.
 
     Attributes:
@@ -32,15 +32,15 @@ class Stage:
     pressed: frozenset[str] = frozenset()
 
 
-def stages_of(problem: Problem, trajectory: Trajectory) -> list[Stage]:
+def stages_of(problem: Problem, trajectory: Trajectory) -> list[TaskStage]:
     """Return the stages of a motion, in order; one of a motion to a goal.
 
     Raises:
         ValueError: the segments of the motion are not the steps of the task.
     """
     if not problem.task:
-        return [Stage(0.0, problem)]
-    found = [Stage(part.begin, part.problem) for part in scene_parts(problem, trajectory)]
+        return [TaskStage(0.0, problem)]
+    found = [TaskStage(part.begin, part.problem) for part in scene_parts(problem, trajectory)]
     last = problem.scene
     for step, scene, begin, _ in steps_in_time(problem, trajectory):
         last = scene
@@ -49,14 +49,14 @@ def stages_of(problem: Problem, trajectory: Trajectory) -> list[Stage]:
         last = scene_after(scene, step.action, problem.robot, trajectory(begin))
         k = int(np.searchsorted([stage.begin for stage in found], begin))
         if k == len(found):
-            found.append(Stage(begin, part_problem(problem, last.later(begin))))
+            found.append(TaskStage(begin, part_problem(problem, last.later(begin))))
         elif k == len(found) - 1 and found[k].begin == trajectory.duration:  # several events at the end
             found[k] = replace(found[k], problem=part_problem(problem, last.later(begin)))
         found[k] = replace(found[k], actions=(*found[k].actions, step.action))
     return _with_grips(found, problem, trajectory)
 
 
-def stage_at(stages: Sequence[Stage], places: Array) -> Array:
+def stage_at(stages: Sequence[TaskStage], places: Array) -> Array:
     """Return the index of the stage at places (K,), s of the planned motion: (K,)."""
     begins = np.array([stage.begin for stage in stages])
     return np.maximum(np.searchsorted(begins, places, side="right") - 1, 0)
@@ -74,7 +74,7 @@ class _Grip:
     released: float
 
 
-def _with_grips(stages: list[Stage], problem: Problem, trajectory: Trajectory) -> list[Stage]:
+def _with_grips(stages: list[TaskStage], problem: Problem, trajectory: Trajectory) -> list[TaskStage]:
     """Return the stages with fingers that hold, cut where they begin and end to press."""
     for grip in _grips(problem, trajectory):
         for cut in (grip.closed, grip.opens):
