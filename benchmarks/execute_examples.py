@@ -6,7 +6,7 @@
 Each problem is planned by its own planner. Its run is executed by `op.execute` in MuJoCo and in our own plant, with
 the set-points and torques of an `op.Executor` whose speed changes at random, which pauses and goes back now and then.
 Runs that the executor refuses, such as those among obstacles that move by the clock, are executed at the planned speed;
-the table says so. Tasks are executed once more with grips by friction. Problems of robots without inertias are left
+the table says so. Tasks are executed once more with grips by friction, robots with a mecanum base on wheels. Problems of robots without inertias are left
 out. The last line printed is JSON. Exit code 1: a tool error above 1 mm RMS, a contact, or an object that ends farther
 than 2 mm from the plan; grips by friction are reported, not judged.
 """
@@ -40,6 +40,7 @@ HEADINGS = (
     "contact",
     "objects mm own / MuJoCo",
     "by friction: objects / slip mm, margin %",
+    "on wheels: tool mm RMS / max, drift mm a m",
 )
 
 
@@ -82,6 +83,8 @@ def executed(file: Path, budget: float, seed: int) -> dict[str, Any] | str:
     speed, ways = "at random", {"own": {}, "mujoco": {}}
     if run.problem.task:
         ways["friction"] = {"engine": "mujoco", "grip": "friction"}
+    if run.problem.robot.mecanum is not None:
+        ways["wheels"] = {"engine": "mujoco", "wheels": True}
     try:
         op.Executor(run)
     except op.InputError as error:
@@ -94,7 +97,7 @@ def executed(file: Path, budget: float, seed: int) -> dict[str, Any] | str:
         except op.InputError as error:
             return error.issues[0].found
     figures = {name: told(log) for name, log in logs.items()}
-    bad = [f"{name}: {fault}" for name in ("own", "mujoco") for fault in faults(logs[name])]
+    bad = [f"{name}: {fault}" for name in ("own", "mujoco", "wheels") if name in logs for fault in faults(logs[name])]
     return {"problem": file.stem, "speed": speed, "planned": run.duration, "bad": bad, **figures}
 
 
@@ -142,6 +145,7 @@ def told(log: Log) -> dict[str, Any]:
         "saturated": float(log.tracking.saturated.max()),
         "objects": objects,
         "slip_margin": log.slip_margin,
+        "wheels": log.wheels and vars(log.wheels),
     }
 
 
@@ -159,6 +163,11 @@ def cells(row: dict[str, Any]) -> list[str]:
     gripped = "–"
     if friction is not None:
         gripped = f"{worst(friction, 'error'):.2f} / {worst(friction, 'slip'):.2f}, {100 * friction['slip_margin']:.0f}"
+    rolled = "–"
+    if "wheels" in row:
+        rolled = (
+            f"{tool(row['wheels'])}, {1e3 * row['wheels']['wheels']['drift'] / row['wheels']['wheels']['travel']:.1f}"
+        )
     return [
         row["problem"],
         row["speed"].partition(":")[0],
@@ -168,6 +177,7 @@ def cells(row: dict[str, Any]) -> list[str]:
         "**yes**" if own["touched"] or mujoco["touched"] else "no",
         objects,
         gripped,
+        rolled,
     ]
 
 

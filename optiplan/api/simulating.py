@@ -52,6 +52,7 @@ def execute(
     *,
     speeds: Speeds | None = None,
     grip: str | FrictionGrip = "weld",
+    wheels: bool = False,
     delay: float = 0.0,
     payload: float = 0.0,
     frequency: float = 10.0,
@@ -65,12 +66,13 @@ def execute(
             called with the `Executor` before every tick of 1 ms, and may change its speed, pause it and reverse it.
             The set-points and torques are then those of the executor. None: as planned.
         grip: `weld`, or by friction in MuJoCo: `friction`, or an `op.FrictionGrip` with its figures.
+        wheels: whether a mecanum base drives on wheels with rollers, in MuJoCo; else its joints have drives.
         delay: s from measurement to torque; a multiple of the plant's step of 0.25 ms.
         payload: kg at the tool that the controller does not know of.
         frequency: Hz, of the controller's error dynamics.
 
     Returns:
-        The log: `tracking` (errors of joints and tool), `contacts`, `objects`, `report`, arrays over time.
+        The log: `tracking` (errors of joints and tool), `contacts`, `objects`, `wheels`, `report`, arrays over time.
 
     Raises:
         InputError: a run without a motion, a robot whose joints move no inertia, a run that the executor refuses, an
@@ -92,12 +94,17 @@ def execute(
     for name, value, least in (("delay", delay, 0.0), ("payload", payload, 0.0), ("frequency", frequency, 1e-3)):
         if not is_finite(value) or value < least:
             raise wrong_argument("execute", name, described(value), f"a finite number >= {least:g}")
+    if wheels and engine != "mujoco":
+        raise wrong_argument(
+            "execute", "wheels", f"{wheels!r} with the engine '{engine}'", "the engine mujoco, or False"
+        )
     options = ExecutionOptions(
         engine="mujoco" if engine == "mujoco" else "own",
         frequency=frequency,
         payload=Payload(payload, 0.0) if payload else None,
         imperfections=Imperfections(delay=delay),
         grip=_grip(grip, engine),
+        wheels=bool(wheels),
     )
     reference = None if speeds is None else ExecutedReference(run, _speeds(speeds), options.dt)
     return follow(run.problem, run.trajectory, options, reference)

@@ -8,12 +8,13 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.problem.problem import Problem
 from optiplan.simulation.closed_loop import Loop, simulate
-from optiplan.simulation.controllers.joints import ComputedTorque
+from optiplan.simulation.controllers.joints import ComputedTorque, WheeledTorque
 from optiplan.simulation.execution_report import execution_report
 from optiplan.simulation.log import Log
 from optiplan.simulation.plants.base import Payload, Plant, PlantOptions, assumed_dynamics
 from optiplan.simulation.plants.dynamics import check_inertias
 from optiplan.simulation.plants.imperfections import PERFECT, Imperfections
+from optiplan.simulation.plants.mecanum_wheels import MecanumWheels
 from optiplan.simulation.plants.rigid_body import RigidBodyPlant
 from optiplan.simulation.plants.task_plant import CarryingPlant, FrictionGrip, objects_of
 from optiplan.simulation.references.executed import ExecutedReference
@@ -40,6 +41,7 @@ class ExecutionOptions:
         payload: at the tool, of which the controller may know another mass.
         imperfections: of measurement and timing.
         grip: of the objects of a task, in MuJoCo; None: welds.
+        wheels: whether a mecanum base drives on its wheels, in MuJoCo; else its joints have drives.
     """
 
     engine: Engine = "own"
@@ -50,6 +52,7 @@ class ExecutionOptions:
     payload: Payload | None = None
     imperfections: Imperfections = PERFECT
     grip: FrictionGrip | None = None
+    wheels: bool = False
 
 
 def execute(
@@ -73,12 +76,13 @@ def execute(
     """
     robot = problem.robot
     check_inertias(robot)
+    start = np.asarray(trajectory.start)
     made = PlantOptions(payload=options.payload, velocity=trajectory(np.zeros(1), 1)[0])
-    controller = ComputedTorque(assumed_dynamics(robot, options.payload), options.frequency)
-    course = None
+    wheels, course = MecanumWheels(robot) if options.wheels else None, None
+    controller = _controller(problem, options, wheels)
     if problem.task:
         stages = stages_of(problem, trajectory)
-        plant = task_plant(problem, trajectory, stages, options, made)
+        plant = task_plant(problem, trajectory, stages, options, made, wheels)
         course = TaskCourse(stages, objects_of(problem), plant, controller, options.payload)
         course.places = course.places if reference is None else reference.places
     loop = Loop(
@@ -86,9 +90,7 @@ def execute(
         limits=problem.limits,
         reference=TrajectoryReference(trajectory) if reference is None else reference,
         controller=controller,
-        plant=torque_plant(problem, options.engine, np.asarray(trajectory.start), options.step, made)
-        if course is None
-        else plant,
+        plant=plant if problem.task else torque_plant(problem, options.engine, start, options.step, made, wheels),
         dt=options.dt,
         settle=options.settle,
         imperfections=options.imperfections,
@@ -98,25 +100,46 @@ def execute(
     log = simulate(loop)
     if course is not None:
         log = course.finished(log, np.asarray(trajectory.end), options.grip is not None)
+    log = replace(log, wheels=None if wheels is None else wheels.log())
     return replace(log, report=execution_report(log, robot, problem.limits))
 
 
-def torque_plant(problem: Problem, engine: Engine, q: Array, step: float, options: PlantOptions) -> Plant:
+def _controller(problem: Problem, options: ExecutionOptions, wheels: MecanumWheels | None) -> ComputedTorque:
+    dynamics = assumed_dynamics(problem.robot, options.payload)
+    if wheels is None:
+        return ComputedTorque(dynamics, options.frequency)
+    return WheeledTorque(dynamics, options.frequency, wheels.aim)
+
+
+def torque_plant(
+    problem: Problem,
+    engine: Engine,
+    q: Array,
+    step: float,
+    options: PlantOptions,
+    wheels: MecanumWheels | None = None,
+) -> Plant:
     """Return the plant of a problem's robot in its scene, at q (n,), rad or m, with a step, s."""
     if engine == "mujoco":
         from optiplan.simulation.plants.mujoco_plant import MujocoPlant
 
-        return MujocoPlant(problem.robot, problem.scene, q, step, options)
+        return MujocoPlant(problem.robot, problem.scene, q, step, options, wheels)
     return RigidBodyPlant(problem.robot, q, step, options)
 
 
 def task_plant(
-    problem: Problem, trajectory: Trajectory, stages: list[TaskStage], options: ExecutionOptions, made: PlantOptions
+    problem: Problem,
+    trajectory: Trajectory,
+    stages: list[TaskStage],
+    options: ExecutionOptions,
+    made: PlantOptions,
+    wheels: MecanumWheels | None,
 ) -> "CarryingPlant | MujocoTaskPlant":
     """Return the plant of a task's robot and objects, at the start of a motion."""
     if options.engine == "mujoco":
         from optiplan.simulation.plants.mjcf_objects import TaskObjects
         from optiplan.simulation.plants.mujoco_tasks import MujocoTaskPlant
 
-        return MujocoTaskPlant(problem, TaskObjects(problem, trajectory, stages, options.grip), options.step, made)
+        objects = TaskObjects(problem, trajectory, stages, options.grip)
+        return MujocoTaskPlant(problem, objects, options.step, made, wheels)
     return CarryingPlant(problem, np.asarray(trajectory.start), options.step, made)

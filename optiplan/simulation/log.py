@@ -92,6 +92,22 @@ class ObjectLog:
         return {"offset": self.offset.tolist(), "error": self.error, "turn": self.turn, "slip": self.slip}
 
 
+@dataclass(frozen=True)
+class WheelLog:
+    """What the wheels of a base did.
+
+    Attributes:
+        drift: m, from where their rates say that the base is at the end to where it is; `turn_drift`: rad.
+        travel: m, on which it drifted.
+        lift: m, farthest that the base went up or down on its rollers.
+    """
+
+    drift: float
+    turn_drift: float
+    travel: float
+    lift: float
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """A closed loop that was run.
@@ -115,6 +131,7 @@ class Log:
         objects: of a task, by name.
         slip_margin: least share of the friction of grips that was left; negative where more was needed than there is;
             None without such grips.
+        wheels: of a base that drives on wheels; else None.
         report: of an execution, the rows of a report: see `optiplan.simulation.execution_report`.
     """
 
@@ -136,6 +153,7 @@ class Log:
     stopped: str = ""
     objects: Mapping[str, ObjectLog] = field(default_factory=dict)
     slip_margin: float | None = None
+    wheels: WheelLog | None = None
     report: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -170,6 +188,7 @@ class Log:
             "stopped": self.stopped,
             "objects": {name: found.to_dict() for name, found in self.objects.items()},
             "slip_margin": self.slip_margin,
+            "wheels": self.wheels and vars(self.wheels),
         }
 
     def __repr__(self) -> str:

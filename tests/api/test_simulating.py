@@ -29,6 +29,8 @@ def test_speeds_are_those_of_an_executor(run):
         ({"speeds": [0.5]}, r"speeds\[0\]"),
         ({"grip": "glue"}, "grip.*weld, friction"),
         ({"grip": "friction"}, "grip.*mujoco"),
+        ({"wheels": True}, "wheels.*mujoco"),
+        ({"engine": "mujoco", "wheels": True}, "wheels.*'panda'.*delbot"),
         ({"grip": op.FrictionGrip(20.0)}, "grip.*mujoco"),
     ],
 )

@@ -3,6 +3,8 @@
 Source: B. Siciliano et al., Robotics: Modelling, Planning and Control, sections 8.5.1 and 8.5.2.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from optiplan.arrays import Array
@@ -88,6 +90,21 @@ class ComputedTorque:
         """See the class."""
         assert isinstance(target, JointTarget)
         return Command(self.torque(q, v, target), target.q)
+
+
+class WheeledTorque(ComputedTorque):
+    """Computed torque of a robot on wheels, which are told where their base should be."""
+
+    def __init__(self, dynamics: RigidBodyDynamics, frequency: float, aim: Callable[[Array, Array], None]) -> None:
+        """Set the gains; `aim` is told the wanted q and v (n,) of each period, see `MecanumWheels`."""
+        super().__init__(dynamics, frequency)
+        self._aim = aim
+
+    def command(self, q: Array, v: Array, target: JointTarget | ToolTarget) -> Command:
+        """See `ComputedTorque`."""
+        assert isinstance(target, JointTarget)
+        self._aim(target.q, target.v)
+        return super().command(q, v, target)
 
 
 class VelocityTracking:

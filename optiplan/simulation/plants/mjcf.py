@@ -22,6 +22,7 @@ from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.base import NOMINAL, PlantOptions
 
 if TYPE_CHECKING:
+    from optiplan.simulation.plants.mecanum_wheels import MecanumWheels
     from optiplan.simulation.plants.mjcf_objects import TaskObjects
 
 SEPARATOR = "#"
@@ -36,7 +37,12 @@ _REACH = 100.0  # m; half the side of what stands for a half-space in pictures; 
 
 
 def mjcf(
-    robot: Robot, scene: Scene, step: float, options: PlantOptions = NOMINAL, objects: "TaskObjects | None" = None
+    robot: Robot,
+    scene: Scene,
+    step: float,
+    options: PlantOptions = NOMINAL,
+    objects: "TaskObjects | None" = None,
+    wheels: "MecanumWheels | None" = None,
 ) -> str:
     """The MJCF text of a robot in a scene.
 
@@ -49,6 +55,7 @@ def mjcf(
         scene: obstacles and held objects.
         step: of the integration, s.
         options: friction (`damping` and `frictionloss` of MuJoCo), payload, rotor inertia (`armature`).
+        wheels: that carry the base of the robot; None: its joints do.
         objects: obstacles that are free bodies, and the pairs that may meet; None: none, and those of `CollisionModel`.
     """
     root = ET.Element("mujoco", model=robot.name)
@@ -68,6 +75,9 @@ def mjcf(
         for a in parts[pair.a]:
             for b in parts[pair.b]:
                 ET.SubElement(contact, "pair", geom1=a, geom2=b, condim="1")
+    if wheels is not None:
+        option.set("cone", "elliptic")
+        wheels.add(world, nodes[robot.model.getJointId(wheels.turning)], contact)
     equality = ET.SubElement(root, "equality")
     _followers(robot, equality)
     if objects is not None:

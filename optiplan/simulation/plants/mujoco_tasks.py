@@ -13,10 +13,11 @@ from optiplan.problem.task.steps import Attach, Detach
 from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.base import NOMINAL, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
+from optiplan.simulation.plants.mecanum_wheels import MecanumWheels
 from optiplan.simulation.plants.mjcf import SEPARATOR, mjcf
 from optiplan.simulation.plants.mjcf_objects import RESTED, RESTING, TaskObjects, weld_name
 from optiplan.simulation.plants.mujoco_grip import FingerGrip
-from optiplan.simulation.plants.mujoco_plant import TOUCHING, MujocoPlant
+from optiplan.simulation.plants.mujoco_plant import MujocoPlant
 from optiplan.simulation.tasks.stages import TaskStage
 
 APART = 1.0
@@ -30,14 +31,24 @@ class MujocoTaskPlant(MujocoPlant):
     by a weld, where it really is, or by the friction of its fingers, which then press with a constant force.
     """
 
-    def __init__(self, problem: Problem, found: TaskObjects, step: float, options: PlantOptions = NOMINAL) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        found: TaskObjects,
+        step: float,
+        options: PlantOptions = NOMINAL,
+        wheels: MecanumWheels | None = None,
+    ) -> None:
         """Begin at the start of the motion of which the objects are found; the rest as of `MujocoPlant`."""
         self._objects, self._stage = found, -1
-        super().__init__(found.robot, found.scene, found.start, step, options)
+        super().__init__(found.robot, found.scene, found.start, step, options, wheels)
         self._robot, self._options = problem.robot, options
         names = [self.model.geom(k).name for k in range(self.model.ngeom)]
-        self._body = np.array([int(name.rpartition(SEPARATOR)[2].partition(".")[0]) for name in names], np.intp)
-        self._meeting = np.full((len(found.bodies), len(found.bodies)), -1, np.intp)
+        count = len(found.bodies)  # which stands for geoms of wheels, whose meetings are -1
+        self._body = np.array(
+            [int(n.rpartition(SEPARATOR)[2].partition(".")[0]) if SEPARATOR in n else count for n in names]
+        )
+        self._meeting = np.full((count + 1, count + 1), -1, np.intp)
         for k, one in enumerate(found.meetings):
             self._meeting[[one.a, one.b], [one.b, one.a]] = k
         self._of_pair = self.meetings(self.model.pair_geom1, self.model.pair_geom2)
@@ -50,7 +61,7 @@ class MujocoTaskPlant(MujocoPlant):
                 self._weld(body.name, body.link)
 
     def _mjcf(self, robot: Robot, scene: Scene, options: PlantOptions) -> str:
-        return mjcf(robot, scene, self.step, options, self._objects)
+        return mjcf(robot, scene, self.step, options, self._objects, self.wheels)
 
     def meetings(self, a: Index, b: Index) -> Index:
         """Return the meeting of each two geoms of a and b (K,), its place in `TaskObjects.meetings`: (K,)."""
@@ -59,7 +70,7 @@ class MujocoTaskPlant(MujocoPlant):
     def enter(self, stage: TaskStage, actions: Sequence[Attach | Detach]) -> None:
         """See `TaskPlant`."""
         self._stage = self._objects.stages.index(stage)
-        active = self._objects.active[self._stage][self._of_pair]
+        active = self._objects.active[self._stage][self._of_pair] | (self._of_pair < 0)
         self.model.pair_margin[:], self.model.pair_gap[:] = np.where(active, 0.0, -APART), np.where(active, 0.0, APART)
         for action in actions:
             if action.body in self._welded:
@@ -107,8 +118,7 @@ class MujocoTaskPlant(MujocoPlant):
     def _note(self) -> None:
         if self._stage < 0:  # which pairs have contact is not set yet
             return
-        contact, meaning = self.data.contact, self._objects.meaning[self._stage]
-        found = self.meetings(*contact.geom[contact.dist < -TOUCHING].T)
+        meaning, found = self._objects.meaning[self._stage], self.meetings(*self._touching().T)
         for k in set(found[meaning[found] > 0].tolist()):
             a, b = self._objects.pair_names(k)
             if meaning[k] != RESTED or not (self._rests(a, b) or self._rests(b, a)):
