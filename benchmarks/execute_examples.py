@@ -6,9 +6,9 @@
 Each problem is planned by its own planner. Its run is executed by `op.execute` in MuJoCo and in our own plant, with
 the set-points and torques of an `op.Executor` whose speed changes at random, which pauses and goes back now and then.
 Runs that the executor refuses, such as those among obstacles that move by the clock, are executed at the planned speed;
-the table says so. Tasks are executed once more with grips by friction, robots with a mecanum base on wheels. Problems of robots without inertias are left
-out. The last line printed is JSON. Exit code 1: a tool error above 1 mm RMS, a contact, or an object that ends farther
-than 2 mm from the plan; grips by friction are reported, not judged.
+the table says so. Tasks are executed once more with grips by friction, mecanum bases on wheels. Problems of robots
+without inertias are left out. The last line printed is JSON. Exit code 1: a tool error above 1 mm RMS, a contact, or an
+object that ends farther than 2 mm from the plan; grips by friction are reported, not judged.
 """
 
 import os

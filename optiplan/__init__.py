@@ -73,7 +73,7 @@ if TYPE_CHECKING:
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
     from optiplan.service.client import Client
-    from optiplan.simulation.log import Log, ObjectLog
+    from optiplan.simulation.log import Log, ObjectLog, WheelLog
     from optiplan.simulation.plants.task_plant import FrictionGrip
     from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
@@ -137,7 +137,7 @@ _ROOMS = {
     "problem.task.builder": ("Task",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
-    "simulation.log": ("Log", "ObjectLog"),
+    "simulation.log": ("Log", "ObjectLog", "WheelLog"),
     "simulation.plants.task_plant": ("FrictionGrip",),
     "simulation.simulation": ("Simulation",),
     "service.client": ("Client",),
@@ -232,6 +232,7 @@ __all__ = [
     "VelocityLimit",
     "ViaPoint",
     "View",
+    "WheelLog",
     "WheelSpeed",
     "WheelSpeedLimit",
     "__version__",
