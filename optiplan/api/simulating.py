@@ -103,22 +103,20 @@ def execute(
         frequency=frequency,
         payload=Payload(payload, 0.0) if payload else None,
         imperfections=Imperfections(delay=delay),
-        grip=_grip(grip, engine),
+        grip=_grip(grip),
         wheels=bool(wheels),
     )
     reference = None if speeds is None else ExecutedReference(run, _speeds(speeds), options.dt)
-    return follow(run.problem, run.trajectory, options, reference)
+    return follow(run.problem, run.trajectory, options, reference=reference)
 
 
-def _grip(grip: str | FrictionGrip, engine: str) -> FrictionGrip | None:
+def _grip(grip: str | FrictionGrip) -> FrictionGrip | None:
     """Return a grip by friction; None for welds."""
     if not isinstance(grip, FrictionGrip) and grip not in ("weld", "friction"):
         raise wrong_argument("execute", "grip", described(grip), "weld, friction, or an op.FrictionGrip")
-    if grip == "weld":
-        return None
-    if engine != "mujoco":
-        raise wrong_argument("execute", "grip", f"friction with the engine '{engine}'", "the engine mujoco, or weld")
-    return grip if isinstance(grip, FrictionGrip) else FrictionGrip()
+    if isinstance(grip, FrictionGrip):
+        return grip
+    return None if grip == "weld" else FrictionGrip()
 
 
 def _speeds(speeds: Speeds) -> Speeds:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.errors import wrong_argument
 from optiplan.problem.problem import Problem
 from optiplan.simulation.closed_loop import Loop, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque, WheeledTorque
@@ -54,11 +55,26 @@ class ExecutionOptions:
     grip: FrictionGrip | None = None
     wheels: bool = False
 
+    def __post_init__(self) -> None:
+        """Refuse what our own plant does not have.
+
+        Raises:
+            InputError: a grip by friction, or wheels, without MuJoCo.
+        """
+        for name, given in (("grip", self.grip is not None), ("wheels", self.wheels)):
+            if given and self.engine != "mujoco":
+                found, other = (
+                    f"{getattr(self, name)} with the engine '{self.engine}'",
+                    {"grip": "weld", "wheels": "False"},
+                )
+                raise wrong_argument("execute", name, found, f"the engine mujoco, or {other[name]}")
+
 
 def execute(
     problem: Problem,
     trajectory: Trajectory,
     options: ExecutionOptions = ExecutionOptions(),
+    *,
     reference: ExecutedReference | None = None,
 ) -> Log:
     """Let computed torque follow a trajectory of a problem, from its start to its end.
@@ -69,7 +85,8 @@ def execute(
         problem: that the trajectory solves.
         trajectory: what to follow.
         options: how.
-        reference: set-points of an executor of this trajectory; None: the trajectory at its own speed.
+        reference: set-points of an executor of this trajectory, with torques of its planned loads; None: the trajectory
+            at its own speed.
 
     Raises:
         InputError: a joint of the robot moves no inertia.

@@ -11,7 +11,7 @@ from optiplan.problem.obstacles import Box, Sphere
 from optiplan.problem.problem import derived
 from optiplan.simulation.closed_loop import Loop, Push, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque, PidController, VelocityTracking
-from optiplan.simulation.execution import ExecutionOptions, execute
+from optiplan.simulation.execution import ExecutionOptions, execute, torque_plant
 from optiplan.simulation.log import MOST_PIECES
 from optiplan.simulation.plants.base import Friction, Payload, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
@@ -212,15 +212,15 @@ def test_contacts_are_found_by_both_engines(reach, motion):
     assert free.contacts.least > 0.0
 
 
-def test_a_loop_that_explodes_says_so(panda, motion):
+@pytest.mark.parametrize("engine", ["own", "mujoco"])
+def test_a_loop_that_explodes_says_so(panda, reach, motion, engine, tmp_path, monkeypatch):
     """Gains far beyond what a sampled loop bears."""
+    if engine == "mujoco":
+        pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)  # where MuJoCo writes a warning
     wild = np.full(7, 1e9), np.zeros(7), np.zeros(7)
-    options = PlantOptions(limit=np.full(7, np.inf))
-    log = simulate(
-        loop(
-            panda, TrajectoryReference(motion), PidController(wild, 1e-3), RigidBodyPlant(panda, READY, 2.5e-4, options)
-        )
-    )
+    plant = torque_plant(reach, engine, np.array(READY), 2.5e-4, PlantOptions(limit=np.full(7, 1e12)))
+    log = simulate(loop(panda, TrajectoryReference(motion), PidController(wild, 1e-3), plant))
     assert "without bound" in log.stopped
     assert log.summary()["stopped"] == log.stopped
 

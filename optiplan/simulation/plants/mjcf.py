@@ -62,7 +62,7 @@ def mjcf(
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false", balanceinertia="false", boundmass="0")
     option = ET.SubElement(root, "option", timestep=repr(step), gravity=text_of(robot.model.gravity.linear))
     option.set("integrator", "implicitfast")
-    ET.SubElement(option, "flag", eulerdamp="disable")
+    ET.SubElement(option, "flag", eulerdamp="disable", autoreset="disable")  # what diverges is to be seen
     assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
     collision = CollisionModel(robot, scene)
     nodes = _joints(robot, world, options)

@@ -150,11 +150,12 @@ class TaskObjects:
         if other in self.finger_links(stage, name):
             return True, 0
         held = {body.name: body.link for body in stage.problem.scene.attached}
+        rests = any(b in (rest for rest, _ in self.rests.get(a, ())) for a, b in (pair, pair[::-1]))
         if name not in held and other not in held:
-            return frozenset(pair) not in stage.problem.scene.allowed, UNPLANNED if other in self._links else 0
+            unplanned = other in self._links and not rests
+            return frozenset(pair) not in stage.problem.scene.allowed, UNPLANNED if unplanned else 0
         if held.get(name) == held.get(other):  # both welded to one link
             return False, 0
-        rests = any(b in (rest for rest, _ in self.rests.get(a, ())) for a, b in (pair, pair[::-1]))
         return planned, RESTED if rests else UNPLANNED
 
     def _find_rests(
