@@ -28,7 +28,7 @@ def test_an_object_is_where_the_plan_has_it_less_what_it_falls(fetch, welded):
     np.testing.assert_allclose(cube.poses[0, :3], [0.45, 0.1, 0.0235], atol=1e-12)
     resting = (welded.t > 0.1) & (welded.t < 0.3)
     np.testing.assert_allclose(cube.poses[resting, 2], 0.0225, atol=1e-5)  # on the table
-    assert cube.poses[:, 2].max() > 0.07
+    assert cube.poses[:, 2].max() > 0.06
 
 
 def test_the_report_has_a_row_for_each_object(welded):
@@ -58,7 +58,7 @@ def test_what_friction_cannot_hold_is_left_behind(fetch):
 
 def test_an_object_that_meets_what_the_plan_did_not_know_is_a_contact(fetch):
     """A beam on its way, added behind the plan's back: the cube is pushed, or its weld gives, but not in silence."""
-    beam = op.Box("beam", size=(0.3, 0.02, 0.02), position=(0.45, 0.05, 0.08))
+    beam = op.Box("beam", size=(0.3, 0.02, 0.02), position=(0.45, 0.04, 0.08))
     problem = derived(fetch.problem, scene=fetch.problem.scene.with_(beam))
     log = execute(problem, fetch.trajectory, ExecutionOptions(engine="mujoco"))
     assert ("beam", "cube") in log.contacts.touched
