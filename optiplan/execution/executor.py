@@ -198,6 +198,10 @@ class Executor:
         """Return the next `lead` s, if nothing is changed, and the stop along the path from there, for a driver."""
         return way_ahead(self._stretch.laws, self._law, self.time, lead)
 
+    def is_along(self, ahead: Ahead) -> bool:
+        """Whether the law is still the one that leads to `ahead`."""
+        return self._law is ahead.along
+
     def follow(self, ahead: Ahead, reason: str) -> None:
         """Take over the stop of `ahead` in a robot that began it by itself at `ahead.turn`, which is now."""
         self._held, self._reason, self._next, self._pending = "stopped", reason, None, False

@@ -45,7 +45,7 @@ class Ahead:
         t: (K,) rising times of the executor, s: from now until the robot stands still.
         q, v, a: (K, n), rad or m and s.
         turn: time at which the stop begins, s.
-        law: of the stop.
+        along: the law up to there; `law`: that of the stop.
     """
 
     t: Array
@@ -53,6 +53,7 @@ class Ahead:
     v: Array
     a: Array
     turn: float
+    along: "TimeLaw"
     law: "TimeLaw"
 
 

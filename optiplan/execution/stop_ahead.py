@@ -37,4 +37,4 @@ def way_ahead(laws: PathLaws, law: "TimeLaw", now: float, lead: float) -> Ahead:
     t: Array = np.linspace(now, end, count + 1)
     points = [laws.set_point(law if one < turn else stop, one) for one in t]
     q, v, a = (np.array([getattr(point, name) for point in points]) for name in ("q", "v", "a"))
-    return Ahead(t, q, v, a, turn, stop)
+    return Ahead(t, q, v, a, turn, law, stop)

@@ -1,6 +1,5 @@
 """The loop that asks an executor for a set-point at each tick of a driver, and what it does when a tick comes late."""
 
-import math
 import queue
 import time
 from collections import deque
@@ -8,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
+from optiplan.errors import OptiPlanError
 from optiplan.execution.drivers.base import Capabilities, Driver
 from optiplan.execution.executor import LONGEST_TICK, Executor
 from optiplan.execution.measurement import Measurement
@@ -80,7 +80,7 @@ class TickLoop:
     ) -> None:
         self._executor, self._driver, self._commands = executor, driver, commands
         self._clock, self._period, self._lead = clock, 1.0 / capabilities.rate, capabilities.lead
-        self._reads = capabilities.measures
+        self._reads, self._latency = capabilities.measures, capabilities.latency
         self._ahead: Ahead | None = None
         self._fresh: Ahead | None = None  # not sent yet
         self._still = 0.0  # s that the robot has stood at the end
@@ -99,57 +99,103 @@ class TickLoop:
             Empty where the motion came to its end or its stop; else why no further set-point could be sent.
         """
         due = before = self._clock.now()
-        step, passed = 0.0, 0.0
-        while not self.ended:
-            self.beat = time.monotonic()
-            refused = self._tick(step, passed)
-            if refused or self._over(step):
-                return refused
+        refused = self._tick(0.0, 0.0)
+        while not refused and not self._over():
             self._look_ahead()
             due += self._period
             self._clock.sleep_until(due)
             now = self._clock.now()
-            passed, late = now - before, now - due
-            if passed < 0.0 or not math.isfinite(passed):
-                self._executor.stop(f"the clock ran backwards by {-passed:.3f} s")
-                due, step = now, 0.0
-            else:
-                left_out = int(late / self._period)
-                due += left_out * self._period
-                self.missed += left_out
-                self.longest = max(self.longest, passed)
-                self.lateness.append(late)
-                step = self._step(left_out, late)
-                if self._lead == 0.0 and late > LONGEST_TICK:
-                    return f"no set-point for {passed:.3f} s: the robot is where its drives left it"
+            self.beat = time.monotonic()
+            if now < before:
+                self._stop(f"the clock ran backwards by {before - now:.3f} s")
+                due = now
+            left_out = max(0, int((now - due) / self._period))
+            late, due = now - due, due + left_out * self._period
+            self.missed, self.longest = self.missed + left_out, max(self.longest, now - before)
+            self.lateness.append(late)
             before = now
-        return ""
+            if late > LONGEST_TICK and not self._lead:
+                return f"no set-point for {late:.3f} s: the robot is where its drives left it"
+            refused = self._tick(self._period * (1 + left_out if self._lead else 1), late)
+        return refused
 
-    def _step(self, left_out: int, late: float) -> float:
-        """Return how far the law goes on, s; a long silence ends in a stop.
-
-        A robot that gets single set-points waits for the next one: it is the one after the last, whenever it comes.
-        One with a way ahead has gone on meanwhile.
-        """
-        if late > PATIENCE and not self._executor.status.phase == "done":
-            self._executor.stop(f"a set-point came {1e3 * late:.1f} ms late")
-        return self._period * (1 + left_out) if self._lead else self._period
-
-    def _tick(self, step: float, passed: float) -> str:
+    def _tick(self, step: float, late: float) -> str:
         """Take commands, read the state, send a set-point; return why that was not possible."""
+        end, events = self._executor.time + step, self._catch_up(step)
+        if late > PATIENCE:
+            self._stop(f"a set-point came {1e3 * late:.0f} ms late")
         while not self._commands.empty():
             self._commands.get()()
-        events = self._catch_up(step)
-        self.measured = self._state(step)
-        tick = self._executor.tick(self._rest, self.measured)
-        if events:
-            tick = replace(tick, events=(*events, *tick.events))
-        if self._fresh is not None:
-            tick, self._ahead, self._fresh = replace(tick, ahead=self._fresh), self._fresh, None
+        self.measured = self._state()
+        tick = self._executor.tick(max(0.0, end - self._executor.time), self.measured)
+        if self._lead and not (self._ahead is not None and self._executor.is_along(self._ahead)):
+            self._fresh = self._executor.ahead(self._lead)
+        if events or self._fresh is not None:
+            tick = replace(tick, events=(*events, *tick.events), ahead=self._fresh)
+        if self.ended:  # while the state was read
+            return "ended"
         try:
             self._driver.send(tick)
         except Exception as error:  # whatever a driver raises, the robot is to stand still
-            return f"the driver takes no set-point: {_text(error)}"
+            return f"the driver takes no set-point: {in_words(error)}"
+        self._ahead, self._fresh = self._fresh or self._ahead, None
         self.events += tick.events
         self.tick = tick
-        return ""
+        return "ended" if self.ended else ""
+
+    def _catch_up(self, step: float) -> tuple[Segment, ...]:
+        """Go on to one period before the end of a step, as the robot did along its way ahead; return events."""
+        end, ahead, events = self._executor.time + step, self._ahead, tuple[Segment, ...]()
+        if ahead is not None and end > ahead.turn:
+            events += self._go_to(ahead.turn)
+            self._executor.follow(ahead, f"no set-point for {1e3 * step:.0f} ms: the driver began the stop")
+        return events + self._go_to(end - self._period)
+
+    def _go_to(self, end: float) -> tuple[Segment, ...]:
+        events = tuple[Segment, ...]()
+        while self._executor.time < end:
+            events += self._executor.tick(min(LONGEST_TICK, end - self._executor.time)).events
+        return events
+
+    def _look_ahead(self) -> None:
+        """Renew the way ahead in good time, after the set-point was sent."""
+        if self._lead and self._ahead is not None and self._executor.time > self._ahead.t[0] + 0.5 * self._lead:
+            self._fresh = self._executor.ahead(self._lead)
+
+    def _state(self) -> Measurement | None:
+        """Return the driver's state; a driver that has none any more ends in a stop."""
+        if not self._reads:
+            return None
+        try:
+            found = self._driver.state()
+        except Exception as error:  # set-points can still be sent: the robot stops along the path
+            self._reads = False
+            self._stop(f"the driver has no state: {in_words(error)}")
+            return None
+        self._unseen = 0.0 if found is not None else self._unseen + self._period
+        if self._unseen > WITHOUT_STATE:
+            self._stop(f"the driver has had no state for {self._unseen:.2f} s")
+        return found
+
+    def _stop(self, reason: str) -> None:
+        """Stop along the path, for the first reason that there is."""
+        if self._executor.status.phase not in ("stopping", "stopped", "done"):
+            self._executor.stop(reason)
+
+    def _over(self) -> bool:
+        """Whether the robot stands still for good, and has done so for a while."""
+        ends = self.tick is not None and self.tick.status.phase in ("done", "stopped")
+        self._still = self._still + self._period if ends else 0.0
+        return self.ended or self._still > SETTLE + self._latency
+
+
+def in_words(error: BaseException) -> str:
+    """Return what an exception says, with its class where that says it all."""
+    text = " ".join(str(error).split())
+    return (
+        text
+        if isinstance(error, OptiPlanError)
+        else f"{type(error).__name__}: {text}"
+        if text
+        else type(error).__name__
+    )
