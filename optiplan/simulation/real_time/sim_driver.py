@@ -90,19 +90,6 @@ class SimDriver:
         self.report: dict[str, Any] = {}
         self._start(Setup(parts, chosen, q, float(frequency), float(payload), SILENT_TICKS / rate))  # type: ignore[arg-type]
 
-    @classmethod
-    def of_run(
-        cls,
-        run: Run,
-        *,
-        rate: float = 500.0,
-        engine: str | None = None,
-        frequency: float = 20.0,
-        payload: float = 0.0,
-    ) -> "SimDriver":
-        """Return the driver for a run; see the class."""
-        return cls(run, rate=rate, engine=engine, frequency=frequency, payload=payload)
-
     @property
     def pid(self) -> int:
         """Number of the process."""
