@@ -13,6 +13,7 @@ from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
+from optiplan.errors import OptiPlanError
 
 if TYPE_CHECKING:
     from optiplan.execution.drivers.base import Driver
@@ -80,7 +81,11 @@ def run(
     executor = Executor(motion, override=override, deviation=deviation)
     with stdout_is_ours():
         made = driver_of(driver, motion, **{name: value for name, value in given.items() if value is not None})
-        execution = Execution(executor, made, patience=patience)
+        try:
+            execution = Execution(executor, made, patience=patience)
+        except OptiPlanError:
+            made.stop("not started")
+            raise
         execution.start()
         with ProgressLine() as progress, _stopping(execution) as pressed:
             while not execution.over:
