@@ -77,7 +77,8 @@ if TYPE_CHECKING:
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
     from optiplan.service.client import Client
-    from optiplan.simulation.log import Log
+    from optiplan.simulation.log import Log, ObjectLog, WheelLog
+    from optiplan.simulation.plants.task_plant import FrictionGrip
     from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
     from optiplan.trajectory.state import State
@@ -144,7 +145,8 @@ _ROOMS = {
     "problem.task.builder": ("Task",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
-    "simulation.log": ("Log",),
+    "simulation.log": ("Log", "ObjectLog", "WheelLog"),
+    "simulation.plants.task_plant": ("FrictionGrip",),
     "simulation.simulation": ("Simulation",),
     "service.client": ("Client",),
     "trajectory.sample_file": ("Samples",),
@@ -177,6 +179,7 @@ __all__ = [
     "Expression",
     "Failure",
     "FixedOrientation",
+    "FrictionGrip",
     "HalfSpace",
     "HalfSpaceLimit",
     "InputError",
@@ -191,6 +194,7 @@ __all__ = [
     "ManipulabilityTask",
     "Measurement",
     "Mesh",
+    "ObjectLog",
     "Objective",
     "Obstacle",
     "Octree",
@@ -240,6 +244,7 @@ __all__ = [
     "VelocityLimit",
     "ViaPoint",
     "View",
+    "WheelLog",
     "WheelSpeed",
     "WheelSpeedLimit",
     "__version__",
