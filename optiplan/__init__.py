@@ -20,6 +20,7 @@ __version__ = "0.2.0"
 if TYPE_CHECKING:
     from optiplan.api.casadi_problems import casadi_problem
     from optiplan.api.checking import check
+    from optiplan.api.driving import driver
     from optiplan.api.init_robot import init_robot
     from optiplan.api.kinematics import ik
     from optiplan.api.listings import planners, robots
@@ -48,7 +49,10 @@ if TYPE_CHECKING:
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.execution.chunks.certify import certify
     from optiplan.execution.chunks.chunk import Chunk
+    from optiplan.execution.drivers.base import Capabilities, Driver
+    from optiplan.execution.execution import Execution
     from optiplan.execution.executor import Executor
+    from optiplan.execution.measurement import Measurement
     from optiplan.execution.status import Status, Stopping, Tick
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
@@ -86,6 +90,7 @@ if TYPE_CHECKING:
 _ROOMS = {
     "api.casadi_problems": ("casadi_problem",),
     "api.checking": ("check",),
+    "api.driving": ("driver",),
     "api.init_robot": ("init_robot",),
     "api.kinematics": ("ik",),
     "api.listings": ("planners", "robots"),
@@ -115,7 +120,10 @@ _ROOMS = {
     "errors": ("InputError", "OptiPlanError"),
     "execution.chunks.certify": ("certify",),
     "execution.chunks.chunk": ("Chunk",),
+    "execution.drivers.base": ("Capabilities", "Driver"),
+    "execution.execution": ("Execution",),
     "execution.executor": ("Executor",),
+    "execution.measurement": ("Measurement",),
     "execution.status": ("Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
@@ -158,6 +166,7 @@ __all__ = [
     "BenchResults",
     "Box",
     "Budget",
+    "Capabilities",
     "Capsule",
     "CentreOfMassTask",
     "Check",
@@ -169,6 +178,8 @@ __all__ = [
     "Controller",
     "Cylinder",
     "DampingTask",
+    "Driver",
+    "Execution",
     "Executor",
     "Expression",
     "Failure",
@@ -186,6 +197,7 @@ __all__ = [
     "LookAtTask",
     "ManipulabilityAbove",
     "ManipulabilityTask",
+    "Measurement",
     "Mesh",
     "ObjectLog",
     "Objective",
@@ -245,6 +257,7 @@ __all__ = [
     "casadi_problem",
     "certify",
     "check",
+    "driver",
     "execute",
     "ik",
     "init_robot",
