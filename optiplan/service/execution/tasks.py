@@ -111,6 +111,15 @@ class Tasks:
         loop.run(progress)
         return {"seconds": loop.t}, {}
 
+    def execute(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """Execute a verified motion by a driver, until it has come to its end or its stop."""
+        from optiplan.service.execution.executing import Executing
+
+        executing = Executing(self._reader.read, request)
+        executing.start()
+        progress.answered(executing.about, {})
+        return executing.run(progress), {}
+
     def bench_report(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """The report of a bench, of the texts of its runs."""
         from optiplan.service.execution.bench_report import bench_report
@@ -120,10 +129,11 @@ class Tasks:
         return {}, {"report.html": page.encode()}
 
     def scene(self, request: Mapping[str, Any], progress: Any) -> Answer:
-        """What the studio draws: the scene as data, and what can be moved."""
+        """What pages draw: the scene as data, what can be moved, and a motion where one is given."""
         from optiplan.service.execution.studio import studio_scene
 
-        return {}, {"scene.json": _json(studio_scene(self._reader.read(request)))}
+        motion = Trajectory.from_dict(json.loads(request["motion"])) if request.get("motion") else None
+        return {}, {"scene.json": _json(studio_scene(self._reader.read(request), motion))}
 
     def pose(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """Poses of the joints at a configuration, what touches there, and where the tool is."""

@@ -8,7 +8,7 @@ import pytest
 
 from optiplan.errors import InputError
 from optiplan.problem.load import load_problem
-from optiplan.service import live_sessions
+from optiplan.service.sessions import live_sessions
 from optiplan.service.execution.live import LiveLoop
 from tests.waiting import PATIENCE, wait_until
 
