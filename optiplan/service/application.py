@@ -23,7 +23,6 @@ from optiplan.service.refusals import Refusal, error_body
 from optiplan.service.routes import benches, events, executions, health, live, pages, problems, robots, runs, uploads
 from optiplan.service.routes.answers import Json
 from optiplan.service.routes.events import EventFeed
-from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import StorageFullError
 from optiplan.service.store.tables import DatabaseAwayError
 
@@ -36,13 +35,9 @@ ABOUT = "Plans robot motions that are proved free of collision and within limits
 _log = logging.getLogger("optiplan.service")
 
 
-def make_application(settings: ServiceSettings) -> ASGIApp:
-    """The whole server as an ASGI application.
-
-    Raises:
-        OptiPlanError: the database or the folder cannot be used.
-    """
-    service = PlannerService(settings)
+def make_application(service: PlannerService) -> ASGIApp:
+    """The whole server as an ASGI application."""
+    settings = service.settings
     app = FastAPI(
         title="OptiPlan",
         version=optiplan.__version__,

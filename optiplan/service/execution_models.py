@@ -28,9 +28,9 @@ class MotionInput(StorableInput):
     def _one_motion(self) -> Self:
         if (self.run is None) == (self.problem is None):
             found = "neither" if self.run is None else "both"
-            raise ValueError(f"found {found} of run and problem; expected one of them")
+            raise ValueError(f"found {found} of run and problem; expected either run or problem")
         if self.trajectory is not None and self.problem is None:
-            raise ValueError("found a trajectory without its problem; expected both, or a run")
+            raise ValueError("found a trajectory alone; expected a problem beside the trajectory, or a run")
         return self
 
 
@@ -59,7 +59,7 @@ class SpliceInput(MotionInput):
     @model_validator(mode="after")
     def _planned(self) -> Self:
         if self.problem is not None and self.trajectory is None:
-            raise ValueError("found a problem without its trajectory; expected both, or a run")
+            raise ValueError("found a problem alone; expected a trajectory beside the problem, or a run")
         return self
 
 

@@ -7,11 +7,11 @@ from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.execution.run_solver import RunSolver
 from optiplan.service.execution.solver_pool import Lane, SolverPool
 from optiplan.service.health import HealthCheck, WriteProbe, feed_watchdog
-from optiplan.service.sessions.execution_sessions import ExecutionSessions
-from optiplan.service.sessions.live_sessions import LiveSessions
 from optiplan.service.pictures import Pictures
 from optiplan.service.queued_plans import QueuedPlans
 from optiplan.service.requests import ProblemRequests
+from optiplan.service.sessions.execution_sessions import ExecutionSessions
+from optiplan.service.sessions.live_sessions import LiveSessions
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.waited_plans import WaitedPlans
 

@@ -163,9 +163,14 @@ def listening(settings: ServiceSettings) -> socket.socket:
 
 
 def make_server(settings: ServiceSettings) -> "uvicorn.Server":
-    """The server of an application, not yet running."""
+    """The server of an application, not yet running.
+
+    Raises:
+        OptiPlanError: the database or the folder cannot be used.
+    """
+    service = PlannerService(settings)
     config = uvicorn.Config(
-        make_application(settings),
+        make_application(service),
         http=guarded_protocol(settings),  # type: ignore[arg-type]  # what makes one will do
         proxy_headers=bool(settings.proxies),
         forwarded_allow_ips=list(settings.proxies),
@@ -176,14 +181,20 @@ def make_server(settings: ServiceSettings) -> "uvicorn.Server":
         timeout_keep_alive=30,
         h11_max_incomplete_event_size=65536,
     )
-    return _Server(config)
+    server = _Server(config)
+    server.on_shutdown = service.executions.finish
+    return server
 
 
 class _Server(uvicorn.Server):
-    """Calls `on_ready` once it answers, `on_stop` at a signal; a signal ends it, and that is a good end."""
+    """Calls `on_ready` once it answers, `on_stop` at a signal, and `on_shutdown` before it closes its connections.
+
+    A signal ends it, and that is a good end.
+    """
 
     on_ready: Any = staticmethod(lambda: None)
     on_stop: Any = staticmethod(lambda: None)
+    on_shutdown: Any = None
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         self.on_stop()
@@ -194,6 +205,10 @@ class _Server(uvicorn.Server):
         await super().startup(sockets)
         if self.started:
             self.on_ready()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        await self.on_shutdown()
+        await super().shutdown(sockets)
 
 
 def _announce(host: str, sock: socket.socket) -> None:

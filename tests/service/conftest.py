@@ -10,7 +10,7 @@ import pytest
 
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.server import listening, make_server
-from optiplan.service.settings import ServiceSettings
+from optiplan.service.settings import DriverSetup, ServiceSettings
 from tests.waiting import PATIENCE
 
 QUICK = """\
@@ -66,7 +66,10 @@ def server(tmp_path_factory) -> Iterator[Running]:
     """One server for all: DBOS is one in a process."""
     folder = tmp_path_factory.mktemp("service")
     (folder / "meshes").mkdir()
-    settings = ServiceSettings(data=folder / "data", port=0, folders=(folder / "meshes",), rate=1e6, burst=10**6)
+    paper = DriverSetup("paper", "file", {"path": str(folder / "set_points.csv")})
+    settings = ServiceSettings(
+        data=folder / "data", port=0, folders=(folder / "meshes",), rate=1e6, burst=10**6, drivers=(paper,)
+    )
     with listening(settings) as sock:
         uvicorn = make_server(settings)
         thread = threading.Thread(target=uvicorn.run, args=([sock],), daemon=True)

@@ -226,7 +226,7 @@ def _drivers(given: list[str] | None) -> tuple[Any, ...]:
         name, _, rest = text.partition("=")
         driver, _, options = (rest or name).partition(":")
         pairs = [pair.partition("=") for pair in options.split(",") if pair]
-        wrong = None if driver in DRIVERS else (f"'{driver}'", choices(driver, DRIVERS))
+        wrong = None if driver in DRIVERS else (f"'{driver}'", choices(driver, list(DRIVERS)))
         if not re.fullmatch("[A-Za-z0-9_.-]{1,40}", name) or name in found:
             wrong = f"'{name}'", "a name of letters and digits that no other driver has"
         if not all(key and sign for key, sign, _ in pairs):

@@ -27,6 +27,8 @@ STREAM = 0.04
 """s between two states that are sent."""
 LISTEN = 0.01
 """s that words are waited for at a time."""
+LATELY = 1000
+"""Set-points whose lateness is summed up in a state."""
 SWITCH = 5e-4
 """s after which a thread that computes lets that of the set-points run."""
 
@@ -88,7 +90,8 @@ class Executing:
 
         Where nobody is there any more, or on SIGTERM, the robot stops along its path first.
         """
-        signal.signal(signal.SIGTERM, lambda *_: self._stop("the process was asked to end"))
+        asked_to_end = threading.Event()
+        signal.signal(signal.SIGTERM, lambda *_: asked_to_end.set())
         until, told, gone = float("inf"), -STREAM, False
         while not self._execution.over and time.monotonic() < until:
             for message in channel.heard(LISTEN) if not gone else []:
@@ -99,6 +102,9 @@ class Executing:
                     self._answer(message)
             if gone:
                 time.sleep(LISTEN)
+            elif asked_to_end.is_set():
+                asked_to_end.clear()
+                self._stop("the process was asked to end")
             if self._lease is not None and time.monotonic() - self._alive > self._lease:
                 self._stop(f"no client has renewed its lease for {self._lease:g} s", False)
                 self._lease = None
@@ -119,14 +125,13 @@ class Executing:
         found = self._execution.snapshot()
         start = self._runs[0].problem.start
         q = np.asarray(found["measured"] or found["q"] or start, dtype=float)
-        late = self._execution.lateness()
         run = self._executor.run
         return {
             **found,
             "q": found["q"] or start.tolist(),
             "poses": self._poses.of(q[None])[0][0].tolist(),
             "obstacles": self._obstacles,
-            "late": late,
+            "late": self._execution.lateness(LATELY),
             "motion": next((k for k, one in enumerate(self._runs) if one is run), 0),
         }
 
@@ -186,9 +191,9 @@ class Executing:
             InputError: the scene has no such obstacle.
         """
         known = {one.name for one in self._executor.run.problem.scene.obstacles}
-        given = [("poses", name) for name in message["poses"]] + [("velocities", name) for name in message["velocities"]]
+        named = [(f"body.{key}", name) for key in ("poses", "velocities") for name in message[key]]
         expected = f"an obstacle of the scene: {', '.join(sorted(known)) or 'it has none'}"
-        issues = [Issue("request", None, f"body.{key}", f"'{name}'", expected) for key, name in given if name not in known]
+        issues = [Issue("request", None, key, f"'{name}'", expected) for key, name in named if name not in known]
         if issues:
             raise InputError(issues)
         poses = {name: Pose(tuple(pose[:3]), quaternion=tuple(pose[3:])) for name, pose in message["poses"].items()}

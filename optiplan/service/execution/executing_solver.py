@@ -2,7 +2,7 @@
 
 from optiplan.service.execution import solver
 
-RESPITE = 5.0
+RESPITE = 3.0
 """s, from the end of the line to the server."""
 
 

@@ -38,7 +38,10 @@ NICE: dict[Lane, int] = {"queue": 5, "plan": 0, "look": 1, "live": 0, "execution
 """How far processes step back: the server itself, then callers who wait, come before the queue."""
 
 AT_NEED: tuple[Lane, ...] = ("live", "execution")
-"""Lanes whose processes are there for the length of a job only."""
+"""Lanes whose processes are started for the first job."""
+
+ONE_JOB: tuple[Lane, ...] = ("live",)
+"""Lanes whose processes end with their job."""
 
 MODULES: dict[Lane, str] = {"execution": "optiplan.service.execution.executing_solver"}
 """Lanes whose processes run another module than `MODULE`."""
@@ -191,7 +194,7 @@ class _Slot(threading.Thread):
             raise
         finally:
             job.future.set_result(answer)
-        if self._at_need:
+        if self._lane in ONE_JOB:
             self._end()
 
     def _ready(self) -> WorkerProcess | None:
@@ -212,6 +215,7 @@ class _Slot(threading.Thread):
                 "bodies": self._settings.bodies,
                 "memory": self._settings.memory,
                 "nice": NICE[self._lane],
+                "plans": self._lane != "execution",
             }
             if worker.pid:
                 self._carry_out(worker, SolverJob(set_up, START))

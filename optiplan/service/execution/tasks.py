@@ -43,8 +43,15 @@ class Tasks:
         self._reader = ProblemReader(Path(settings["base"]), folders, settings["bodies"])
         self.hide_paths = _path_hider([Path(settings["base"]), *folders])
 
-    def warm_up(self) -> None:
-        """Plan the first example, so that libraries are loaded, code is compiled and caches are filled."""
+    def warm_up(self, plans: bool) -> None:
+        """Plan the first example, so that libraries are loaded, code is compiled and caches are filled.
+
+        Where nothing will be planned, load what executes.
+        """
+        if not plans:
+            import optiplan.service.execution.executing  # noqa: F401
+
+            return
         with reading(None):
             problem = load_problem(problems_dir() / "01_reach.yaml")
         load_libraries("trajopt")  # of which the example needs none

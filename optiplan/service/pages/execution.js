@@ -1,7 +1,7 @@
 "use strict";
 // A motion that is executed: its states are drawn as they come; speed, stop and obstacles that are dragged are sent back.
 (() => {
-  const { byId, make, post, get, latest } = Page, WINDOW = 12, STALE = 1000, STILL = 120, LEASE = 3; // s, ms, ms, s
+  const { byId, make, post, get, latest } = Page, KNOBS = ["stop", "pause", "resume", "reverse"], WINDOW = 12, STALE = 1000, STILL = 120, LEASE = 3; // s, ms, ms, s
   const live = { id: null, events: null, last: null, states: 0, heard: 0, past: [], motion: -1, seen: [] };
   let motions = {};
 
@@ -41,7 +41,7 @@
     if (!answer.ok) return;
     const data = await answer.json();
     scene.show({ ...data.scene, targets: [] }, null);
-    scene.path(data.scene.runs[0]);
+    scene.motion(data.scene.runs[0]);
     const movable = scene.obstacles.children.some((one) => !one.userData.fixed);
     byId("hint").textContent = movable ? "Drag obstacles, with shift up and down." : "This scene has no obstacle to drag.";
     if (live.last) draw(live.last, true);
@@ -63,7 +63,7 @@
     if (live.events) live.events.close();
     Object.assign(live, { id, last: null, states: 0, heard: performance.now(), past: [], motion: 0, events: new EventSource(`api/executions/${id}/events`) });
     history.replaceState(null, "", "#" + id);
-    for (const knob of ["stop", "pause", "resume", "reverse", "end"]) byId(knob).disabled = false;
+    for (const knob of KNOBS) byId(knob).disabled = false;
     live.events.addEventListener("state", (event) => draw(JSON.parse(event.data)));
     live.events.addEventListener("end", (event) => ended(JSON.parse(event.data).reason));
     live.events.addEventListener("error", () => { if (live.id === id && live.events.readyState === EventSource.CLOSED) setTimeout(() => again(id), 1000); });
@@ -85,9 +85,9 @@
   function ended(reason) {
     if (live.events) live.events.close();
     Object.assign(live, { id: null, events: null });
-    for (const knob of ["stop", "pause", "resume", "reverse", "end"]) byId(knob).disabled = true;
+    for (const knob of KNOBS) byId(knob).disabled = true;
     byId("right").classList.remove("stale");
-    say("ended", reason, reason === "done" ? "verified" : "failed");
+    say("ended", reason, reason === "done" ? "verified" : "refused");
   }
 
   const LOOKS = { running: "verified", done: "verified", waiting: "failed", stopping: "failed", stopped: "failed" };
@@ -96,7 +96,7 @@
     live.last = state;
     scene.pose(state.poses);
     scene.move(state.obstacles);
-    scene.carryObjects(state.place);
+    scene.at(state.place);
     if (again) return;
     live.states++;
     live.heard = performance.now();
@@ -108,8 +108,9 @@
     byId("share").textContent = `${(100 * state.progress).toFixed(0)} %, ${state.place.toFixed(2)} s of the path`;
     byId("now").textContent = (100 * state.speed).toFixed(0) + " % of the planned";
     byId("off").textContent = state.deviation === null ? "not measured" : `at most ${(1000 * state.deviation).toFixed(3)} mrad or mm`;
-    byId("jitter").textContent = state.timing;
-    byId("missed").textContent = state.missed;
+    const ms = (x) => (1000 * x).toFixed(2);
+    byId("late").textContent = `${ms(state.late.p50)} / ${ms(state.late.p99)} / ${ms(state.late.max)} ms`;
+    byId("missed").textContent = `${state.missed} of ${state.rate} a second`;
     byId("time").textContent = state.t.toFixed(1) + " s";
     live.past.push([state.t, state.speed]);
     while (live.past[0][0] < state.t - WINDOW) live.past.shift();
@@ -144,8 +145,7 @@
   }
 
   byId("begin").addEventListener("click", begin);
-  for (const knob of ["stop", "pause", "resume", "reverse"]) byId(knob).addEventListener("click", () => send(knob));
-  byId("end").addEventListener("click", () => fetch("api/executions/" + live.id, { method: "DELETE" }));
+  for (const knob of KNOBS) byId(knob).addEventListener("click", () => send(knob));
   byId("speed").addEventListener("input", () => {
     byId("wanted").textContent = byId("speed").value + " %";
     live.turned = true;

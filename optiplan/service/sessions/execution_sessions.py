@@ -1,4 +1,4 @@
-"""Motions that are executed: one a driver, whoever watches; each ends with a robot that stands still, and with a reason.
+"""Motions that are executed, one at a time by each driver, and how each ended.
 
 An execution goes on without watchers. A client may hold a lease: where it is not renewed in time, the robot stops. The
 process that moves the robot stops it also where the line to the server ends.
@@ -23,8 +23,8 @@ from optiplan.service.execution_models import ExecutionRequest, MotionInput
 from optiplan.service.models import PlanRequest, ProblemInput
 from optiplan.service.refusals import Refusal, not_found
 from optiplan.service.requests import ProblemRequests
-from optiplan.service.settings import DriverSetup
 from optiplan.service.sessions.sessions import Session, Sessions, State
+from optiplan.service.settings import DriverSetup
 from optiplan.service.waited_plans import WaitedPlans
 
 SILENT = 1.0
@@ -80,7 +80,8 @@ class ExecutionSession(Session):
         if self.ended is not None:
             raise Refusal(409, f"the execution '{self.id}' has ended: {self.ended}")
         number = next(self._numbers)
-        waiting = self._questions[number] = asyncio.get_running_loop().create_future()
+        waiting: asyncio.Future[State] = asyncio.get_running_loop().create_future()
+        self._questions[number] = waiting
         self.say({"do": what, "number": number, **given})
         try:
             answer = await asyncio.wait_for(waiting, seconds)
@@ -173,7 +174,7 @@ class ExecutionSessions(Sessions[ExecutionSession]):
                 verified, or the driver cannot be reached (422).
         """
         if given.driver not in self.drivers:
-            found, expected = f"'{given.driver}'", choices(given.driver, self.drivers)
+            found, expected = f"'{given.driver}'", choices(given.driver, list(self.drivers))
             issue = {"file": "request", "line": None, "field": "body.driver", "found": found, "expected": expected}
             raise Refusal(422, f"body.driver: found {found}; expected {expected}", [issue])
         setup = self.drivers[given.driver]
