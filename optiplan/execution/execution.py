@@ -18,7 +18,7 @@ from optiplan.execution.arguments import numbers
 from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
 from optiplan.execution.executor import LONGEST_TICK, Executor
 from optiplan.execution.proved_path import ProvedPath
-from optiplan.execution.tick_loop import KEPT_LATENESS, MonotonicClock, TickClock, TickLoop, in_words
+from optiplan.execution.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop, in_words
 from optiplan.geometry.pose import Pose, Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
@@ -54,6 +54,7 @@ class Execution:
         executor: that nothing else calls any more.
         driver: of a robot that stands where the motion begins.
         rate: set-points per second, Hz; None: the driver's.
+        patience: how late a set-point may come, s, before the robot stops along its path.
         clock: another one, for tests.
 
     Attributes:
@@ -72,14 +73,24 @@ class Execution:
     """
 
     def __init__(
-        self, executor: Executor, driver: Driver, *, rate: float | None = None, clock: TickClock | None = None
+        self,
+        executor: Executor,
+        driver: Driver,
+        *,
+        rate: float | None = None,
+        patience: float = PATIENCE,
+        clock: TickClock | None = None,
     ) -> None:
         if not isinstance(executor, Executor):
             raise wrong_argument("Execution", "executor", described(executor), "an op.Executor(run)")
+        if not is_finite(patience) or not 0.0 < patience <= LONGEST_TICK:
+            expected = f"seconds above 0, up to {LONGEST_TICK:g}"
+            raise wrong_argument("Execution", "patience", described(patience), expected)
         self._executor, self._driver = executor, driver
         self.capabilities = _checked(driver, executor, rate)
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._loop = TickLoop(executor, driver, self.capabilities, clock or MonotonicClock(), self._commands)
+        times = clock or MonotonicClock()
+        self._loop = TickLoop(executor, driver, self.capabilities, times, self._commands, float(patience))
         self._lock, self._over = threading.Lock(), threading.Event()
         self._thread: threading.Thread | None = None
         self._failed = ""  # why it ended at once

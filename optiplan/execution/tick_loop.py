@@ -15,7 +15,7 @@ from optiplan.execution.status import Ahead, Tick
 from optiplan.trajectory.segments import Segment
 
 PATIENCE = 0.01
-"""s: a set-point that comes later than this ends in a stop."""
+"""s: a set-point that comes as late as this ends in a stop."""
 
 SETTLE = 0.1
 """s: for so long the last set-point is sent again before the driver is let go."""
@@ -58,6 +58,7 @@ class TickLoop:
         capabilities: of the driver.
         clock: that gives the time.
         commands: calls to make between two ticks; they raise nothing.
+        patience: how late a set-point may come, s, before the robot stops.
 
     Attributes:
         tick: the last set-point; None before the first.
@@ -77,7 +78,9 @@ class TickLoop:
         capabilities: Capabilities,
         clock: TickClock,
         commands: "queue.SimpleQueue[Callable[[], None]]",
+        patience: float = PATIENCE,
     ) -> None:
+        self._patience = patience
         self._executor, self._driver, self._commands = executor, driver, commands
         self._clock, self._period, self._lead = clock, 1.0 / capabilities.rate, capabilities.lead
         self._reads, self._latency = capabilities.measures, capabilities.latency
@@ -122,7 +125,7 @@ class TickLoop:
     def _tick(self, step: float, late: float) -> str:
         """Take commands, read the state, send a set-point; return why that was not possible."""
         end, events = self._executor.time + step, self._catch_up(step)
-        if late > PATIENCE:
+        if late >= self._patience:
             self._stop(f"a set-point came {1e3 * late:.0f} ms late")
         while not self._commands.empty():
             self._commands.get()()

@@ -45,6 +45,12 @@ class ExecutionRequest(MotionInput, PlanningChoices):
     deviation: float | None = Field(
         None, gt=0, le=1e3, allow_inf_nan=False, description="Largest deviation of a joint before it stops, rad or m"
     )
+    rate: float | None = Field(
+        None, gt=0, le=2000, allow_inf_nan=False, description="Set-points a second; null: the driver's"
+    )
+    patience: float = Field(
+        0.01, gt=0, le=0.1, allow_inf_nan=False, description="Seconds that a set-point may be late before it stops"
+    )
     lease: float | None = Field(
         None,
         ge=SHORTEST_LEASE,

@@ -42,8 +42,8 @@ class Executing:
 
     Args:
         read: of problems.
-        request: `problem`, `motion` (text of a trajectory.json), `driver`, `driver_options`, `override`, `clearance`,
-            `deviation`, `lease`.
+        request: `problem`, `motion` (text of a trajectory.json), `driver`, `driver_options`; `override`, `clearance`,
+            `deviation`, `rate`, `patience` and `lease` as in `ExecutionRequest`.
 
     Raises:
         OptiPlanError: the motion is not verified or cannot be executed, or the driver cannot be reached.
@@ -57,7 +57,7 @@ class Executing:
         limits = {"clearance": request["clearance"], "deviation": request["deviation"]}
         self._executor = Executor(run, override=request["override"], **limits)
         made = driver(request["driver"], run, **request["driver_options"])
-        self._execution = Execution(self._executor, made)
+        self._execution = Execution(self._executor, made, rate=request["rate"], patience=request["patience"])
         self._poses = Poses(run.problem)
         self._obstacles: dict[str, list[float]] = {}
         self._replies: queue.SimpleQueue[Message] = queue.SimpleQueue()

@@ -182,7 +182,7 @@ class ExecutionSessions(Sessions[ExecutionSession]):
         self._reserved.add(given.driver)
         try:
             run, motion = await self.motion(given)
-            asked = given.model_dump(include={"override", "clearance", "deviation", "lease"})
+            asked = given.model_dump(include=_STEERING)
             asked |= {"run": run, "robot": given.driver, "driver": setup.driver, "driver_options": dict(setup.options)}
             return await self._begin({**motion, **asked, "do": "execute"}, math.inf)
         finally:
@@ -257,5 +257,7 @@ def _end_of(answer: SolverAnswer, silent: float) -> tuple[str, bool]:
     return str(data["reason"]), bool(data["clean"])
 
 
+_STEERING = {"override", "clearance", "deviation", "rate", "patience", "lease"}
+"""Fields of a request that its process needs."""
 _OWN = {"problem", "name", "start", "goal", "rate"}
 """Fields of a plan that an execution does not have."""
