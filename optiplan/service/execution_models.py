@@ -48,8 +48,12 @@ class ExecutionRequest(MotionInput, PlanningChoices):
     rate: float | None = Field(
         None, gt=0, le=2000, allow_inf_nan=False, description="Set-points a second; null: the driver's"
     )
-    patience: float = Field(
-        0.01, gt=0, le=0.1, allow_inf_nan=False, description="Seconds that a set-point may be late before it stops"
+    patience: float | None = Field(
+        None,
+        gt=0,
+        le=0.1,
+        allow_inf_nan=False,
+        description="Seconds that a set-point may be late before the robot stops; null: the server's for this driver",
     )
     lease: float | None = Field(
         None,

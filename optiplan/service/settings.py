@@ -35,11 +35,13 @@ class DriverSetup:
         name: by which requests name it.
         driver: as `op.driver` names it.
         options: of that driver.
+        patience: seconds that a set-point may be late before the robot stops, None: 0.01.
     """
 
     name: str
     driver: str
     options: Mapping[str, Any] = field(default_factory=dict)
+    patience: float | None = None
 
 
 @dataclass(frozen=True)

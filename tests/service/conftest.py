@@ -66,7 +66,7 @@ def server(tmp_path_factory) -> Iterator[Running]:
     """One server for all: DBOS is one in a process."""
     folder = tmp_path_factory.mktemp("service")
     (folder / "meshes").mkdir()
-    paper = DriverSetup("paper", "file", {"path": str(folder / "set_points.csv")})
+    paper = DriverSetup("paper", "file", {"path": str(folder / "set_points.csv")}, patience=0.1)
     settings = ServiceSettings(
         data=folder / "data", port=0, folders=(folder / "meshes",), rate=1e6, burst=10**6, drivers=(paper,)
     )

@@ -52,7 +52,7 @@ Drivers = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME[=DRIVER[:KEY=VALUE,…]]",
-        help="robot that may be moved, such as left=ur_rtde:host=10.0.0.2 (repeatable; default: sim)",
+        help="robot that may be moved, such as left=ur_rtde:host=10.0.0.2,patience=0.02 (repeatable; default: sim)",
     ),
 ]
 RootPath = Annotated[
@@ -217,8 +217,10 @@ def _proxies(given: list[str] | None) -> tuple[str, ...]:
 def _drivers(given: list[str] | None) -> tuple[Any, ...]:
     """The robots that may be moved: `NAME=DRIVER:KEY=VALUE,…`; a name alone is that of its driver."""
     from optiplan.api.driving import DRIVERS
+    from optiplan.arrays import is_finite
     from optiplan.config.document import parse_yaml
     from optiplan.config.messages import choices
+    from optiplan.execution.executor import LONGEST_TICK
     from optiplan.service.settings import DriverSetup
 
     found: dict[str, DriverSetup] = {}
@@ -233,8 +235,12 @@ def _drivers(given: list[str] | None) -> tuple[Any, ...]:
             wrong = f"'{options}'", "KEY=VALUE, separated by commas"
         if wrong is not None:
             raise InputError([Issue("command line", None, "driver", *wrong)])
-        values = {key: parse_yaml(value, Path("driver")).data for key, _, value in pairs}
-        found[name] = DriverSetup(name, driver, values)
+        values: dict[str, Any] = {key: parse_yaml(value, Path("driver")).data for key, _, value in pairs}
+        patience = values.pop("patience", None)
+        if patience is not None and not (is_finite(patience) and 0.0 < patience <= LONGEST_TICK):
+            expected = f"seconds above 0, up to {LONGEST_TICK:g}"
+            raise InputError([Issue("command line", None, "driver.patience", repr(patience), expected)])
+        found[name] = DriverSetup(name, driver, values, patience)
     return tuple(found.values())
 
 

@@ -3,7 +3,6 @@
 import json
 import queue
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -15,6 +14,7 @@ from optiplan.api.driving import driver
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.execution.execution import Execution
 from optiplan.execution.executor import Executor
+from optiplan.execution.tick_loop import PATIENCE
 from optiplan.geometry.pose import Pose
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
@@ -29,8 +29,6 @@ LISTEN = 0.01
 """s that words are waited for at a time."""
 LATELY = 1000
 """Set-points whose lateness is summed up in a state."""
-SWITCH = 5e-4
-"""s after which a thread that computes lets that of the set-points run."""
 
 Message = dict[str, Any]
 Read = Callable[[Mapping[str, Any]], Problem]
@@ -50,14 +48,15 @@ class Executing:
     """
 
     def __init__(self, read: Read, request: Mapping[str, Any]) -> None:
-        sys.setswitchinterval(SWITCH)
         self._read = read
         self._runs = [verified_run(read, request)]
         run = self._runs[0]
         limits = {"clearance": request["clearance"], "deviation": request["deviation"]}
         self._executor = Executor(run, override=request["override"], **limits)
         made = driver(request["driver"], run, **request["driver_options"])
-        self._execution = Execution(self._executor, made, rate=request["rate"], patience=request["patience"])
+        self._execution = Execution(
+            self._executor, made, rate=request["rate"], patience=request["patience"] or PATIENCE
+        )
         self._poses = Poses(run.problem)
         self._obstacles: dict[str, list[float]] = {}
         self._replies: queue.SimpleQueue[Message] = queue.SimpleQueue()

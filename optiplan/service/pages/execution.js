@@ -94,9 +94,11 @@
 
   function draw(state, again = false) {
     live.last = state;
-    scene.pose(state.poses);
-    scene.move(state.obstacles);
-    scene.at(state.place);
+    if (scene.data) {
+      scene.pose(state.poses);
+      scene.move(state.obstacles);
+      scene.at(state.place);
+    }
     if (again) return;
     live.states++;
     live.heard = performance.now();

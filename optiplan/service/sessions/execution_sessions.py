@@ -183,6 +183,7 @@ class ExecutionSessions(Sessions[ExecutionSession]):
         try:
             run, motion = await self.motion(given)
             asked = given.model_dump(include=_STEERING)
+            asked["patience"] = given.patience or setup.patience
             asked |= {"run": run, "robot": given.driver, "driver": setup.driver, "driver_options": dict(setup.options)}
             return await self._begin({**motion, **asked, "do": "execute"}, math.inf)
         finally:

@@ -29,7 +29,7 @@ def events(server, execution):
 def start(server, **given):
     """Start the quick problem, or another motion, once the driver is free."""
     wait_until(lambda: all(one["ended"] is not None for one in server.http.get(ROUTE).json()["executions"]))
-    asked = {"driver": "paper", "patience": 0.1, **({} if "run" in given else {"problem": QUICK, "budget": 5.0}), **given}
+    asked = {"driver": "paper", **({} if "run" in given else {"problem": QUICK, "budget": 5.0}), **given}
     answer = server.http.post(ROUTE, json=asked)
     assert answer.status_code == 201, answer.text
     return answer.json()["id"]
