@@ -36,16 +36,27 @@
     if (pose) live.still = setTimeout(() => carried(name, null), STILL);
   }
 
+  // What an answer draws: the scene, and its motion where there is one.
+  function shown(data) {
+    scene.show({ ...data.scene, targets: [] }, null);
+    if (data.scene.runs.length) scene.motion(data.scene.runs[0]);
+    const movable = scene.obstacles.children.some((one) => !one.userData.fixed);
+    byId("hint").textContent = movable ? "Drag obstacles, with shift up and down." : "This scene has no obstacle to drag.";
+  }
+
   async function show(id) {
     const answer = await fetch(`api/executions/${id}/scene`);
     if (!answer.ok) return;
-    const data = await answer.json();
-    scene.show({ ...data.scene, targets: [] }, null);
-    scene.motion(data.scene.runs[0]);
-    const movable = scene.obstacles.children.some((one) => !one.userData.fixed);
-    byId("hint").textContent = movable ? "Drag obstacles, with shift up and down." : "This scene has no obstacle to drag.";
+    shown(await answer.json());
     if (live.last) draw(live.last, true);
   }
+
+  // The motion that is chosen, before it begins.
+  const preview = latest(async () => {
+    const { run, problem } = motions[byId("motion").value];
+    const { status, data } = run ? { status: 200, data: await get(`api/runs/${run}/scene`) } : await post("api/scene", { problem });
+    if (status === 200 && data.scene && !live.id) shown(data);
+  });
 
   async function begin() {
     byId("begin").disabled = true;
@@ -142,11 +153,12 @@
     if (found && !wanted) {
       await watch(found.id);
       if (found.ended !== null) ended(found.ended);
-    }
+    } else await preview();
     window.optiplanExecution.ready = true;
   }
 
   byId("begin").addEventListener("click", begin);
+  byId("motion").addEventListener("change", () => { if (!live.id) preview(); });
   for (const knob of KNOBS) byId(knob).addEventListener("click", () => send(knob));
   byId("speed").addEventListener("input", () => {
     byId("wanted").textContent = byId("speed").value + " %";

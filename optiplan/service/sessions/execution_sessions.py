@@ -15,7 +15,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from optiplan.config.messages import choices
-from optiplan.runs.run_folder import TRAJECTORY
 from optiplan.service.archive import Archive
 from optiplan.service.execution.executing_solver import RESPITE
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
@@ -199,8 +198,7 @@ class ExecutionSessions(Sessions[ExecutionSession]):
             record = await self._archive.run(given.run)
             if not record["verified"]:
                 raise Refusal(409, f"the run '{given.run}' has no verified motion: it is {record['status']}")
-            content = await self._archive.content(record, TRAJECTORY)
-            return given.run, {**await self._archive.stored_request(record), "motion": content.decode()}
+            return given.run, await self._archive.motion_request(record)
         problem = ProblemInput(problem=given.problem or "", name=given.name, start=None, goal=None)
         if given.trajectory is not None:
             return None, {**await self._requests.of(problem), "motion": json.dumps(given.trajectory)}
