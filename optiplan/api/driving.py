@@ -11,6 +11,7 @@ from optiplan.runs.run import Run
 DRIVERS = {
     "sim": "optiplan.simulation.real_time.sim_driver:SimDriver",
     "file": "optiplan.execution.drivers.csv_file:FileDriver",
+    "ros2_control": "optiplan.execution.drivers.ros2_control:Ros2ControlDriver",
 }
 """Class of each driver; its module and its client package are imported when it is named."""
 
@@ -39,7 +40,7 @@ def driver(name: str, run: Run, **options: Any) -> Driver:
     if name not in DRIVERS:
         raise UnknownChoiceError("driver", str(name), DRIVERS)
     module, _, attribute = DRIVERS[name].partition(":")
-    make = getattr(import_module(module), attribute).of_run
+    make = getattr(import_module(module), attribute)
     known = [option for option in signature(make).parameters if option != "run"]
     for option, value in options.items():
         if option not in known:

@@ -38,6 +38,9 @@ STALLED = 0.5
 MOST_RATE = 2000.0
 """Hz: of set-points at most."""
 
+STOPPING = 10.0
+"""s: the same for `stop`, in which a robot may still come to a stand."""
+
 log = logging.getLogger(__name__)
 
 Answer = TypeVar("Answer")
@@ -101,13 +104,10 @@ class Execution:
         """Begin to send set-points.
 
         Raises:
-            InputError: it was started before.
-            DriverError: the robot is not where the motion begins.
+            DriverError: it was started before, or the robot is not where the motion begins.
         """
         if self._thread is not None:
-            raise wrong_argument(
-                "Execution.start", "self", "an execution that was started", "a new one for each motion"
-            )
+            raise DriverError("op.Execution.start: it was started before; expected a new one for each motion")
         try:
             self._check_start()
         except Exception:
@@ -267,25 +267,24 @@ class Execution:
 
     def _check_start(self) -> None:
         """Refuse a robot that stands elsewhere: the first set-point would be a jump."""
-        begin = time.monotonic()
-        assert self._executor.run.trajectory is not None
-        found = self._driver.state() if self.capabilities.measures else None
-        while self.capabilities.measures and found is None and time.monotonic() < begin + FIRST_STATE:
-            time.sleep(0.01)
-            found = self._driver.state()
         if not self.capabilities.measures:
             return
+        begin, found = time.monotonic(), self._driver.state()
+        while found is None and time.monotonic() < begin + FIRST_STATE:
+            time.sleep(0.01)
+            found = self._driver.state()
         if found is None:
-            raise DriverError(
-                f"the driver '{self.capabilities.name}' has no state of the robot after {FIRST_STATE:g} s"
-            )
-        start = self._executor.tick(0.0).q
-        off = np.abs(np.asarray(found.q, dtype=float) - start)
-        if off.shape != start.shape or not (off <= AT_START).all():
-            worst = int(np.argmax(np.nan_to_num(off, nan=np.inf)))
-            name = self.capabilities.joint_names[worst]
-            told = f"{name} is at {float(np.ravel(found.q)[worst]):.4f}, and the motion begins at {start[worst]:.4f}"
-            raise DriverError(f"the robot does not stand where the motion begins: {told}; move it there first")
+            raise DriverError(f"the driver '{self.capabilities.name}' has had no state for {FIRST_STATE:g} s")
+        motion = self._executor.run.trajectory
+        assert motion is not None
+        q, start = numbers(found.q), np.asarray(motion.start)
+        if q.shape != start.shape:
+            raise DriverError(f"the driver's state has {q.size} joints; expected {len(start)}")
+        off = np.nan_to_num(np.abs(q - start), nan=np.inf)
+        if off.max() > AT_START:
+            worst = int(off.argmax())
+            where = f"{self.capabilities.joint_names[worst]} is at {q[worst]:.4f}, where {start[worst]:.4f} is expected"
+            raise DriverError(f"the robot does not stand where the motion begins: {where}; move it there first")
 
     def _run(self) -> None:
         """The thread of the set-points."""
@@ -294,6 +293,7 @@ class Execution:
         except Exception as error:  # a bug of ours: the robot is to stand still, and it is to be seen
             log.exception("the loop of an execution failed")
             refused = f"the loop failed: {in_words(error)}"
+        self._loop.beat = time.monotonic()
         if not self._let_go:
             self._failed = refused
             status = self._executor.status
@@ -314,9 +314,10 @@ class Execution:
         """The thread of subscribers, which also sees whether the loop still runs."""
         done, last, silent = 0, -1.0, 0
         while not self._over.wait(1.0 / REPORTS):
-            silent = silent + 1 if time.monotonic() - self._loop.beat > STALLED else 0
+            most = STOPPING if self._let_go else STALLED
+            silent = silent + 1 if time.monotonic() - self._loop.beat > most else 0
             if silent > 1:  # once is also seen where the whole process stood still
-                self._give_up(f"the driver did not return from a call for {STALLED:g} s")
+                self._give_up(f"the driver did not return from a call for {most:g} s")
             done = self._report_events(done)
             tick = self._loop.tick
             if tick is not None and tick.t != last:
@@ -327,10 +328,11 @@ class Execution:
 
     def _give_up(self, reason: str) -> None:
         """End without the loop, which hangs in a call of the driver."""
-        self._loop.ended, self._failed, self._let_go = True, reason, True
-        stopping = threading.Thread(target=self._stop_driver, args=(reason,), daemon=True)
-        stopping.start()
-        stopping.join(STALLED)
+        again, self._loop.ended, self._failed = not self._let_go, True, reason
+        if again:  # it hangs in another call than this
+            stopping = threading.Thread(target=self._stop_driver, args=(reason,), daemon=True)
+            stopping.start()
+            stopping.join(STALLED)
         with self._lock:
             self._over.set()
 

@@ -11,6 +11,7 @@ from optiplan.errors import OptiPlanError
 from optiplan.execution.drivers.base import Capabilities, Driver
 from optiplan.execution.executor import LONGEST_TICK, Executor
 from optiplan.execution.measurement import Measurement
+from optiplan.execution.state_watch import StateWatch
 from optiplan.execution.status import Ahead, Tick
 from optiplan.trajectory.segments import Segment
 
@@ -84,6 +85,7 @@ class TickLoop:
         self._executor, self._driver, self._commands = executor, driver, commands
         self._clock, self._period, self._lead = clock, 1.0 / capabilities.rate, capabilities.lead
         self._reads, self._latency = capabilities.measures, capabilities.latency
+        self._watch = StateWatch(capabilities.joint_names, executor.run.problem.limits.velocity)
         self._ahead: Ahead | None = None
         self._fresh: Ahead | None = None  # not sent yet
         self._still = 0.0  # s that the robot has stood at the end
@@ -178,6 +180,9 @@ class TickLoop:
         self._unseen = 0.0 if found is not None else self._unseen + self._period
         if self._unseen > WITHOUT_STATE:
             self._stop(f"the driver has had no state for {self._unseen:.2f} s")
+        fault = "" if found is None else self._watch.fault(found)
+        if fault:
+            self._stop(fault)
         return found
 
     def _stop(self, reason: str) -> None:

@@ -4,7 +4,7 @@ import csv
 import os
 from pathlib import Path
 
-from optiplan.errors import InputError, Issue
+from optiplan.errors import InputError, Issue, path_argument
 from optiplan.execution.drivers.base import Capabilities
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Tick
@@ -21,16 +21,17 @@ class FileDriver:
     the name is replaced.
 
     Args:
+        run: whose robot's joints are written.
         path: of the file.
-        joint_names: of the robot.
         rate: set-points per second, Hz.
 
     Raises:
         InputError: the file cannot be written.
     """
 
-    def __init__(self, path: Path | str, joint_names: tuple[str, ...], rate: float = 500.0) -> None:
-        self._path, self._names, self._rate = Path(path), joint_names, rate
+    def __init__(self, run: Run, *, path: Path | str = "set_points.csv", rate: float = 500.0) -> None:
+        self._names, self._rate = tuple(run.problem.robot.joint_names), rate
+        self._path = path_argument("driver", "path", path, "the path of a file")
         self._partial = self._path.with_name(self._path.name + PARTIAL)
         self._done = False
         try:
@@ -42,13 +43,8 @@ class FileDriver:
             found = (error.strerror or str(error)).lower()
             raise InputError([Issue(str(path), None, "file", found, "a file that can be written")]) from error
         self._rows = csv.writer(self._file)
-        columns = [f"{kind} {name}" for kind in ("q", "v", "a", "torque") for name in joint_names]
+        columns = [f"{kind} {name}" for kind in ("q", "v", "a", "torque") for name in self._names]
         self._rows.writerow(["t", *columns])
-
-    @classmethod
-    def of_run(cls, run: Run, path: Path | str = "set_points.csv", rate: float = 500.0) -> "FileDriver":
-        """Return the driver for a run's robot."""
-        return cls(path, tuple(run.problem.robot.joint_names), rate)
 
     def capabilities(self) -> Capabilities:
         """A file measures nothing."""

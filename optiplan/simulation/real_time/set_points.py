@@ -3,12 +3,10 @@
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.execution.clock_offset import ClockOffset
 
 RATE = 0.02
 """By which share the reference may run faster or slower than time, to come in step with the sender's clock."""
-
-FORGET = 0.02
-"""Share by which a set-point that came later than the earliest ones counts: clocks may drift."""
 
 
 class ReceivedSetPoints:
@@ -30,17 +28,16 @@ class ReceivedSetPoints:
         self._ahead: tuple[Array, Array, Array, Array] | None = None
         self._before: tuple[Array, Array, Array, Array] | None = None
         self._offset: float | None = None
-        self._least = 0.0
+        self._clocks = ClockOffset()
         self.stopping = False
 
     def take(self, t: float, q: Array, v: Array, a: Array, sent: float) -> None:
         """Take a set-point that was sent at `sent`, s."""
-        offset = sent - t
+        least = self._clocks.take(sent, t)
         if self._offset is None:
-            self._offset = self._least = offset
-        self._least = min(offset, self._least + FORGET * (offset - self._least))
+            self._offset = least
         most = RATE * max(0.0, t - self._point[0])
-        self._offset += min(max(self._least - self._offset, -most), most)
+        self._offset += min(max(least - self._offset, -most), most)
         self._point = t, q, v, a
 
     def take_ahead(self, t: Array, q: Array, v: Array, a: Array) -> None:
@@ -65,7 +62,7 @@ class ReceivedSetPoints:
         """Whether the reference stands still from `now` on."""
         if self._offset is None or self._ahead is None:
             return True
-        return now - self._offset >= self._ahead[0][-1]
+        return bool(now - self._offset >= self._ahead[0][-1])
 
 
 def between(t: Array, q: Array, v: Array, a: Array, time: float) -> tuple[Array, Array, Array]:

@@ -33,6 +33,9 @@ READY_IN = 60.0
 LET_GO_IN = 5.0
 """s, for the robot to stand still and the process to report."""
 
+HANGS_AFTER = 0.5
+"""s without a state."""
+
 
 class SimDriver:
     """A simulated robot that takes set-points as drives do: position, velocity and acceleration.
@@ -86,19 +89,6 @@ class SimDriver:
         self._sent = 0.0
         self.report: dict[str, Any] = {}
         self._start(Setup(parts, chosen, q, float(frequency), float(payload), SILENT_TICKS / rate))  # type: ignore[arg-type]
-
-    @classmethod
-    def of_run(
-        cls,
-        run: Run,
-        *,
-        rate: float = 500.0,
-        engine: str | None = None,
-        frequency: float = 20.0,
-        payload: float = 0.0,
-    ) -> "SimDriver":
-        """Return the driver for a run; see the class."""
-        return cls(run, rate=rate, engine=engine, frequency=frequency, payload=payload)
 
     @property
     def pid(self) -> int:
@@ -158,9 +148,9 @@ class SimDriver:
             return
         try:
             self._end.send(Packet.STOP.value)
-            began = time.monotonic()
-            while not self.report and time.monotonic() < began + LET_GO_IN:
-                self._packets()
+            began = heard = time.monotonic()
+            while not self.report and time.monotonic() < min(began + LET_GO_IN, heard + HANGS_AFTER):
+                heard = time.monotonic() if self._packets() else heard
                 time.sleep(1e-3)
             self._process.wait(1.0)
         except (OSError, DriverError, subprocess.TimeoutExpired):  # it is gone, or hangs

@@ -132,12 +132,14 @@ class RealTime:
         for kind, content in packets:
             if kind is Packet.TICK:
                 values = np.frombuffer(content)
-                self._reference.take(values[1], *values[2:].reshape(3, n), values[0])
+                q, v, a = values[2:].reshape(3, n)
+                self._reference.take(float(values[1]), q, v, a, float(values[0]))
                 self._arrivals.append(now)
             elif kind is Packet.AHEAD:
                 values = np.frombuffer(content)[1:]
                 K = len(values) // (3 * n + 1)
-                self._reference.take_ahead(values[:K], *values[K:].reshape(3, K, n))
+                q, v, a = values[K:].reshape(3, K, n)
+                self._reference.take_ahead(values[:K], q, v, a)
             elif kind is Packet.EVENT:
                 self._robot.next_part()
             elif kind is Packet.STOP:

@@ -1,0 +1,243 @@
+"""`Execution`: commands from other threads, reports, and drivers that fail."""
+
+import threading
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.errors import InputError
+from optiplan.execution.drivers.base import DriverError
+from optiplan.execution.measurement import Measurement
+from tests.execution.in_process import FollowingRobot, SetClock, executed, steps_within_limits
+
+FAILS_AT = 250
+
+
+@pytest.fixture
+def run(run_of):
+    return run_of("01_reach")
+
+
+@pytest.fixture
+def slow(run):
+    """A robot at half the speed, in a time that goes on slowly enough for commands."""
+    robot = FollowingRobot(run, rate=100.0, clock=SetClock(pause=0.005))
+    execution = op.Execution(op.Executor(run, override=0.5), robot, clock=robot.clock)
+    execution.start()
+    yield execution
+    execution.stop()
+    execution.wait(20.0)
+
+
+def until(condition, seconds=20.0):
+    began = time.monotonic()
+    while not condition() and time.monotonic() < began + seconds:
+        time.sleep(0.005)
+    assert condition()
+
+
+def test_commands_are_taken_at_the_next_tick(slow):
+    until(lambda: slow.snapshot()["place"] > 0.1)
+    slow.pause()
+    until(lambda: slow.snapshot()["phase"] == "paused")
+    place = slow.snapshot()["place"]
+    slow.reverse()
+    until(lambda: slow.snapshot()["speed"] < 0.0)
+    slow.resume()
+    slow.override(0.8)
+    until(lambda: slow.snapshot()["place"] > place)
+    assert slow.snapshot()["override"] == 0.8
+    slow.stop("enough")
+    found = slow.wait(20.0)
+    assert (found["phase"], found["reason"], found["over"]) == ("stopped", "enough", True)
+
+
+def test_a_wrong_command_ends_in_a_stop(slow):
+    slow.override(float("nan"))
+    assert "expected a speed from 0 to 1" in slow.wait(20.0)["reason"]
+
+
+@pytest.mark.parametrize("command", ["override", "update_scene"])
+def test_no_command_raises(slow, command):
+    getattr(slow, command)(object())
+    assert slow.wait(20.0)["phase"] == "stopped"
+
+
+def test_another_motion_takes_over(run, slow):
+    """The path of the other motion is prepared here, and handed over at a tick."""
+    until(lambda: slow.snapshot()["place"] > 0.1)
+    slow.pause()
+    until(lambda: slow.snapshot()["phase"] == "paused")
+    state = slow.state_in(0.0)
+    home = op.plan(run.problem.with_start(op.State(state.q)).with_goal(run.problem.start), budget=1.0)
+    assert slow.splice(home)
+    slow.resume()
+    slow.override(1.0)
+    found = slow.wait(20.0)
+    assert (found["phase"], found["reason"]) == ("done", "")
+    assert np.allclose(found["q"], run.problem.start)
+    with pytest.raises(DriverError, match="is over"):
+        slow.state_in(0.1)
+    assert not slow.splice(home)
+
+
+def test_a_run_that_cannot_take_over_ends_in_a_stop(slow):
+    assert not slow.splice(None)
+    assert "not verified" in slow.wait(20.0)["reason"]
+
+
+def test_subscribers_get_states_and_the_end(run):
+    robot, got, bad = FollowingRobot(run, rate=100.0, clock=SetClock(pause=0.01)), [], []
+    execution = op.Execution(op.Executor(run), robot, clock=robot.clock)
+
+    def broken(message):
+        bad.append(message)
+        raise RuntimeError("a reader")
+
+    execution.subscribe(got.append)
+    execution.subscribe(broken)
+    execution.subscribe(bad.append)()  # ended at once
+    execution.start()
+    execution.wait(20.0)
+    until(lambda: got[-1]["kind"] == "end")
+    assert len(bad) == 1
+    states = [one for one in got if one["kind"] == "state"]
+    assert 3 < len(states) < 100
+    assert all(a["t"] < b["t"] for a, b in pairwise(states))
+    assert set(states[0]) == {*execution.snapshot(), "kind"}
+
+
+def test_events_of_a_task_are_reported():
+    """Also one at the very start, and in a tick that came late."""
+    scene = op.Scene([op.Box("cube", size=(0.04, 0.04, 0.04), position=(0.0, 0.0, 1.5))])
+    task = op.Task().attach("cube", "wrist_3_link").move([0.2, -1.4, 1.4, -1.5, -1.5, 0.0]).detach("cube")
+    run = op.plan(op.Problem("ur5", [0.0, -1.5, 1.5, -1.5, -1.5, 0.0], scene=scene, task=task), budget=3.0)
+    assert run.verified
+    robot, got = FollowingRobot(run, lead=0.06, clock=SetClock({int(1e3 * run.duration): 0.05})), []
+    execution = op.Execution(op.Executor(run), robot, clock=robot.clock, patience=0.1)
+    execution.subscribe(got.append)
+    execution.start()
+    found = execution.wait(30.0)
+    assert [(one["kind"], one["object"]) for one in found["events"]] == [("attach", "cube"), ("detach", "cube")]
+    until(lambda: got[-1]["kind"] == "end")
+    assert [one["event"] for one in got if one["kind"] == "event"] == found["events"]
+    assert found["phase"] == "done"
+
+
+def failing(run, call, error, rate=1000.0):
+    class Failing(FollowingRobot):
+        def _fail(self):
+            if len(self.ticks) >= FAILS_AT:
+                raise error
+
+        def state(self):
+            if call == "state":
+                self._fail()
+            return super().state()
+
+        def send(self, tick):
+            if call == "send":
+                self._fail()
+            super().send(tick)
+
+    return Failing(run, rate)
+
+
+def test_a_driver_that_takes_no_set_point_is_stopped(run):
+    robot = failing(run, "send", OSError("cable out"))
+    found = executed(run, robot).snapshot()
+    assert (found["phase"], found["speed"]) == ("stopped", 0.0)
+    assert found["reason"] == "the driver takes no set-point: OSError: cable out"
+    assert robot.stopped == [found["reason"]]
+
+
+def test_a_driver_that_loses_its_state_stops_along_the_path(run):
+    robot = failing(run, "state", DriverError("no packet from the robot"))
+    found = executed(run, robot).snapshot()
+    assert (found["phase"], found["reason"]) == ("stopped", "the driver has no state: no packet from the robot")
+    assert len(robot.ticks) > FAILS_AT + 50
+    assert steps_within_limits(robot.ticks, 1e-3, run.problem.limits)
+
+
+@pytest.mark.parametrize("q", [np.full(7, np.nan), np.zeros(3), None, "home"])
+def test_a_state_that_cannot_be_ends_in_a_stop(run, q):
+    class Confused(FollowingRobot):
+        def state(self):
+            return super().state() if len(self.ticks) < FAILS_AT else Measurement(q, np.zeros(7), self.clock.now())
+
+    robot = Confused(run)
+    found = executed(run, robot).snapshot()
+    assert found["phase"] == "stopped"
+    assert "measured" in found["reason"] or "state" in found["reason"]
+    assert steps_within_limits(robot.ticks, 1e-3, run.problem.limits)
+
+
+def test_a_call_that_does_not_return_is_the_end_of_the_driver(run):
+    class Hanging(FollowingRobot):
+        def send(self, tick):
+            super().send(tick)
+            if len(self.ticks) == FAILS_AT:
+                release.wait(20.0)
+
+    release, robot = threading.Event(), Hanging(run)
+    execution = op.Execution(op.Executor(run), robot, clock=robot.clock)
+    execution.start()
+    found = execution.wait(10.0)
+    release.set()
+    assert (found["phase"], found["over"]) == ("stopped", True)
+    assert "did not return" in found["reason"]
+    time.sleep(0.05)
+    assert len(robot.ticks) == FAILS_AT
+    assert robot.stopped == [found["reason"]]
+
+
+def test_a_stop_that_fails_is_reported(run):
+    class Stuck(FollowingRobot):
+        def stop(self, reason):
+            raise OSError("brake")
+
+    assert executed(run, Stuck(run)).snapshot()["reason"] == "done; its stop failed: OSError: brake"
+
+
+def test_a_bug_in_the_loop_stops_the_driver(run, monkeypatch):
+    robot = FollowingRobot(run)
+    monkeypatch.setattr(op.Executor, "tick", lambda *_: 1 / 0)
+    found = executed(run, robot).snapshot()
+    assert "the loop failed: ZeroDivisionError" in found["reason"]
+    assert robot.stopped == [found["reason"]]
+
+
+def test_a_robot_that_stands_elsewhere_is_not_started(run):
+    robot = FollowingRobot(run)
+    robot.q = robot.q + np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+    execution = op.Execution(op.Executor(run), robot)
+    with pytest.raises(DriverError, match=r"panda_joint2 is at -0\.6850, where -0\.7850 is expected"):
+        execution.start()
+    assert execution.over
+    assert robot.ticks == []
+    assert robot.stopped == ["not started"]
+
+
+def test_wrong_arguments_are_named(run):
+    robot = FollowingRobot(run)
+    with pytest.raises(InputError, match=r"op\.Execution: executor.*op\.Executor"):
+        op.Execution(run, robot)
+    with pytest.raises(InputError, match=r"rate: found the float 5000\.0; expected 10 to 2000 Hz"):
+        op.Execution(op.Executor(run), robot, rate=5000.0)
+    with pytest.raises(InputError, match="patience"):
+        op.Execution(op.Executor(run), robot, patience=0.5)
+    robot.names = robot.names[::-1]
+    with pytest.raises(InputError, match=r"driver: found a driver 'following' of the joints panda_joint7"):
+        op.Execution(op.Executor(run), robot)
+
+
+def test_it_runs_once(run):
+    execution = executed(run, FollowingRobot(run))
+    with pytest.raises(DriverError, match="started before"):
+        execution.start()
+    execution.override(0.5)  # nothing happens any more
+    assert execution.snapshot()["override"] == 1.0
+    assert execution.lateness()["max"] < 1e-9

@@ -1,0 +1,118 @@
+"""What the loop does with late ticks, clocks that run backwards and drivers without a state, in a time that is set."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.errors import OptiPlanError
+from optiplan.execution.tick_loop import PATIENCE, SETTLE, in_words
+from tests.execution.in_process import FollowingRobot, SetClock, executed, steps_within_limits
+
+PERIOD = 1e-3
+LEAD = 0.06
+AT = 300
+"""The tick that comes late, in full motion."""
+
+
+@pytest.fixture
+def run(run_of):
+    return run_of("01_reach")
+
+
+def late_run(run, delay, lead=0.0):
+    robot = FollowingRobot(run, lead=lead, clock=SetClock({AT: delay}))
+    return robot, executed(run, robot).snapshot()
+
+
+def test_a_motion_comes_to_its_end_on_the_grid_of_its_rate(run):
+    robot = FollowingRobot(run)
+    found = executed(run, robot).snapshot()
+    assert (found["phase"], found["reason"], found["missed"]) == ("done", "", 0)
+    assert np.allclose(np.diff(robot.came), PERIOD)
+    assert np.allclose([tick.t for tick in robot.ticks], PERIOD * np.arange(len(robot.ticks)))
+    assert np.allclose(robot.q, run.trajectory.end)
+    assert robot.came[-1] - robot.came[0] >= run.duration + SETTLE - 2 * PERIOD
+    assert robot.stopped == ["done"]
+
+
+@pytest.mark.parametrize("lead", [0.0, LEAD])
+def test_a_tick_that_is_a_little_late_changes_nothing(run, lead):
+    _, found = late_run(run, 0.9 * PATIENCE, lead)
+    assert (found["phase"], found["reason"], found["missed"]) == ("done", "", 9)
+    assert found["longest"] == pytest.approx(PERIOD + 0.9 * PATIENCE)
+
+
+@pytest.mark.parametrize("delay", [0.0101, 0.03, 0.0999])
+def test_single_set_points_go_on_one_period_after_the_last_to_a_stop(run, delay):
+    """The robot waits for the next one: whenever it comes, it must not be a jump."""
+    robot, found = late_run(run, delay)
+    assert found["phase"] == "stopped"
+    assert f"a set-point came {1e3 * delay:.0f} ms late" in found["reason"]
+    assert found["missed"] == int(delay / PERIOD)
+    assert steps_within_limits(robot.ticks, PERIOD, run.problem.limits)
+    assert robot.ticks[AT].t - robot.ticks[AT - 1].t == pytest.approx(PERIOD)
+    assert robot.ticks[-1].status.speed == 0.0
+    assert robot.stopped == [found["reason"]]
+
+
+def test_a_long_silence_ends_single_set_points_at_once(run):
+    """Nobody knows where the drives left the robot: there is no set-point that would be no jump."""
+    robot, found = late_run(run, 1.0)
+    assert len(robot.ticks) == AT
+    assert (found["phase"], found["speed"]) == ("stopped", 0.0)
+    assert "no set-point for 1.0" in found["reason"]
+    assert robot.stopped == [found["reason"]]
+
+
+@pytest.mark.parametrize("delay", [0.0101, 0.1, 1.0])
+def test_a_robot_with_a_way_ahead_is_found_where_it_went(run, delay):
+    """After any silence the next set-point is where the robot is: on its way ahead, which ends in the proved stop."""
+    robot, found = late_run(run, delay, LEAD)
+    assert found["phase"] == "stopped"
+    assert "ms" in found["reason"]
+    before, after = robot.ticks[:AT], robot.ticks[AT]
+    ahead = [tick.ahead for tick in before if tick.ahead is not None][-1]
+    passed = PERIOD * round((robot.came[AT] - robot.came[AT - 1]) / PERIOD)
+    assert after.t == pytest.approx(before[-1].t + passed, abs=1.01 * PERIOD)
+    for j in range(len(after.q)):
+        assert after.q[j] == pytest.approx(np.interp(after.t, ahead.t, ahead.q[:, j]), abs=2e-5)
+    assert ahead.turn <= before[-1].t + 1.5 * LEAD
+    assert steps_within_limits(robot.ticks[AT:], PERIOD, run.problem.limits)
+    assert robot.ticks[-1].status.speed == 0.0
+
+
+def test_a_way_ahead_is_renewed_before_its_stop_begins(run):
+    robot = FollowingRobot(run, lead=LEAD)
+    execution = op.Execution(op.Executor(run), robot, clock=robot.clock)
+    execution.start()
+    execution.wait(30.0)
+    latest = None
+    for tick in robot.ticks:
+        latest = tick.ahead or latest
+        assert latest is not None
+        assert latest.t[0] <= tick.t <= latest.turn
+    count = sum(tick.ahead is not None for tick in robot.ticks)
+    assert count < len(robot.ticks) / 20
+
+
+def test_a_clock_that_runs_backwards_ends_in_a_stop(run):
+    robot, found = late_run(run, -0.5)
+    assert found["phase"] == "stopped"
+    assert "the clock ran backwards by 0.499" in found["reason"]
+    assert steps_within_limits(robot.ticks, PERIOD, run.problem.limits)
+
+
+def test_a_driver_without_a_state_ends_in_a_stop(run):
+    class Blind(FollowingRobot):
+        def state(self):
+            return super().state() if len(self.ticks) < AT else None
+
+    found = executed(run, Blind(run)).snapshot()
+    assert found["phase"] == "stopped"
+    assert "no state for 0.20 s" in found["reason"]
+
+
+def test_words_of_errors():
+    assert in_words(OptiPlanError("the robot is off")) == "the robot is off"
+    assert in_words(ValueError("no\n number")) == "ValueError: no number"
+    assert in_words(KeyError()) == "KeyError"
