@@ -67,7 +67,7 @@
       const { status, data } = await post("api/executions", asked);
       if (status !== 201) { say("refused", data.error, "failed"); return; }
       await watch(data.id);
-    } catch { say("refused", "the server does not answer", "failed"); } finally { byId("begin").disabled = false; }
+    } catch { say("refused", "the server does not answer", "failed"); } finally { byId("begin").disabled = live.id !== null; }
   }
 
   async function watch(id) {
@@ -75,6 +75,7 @@
     Object.assign(live, { id, last: null, states: 0, heard: performance.now(), past: [], motion: 0, events: new EventSource(`api/executions/${id}/events`) });
     history.replaceState(null, "", "#" + id);
     for (const knob of KNOBS) byId(knob).disabled = false;
+    byId("begin").disabled = true;
     live.events.addEventListener("state", (event) => draw(JSON.parse(event.data)));
     live.events.addEventListener("end", (event) => ended(JSON.parse(event.data).reason));
     live.events.addEventListener("error", () => { if (live.id === id && live.events.readyState === EventSource.CLOSED) setTimeout(() => again(id), 1000); });
@@ -97,6 +98,7 @@
     if (live.events) live.events.close();
     Object.assign(live, { id: null, events: null });
     for (const knob of KNOBS) byId(knob).disabled = true;
+    byId("begin").disabled = false;
     byId("right").classList.remove("stale");
     say("ended", reason, reason === "done" ? "verified" : "refused");
   }
@@ -123,7 +125,7 @@
     byId("off").textContent = state.deviation === null ? "not measured" : `at most ${(1000 * state.deviation).toFixed(3)} mrad or mm`;
     const ms = (x) => (1000 * x).toFixed(2);
     byId("late").textContent = `${ms(state.late.p50)} / ${ms(state.late.p99)} / ${ms(state.late.max)} ms`;
-    byId("missed").textContent = `${state.missed} of ${state.rate} a second`;
+    byId("missed").textContent = `${state.missed}, at ${state.rate} a second`;
     byId("time").textContent = state.t.toFixed(1) + " s";
     live.past.push([state.t, state.speed]);
     while (live.past[0][0] < state.t - WINDOW) live.past.shift();
