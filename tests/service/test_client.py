@@ -180,14 +180,14 @@ def test_a_motion_is_executed_and_steered_through_a_client(client, server, quick
     run = op.plan(op.load_problem(quick))
     with client.execute(run, "paper", override=0.1, lease=2.0) as robot:
         assert robot.about["duration"] == run.duration
-        assert robot.override(0.3)["phase"] in ("running", "changing")
+        assert robot.override(0.15)["phase"] in ("running", "changing")
         away = op.Pose((-1, 0.18, 1), rpy=(0.3, 1.2, -2.0))
         seen = robot.update_scene({"far": away}, {"far": (0, 0, 0.1)})["obstacles"]["far"]
         assert np.allclose(pin.XYZQUATToSE3(seen).homogeneous, away.matrix, atol=1e-12)
         robot.pause()
         begin = next(one["t"] for one in robot.events() if one["phase"] == "paused")
         robot.resume()
-        state = robot.state_in(0.5)
+        state = robot.state_in(2.0)
         start = op.State(state["joints"], state["velocity"], state["acceleration"])
         problem = op.Problem("planar2r", start, [0.2, 0.6], planner="trajopt")
         assert robot.splice(op.plan(problem, budget=0.25)) is True
