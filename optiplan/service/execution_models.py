@@ -45,6 +45,7 @@ class ExecutionRequest(MotionInput, PlanningChoices):
     deviation: float | None = Field(
         None, gt=0, le=1e3, allow_inf_nan=False, description="Largest deviation of a joint before it stops, rad or m"
     )
+    paused: bool = Field(False, description="Whether it stands until `resume`")
     rate: float | None = Field(
         None, gt=0, le=2000, allow_inf_nan=False, description="Set-points a second; null: the driver's"
     )

@@ -212,6 +212,6 @@ def test_a_cell_that_goes_away_stops_its_robot(server, quick):
             assert robot.wait(0.0)["ended"] is None
         assert "renewed its lease" in list(robot.events())[-1]["reason"]
         with pytest.raises(CellError, match="there is no run"):
-            cell.execute("0" * 32)
+            cell.execute("0" * 32, "paper")
         with pytest.raises(ValueError, match="expected a verified one"):
             cell.execute(cell.plan([100.0, 1.0]))

@@ -21,6 +21,7 @@ from optiplan.runs.run import Run
 from optiplan.runs.stored_runs import run_of_record
 from optiplan.service.execution.executing_solver import RESPITE
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.report import jsonable
 from optiplan.viewer.runs import Poses
 
 STREAM = 0.04
@@ -41,7 +42,7 @@ class Executing:
     Args:
         read: of problems.
         request: `problem`, `motion` (text of a trajectory.json), `driver`, `driver_options`; `override`, `clearance`,
-            `deviation`, `rate`, `patience` and `lease` as in `ExecutionRequest`.
+            `deviation`, `paused`, `rate`, `patience` and `lease` as in `ExecutionRequest`.
 
     Raises:
         OptiPlanError: the motion is not verified or cannot be executed, or the driver cannot be reached.
@@ -53,10 +54,11 @@ class Executing:
         run = self._runs[0]
         limits = {"clearance": request["clearance"], "deviation": request["deviation"]}
         self._executor = Executor(run, override=request["override"], **limits)
-        made = driver(request["driver"], run, **request["driver_options"])
-        self._execution = Execution(
-            self._executor, made, rate=request["rate"], patience=request["patience"] or PATIENCE
-        )
+        self._driver = driver(request["driver"], run, **request["driver_options"])
+        patience = request["patience"] or PATIENCE
+        self._execution = Execution(self._executor, self._driver, rate=request["rate"], patience=patience)
+        if request["paused"]:
+            self._execution.pause()
         self._poses = Poses(run.problem)
         self._obstacles: dict[str, list[float]] = {}
         self._replies: queue.SimpleQueue[Message] = queue.SimpleQueue()
@@ -116,8 +118,10 @@ class Executing:
         if not gone:
             channel.state({"state": self.state()})
         asked = found["phase"] == "stopped" and found["reason"] == self._asked
-        reason = found["reason"] or found["phase"]
-        return {"reason": reason, "clean": bool(found["over"] and (found["phase"] == "done" or asked))}
+        contacts = getattr(self._driver, "report", {}).get("contacts")
+        touched = ["touched: " + "; ".join(" and ".join(pair) for pair in contacts)] if contacts else []
+        reason = "; ".join([found["reason"] or found["phase"], *touched])
+        return {"reason": reason, "clean": bool(found["over"] and (found["phase"] == "done" or asked) and not touched)}
 
     def state(self) -> Message:
         """What the robot does, JSON-ready; `docs/service.md` lists its keys."""
@@ -130,7 +134,9 @@ class Executing:
             "q": found["q"] or start.tolist(),
             "poses": self._poses.of(q[None])[0][0].tolist(),
             "obstacles": self._obstacles,
-            "late": self._execution.lateness(LATELY),
+            "lateness": self._execution.lateness(LATELY),
+            "report": jsonable(getattr(self._driver, "report", {})),
+            "tried_on_hardware": self._execution.capabilities.tried_on_hardware,
             "motion": next((k for k, one in enumerate(self._runs) if one is run), 0),
         }
 

@@ -124,7 +124,7 @@
     byId("now").textContent = (100 * state.speed).toFixed(0) + " % of the planned";
     byId("off").textContent = state.deviation === null ? "not measured" : `at most ${(1000 * state.deviation).toFixed(3)} mrad or mm`;
     const ms = (x) => (1000 * x).toFixed(2);
-    byId("late").textContent = `${ms(state.late.p50)} / ${ms(state.late.p99)} / ${ms(state.late.max)} ms`;
+    byId("late").textContent = `${ms(state.lateness.p50)} / ${ms(state.lateness.p99)} / ${ms(state.lateness.max)} ms`;
     byId("missed").textContent = `${state.missed}, at ${state.rate} a second`;
     byId("time").textContent = state.t.toFixed(1) + " s";
     live.past.push([state.t, state.speed]);

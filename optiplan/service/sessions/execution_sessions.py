@@ -256,7 +256,7 @@ def _end_of(answer: SolverAnswer, silent: float) -> tuple[str, bool]:
     return str(data["reason"]), bool(data["clean"])
 
 
-_STEERING = {"override", "clearance", "deviation", "rate", "patience", "lease"}
+_STEERING = {"override", "clearance", "deviation", "paused", "rate", "patience", "lease"}
 """Fields of a request that its process needs."""
 _OWN = {"problem", "name", "start", "goal", "rate"}
 """Fields of a plan that an execution does not have."""
