@@ -13,9 +13,10 @@ SHORTEST_LEASE, LONGEST_LEASE = 0.2, 60.0
 
 
 class MotionInput(StorableInput):
-    """A verified motion: a run of this server, or a problem and its motion."""
+    """A verified motion: a run of this server, a problem and its motion, or that of an execution."""
 
     run: RunId | None = Field(None, description="Id of a verified run of this server")
+    execution: RunId | None = Field(None, description="Instead of `run`: id of an execution, whose first motion it is")
     problem: str | dict[str, Any] | None = Field(
         None, description="Instead of `run`: text of a problem file, its content as JSON, or the hash of a stored one"
     )
@@ -26,9 +27,10 @@ class MotionInput(StorableInput):
 
     @model_validator(mode="after")
     def _one_motion(self) -> Self:
-        if (self.run is None) == (self.problem is None):
-            found = "neither" if self.run is None else "both"
-            raise ValueError(f"found {found} of run and problem; expected either run or problem")
+        given = [name for name in ("run", "problem", "execution") if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "no motion"
+            raise ValueError(f"found {found}; expected either run, problem or execution")
         if self.trajectory is not None and self.problem is None:
             raise ValueError("found a trajectory alone; expected a problem beside the trajectory, or a run")
         return self

@@ -44,6 +44,18 @@
     byId("hint").textContent = movable ? "Drag obstacles, with shift up and down." : "This scene has no obstacle to drag.";
   }
 
+  // A motion that can be chosen, under a name of its own: what asks for it.
+  function offer(name, label, asked, first = false) {
+    if (!motions[name]) byId("motion")[first ? "prepend" : "append"](make("option", { value: name, textContent: label }));
+    motions[name] = asked;
+  }
+
+  // The motion of an execution, to be started again.
+  function choose({ id, name, run }) {
+    offer(run || id, name + ", as last", run ? { run } : { execution: id }, true);
+    byId("motion").value = run || id;
+  }
+
   async function show(id) {
     const answer = await fetch(`api/executions/${id}/scene`);
     if (!answer.ok) return;
@@ -53,8 +65,8 @@
 
   // The motion that is chosen, before it begins.
   const preview = latest(async () => {
-    const { run, problem } = motions[byId("motion").value];
-    const { status, data } = run ? { status: 200, data: await get(`api/runs/${run}/scene`) } : await post("api/scene", { problem });
+    const { run, problem, execution } = motions[byId("motion").value], path = run ? `api/runs/${run}/scene` : `api/executions/${execution}/scene`;
+    const { status, data } = problem ? await post("api/scene", { problem }) : { status: 200, data: await get(path) };
     if (status === 200 && data.scene && !live.id) shown(data);
   });
 
@@ -66,6 +78,7 @@
       say("starting", "the motion is verified, a process and its driver start", "running");
       const { status, data } = await post("api/executions", asked);
       if (status !== 201) { say("refused", data.error, "failed"); return; }
+      choose(data);
       await watch(data.id);
     } catch { say("refused", "the server does not answer", "failed"); } finally { byId("begin").disabled = live.id !== null; }
   }
@@ -146,13 +159,13 @@
     const [{ executions, drivers }, { runs }, examples] = await Promise.all([get("api/executions"), get("api/runs?limit=60"), get("api/examples")]);
     byId("driver").append(...drivers.map((name) => make("option", { value: name, textContent: name })));
     const named = location.hash.slice(1), [, wanted] = named.split("run=");
-    for (const run of runs.filter((one) => one.verified)) motions[`${run.name} · ${run.planner} · ${run.duration.toFixed(2)} s`] = { run: run.id };
-    if (wanted && !runs.some((one) => one.id === wanted)) motions["the chosen run"] = { run: wanted };
-    for (const [name, problem] of Object.entries(examples)) motions["plan " + name] = { problem, budget: 10 };
-    byId("motion").append(...Object.keys(motions).map((name) => make("option", { value: name, textContent: name })));
-    byId("motion").value = Object.keys(motions).find((name) => motions[name].run === wanted && wanted) || (motions["plan 02_shelf"] ? "plan 02_shelf" : Object.keys(motions)[0]);
+    for (const run of runs.filter((one) => one.verified)) offer(run.id, `${run.name} · ${run.planner} · ${run.duration.toFixed(2)} s`, { run: run.id });
+    for (const [name, problem] of Object.entries(examples)) offer(name, "plan " + name, { problem, budget: 10 });
+    if (wanted) offer(wanted, "the chosen run", { run: wanted }, true);
+    byId("motion").value = wanted || (motions["02_shelf"] ? "02_shelf" : Object.keys(motions)[0]);
     const found = executions.find((one) => one.id === named) || executions.find((one) => one.ended === null); // one that runs is watched by all who come
     if (found && !wanted) {
+      choose(found);
       await watch(found.id);
       if (found.ended !== null) ended(found.ended);
     } else await preview();

@@ -194,6 +194,9 @@ class ExecutionSessions(Sessions[ExecutionSession]):
         Raises:
             Refusal: there is no such motion, or it is not verified.
         """
+        if given.execution is not None:
+            earlier = self.get(given.execution)
+            return earlier.about["run"], {key: earlier.motions[0].get(key) for key in _MOTION}
         if given.run is not None:
             record = await self._archive.run(given.run)
             if not record["verified"]:
@@ -258,5 +261,7 @@ def _end_of(answer: SolverAnswer, silent: float) -> tuple[str, bool]:
 
 _STEERING = {"override", "clearance", "deviation", "paused", "rate", "patience", "lease"}
 """Fields of a request that its process needs."""
+_MOTION = ("problem", "name", "start", "goal", "motion")
+"""Keys of a request that say what is executed."""
 _OWN = {"problem", "name", "start", "goal", "rate"}
 """Fields of a plan that an execution does not have."""

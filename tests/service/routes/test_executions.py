@@ -29,7 +29,11 @@ def events(server, execution):
 def start(server, **given):
     """Start the quick problem, or another motion, once the driver is free."""
     wait_until(lambda: all(one["ended"] is not None for one in server.http.get(ROUTE).json()["executions"]))
-    asked = {"driver": "paper", **({} if "run" in given else {"problem": QUICK, "budget": 5.0}), **given}
+    asked = {
+        "driver": "paper",
+        **({} if {"run", "execution"} & set(given) else {"problem": QUICK, "budget": 5.0}),
+        **given,
+    }
     answer = server.http.post(ROUTE, json=asked)
     assert answer.status_code == 201, answer.text
     return answer.json()["id"]
@@ -182,9 +186,10 @@ def test_a_process_that_is_asked_to_end_stops_the_robot_first(server, planned):
 @pytest.mark.parametrize(
     ("given", "status", "word"),
     [
-        ({}, 422, "either run or problem"),
-        ({"run": "0" * 32, "problem": QUICK}, 422, "either run or problem"),
+        ({}, 422, "either run, problem or execution"),
+        ({"run": "0" * 32, "problem": QUICK}, 422, "found run and problem"),
         ({"run": "0" * 32}, 404, "there is no run"),
+        ({"execution": "0" * 32}, 404, "there is no execution"),
         ({"run": "0" * 32, "trajectory": {}}, 422, "a problem beside the trajectory"),
         ({"problem": QUICK, "driver": "papers"}, 422, "did you mean 'paper'"),
         ({"problem": QUICK, "override": 1.5}, 422, "body.override"),
@@ -224,5 +229,7 @@ def test_a_motion_that_breaks_a_limit_is_not_executed(server, planned):
     slow = QUICK + "limits: {velocity: 0.05}\n"
     refused = server.http.post(ROUTE, json={"driver": "paper", "problem": slow, "trajectory": motion})
     assert (refused.status_code, "not verified: velocity" in refused.text) == (422, True), refused.text
-    execution = start(server, problem=QUICK, trajectory=motion)
+    first = start(server, problem=QUICK, trajectory=motion)
+    assert list(events(server, first))[-1]["clean"]
+    execution = start(server, execution=first)
     assert list(events(server, execution))[-1]["clean"]
