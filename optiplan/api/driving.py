@@ -12,6 +12,7 @@ DRIVERS = {
     "sim": "optiplan.simulation.real_time.sim_driver:SimDriver",
     "file": "optiplan.execution.drivers.csv_file:FileDriver",
     "ros2_control": "optiplan.execution.drivers.ros2_control:Ros2ControlDriver",
+    "ur_rtde": "optiplan.execution.drivers.ur_rtde:UrRtdeDriver",
 }
 """Class of each driver; its module and its client package are imported when it is named."""
 

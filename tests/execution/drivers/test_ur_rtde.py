@@ -1,0 +1,103 @@
+"""The driver `ur_rtde` against a controller that speaks RTDE."""
+
+import time
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.errors import InputError, OptiPlanError
+from optiplan.execution.drivers import ur_rtde
+from optiplan.execution.drivers.base import DriverError
+from tests.execution.drivers.ur_controller import SERVOJ, STOP_PROGRAM, WATCHDOG, ControllerProcess
+
+pytest.importorskip("rtde_control")
+
+
+@pytest.fixture(scope="module")
+def run():
+    run = op.plan(op.Problem("ur5", [0.0, -1.5, 1.5, -1.5, -1.5, 0.0], [0.6, -1.2, 1.2, -1.5, -1.5, 0.3]), "quintic")
+    assert run.verified
+    return run
+
+
+@pytest.fixture
+def robot(run):
+    robot = ControllerProcess(run.trajectory.start)
+    yield robot
+    robot.kill()
+
+
+def execution_of(run, robot, override=1.0):
+    driver = op.driver("ur_rtde", run, host=robot.host, rate=125.0)
+    return op.Execution(op.Executor(run, override=override), driver, patience=0.1)
+
+
+def until(condition, seconds=20.0):
+    began = time.monotonic()
+    while not condition() and time.monotonic() < began + seconds:
+        time.sleep(0.005)
+    assert condition()
+
+
+def test_a_motion_arrives(run, robot):
+    execution = execution_of(run, robot)
+    execution.start()
+    found = execution.wait(20.0)
+    assert (found["phase"], found["reason"]) == ("done", "")
+    seen = robot.seen()
+    assert np.allclose(seen["q"], run.trajectory.end)
+    sent = [one for one in seen["commands"] if one[0] == SERVOJ]
+    assert len(sent) == pytest.approx(125.0 * found["t"], abs=5 + found["missed"])
+    assert sent[0][9:12] == [1.0 / 125.0, 0.1, 300.0]
+    path = run.trajectory(np.linspace(0.0, run.duration, 4000))
+    assert max(np.abs(path - one[1:7]).max(axis=1).min() for one in sent) < 1e-3
+    assert [one[0] for one in seen["commands"] if one[0] in (WATCHDOG, STOP_PROGRAM)] == [WATCHDOG, STOP_PROGRAM]
+    assert not seen["running"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("slider", 0.5, "scales its speed to 50%"),
+        ("safety", 1 + 4, "in a protective stop"),
+        ("safety", 1 + 128, "in an emergency stop"),
+        ("running", False, "takes no set-points"),
+    ],
+)
+def test_a_robot_that_does_otherwise_ends_in_a_stop(run, robot, name, value, reason):
+    execution = execution_of(run, robot, override=0.5)
+    execution.start()
+    until(lambda: execution.snapshot()["place"] > 0.1)
+    robot.set(name, value)
+    found = execution.wait(20.0)
+    assert found["phase"] == "stopped"
+    assert reason in found["reason"]
+    assert found["place"] < run.duration
+
+
+def test_a_robot_that_is_gone_ends_in_a_stop(run, robot):
+    execution = execution_of(run, robot, override=0.5)
+    execution.start()
+    until(lambda: execution.snapshot()["place"] > 0.1)
+    robot.process.kill()
+    found = execution.wait(20.0)
+    assert (found["phase"], found["over"]) == ("stopped", True)
+    assert found["reason"]
+
+
+def test_what_cannot_be_is_named(run, monkeypatch):
+    with pytest.raises(InputError, match=r"host: found the str ''; expected the name or address of the robot"):
+        op.driver("ur_rtde", run)
+    with pytest.raises(InputError, match=r"gain: found the float 5000\.0; expected a number from 100 to 2000"):
+        op.driver("ur_rtde", run, host="127.0.0.1", gain=5000.0)
+    with pytest.raises(DriverError, match=r"no robot at 127\.0\.0\.1"):
+        op.driver("ur_rtde", run, host="127.0.0.1")
+    monkeypatch.setattr(ur_rtde, "find_spec", lambda name: None)
+    with pytest.raises(OptiPlanError, match=r"optiplan\[ur\]"):
+        op.driver("ur_rtde", run, host="127.0.0.1")
+
+
+def test_an_arm_of_other_joints_is_refused(run_of):
+    with pytest.raises(InputError, match="a robot of 7 joints; expected an arm of 6 joints"):
+        op.driver("ur_rtde", run_of("01_reach"), host="127.0.0.1")
