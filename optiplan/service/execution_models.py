@@ -45,7 +45,11 @@ class ExecutionRequest(MotionInput, PlanningChoices):
         0.0, ge=0, le=10, allow_inf_nan=False, description="Distance to keep from obstacles that move, m"
     )
     deviation: float | None = Field(
-        None, gt=0, le=1e3, allow_inf_nan=False, description="Largest deviation of a joint before it stops, rad or m"
+        0.05,
+        gt=0,
+        le=1e3,
+        allow_inf_nan=False,
+        description="Distance of a measured joint from its set-point that stops the robot, rad or m; null: none does",
     )
     paused: bool = Field(False, description="Whether it stands until `resume`")
     rate: float | None = Field(

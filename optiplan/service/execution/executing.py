@@ -78,50 +78,48 @@ class Executing:
             "joint_names": list(robot.joint_names),
         }
 
-    def start(self) -> None:
-        """Begin to move.
+    def run(self, channel: Any) -> Message:
+        """Move until the execution is over; return `reason`, and whether that is `clean`: at the end, or as asked.
+
+        Where nobody is there any more, or on SIGTERM, the robot stops along its path first.
 
         Raises:
             DriverError: the robot is not where the motion begins.
         """
-        self._execution.start()
-
-    def run(self, channel: Any) -> Message:
-        """Go on until the execution is over; return `reason`, and whether that is `clean`: at the end, or as asked.
-
-        Where nobody is there any more, or on SIGTERM, the robot stops along its path first.
-        """
         asked_to_end = threading.Event()
         signal.signal(signal.SIGTERM, lambda *_: asked_to_end.set())
-        until, told, gone = float("inf"), -STREAM, False
-        while not self._execution.over and time.monotonic() < until:
-            for message in channel.heard(LISTEN) if not gone else []:
-                if "do" not in message:  # the line has ended
-                    self._stop("the server has gone")
-                    until, gone = time.monotonic() + RESPITE, True
-                else:
+        told = -STREAM
+        self._execution.start()
+        try:
+            channel.answered(self.about, {})
+            while not self._execution.over:
+                for message in channel.heard(LISTEN):
                     self._answer(message)
-            if gone:
-                time.sleep(LISTEN)
-            elif asked_to_end.is_set():
-                asked_to_end.clear()
-                self._stop("the process was asked to end")
-            if self._lease is not None and time.monotonic() - self._alive > self._lease:
-                self._stop(f"no client has renewed its lease for {self._lease:g} s", False)
-                self._lease = None
-            while not gone and not self._replies.empty():
-                channel.state(self._replies.get())
-            if not gone and time.monotonic() - told >= STREAM:
-                told = time.monotonic()
-                channel.state({"state": self.state()})
-        found = self._execution.wait(0.0)
-        if not gone:
+                if asked_to_end.is_set():
+                    asked_to_end.clear()
+                    self._stop("the process was asked to end")
+                self._check_lease()
+                while not self._replies.empty():
+                    channel.state(self._replies.get())
+                if time.monotonic() - told >= STREAM:
+                    told = time.monotonic()
+                    channel.state({"state": self.state()})
             channel.state({"state": self.state()})
+        except OSError:  # nobody is there any more
+            self._stop("the server has gone")
+        finally:
+            self._execution.stop("nothing watches over the execution any more")
+            found = self._execution.wait(RESPITE)
         asked = found["phase"] == "stopped" and found["reason"] == self._asked
         contacts = getattr(self._driver, "report", {}).get("contacts")
         touched = ["touched: " + "; ".join(" and ".join(pair) for pair in contacts)] if contacts else []
         reason = "; ".join([found["reason"] or found["phase"], *touched])
         return {"reason": reason, "clean": bool(found["over"] and (found["phase"] == "done" or asked) and not touched)}
+
+    def _check_lease(self) -> None:
+        if self._lease is not None and time.monotonic() - self._alive > self._lease:
+            self._stop(f"no client has renewed its lease for {self._lease:g} s", False)
+            self._lease = None
 
     def state(self) -> Message:
         """What the robot does, JSON-ready; `docs/service.md` lists its keys."""
@@ -146,7 +144,13 @@ class Executing:
         self._execution.stop(reason)
 
     def _answer(self, message: Message) -> None:
-        """Do what a message says; the answer goes back with its number."""
+        """Do what a message says; the answer goes back with its number.
+
+        Raises:
+            BrokenPipeError: it says that the line has ended.
+        """
+        if "do" not in message:
+            raise BrokenPipeError
         number = message["number"]
 
         def work() -> None:

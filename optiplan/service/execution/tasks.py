@@ -124,10 +124,7 @@ class Tasks:
         from optiplan.service.execution.executing import Executing
 
         with in_time():
-            executing = Executing(self._reader.read, request)
-            executing.start()
-            progress.answered(executing.about, {})
-            return executing.run(progress), {}
+            return Executing(self._reader.read, request).run(progress), {}
 
     def bench_report(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """The report of a bench, of the texts of its runs."""

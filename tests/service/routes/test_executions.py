@@ -187,7 +187,7 @@ def test_a_process_that_is_asked_to_end_stops_the_robot_first(server, planned):
     ("given", "status", "word"),
     [
         ({}, 422, "either run, problem or execution"),
-        ({"run": "0" * 32, "problem": QUICK}, 422, "found run and problem"),
+        ({"run": "0" * 32, "problem": QUICK}, 422, "either run, problem or execution"),
         ({"run": "0" * 32}, 404, "there is no run"),
         ({"execution": "0" * 32}, 404, "there is no execution"),
         ({"run": "0" * 32, "trajectory": {}}, 422, "a problem beside the trajectory"),
