@@ -13,6 +13,7 @@ from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
+from optiplan.errors import OptiPlanError
 
 if TYPE_CHECKING:
     from optiplan.execution.drivers.base import Driver
@@ -95,6 +96,7 @@ def _executed(
 ) -> tuple[dict[str, Any], bool]:
     """Execute a motion here; return what came of it, and whether Ctrl-C was pressed."""
     from optiplan.api.driving import driver as driver_of
+    from optiplan.errors import OptiPlanError
     from optiplan.execution.execution import Execution
     from optiplan.execution.executor import Executor
     from optiplan.execution.real_time import in_time
@@ -102,7 +104,11 @@ def _executed(
     executor = Executor(motion, override=steering["override"], deviation=steering["deviation"])
     with stdout_is_ours(), in_time():
         made = driver_of(driver, motion, **options)
-        execution = Execution(executor, made, patience=steering["patience"])
+        try:
+            execution = Execution(executor, made, patience=steering["patience"])
+        except OptiPlanError:
+            made.stop("not started")
+            raise
         execution.start()
         with ProgressLine() as progress, _stopping(execution.stop) as pressed:
             while not execution.over:

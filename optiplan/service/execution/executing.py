@@ -56,7 +56,11 @@ class Executing:
         self._executor = Executor(run, override=request["override"], **limits)
         self._driver = driver(request["driver"], run, **request["driver_options"])
         patience = request["patience"] or PATIENCE
-        self._execution = Execution(self._executor, self._driver, rate=request["rate"], patience=patience)
+        try:
+            self._execution = Execution(self._executor, self._driver, rate=request["rate"], patience=patience)
+        except OptiPlanError:
+            self._driver.stop("not started")
+            raise
         if request["paused"]:
             self._execution.pause()
         self._poses = Poses(run.problem)

@@ -61,7 +61,6 @@ def test_a_motion_arrives(run, robot):
     [
         ("slider", 0.5, "scales its speed to 50%"),
         ("safety", 1 + 4, "in a protective stop"),
-        ("safety", 1 + 128, "in an emergency stop"),
         ("running", False, "takes no set-points"),
     ],
 )
