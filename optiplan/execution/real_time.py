@@ -12,6 +12,9 @@ from contextlib import contextmanager
 SWITCH = 5e-4
 """s after which a thread that computes lets that of the set-points run."""
 
+RESPITE = 3.0
+"""s that a process which moves a robot has to stop it, once nobody watches over it."""
+
 
 @contextmanager
 def in_time() -> Iterator[bool]:

@@ -96,7 +96,6 @@ def _executed(
 ) -> tuple[dict[str, Any], bool]:
     """Execute a motion here; return what came of it, and whether Ctrl-C was pressed."""
     from optiplan.api.driving import driver as driver_of
-    from optiplan.errors import OptiPlanError
     from optiplan.execution.execution import Execution
     from optiplan.execution.executor import Executor
     from optiplan.execution.real_time import in_time

@@ -14,12 +14,12 @@ from optiplan.api.driving import driver
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.execution.execution import Execution
 from optiplan.execution.executor import Executor
+from optiplan.execution.real_time import RESPITE
 from optiplan.execution.tick_loop import PATIENCE
 from optiplan.geometry.pose import Pose
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
 from optiplan.runs.stored_runs import run_of_record
-from optiplan.service.execution.executing_solver import RESPITE
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
 from optiplan.viewer.runs import Poses

@@ -1,9 +1,7 @@
 """A solver process that moves a robot: when the server ends, however that happens, it has time for a proved stop."""
 
+from optiplan.execution.real_time import RESPITE
 from optiplan.service.execution import solver
-
-RESPITE = 3.0
-"""s, from the end of the line to the server."""
 
 
 def main() -> None:

@@ -15,8 +15,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from optiplan.config.messages import choices
+from optiplan.execution.real_time import RESPITE
 from optiplan.service.archive import Archive
-from optiplan.service.execution.executing_solver import RESPITE
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
 from optiplan.service.execution_models import ExecutionRequest, MotionInput
 from optiplan.service.models import PlanRequest, ProblemInput
