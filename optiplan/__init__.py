@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from optiplan.problem.task.builder import Task
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
+    from optiplan.service.cell import RemoteExecution
     from optiplan.service.client import Client
     from optiplan.simulation.log import Log
     from optiplan.simulation.simulation import Simulation
@@ -146,6 +147,7 @@ _ROOMS = {
     "runs.run": ("Run",),
     "simulation.log": ("Log",),
     "simulation.simulation": ("Simulation",),
+    "service.cell": ("RemoteExecution",),
     "service.client": ("Client",),
     "trajectory.sample_file": ("Samples",),
     "trajectory.trajectory": ("Trajectory",),
@@ -218,6 +220,7 @@ __all__ = [
     "RegionGoal",
     "RelativePose",
     "RelativePoseTask",
+    "RemoteExecution",
     "Replanner",
     "Report",
     "Robot",
