@@ -29,9 +29,8 @@ def main():
     print(f"paused at {execution.snapshot()['place']:.2f} s of {run.duration:.2f} s")
     execution.resume()
     found = execution.wait()
-    print(
-        f"{found['phase']} {found['reason']}: {found['missed']} ticks left out, {driver.report['error_max']:.1e} rad off at most"
-    )
+    print(f"{found['phase']} {found['reason']}: {found['missed']} ticks left out")
+    print(f"the robot was {driver.report['error_max']:.1e} rad off at most")
 
     # The process of the robot dies: the execution sees it within a tick or two, and says so.
     driver = op.driver("sim", run, engine="ideal")

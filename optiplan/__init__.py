@@ -78,7 +78,8 @@ if TYPE_CHECKING:
     from optiplan.runs.run import Run
     from optiplan.service.cell import RemoteExecution
     from optiplan.service.client import Client
-    from optiplan.simulation.log import Log
+    from optiplan.simulation.log import Log, ObjectLog, WheelLog
+    from optiplan.simulation.plants.task_plant import FrictionGrip
     from optiplan.simulation.simulation import Simulation
     from optiplan.trajectory.sample_file import Samples
     from optiplan.trajectory.state import State
@@ -145,7 +146,8 @@ _ROOMS = {
     "problem.task.builder": ("Task",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
-    "simulation.log": ("Log",),
+    "simulation.log": ("Log", "ObjectLog", "WheelLog"),
+    "simulation.plants.task_plant": ("FrictionGrip",),
     "simulation.simulation": ("Simulation",),
     "service.cell": ("RemoteExecution",),
     "service.client": ("Client",),
@@ -179,6 +181,7 @@ __all__ = [
     "Expression",
     "Failure",
     "FixedOrientation",
+    "FrictionGrip",
     "HalfSpace",
     "HalfSpaceLimit",
     "InputError",
@@ -193,6 +196,7 @@ __all__ = [
     "ManipulabilityTask",
     "Measurement",
     "Mesh",
+    "ObjectLog",
     "Objective",
     "Obstacle",
     "Octree",
@@ -243,6 +247,7 @@ __all__ = [
     "VelocityLimit",
     "ViaPoint",
     "View",
+    "WheelLog",
     "WheelSpeed",
     "WheelSpeedLimit",
     "__version__",

@@ -1,6 +1,6 @@
 """`simulate` and `execute`: closed loops from Python."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
@@ -13,6 +13,8 @@ from optiplan.simulation.files.read import find_control
 from optiplan.simulation.log import Log
 from optiplan.simulation.plants.base import Payload
 from optiplan.simulation.plants.imperfections import Imperfections
+from optiplan.simulation.plants.task_plant import FrictionGrip
+from optiplan.simulation.references.executed import ExecutedReference, Speeds
 from optiplan.simulation.simulation import Simulation, run_control
 
 
@@ -48,29 +50,39 @@ def execute(
     run: Run,
     engine: str = "own",
     *,
+    speeds: Speeds | None = None,
+    grip: str | FrictionGrip = "weld",
+    wheels: bool = False,
     delay: float = 0.0,
     payload: float = 0.0,
     frequency: float = 10.0,
 ) -> Log:
-    """Follow the motion of a run by computed torque on rigid-body dynamics.
+    """Follow the motion of a run by computed torque on rigid-body dynamics; a task with its objects.
 
     Args:
         run: with a trajectory.
-        engine: `own`, or `mujoco` (extra `[sim]`).
+        engine: `own`, or `mujoco` (extra `[sim]`), where objects are free bodies.
+        speeds: pairs of a time, s, and the speed wanted from then on, 0 to 1 of the planned one; or a function that is
+            called with the `Executor` before every tick of 1 ms, and may change its speed, pause it and reverse it.
+            The set-points and torques are then those of the executor. None: as planned.
+        grip: `weld`, or by friction in MuJoCo: `friction`, or an `op.FrictionGrip` with its figures.
+        wheels: whether a mecanum base drives on wheels with rollers, in MuJoCo; else its joints have drives.
         delay: s from measurement to torque; a multiple of the plant's step of 0.25 ms.
         payload: kg at the tool that the controller does not know of.
         frequency: Hz, of the controller's error dynamics.
 
     Returns:
-        The log: `tracking` (errors of joints and tool), `contacts`, arrays over time.
+        The log: `tracking` (errors of joints and tool), `contacts`, `objects`, `wheels`, `report`, arrays over time.
 
     Raises:
-        InputError: a run without a motion, a robot whose joints move no inertia, an argument that cannot be.
+        InputError: a run without a motion, a robot whose joints move no inertia, a run that the executor refuses, an
+            argument that cannot be.
         OptiPlanError: MuJoCo is not installed.
 
     Example:
         >>> import optiplan as op
-        >>> log = op.execute(op.plan(op.load_problem("01_reach")))
+        >>> run = op.plan(op.load_problem("01_reach"))
+        >>> log = op.execute(run, speeds=[(0.0, 1.0), (0.2, 0.3), (0.6, 0.8)])
         >>> log.touched, log.tracking.tool_rms < 1e-3
         (False, True)
     """
@@ -82,10 +94,44 @@ def execute(
     for name, value, least in (("delay", delay, 0.0), ("payload", payload, 0.0), ("frequency", frequency, 1e-3)):
         if not is_finite(value) or value < least:
             raise wrong_argument("execute", name, described(value), f"a finite number >= {least:g}")
+    if wheels and engine != "mujoco":
+        raise wrong_argument(
+            "execute", "wheels", f"{wheels!r} with the engine '{engine}'", "the engine mujoco, or False"
+        )
     options = ExecutionOptions(
         engine="mujoco" if engine == "mujoco" else "own",
         frequency=frequency,
         payload=Payload(payload, 0.0) if payload else None,
         imperfections=Imperfections(delay=delay),
+        grip=_grip(grip, engine),
+        wheels=bool(wheels),
     )
-    return follow(run.problem, run.trajectory, options)
+    reference = None if speeds is None else ExecutedReference(run, _speeds(speeds), options.dt)
+    return follow(run.problem, run.trajectory, options, reference)
+
+
+def _grip(grip: str | FrictionGrip, engine: str) -> FrictionGrip | None:
+    """Return a grip by friction; None for welds."""
+    if not isinstance(grip, FrictionGrip) and grip not in ("weld", "friction"):
+        raise wrong_argument("execute", "grip", described(grip), "weld, friction, or an op.FrictionGrip")
+    if grip == "weld":
+        return None
+    if engine != "mujoco":
+        raise wrong_argument("execute", "grip", f"friction with the engine '{engine}'", "the engine mujoco, or weld")
+    return grip if isinstance(grip, FrictionGrip) else FrictionGrip()
+
+
+def _speeds(speeds: Speeds) -> Speeds:
+    """Return speeds that are pairs of numbers, or a function."""
+    if callable(speeds):
+        return speeds
+    expected = "pairs of a time >= 0, s, and a speed from 0 to 1, or a function of an executor"
+    if isinstance(speeds, str | bytes | Mapping) or not isinstance(speeds, Iterable):
+        raise wrong_argument("execute", "speeds", described(speeds), expected)
+    pairs = list(speeds)
+    for k, pair in enumerate(pairs):
+        values = [] if isinstance(pair, str) or not isinstance(pair, Iterable) else list(pair)
+        good = len(values) == 2 and all(is_finite(value) for value in values)
+        if not good or values[0] < 0.0 or not 0.0 <= values[1] <= 1.0:
+            raise wrong_argument("execute", f"speeds[{k}]", described(pair), expected)
+    return pairs

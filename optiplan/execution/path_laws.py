@@ -181,4 +181,6 @@ def reversed_motion(motion: Trajectory) -> Trajectory:
     widths = motion.widths[::-1]
     moved = polynomial.shifted(motion.coefficients[::-1], widths)
     moved *= (-1.0) ** np.arange(moved.shape[1])[:, None]
-    return Trajectory(motion.joint_names, np.concatenate([[0.0], motion.duration - motion.breakpoints[-2::-1]]), moved)
+    times = np.concatenate([[0.0], motion.duration - motion.breakpoints[-2::-1]])
+    kept = np.diff(times) > 0.0  # rounding may leave nothing of the shortest pieces
+    return Trajectory(motion.joint_names, np.append(times[:-1][kept], times[-1]), moved[kept])

@@ -1,5 +1,6 @@
 """The loop that asks an executor for a set-point at each tick of a driver, and what it does when a tick comes late."""
 
+import math
 import queue
 import time
 from collections import deque
@@ -81,7 +82,8 @@ class TickLoop:
         commands: "queue.SimpleQueue[Callable[[], None]]",
         patience: float = PATIENCE,
     ) -> None:
-        self._patience = patience
+        self._patience = math.inf if capabilities.waits else patience
+        self._silence = math.inf if capabilities.waits or capabilities.lead else LONGEST_TICK
         self._executor, self._driver, self._commands = executor, driver, commands
         self._clock, self._period, self._lead = clock, 1.0 / capabilities.rate, capabilities.lead
         self._reads, self._latency = capabilities.measures, capabilities.latency
@@ -119,7 +121,7 @@ class TickLoop:
             self.missed, self.longest = self.missed + left_out, max(self.longest, now - before)
             self.lateness.append(late)
             before = now
-            if late > LONGEST_TICK and not self._lead:
+            if late > self._silence:
                 return f"no set-point for {late:.3f} s: the robot is where its drives left it"
             refused = self._tick(self._period * (1 + left_out if self._lead else 1), late)
         return refused

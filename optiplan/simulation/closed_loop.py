@@ -19,6 +19,7 @@ from optiplan.simulation.plants.base import Plant
 from optiplan.simulation.plants.imperfections import PERFECT, DelayLine, Imperfections, Sensor
 from optiplan.simulation.recorder import Recorder
 from optiplan.simulation.references.base import JointReference, Reference, ToolTarget
+from optiplan.simulation.tasks.course import NOTHING_HELD, Course
 
 BLOCK = 2000
 """Steps that are prepared and judged at once."""
@@ -57,6 +58,7 @@ class Loop:
         imperfections: of measurement and timing.
         pushes: forces on the tool.
         scene: where distances are measured; None: they are not.
+        course: what is taken and released on the way, of a task.
     """
 
     robot: Robot
@@ -69,6 +71,7 @@ class Loop:
     imperfections: Imperfections = PERFECT
     pushes: Sequence[Push] = ()
     scene: Scene | None = None
+    course: Course = NOTHING_HELD
 
 
 def simulate(loop: Loop, progress: Callable[[float], None] | None = None) -> Log:
@@ -90,15 +93,17 @@ def simulate(loop: Loop, progress: Callable[[float], None] | None = None) -> Log
     recorder = Recorder(loop.robot, loop.limits, steps, dt, plant.input)
     statuses: Counter[str] = Counter()
     step: ControlStep | None = None
-    for first in range(0, steps + 1, BLOCK):
-        count = min(BLOCK, steps + 1 - first)
-        t: Array = np.asarray((first + np.arange(count)) * dt, dtype=np.float64)
-        wanted = _targets(loop.reference, t, dt)
+    first = 0
+    while first <= steps:
+        t: Array = np.asarray((first + np.arange(min(BLOCK, steps + 1 - first))) * dt, dtype=np.float64)
+        t = loop.course.enter(t, watch)
+        count, wanted = len(t), _targets(loop.reference, t, dt)
         for k in range(count):
             q, v = plant.q, plant.v
             if not np.isfinite(q).all():
                 recorder.end_block(t, watch)
                 return recorder.log(statuses, watch, f"the motion grew without bound at {t[k]:.4g} s")
+            loop.course.add()
             target = wanted(k)
             command = loop.controller.command(*sensor.measure(q, v), target)
             applied = command.value
@@ -114,8 +119,9 @@ def simulate(loop: Loop, progress: Callable[[float], None] | None = None) -> Log
                 for pair in plant.contacts():
                     watch.touch(pair, float(t[k]))
         recorder.end_block(t, watch)
+        first += count
         if progress is not None:
-            progress(min(1.0, (first + count) / (steps + 1)))
+            progress(min(1.0, first / (steps + 1)))
     return recorder.log(statuses, watch, _unkept(step))
 
 
@@ -129,7 +135,8 @@ def _unkept(step: ControlStep | None) -> str:
 def _targets(reference: Reference, t: Array, dt: float) -> Callable[[int], JointTarget | ToolTarget]:
     if isinstance(reference, JointReference):
         now, ahead = reference.sample(t), reference.sample(t + 0.5 * dt)
-        return lambda k: JointTarget(now.q[k], now.v[k], ahead.v[k], ahead.a[k])
+        torque = ahead.torque
+        return lambda k: JointTarget(now.q[k], now.v[k], ahead.v[k], ahead.a[k], None if torque is None else torque[k])
     return lambda k: reference.at(float(t[k]))
 
 

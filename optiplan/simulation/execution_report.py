@@ -8,11 +8,14 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
-from optiplan.simulation.log import Log
+from optiplan.simulation.log import Log, ObjectLog, WheelLog
 from optiplan.verify.report import Check, jsonable
 
 _ROUNDING = 1e-6
 """rad or m, and per second: what the controller's own arithmetic may pass a limit by."""
+
+OBJECT_ERROR = 2e-3
+"""m; an object of a task that ends farther from the plan fails the report."""
 
 
 def execution_report(log: Log, robot: Robot, limits: Limits) -> dict[str, Any]:
@@ -20,6 +23,11 @@ def execution_report(log: Log, robot: Robot, limits: Limits) -> dict[str, Any]:
     checks = [_tracking(log), *_limits(log, robot, limits)]
     if log.contacts is not None:
         checks.append(_contact(log))
+    checks += [_object(name, found) for name, found in log.objects.items()]
+    if log.slip_margin is not None:
+        checks.append(_grip(log.slip_margin))
+    if log.wheels is not None:
+        checks.append(_wheels(log.wheels))
     scope = [f"executed in a closed loop at {1.0 / log.dt:g} Hz: what is said holds at the instants looked at"]
     if log.contacts is not None:
         scope.append(f"distances were measured every {1e3 * log.contacts.interval:g} ms")
@@ -60,6 +68,25 @@ def _limits(log: Log, robot: Robot, limits: Limits) -> list[Check]:
         detail = f"{robot.joint_names[j]} is at its torque limit {100.0 * share:.3g} % of the time" if share else ""
         found.append(Check("torque", "sampled", True, place=robot.joint_names[j] if share else "", detail=detail))
     return found
+
+
+def _object(name: str, found: ObjectLog) -> Check:
+    detail = f"ends {1e3 * found.error:.3g} mm and {np.rad2deg(found.turn):.3g}° from the plan"
+    detail += f"; moved {1e3 * found.slip:.3g} mm in what held it"
+    passed = found.error <= OBJECT_ERROR
+    return Check("object", "sampled", passed, found.error, OBJECT_ERROR, "m", place=name, detail=detail)
+
+
+def _grip(margin: float) -> Check:
+    detail = f"grips have {100.0 * margin:.3g} % of their friction left at least"
+    return Check("grip", "sampled", margin > 0.0, margin, 0.0, detail=detail)
+
+
+def _wheels(wheels: WheelLog) -> Check:
+    drift = f"{1e3 * wheels.drift:.3g} mm and {np.rad2deg(wheels.turn_drift):.3g}°"
+    detail = f"their rates alone would have the base {drift} off after {wheels.travel:.3g} m"
+    detail += f"; it goes up and down by {1e3 * wheels.lift:.3g} mm"
+    return Check("wheels", "sampled", True, wheels.drift, unit="m", detail=detail)
 
 
 def _nearest(values: Array, limits: Limits | None, limit: Array) -> int:

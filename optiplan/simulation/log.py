@@ -70,6 +70,44 @@ class ContactLog:
         return {**vars(self), "pair": None if self.pair is None else list(self.pair), "touched": touched}
 
 
+@dataclass(frozen=True, eq=False)
+class ObjectLog:
+    """What became of an object of a task.
+
+    Attributes:
+        poses: (K, 7), position, m, and quaternion x, y, z, w, in the world, at the times of the log.
+        offset: (3,) m, from where the plan has it at the end to where it is.
+        error: m, its length; `turn`: rad, of the orientation.
+        slip: m, farthest that it moved in a link while that held it.
+    """
+
+    poses: Array
+    offset: Array
+    error: float
+    turn: float
+    slip: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready form, without the poses."""
+        return {"offset": self.offset.tolist(), "error": self.error, "turn": self.turn, "slip": self.slip}
+
+
+@dataclass(frozen=True)
+class WheelLog:
+    """What the wheels of a base did.
+
+    Attributes:
+        drift: m, from where their rates say that the base is at the end to where it is; `turn_drift`: rad.
+        travel: m, on which it drifted.
+        lift: m, farthest that the base went up or down on its rollers.
+    """
+
+    drift: float
+    turn_drift: float
+    travel: float
+    lift: float
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """A closed loop that was run.
@@ -90,6 +128,11 @@ class Log:
         statuses: how many steps the controller had each status.
         solve_seconds: (K,) time of the controller's steps, s; empty for controllers of the joints.
         stopped: why the loop ended early, or what did not hold at its end; empty otherwise.
+        objects: of a task, by name.
+        slip_margin: least share of the friction of grips that was left; negative where more was needed than there is;
+            None without such grips.
+        wheels: of a base that drives on wheels; else None.
+        report: of an execution, the rows of a report: see `optiplan.simulation.execution_report`.
     """
 
     joint_names: tuple[str, ...]
@@ -108,6 +151,10 @@ class Log:
     statuses: Mapping[str, int] = field(default_factory=dict)
     solve_seconds: Array = field(default_factory=lambda: np.empty(0))
     stopped: str = ""
+    objects: Mapping[str, ObjectLog] = field(default_factory=dict)
+    slip_margin: float | None = None
+    wheels: WheelLog | None = None
+    report: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def trajectory(self) -> Trajectory:
@@ -139,13 +186,18 @@ class Log:
             "statuses": dict(self.statuses),
             "step_ms": _percentiles(self.solve_seconds),
             "stopped": self.stopped,
+            "objects": {name: found.to_dict() for name, found in self.objects.items()},
+            "slip_margin": self.slip_margin,
+            "wheels": self.wheels and vars(self.wheels),
         }
 
     def __repr__(self) -> str:
         """Length, errors and contact in one line."""
         tool = f"tool error {1e3 * self.tracking.tool_rms:.3g} mm RMS, {1e3 * self.tracking.tool_peak:.3g} mm at most"
         touching = "" if self.contacts is None else "; contact" if self.touched else "; no contact"
-        return f"Log: {self.t[-1]:.3f} s, {tool}{touching}"
+        errors = [found.error for found in self.objects.values()]
+        objects = f"; objects end within {1e3 * max(errors):.3g} mm of the plan" if errors else ""
+        return f"Log: {self.t[-1]:.3f} s, {tool}{touching}{objects}"
 
 
 def _percentiles(seconds: Array) -> dict[str, float] | None:

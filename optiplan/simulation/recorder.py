@@ -1,6 +1,7 @@
 """Records the steps of a loop: errors of every step, arrays of some."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -83,7 +84,7 @@ class Recorder:
 
     def log(self, statuses: Mapping[str, int], watch: ContactWatch | None, stopped: str = "") -> Log:
         """The log of everything that was taken."""
-        arrays = {name: np.concatenate([block[name] for block in self._kept]) for name in self._kept[0]}
+        arrays: dict[str, Any] = {name: np.concatenate([block[name] for block in self._kept]) for name in self._kept[0]}
         steps = np.arange(0, self._count, self._every)
         slack = {name: np.array([found.get(k, 0.0) for k in steps.tolist()]) for name, found in self._slack.items()}
         count = self._count

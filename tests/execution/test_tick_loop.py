@@ -1,5 +1,7 @@
 """What the loop does with late ticks, clocks that run backwards and drivers without a state, in a time that is set."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -110,6 +112,14 @@ def test_a_driver_without_a_state_ends_in_a_stop(run):
     found = executed(run, Blind(run)).snapshot()
     assert found["phase"] == "stopped"
     assert "no state for 0.20 s" in found["reason"]
+
+
+def test_what_waits_gets_every_set_point_however_late(run):
+    robot = FollowingRobot(run, clock=SetClock({AT: 5.0}))
+    waiting = replace(robot.capabilities(), waits=True)
+    robot.capabilities = lambda: waiting
+    assert executed(run, robot).snapshot()["phase"] == "done"
+    assert np.allclose(np.diff([tick.t for tick in robot.ticks]), PERIOD)
 
 
 def test_words_of_errors():

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
+import optiplan as op
 from optiplan.problem.load import problem_from_dict
 from optiplan.robot.robot import load_robot
 from optiplan.trajectory.paths.hermite import hermite
@@ -39,3 +41,31 @@ def swing(names, start, by, duration):
     tau = hermite(np.array([start, still, still]), np.array([end, still, still]), np.array([duration]))
     powers = duration ** np.arange(tau.shape[1])
     return Trajectory(tuple(names), np.array([0.0, duration]), tau / powers[None, :, None])
+
+
+FETCH = """
+version: 1
+robot: panda
+start: {joints: [0.2, 0.3, 0, -2.35, 0, 2.65, 0.98, 0.04]}
+scene:
+  obstacles:
+    - {name: table, shape: {box: [0.7, 1.2, 0.04]}, pose: {position: [0.5, 0, -0.02]}}
+    - {name: cube, shape: {box: [0.045, 0.045, 0.045]}, pose: {position: [0.45, 0.1, 0.0235]}}
+task:
+  - approach: {pose: {position: [0.45, 0.1, 0.025], rpy: [3.14159265, 0, 0]}, distance: 0.05}
+  - attach: {object: cube, link: panda_hand, touch: [panda_leftfinger, panda_rightfinger], mass: 0.1}
+  - gripper: {group: hand, joints: [0.0225]}
+  - retreat: {distance: 0.05}
+  - approach: {pose: {position: [0.45, 0.0, 0.0255], rpy: [3.14159265, 0, 0]}, distance: 0.05}
+  - gripper: {group: hand, joints: [0.04]}
+  - detach: {object: cube}
+  - retreat: {distance: 0.05}
+"""
+
+
+@pytest.fixture(scope="session")
+def fetch():
+    """A verified run: the Panda takes a cube from a table and puts it down 10 cm farther."""
+    run = op.plan(problem_from_dict(YAML(typ="safe").load(FETCH)), budget=20.0)
+    assert run.verified, run
+    return run

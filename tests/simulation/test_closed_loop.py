@@ -1,12 +1,14 @@
 """The closed loop: errors as theory says, delay, sensors, pushes, contacts, and what the log holds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import optiplan as op
-from optiplan.errors import InputError
 from optiplan.geometry.scene import Scene
 from optiplan.problem.obstacles import Box, Sphere
+from optiplan.problem.problem import derived
 from optiplan.simulation.closed_loop import Loop, Push, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque, PidController, VelocityTracking
 from optiplan.simulation.execution import ExecutionOptions, execute
@@ -70,9 +72,40 @@ def test_a_motion_that_begins_moving_is_executed_so(reach, panda, engine):
     assert log.tracking.tool_peak < 2e-3
 
 
-def test_a_task_is_executed_in_parts_only(motion):
-    with pytest.raises(InputError, match="hands"):
-        execute(op.load_problem("40_panda_sorts_cubes"), motion)
+def test_a_task_is_executed_with_its_objects(fetch):
+    """In our plant what is held is one body with its link, and weighs on it."""
+    log = op.execute(fetch)
+    cube = log.objects["cube"]
+    assert log.tracking.tool_rms < 5e-5
+    assert not log.touched
+    assert cube.error < 5e-5
+    assert cube.slip < 1e-12
+    np.testing.assert_allclose(cube.poses[0, :3], [0.45, 0.1, 0.0235], atol=1e-12)
+    np.testing.assert_array_equal(cube.poses[-1], cube.poses[-200])  # released, it stays
+    heavy = derived(fetch.problem, task=tuple(_with_mass(step, 3.0) for step in fetch.problem.task))
+    loaded = execute(heavy, fetch.trajectory).applied - execute(fetch.problem, fetch.trajectory).applied
+    held = np.abs(loaded).max(axis=1) > 1.0
+    events = [segment.begin for segment in fetch.trajectory.segments if segment.kind in ("attach", "detach")]
+    assert log.t[held][[0, -1]] == pytest.approx(events, abs=0.02)
+
+
+def _with_mass(step, mass):
+    return replace(step, action=replace(step.action, mass=mass)) if step.kind == "attach" else step
+
+
+def test_a_speed_that_changes_and_a_way_back_take_nothing_twice(fetch):
+    """Back to the last event and forwards again: the cube is taken once, and ends where it should."""
+    asked = {0.9: "reverse", 1.4: "resume"}
+
+    def change(executor):
+        executor.override = 0.6 if executor.time > 0.5 else 1.0
+        for t in [t for t in asked if t <= executor.time]:
+            getattr(executor, asked.pop(t))()
+
+    log = op.execute(fetch, speeds=change)
+    assert not asked
+    assert log.objects["cube"].error < 5e-5
+    assert log.tracking.tool_rms < 5e-5
 
 
 def test_an_error_dies_out_as_the_law_says(panda):

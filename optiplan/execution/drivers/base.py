@@ -28,6 +28,7 @@ class Capabilities:
         latency: time from `send` until the robot follows, s.
         lead: 0: the robot gets single set-points. Above: without further set-points it goes on for this time, s, and
             then stops along the path, by itself; `Tick.ahead` has that way.
+        waits: whether nothing moves between two set-points, so that they may be as late as they like.
         tried_on_hardware: whether it has moved a real robot.
     """
 
@@ -38,6 +39,7 @@ class Capabilities:
     measures: bool = False
     latency: float = 0.0
     lead: float = 0.0
+    waits: bool = False
     tried_on_hardware: bool = False
 
 

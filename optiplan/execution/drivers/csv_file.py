@@ -47,8 +47,8 @@ class FileDriver:
         self._rows.writerow(["t", *columns])
 
     def capabilities(self) -> Capabilities:
-        """A file measures nothing."""
-        return Capabilities("file", self._names, self._rate, ("position", "velocity", "torque"))
+        """A file measures nothing, and waits."""
+        return Capabilities("file", self._names, self._rate, ("position", "velocity", "torque"), waits=True)
 
     def state(self) -> Measurement | None:
         """None."""

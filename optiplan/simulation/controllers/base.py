@@ -16,12 +16,14 @@ class JointTarget:
     Attributes:
         q: (n,), rad or m, now; `v`: (n,) now.
         ahead_v: (n,) half a period later; `ahead_a`: (n,) likewise. Held over the period they leave no lag.
+        ahead_torque: (n,) feed-forward then, N·m (N), of a reference that knows it; else None.
     """
 
     q: Array
     v: Array
     ahead_v: Array
     ahead_a: Array
+    ahead_torque: Array | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)

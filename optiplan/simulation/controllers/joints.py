@@ -3,6 +3,8 @@
 Source: B. Siciliano et al., Robotics: Modelling, Planning and Control, sections 8.5.1 and 8.5.2.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from optiplan.arrays import Array
@@ -55,7 +57,8 @@ class PidController:
 class ComputedTorque:
     """tau = M(q) (a_ref + Kd (v_ref - v) + Kp (q_ref - q)) + c(q, v) + g(q), Kp = w², Kd = 2 z w.
 
-    With the right model every joint's error obeys e'' + 2 z w e' + w² e = 0.
+    With the right model every joint's error obeys e'' + 2 z w e' + w² e = 0. Where the reference has a feed-forward of
+    torques, M(q) a_ref + c + g is taken from it.
     """
 
     output: Input = "torque"
@@ -74,13 +77,34 @@ class ComputedTorque:
 
     def torque(self, q: Array, v: Array, target: JointTarget) -> Array:
         """See the class; (n,), N·m (N)."""
-        a = target.ahead_a + self._kd * (target.v - v) + self._kp * (target.q - q)
-        return self._dynamics.torque(q, v, a)
+        feedback = self._kd * (target.v - v) + self._kp * (target.q - q)
+        if target.ahead_torque is not None:
+            return np.asarray(target.ahead_torque + self._dynamics.mass_matrix(q) @ feedback)
+        return self._dynamics.torque(q, v, target.ahead_a + feedback)
+
+    def carry(self, dynamics: RigidBodyDynamics) -> None:
+        """Believe in another model from now on: the robot has taken or released a load."""
+        self._dynamics = dynamics
 
     def command(self, q: Array, v: Array, target: JointTarget | ToolTarget) -> Command:
         """See the class."""
         assert isinstance(target, JointTarget)
         return Command(self.torque(q, v, target), target.q)
+
+
+class WheeledTorque(ComputedTorque):
+    """Computed torque of a robot on wheels, which are told where their base should be."""
+
+    def __init__(self, dynamics: RigidBodyDynamics, frequency: float, aim: Callable[[Array, Array], None]) -> None:
+        """Set the gains; `aim` is told the wanted q and v (n,) of each period, see `MecanumWheels`."""
+        super().__init__(dynamics, frequency)
+        self._aim = aim
+
+    def command(self, q: Array, v: Array, target: JointTarget | ToolTarget) -> Command:
+        """See `ComputedTorque`."""
+        assert isinstance(target, JointTarget)
+        self._aim(target.q, target.v)
+        return super().command(q, v, target)
 
 
 class VelocityTracking:

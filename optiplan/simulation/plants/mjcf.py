@@ -6,7 +6,8 @@ robot.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import coal
 import numpy as np
@@ -20,6 +21,10 @@ from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.base import NOMINAL, PlantOptions
 
+if TYPE_CHECKING:
+    from optiplan.simulation.plants.mecanum_wheels import MecanumWheels
+    from optiplan.simulation.plants.mjcf_objects import TaskObjects
+
 SEPARATOR = "#"
 """Stands between the name of a body (link, held object, obstacle) and the number of its geom."""
 
@@ -31,7 +36,14 @@ _ROUNDING = 1e-9  # share of a moment of inertia
 _REACH = 100.0  # m; half the side of what stands for a half-space in pictures; MuJoCo's planes are endless
 
 
-def mjcf(robot: Robot, scene: Scene, step: float, options: PlantOptions = NOMINAL) -> str:
+def mjcf(
+    robot: Robot,
+    scene: Scene,
+    step: float,
+    options: PlantOptions = NOMINAL,
+    objects: "TaskObjects | None" = None,
+    wheels: "MecanumWheels | None" = None,
+) -> str:
     """The MJCF text of a robot in a scene.
 
     A joint of pinocchio is a body with one joint, in the frame of which its inertia and its geoms lie. Geoms touch only
@@ -43,10 +55,12 @@ def mjcf(robot: Robot, scene: Scene, step: float, options: PlantOptions = NOMINA
         scene: obstacles and held objects.
         step: of the integration, s.
         options: friction (`damping` and `frictionloss` of MuJoCo), payload, rotor inertia (`armature`).
+        wheels: that carry the base of the robot; None: its joints do.
+        objects: obstacles that are free bodies, and the pairs that may meet; None: none, and those of `CollisionModel`.
     """
     root = ET.Element("mujoco", model=robot.name)
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false", balanceinertia="false", boundmass="0")
-    option = ET.SubElement(root, "option", timestep=repr(step), gravity=_text(robot.model.gravity.linear))
+    option = ET.SubElement(root, "option", timestep=repr(step), gravity=text_of(robot.model.gravity.linear))
     option.set("integrator", "implicitfast")
     ET.SubElement(option, "flag", eulerdamp="disable")
     assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
@@ -55,13 +69,19 @@ def mjcf(robot: Robot, scene: Scene, step: float, options: PlantOptions = NOMINA
     for body in scene.dynamic_obstacles:  # the collision model has three joints for each, the last of which carries it
         carrier = ET.SubElement(world, "body", name=f"moving {body.name}", mocap="true")
         nodes += [carrier] * 3
-    parts = _geoms(collision, nodes, assets)
+    parts = _geoms(collision, nodes, assets, {} if objects is None else objects.add_bodies(world))
     contact = ET.SubElement(root, "contact")
-    for pair in collision.pairs:
+    for pair in collision.pairs if objects is None else ():
         for a in parts[pair.a]:
             for b in parts[pair.b]:
                 ET.SubElement(contact, "pair", geom1=a, geom2=b, condim="1")
-    _followers(robot, root)
+    if wheels is not None:
+        option.set("cone", "elliptic")
+        wheels.add(world, nodes[robot.model.getJointId(wheels.turning)], contact)
+    equality = ET.SubElement(root, "equality")
+    _followers(robot, equality)
+    if objects is not None:
+        objects.meet(option, contact, equality, parts)
     return ET.tostring(root, encoding="unicode")
 
 
@@ -80,10 +100,10 @@ def _joints(robot: Robot, world: ET.Element, options: PlantOptions) -> list[ET.E
     nodes = [world]
     for j in range(1, model.njoints):
         X, name = model.jointPlacements[j], model.names[j]
-        node = ET.SubElement(nodes[model.parents[j]], "body", {"name": f"body {name}", **_pose(X)})
+        node = ET.SubElement(nodes[model.parents[j]], "body", {"name": f"body {name}", **pose_of(X)})
         turning = bool(np.linalg.norm(axes[j - 1, 3:]) > 0.5)
         joint = ET.SubElement(node, "joint", name=name, type="hinge" if turning else "slide", limited="false")
-        joint.set("axis", _text(axes[j - 1, 3:] if turning else axes[j - 1, :3]))
+        joint.set("axis", text_of(axes[j - 1, 3:] if turning else axes[j - 1, :3]))
         k = planned.get(name)
         if k is not None and friction is not None:
             joint.set("damping", repr(float(friction.viscous[k])))
@@ -91,19 +111,21 @@ def _joints(robot: Robot, world: ET.Element, options: PlantOptions) -> list[ET.E
             joint.set("solreffriction", "0.001 1")  # stiff: what is held creeps little
         if k is not None and rotor is not None:
             joint.set("armature", repr(float(rotor[k])))
-        _inertial(node, inertias[j])
+        inertial_of(node, inertias[j])
         nodes.append(node)
     return nodes
 
 
-def _inertial(node: ET.Element, inertia: pin.Inertia) -> None:
+def inertial_of(node: ET.Element, inertia: pin.Inertia) -> None:
     """Mass, centre and inertia about it; MuJoCo wants some of each of every body that moves."""
     if inertia.mass <= 0.0:
-        ET.SubElement(node, "inertial", pos="0 0 0", mass=repr(_LEAST), diaginertia=_text([_LEAST] * 3))
+        ET.SubElement(node, "inertial", pos="0 0 0", mass=repr(_LEAST), diaginertia=text_of([_LEAST] * 3))
         return
     moments = physical(np.array(inertia.inertia))
     full = moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    ET.SubElement(node, "inertial", pos=_text(inertia.lever), mass=repr(float(inertia.mass)), fullinertia=_text(full))
+    ET.SubElement(
+        node, "inertial", pos=text_of(inertia.lever), mass=repr(float(inertia.mass)), fullinertia=text_of(full)
+    )
 
 
 def physical(inertia: Array) -> Array:
@@ -121,8 +143,10 @@ def physical(inertia: Array) -> Array:
     return np.asarray(axes @ np.diag(raised) @ axes.T)
 
 
-def _geoms(collision: CollisionModel, nodes: Sequence[ET.Element], assets: ET.Element) -> list[list[str]]:
-    """Geoms of every body of the collision model, by its index: their names."""
+def _geoms(
+    collision: CollisionModel, nodes: Sequence[ET.Element], assets: ET.Element, free: Mapping[str, ET.Element]
+) -> list[list[str]]:
+    """Geoms of every body of the collision model, by its index: their names; `free` bodies have frames of their own."""
     found: list[list[str]] = []
     for index, body in enumerate(collision.geometry.geometryObjects):
         names = []
@@ -132,8 +156,10 @@ def _geoms(collision: CollisionModel, nodes: Sequence[ET.Element], assets: ET.El
                 ET.SubElement(assets, "mesh", name=name, vertex=attributes["vertex"])
                 attributes = {"mesh": name}
             apart = {"contype": "0", "conaffinity": "0"}  # only the listed pairs touch
-            told = {"name": name, "type": kind, **attributes, **_pose(body.placement * X), **apart}
-            ET.SubElement(nodes[body.parentJoint], "geom", told)
+            own = free.get(collision.names[index])
+            told = {"name": name, "type": kind, **attributes, **apart}
+            told |= pose_of(body.placement * X if own is None else X)
+            ET.SubElement(nodes[body.parentJoint] if own is None else own, "geom", told)
             names.append(name)
         found.append(names)
     return found
@@ -144,44 +170,45 @@ def _shapes(shape: coal.CollisionGeometry) -> Iterator[tuple[str, dict[str, str]
     here = pin.SE3.Identity()
     match shape:
         case coal.Box():
-            yield "box", {"size": _text(shape.halfSide)}, here
+            yield "box", {"size": text_of(shape.halfSide)}, here
         case coal.Sphere():
             yield "sphere", {"size": repr(float(shape.radius))}, here
         case coal.Capsule():
-            yield "capsule", {"size": _text([shape.radius, shape.halfLength])}, here
+            yield "capsule", {"size": text_of([shape.radius, shape.halfLength])}, here
         case coal.Cylinder():
-            yield "cylinder", {"size": _text([shape.radius, shape.halfLength])}, here
+            yield "cylinder", {"size": text_of([shape.radius, shape.halfLength])}, here
         case coal.Halfspace():
             up = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), shape.n).matrix(), shape.d * shape.n)
-            yield "plane", {"size": _text([_REACH, _REACH, 1.0])}, up
+            yield "plane", {"size": text_of([_REACH, _REACH, 1.0])}, up
         case coal.BVHModelBase():
             identity = mesh_vertices(shape).tobytes() + np.asarray(mesh_triangles(shape)).tobytes()
             for vertices in pieces_of(shape, identity).vertices:
-                yield "mesh", {"vertex": _text(vertices.ravel())}, here
+                yield "mesh", {"vertex": text_of(vertices.ravel())}, here
         case coal.ConvexBase():
             points = np.array([shape.point(k) for k in range(shape.num_points)])
-            yield "mesh", {"vertex": _text(points.ravel())}, here
+            yield "mesh", {"vertex": text_of(points.ravel())}, here
         case _:
             raise ValueError(f"no shape of MuJoCo for a {type(shape).__name__}")
 
 
-def _followers(robot: Robot, root: ET.Element) -> None:
+def _followers(robot: Robot, equality: ET.Element) -> None:
     """Joints that follow others: q_f = offset + multiplier q_leader, as stiff equality constraints."""
     if not robot.followers:
         return
     A, b = coupling(robot.model)
-    equality = ET.SubElement(root, "equality")
     for name, mimic in robot.followers.items():
         row = robot.model.getJointId(name) - 1
         k = robot.joint_names.index(mimic.source)
-        polynomial = _text([b[row], A[row, k], 0.0, 0.0, 0.0])
+        polynomial = text_of([b[row], A[row, k], 0.0, 0.0, 0.0])
         ET.SubElement(equality, "joint", joint1=name, joint2=mimic.source, polycoef=polynomial, solref="0.001 1")
 
 
-def _pose(X: pin.SE3) -> dict[str, str]:
+def pose_of(X: pin.SE3) -> dict[str, str]:
+    """Return the attributes of a pose."""
     x, y, z, w = pin.Quaternion(X.rotation).normalized().coeffs()
-    return {"pos": _text(X.translation), "quat": _text([w, x, y, z])}
+    return {"pos": text_of(X.translation), "quat": text_of([w, x, y, z])}
 
 
-def _text(values: Sequence[float] | Array) -> str:
+def text_of(values: Sequence[float] | Array) -> str:
+    """Return numbers as an attribute, to the last bit."""
     return " ".join(repr(float(value)) for value in values)

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.errors import OptiPlanError
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.base import NOMINAL, PlantOptions, TorquePlant
+from optiplan.simulation.plants.mecanum_wheels import MecanumWheels
 from optiplan.simulation.plants.mjcf import SEPARATOR, mjcf
 
 TOUCHING = 1e-6
@@ -21,15 +22,26 @@ TOUCHING = 1e-6
 class MujocoPlant(TorquePlant):
     """The robot of a problem in MuJoCo, with its obstacles; torques act on the planned joints."""
 
-    def __init__(self, robot: Robot, scene: Scene, q: Array, step: float, options: PlantOptions = NOMINAL) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        scene: Scene,
+        q: Array,
+        step: float,
+        options: PlantOptions = NOMINAL,
+        wheels: MecanumWheels | None = None,
+    ) -> None:
         """Begin at q (n,), rad or m; obstacles of the scene may move, objects are held; the rest as of `TorquePlant`.
+
+        With `wheels` the base drives on them, and its joints have no drives.
 
         Raises:
             OptiPlanError: MuJoCo is not installed.
         """
+        self.wheels = wheels
         super().__init__(robot, step, options)  # its dynamics are for holding and for pushes; the motion is MuJoCo's
         self._mujoco = mujoco_module()
-        self.model: Any = self._mujoco.MjModel.from_xml_string(mjcf(robot, scene, step, options))
+        self.model: Any = self._mujoco.MjModel.from_xml_string(self._mjcf(robot, scene, options))
         self.data: Any = self._mujoco.MjData(self.model)
         joints = [self.model.joint(name) for name in robot.joint_names]
         self._at = np.array([joint.qposadr[0] for joint in joints])
@@ -40,23 +52,33 @@ class MujocoPlant(TorquePlant):
             self.data.qpos[follower.qposadr[0]] = mimic.multiplier * float(np.asarray(q)[source]) + mimic.offset
             self.data.qvel[follower.dofadr[0]] = mimic.multiplier * float(velocity[source])
         self.data.qpos[self._at], self.data.qvel[self._dof] = q, velocity
+        if wheels is not None:
+            wheels.start(self.model, np.asarray(q), velocity, self.data)
         self._motions = [body.motion for body in scene.dynamic_obstacles if body.motion is not None]
         self._move_obstacles()
+        names = [self.model.geom(k).name for k in range(self.model.ngeom)]
+        self._reported = np.array([SEPARATOR in name for name in names])  # not those of wheels
         self._touched: set[tuple[str, str]] = set()
         self._mujoco.mj_forward(self.model, self.data)
         self._note()
         self._take_state()
 
+    def _mjcf(self, robot: Robot, scene: Scene, options: PlantOptions) -> str:
+        return mjcf(robot, scene, self.step, options, wheels=self.wheels)
+
     def advance(self, command: Array, steps: int, wrench: pin.Force | None = None) -> Array:
         """Hold the torque `command` (n,), N·m (N), as far as the drives can give it."""
         applied = self._within_limits(command)
-        self.data.qfrc_applied[self._dof] = self._pushed(applied, self.q, wrench)
+        driven = applied if self.wheels is None else self.wheels.drive(self.q, applied, self.data)
+        self.data.qfrc_applied[self._dof] = self._pushed(driven, self.q, wrench)
         for _ in range(steps):
             self._move_obstacles()
             self._mujoco.mj_step(self.model, self.data)
             if self.data.ncon:
                 self._note()
         self._take_state()
+        if self.wheels is not None:
+            self.wheels.note(self.q, steps * self.step, self.data)
         return applied
 
     def contacts(self) -> list[tuple[str, str]]:
@@ -73,10 +95,15 @@ class MujocoPlant(TorquePlant):
             self.data.mocap_pos[k] = motion.at(np.array([self.data.time]))[0]
 
     def _note(self) -> None:
-        for contact in self.data.contact[: self.data.ncon]:
-            if contact.dist < -TOUCHING:
-                a, b = (self.model.geom(int(geom)).name.rpartition(SEPARATOR)[0] for geom in contact.geom)
-                self._touched.add((min(a, b), max(a, b)))
+        for geoms in self._touching().tolist():
+            a, b = (self.model.geom(geom).name.rpartition(SEPARATOR)[0] for geom in geoms)
+            self._touched.add((min(a, b), max(a, b)))
+
+    def _touching(self) -> Index:
+        """Return the geoms of all contacts that count, (K, 2)."""
+        contact = self.data.contact
+        geoms = contact.geom[contact.dist < -TOUCHING].reshape(-1, 2)
+        return np.asarray(geoms[self._reported[geoms].all(axis=1)])
 
 
 def mujoco_module() -> Any:

@@ -10,11 +10,15 @@ from optiplan.arrays import Array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class JointTargets:
-    """Joints at K instants: `q`, `v`, `a`, each (K, n), rad (m) and its rates."""
+    """Joints at K instants: `q`, `v`, `a`, each (K, n), rad (m) and its rates.
+
+    `torque` is (K, n), N·m (N), of a reference that knows it: feed-forward of the rigid bodies with their loads.
+    """
 
     q: Array
     v: Array
     a: Array
+    torque: Array | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -1,0 +1,97 @@
+"""Grips by friction in MuJoCo: fingers press, and how much of what friction can hold is needed."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array, Index
+from optiplan.simulation.plants.mjcf_objects import TaskObjects, coupling_name
+from optiplan.simulation.tasks.stages import TaskStage
+
+CLOSED = 0.5
+"""Share of the force of all fingers from which on a grip counts as closed."""
+
+
+class FingerGrip:
+    """The fingers of a robot that hold the objects of a task by friction.
+
+    Where a task closes fingers on an object, each presses with a constant force, coupled as by one drive, and contacts
+    of MuJoCo hold it. Where it closes none, a weld holds, and two pads stand for fingers in the figures: they press
+    along y of the tool frame, or of the link that holds.
+
+    The load is the share of friction that is needed, |f_t| / (mu f_n), without moments. Of an object's fingers, f_t is
+    the sum of their forces along their surfaces and f_n that of the normal ones; of two pads, f_t is m (a - g) without
+    its part along y, and f_n = 2 F.
+    """
+
+    def __init__(self, mujoco: Any, model: Any, data: Any, objects: TaskObjects) -> None:
+        assert objects.grip is not None
+        self._mujoco, self._model, self._data, self._objects, self._grip = mujoco, model, data, objects, objects.grip
+        robot = objects.robot
+        self._following = {
+            int(model.joint(name).dofadr[0]): (robot.joint_names.index(mimic.source), float(np.sign(mimic.multiplier)))
+            for name, mimic in robot.followers.items()
+        }
+        self._pressing: dict[int, float] = {}
+        self._holding: dict[str, tuple[set[int], float]] = {}
+        self._closed: set[str] = set()
+        self._most, self._wrench = 0.0, np.zeros(6)
+
+    def enter(self, stage: TaskStage, q: Array) -> None:
+        """Press on what a stage says, with the joints at q (n,), rad or m."""
+        self._pressing, self._holding = {}, {}
+        self._data.qfrc_applied[list(self._following)] = 0.0
+        for name in stage.pressed:
+            force = {j: direction * self._grip.force for j, direction in stage.fingers[name].items()}
+            led = [(dof, factor * force[j]) for dof, (j, factor) in self._following.items() if j in force]
+            for dof, value in led:
+                self._data.qfrc_applied[dof] = value
+            self._pressing |= force
+            touching = self._objects.meetings_with(name, self._objects.finger_links(stage, name))
+            self._holding[name] = touching, self._grip.force * (len(force) + len(led))
+        self._closed &= stage.pressed
+        for a, b in self._objects.coupled:
+            coupling = int(self._model.equality(coupling_name(a, b)).id)
+            pressed = {a, b} <= set(self._pressing)
+            if pressed and not self._data.eq_active[coupling]:
+                self._model.eq_data[coupling][0] = q[a] - self._model.eq_data[coupling][1] * q[b]
+            self._data.eq_active[coupling] = int(pressed)
+
+    def pressed(self, command: Array) -> Array:
+        """Return a command (n,), N·m or N, with the forces of the fingers that press."""
+        if not self._pressing:
+            return command
+        command = np.array(command)
+        command[list(self._pressing)] = list(self._pressing.values())
+        return command
+
+    def measure(self, meetings: Index, welded: Mapping[str, str]) -> None:
+        """Look at the contacts of the present state, between these meetings (contacts,), and at what welds hold."""
+        for name, (touching, expected) in self._holding.items():
+            body = self._model.body(name).id
+            normal, along = 0.0, np.zeros(3)
+            for k in np.flatnonzero(np.isin(meetings, list(touching))).tolist():
+                self._mujoco.mj_contactForce(self._model, self._data, k, self._wrench)
+                normal += float(self._wrench[0])
+                way = 1.0 if self._model.geom_bodyid[self._data.contact[k].geom[1]] == body else -1.0
+                along += way * (self._wrench[1:3] @ self._data.contact[k].frame[3:].reshape(2, 3))
+            needed = float(np.linalg.norm(along))
+            if normal > CLOSED * expected:
+                self._closed.add(name)
+            if name in self._closed:
+                self._most = max(self._most, 1.0 if normal <= 0.0 else needed / (self._grip.friction * normal))
+        for name, link in welded.items():
+            self._most = max(self._most, self._pad_load(name, link))
+
+    def _pad_load(self, name: str, link: str) -> float:
+        body, first = self._model.body(name), int(self._model.joint(name).dofadr[0])
+        force = float(body.mass[0]) * (self._data.qacc[first : first + 3] - self._model.opt.gravity)
+        carrier, axis = self._objects.pad_axis(link)
+        y = self._data.body(carrier).xmat.reshape(3, 3) @ axis
+        return float(np.linalg.norm(force - (force @ y) * y) / (2.0 * self._grip.friction * self._grip.force))
+
+    def load(self) -> float:
+        """Return the largest load since the last call."""
+        most, self._most = self._most, 0.0
+        return most
