@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from optiplan.problem.task.builder import Task
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
+    from optiplan.service.cell import RemoteExecution
     from optiplan.service.client import Client
     from optiplan.simulation.log import Log, ObjectLog, WheelLog
     from optiplan.simulation.plants.task_plant import FrictionGrip
@@ -152,6 +153,7 @@ _ROOMS = {
     "simulation.log": ("Log", "ObjectLog", "WheelLog"),
     "simulation.plants.task_plant": ("FrictionGrip",),
     "simulation.simulation": ("Simulation",),
+    "service.cell": ("RemoteExecution",),
     "service.client": ("Client",),
     "trajectory.sample_file": ("Samples",),
     "trajectory.trajectory": ("Trajectory",),
@@ -227,6 +229,7 @@ __all__ = [
     "RegionGoal",
     "RelativePose",
     "RelativePoseTask",
+    "RemoteExecution",
     "Replanner",
     "Report",
     "Robot",

@@ -6,6 +6,7 @@ A server is started in an empty folder, planned with, and looked at in a headles
 * `service-studio.png`, `service-studio-phone.png`: a goal that is being dragged, with all ways to reach it.
 * `service-plan.png`: a run in the studio, with its improvements.
 * `service-live.png`, `service-live-phone.png`: a controller that follows a target until the shelf holds it back.
+* `service-execution.png`, `service-execution-phone.png`: an execution that waits for a ball in its way.
 
 Needs chromium and the `test` extra (playwright, pillow). Takes some minutes.
 """
@@ -28,6 +29,12 @@ HERE = Path(__file__).parent
 GPU = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SIZES = {"": (1280, 800), "-phone": (390, 844)}
 """px, by the end of a picture's name."""
+TURN = """percent => {
+  const slider = document.getElementById("speed");
+  slider.value = percent;
+  slider.dispatchEvent(new Event("input"));
+}"""
+"""Sets the speed of an execution."""
 SHOWN = ("01_reach", "02_shelf", "07_any_of", "18_baxter_dual")
 BENCHED = {"planners": ["trajopt", "rrtconnect", "quintic", "cubic"], "seeds": [0, 1], "budget": 3.0}
 
@@ -42,6 +49,15 @@ def fill(url: str) -> None:
             http.post("/api/runs", json={"problem": text, "budget": 6.0}).raise_for_status()
         while {"queued", "running"} & set(http.get("/api/runs").json()["counts"]):
             time.sleep(1.0)
+
+
+def run_with_a_ball(url: str) -> str:
+    """Plan the first example beside a ball; return the id of the run."""
+    ball = "  - {name: ball, shape: {sphere: 0.09}, pose: {position: [0.3, -0.45, 0.35]}}"
+    text = (ROOT / "problems" / "01_reach.yaml").read_text() + f"scene:\n  obstacles:\n  {ball}\n"
+    with httpx.Client(base_url=url, timeout=120.0, trust_env=False) as http:
+        answer = http.post("/api/plan", json={"problem": text, "budget": 3.0}).raise_for_status()
+    return str(answer.json()["id"])
 
 
 def drag(page: Page, scene: str, by: tuple[float, float]) -> None:
@@ -88,6 +104,28 @@ def live(page: Page, name: str) -> None:
     page.wait_for_timeout(2000)
 
 
+def execution(page: Page, name: str) -> None:
+    """A ball that is dragged into the way of an arm."""
+    page.wait_for_function("optiplanExecution.ready && optiplanExecution.scene.data")
+    page.evaluate(TURN, 6)
+    page.click("#begin")
+    page.wait_for_function("optiplanExecution.live.states > 60")
+    page.evaluate("document.getElementById('pane').scrollIntoView()")
+    ball = "optiplanExecution.scene.obstacles.children.find((one) => one.name === 'ball')"
+    at = page.evaluate(f"optiplanExecution.scene.onScreen({ball})")
+    there = page.evaluate("optiplanExecution.scene.onScreen(optiplanExecution.scene.root, 0.14, 0.65, 0.35)")
+    page.mouse.move(*at)
+    page.mouse.down()
+    page.mouse.move(*there, steps=20)
+    page.mouse.up()
+    page.wait_for_selector("#state:text('waiting')")
+    page.wait_for_timeout(1500)
+    page.evaluate("scrollTo(0, 0)")
+    save(page, f"service-execution{name}")
+    page.click("#stop")
+    page.wait_for_selector("#state:text('ended')")
+
+
 def save(page: Page, name: str) -> None:
     """Save what is seen."""
     Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(HERE / f"{name}.png", optimize=True)
@@ -99,11 +137,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, serving(Path(folder) / "data") as server, sync_playwright() as tool:
         wait_until_ready(server.url)
         fill(server.url)
+        run = run_with_a_ball(server.url)
         browser = tool.chromium.launch(executable_path="/usr/bin/chromium", args=GPU)
         for name, (width, height) in SIZES.items():
             page = browser.new_page(viewport={"width": width, "height": height})
             page.set_default_timeout(120_000)
-            for path, take in (("studio", studio), ("live", live)):
+            for path, take in (("studio", studio), ("live", live), (f"execution#run={run}", execution)):
                 page.goto(f"{server.url}/{path}")
                 take(page, name)
             if not name:

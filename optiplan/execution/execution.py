@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
+from itertools import islice
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,7 +18,7 @@ from optiplan.execution.arguments import numbers
 from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
 from optiplan.execution.executor import LONGEST_TICK, Executor
 from optiplan.execution.proved_path import ProvedPath
-from optiplan.execution.tick_loop import PATIENCE, MonotonicClock, TickClock, TickLoop, in_words
+from optiplan.execution.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop, in_words
 from optiplan.geometry.pose import Pose, Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
@@ -220,9 +221,9 @@ class Execution:
             "over": self.over,
         }
 
-    def lateness(self) -> dict[str, float]:
-        """Return how late set-points were, s: `rms`, `p50`, `p99`, `max` of the last 100,000 ticks."""
-        late = np.abs(np.array(list(self._loop.lateness) or [0.0]))
+    def lateness(self, last: int = KEPT_LATENESS) -> dict[str, float]:
+        """Return how late set-points were, s: `rms`, `p50`, `p99`, `max` of the last ticks, 100,000 unless given."""
+        late = np.abs(np.array(list(islice(reversed(self._loop.lateness), last)) or [0.0]))
         p50, p99 = np.percentile(late, [50, 99])
         return {"rms": float(np.sqrt(np.mean(late**2))), "p50": float(p50), "p99": float(p99), "max": float(late.max())}
 

@@ -20,10 +20,9 @@ from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.yaml_bodies import YamlBodies
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.refusals import Refusal, error_body
-from optiplan.service.routes import benches, events, health, live, pages, problems, robots, runs, uploads
+from optiplan.service.routes import benches, events, executions, health, live, pages, problems, robots, runs, uploads
 from optiplan.service.routes.answers import Json
 from optiplan.service.routes.events import EventFeed
-from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import StorageFullError
 from optiplan.service.store.tables import DatabaseAwayError
 
@@ -36,13 +35,9 @@ ABOUT = "Plans robot motions that are proved free of collision and within limits
 _log = logging.getLogger("optiplan.service")
 
 
-def make_application(settings: ServiceSettings) -> ASGIApp:
-    """The whole server as an ASGI application.
-
-    Raises:
-        OptiPlanError: the database or the folder cannot be used.
-    """
-    service = PlannerService(settings)
+def make_application(service: PlannerService) -> ASGIApp:
+    """The whole server as an ASGI application."""
+    settings = service.settings
     app = FastAPI(
         title="OptiPlan",
         version=optiplan.__version__,
@@ -53,7 +48,7 @@ def make_application(settings: ServiceSettings) -> ASGIApp:
         lifespan=_lifespan,
     )
     app.state.service, app.state.metrics, app.state.feed = service, RequestCounts(), EventFeed(service.archive)
-    for room in (runs, problems, uploads, benches, robots, events, live, health, pages):
+    for room in (runs, problems, uploads, benches, robots, events, live, executions, health, pages):
         app.include_router(room.router)
     app.add_exception_handler(Refusal, _refused)
     app.add_exception_handler(OptiPlanError, _wrong)

@@ -114,6 +114,15 @@ class Archive:
         found: Record = json.loads(stored)
         return found
 
+    async def motion_request(self, record: Record) -> Record:
+        """Return the problem of a run as processes take it, with its `motion`.
+
+        Raises:
+            Refusal: the run has no motion, or its content is gone.
+        """
+        motion = (await self.content(record, TRAJECTORY)).decode()
+        return {**await self.stored_request(record), "motion": motion}
+
 
 def outdated(runs: RunTable, settings: ServiceSettings) -> list[str]:
     """Return the ended runs that are too old, or exceed the bytes to keep after newer ones."""

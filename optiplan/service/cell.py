@@ -13,11 +13,17 @@ Example:
             ...                                                    # to the drives
     else:
         print(motion.status, motion.reason)
+
+    with cell.execute(motion, driver="sim", lease=1.0) as robot:      # the server drives; it stops if we go away
+        robot.override(0.5)
+        print(robot.wait())
 """
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,6 +31,13 @@ from typing import Any
 import httpx
 import numpy as np
 import numpy.typing as npt
+
+PATIENCE = 90.0
+"""s that a server has for an answer; a motion that is to be executed is verified first."""
+RESUME = 30.0
+"""s for which a stream of events that broke off is taken up again; `RETRY` s between two tries."""
+RETRY = 1.0
+EXECUTIONS = "/api/executions"
 
 
 @dataclass(frozen=True)
@@ -132,6 +145,34 @@ class CellPlanner:
         status = {429: "busy", 503: "busy", 504: "late"}.get(answer.status_code, "failed")
         return CellMotion(status, _error(answer))
 
+    def execute(self, motion: CellMotion | str, driver: str = "sim", **options: Any) -> "RemoteExecution":
+        """Have the server execute a motion of it.
+
+        Args:
+            motion: verified, or the id of a run.
+            driver: of the server.
+            options: `override`, `clearance`, `deviation`, `rate`, `patience`, `lease`; see `POST /api/executions`.
+
+        Raises:
+            CellError: the server refuses, or cannot be reached.
+        """
+        about = self._sent("POST", EXECUTIONS, {**_motion_of(motion), "driver": driver, **options})
+        return RemoteExecution(self._http, self._sent, _motion_of, about)
+
+    def _sent(self, method: str, path: str, body: Mapping[str, Any] | None) -> Any:
+        """Return the answer to a request.
+
+        Raises:
+            CellError: it is refused, or nobody answers.
+        """
+        try:
+            answer = self._http.request(method, path, json=body, timeout=PATIENCE)
+        except httpx.HTTPError as error:
+            raise CellError(0, f"{self._http.base_url}: {error or type(error).__name__}") from error
+        if answer.status_code >= 400:
+            raise CellError(answer.status_code, _error(answer))
+        return answer.json()
+
     def close(self) -> None:
         """Close the connection; the problem stays on the server."""
         self._http.close()
@@ -143,6 +184,172 @@ class CellPlanner:
     def __exit__(self, *error: object) -> None:
         """Close the connection."""
         self.close()
+
+
+class CellError(Exception):
+    """A server that refuses, or cannot be reached: `status` is that of HTTP, 0 where there is none."""
+
+    def __init__(self, status: int, detail: str) -> None:
+        super().__init__(detail)
+        self.status = status
+
+
+class RemoteExecution:
+    """A motion that a server executes, as `CellPlanner.execute` and `op.Client.execute` start it.
+
+    Methods return the robot's state. What the server refuses is raised: `CellError`, of `op.Client` its `ServerError`.
+    `id` is that on the server; `about` has `name`, `driver`, `duration` (s), `rate` (Hz), `joint_names`, `lease` (s).
+    """
+
+    def __init__(
+        self,
+        http: httpx.Client,
+        send: Callable[[str, str, Mapping[str, Any] | None], Any],
+        motion_of: Callable[[Any], Mapping[str, Any]],
+        about: Mapping[str, Any],
+    ) -> None:
+        self.id, self.about = str(about["id"]), dict(about)
+        self._http, self._send, self._motion_of = http, send, motion_of
+        self._closed = threading.Event()
+        if about["lease"] is not None:
+            threading.Thread(target=self._renew, args=(about["lease"],), name="lease", daemon=True).start()
+
+    def override(self, speed: float) -> dict[str, Any]:
+        """Set the wanted speed, 0 to 1 of the planned motion's."""
+        return self._say("override", {"speed": speed})
+
+    def pause(self) -> dict[str, Any]:
+        """Stop along the path; `resume` and `reverse` go on."""
+        return self._say("pause")
+
+    def resume(self) -> dict[str, Any]:
+        """Go on forwards."""
+        return self._say("resume")
+
+    def reverse(self) -> dict[str, Any]:
+        """Stop, and go back along the path."""
+        return self._say("reverse")
+
+    def stop(self, reason: str = "asked to stop") -> dict[str, Any]:
+        """Stop along the path, which ends the execution."""
+        return self._say("stop", {"reason": reason})
+
+    def update_scene(
+        self, poses: Mapping[str, Any], velocities: Mapping[str, Sequence[float]] | None = None, spread: float = 0.0
+    ) -> dict[str, Any]:
+        """Obstacles of the scene have moved.
+
+        `poses` by name: each an `op.Pose`, or x, y, z, m, and the quaternion x, y, z, w; `velocities` (3,) of those
+        that do not stand still, m/s; `spread`: how fast they may depart from that course, m/s.
+        """
+        moved = {name: list(map(float, velocity)) for name, velocity in (velocities or {}).items()}
+        given = {"poses": {name: _pose(pose) for name, pose in poses.items()}, "velocities": moved, "spread": spread}
+        return self._say("obstacles", given)
+
+    def state_in(self, latency: float) -> dict[str, list[float]]:
+        """Return `joints`, `velocity` and `acceleration` in `latency` s: the start of a motion that is to take over."""
+        return dict(self._say("state", {"latency": latency}))
+
+    def splice(self, motion: Any) -> bool:
+        """Let another verified motion take over where it begins; return whether it does. Where not, the robot stops."""
+        return bool(self._say("splice", self._motion_of(motion))["taken"])
+
+    def events(self) -> Iterator[dict[str, Any]]:
+        """States as they come, 25 a second, at last `end` with its `reason` and whether it is `clean`.
+
+        A stream that breaks is taken up again for `RESUME` s; then an `httpx.HTTPError` is raised.
+        """
+        lost = 0.0
+        while True:
+            try:
+                for _, event in server_events(self._http, f"{EXECUTIONS}/{self.id}/events"):
+                    lost = 0.0
+                    if event["type"] == "end" and event.get("clean") is None:
+                        break  # that of the stream alone
+                    yield event
+                    if event["type"] == "end":
+                        return
+                gone: Exception = httpx.RemoteProtocolError("the stream ended before the execution")
+            except httpx.HTTPError as error:
+                gone = error
+            lost = lost or time.monotonic()
+            if time.monotonic() - lost > RESUME:
+                raise gone
+            time.sleep(RETRY)
+
+    def wait(self, timeout: float = math.inf) -> dict[str, Any]:
+        """Wait for the end, at most `timeout` s; return `ended`, the reason or None, `clean`, and the last `state`."""
+        until = time.monotonic() + timeout
+        while True:
+            found = self._send("GET", f"{EXECUTIONS}/{self.id}", None)
+            if found["ended"] is not None or time.monotonic() >= until:
+                return dict(found)
+            time.sleep(min(0.1, max(0.0, until - time.monotonic())))
+
+    def close(self) -> None:
+        """Renew the lease no more: the robot stops, if it has one."""
+        self._closed.set()
+
+    def __enter__(self) -> "RemoteExecution":
+        """Itself."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Renew the lease no more."""
+        self.close()
+
+    def _say(self, what: str, given: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        answer: dict[str, Any] = self._send("POST", f"{EXECUTIONS}/{self.id}/{what}", given or {})
+        return answer
+
+    def _renew(self, lease: float) -> None:
+        while not self._closed.wait(lease / 4):
+            try:
+                self._say("alive")
+            except Exception as error:  # the next time may do better, and where not, the robot stops
+                if getattr(error, "status", 0) in (404, 409):
+                    return
+
+
+def server_events(
+    http: httpx.Client, path: str, headers: Mapping[str, str] | None = None
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the events of a stream with their ids, empty where they have none.
+
+    Raises:
+        httpx.HTTPStatusError: the server refuses; its answer is read.
+        httpx.HTTPError: the connection breaks.
+    """
+    number = ""
+    with http.stream("GET", path, headers=headers, timeout=PATIENCE) as lines:
+        if lines.status_code != 200:
+            lines.read()
+            raise httpx.HTTPStatusError(_error(lines), request=lines.request, response=lines)
+        for line in lines.iter_lines():
+            if line.startswith("id:"):
+                number = line[3:].strip()
+            elif line.startswith("data:"):
+                yield number, json.loads(line[5:])
+                number = ""
+
+
+def _pose(given: Any) -> list[float]:
+    """x, y, z and quaternion, from a pose's `matrix` (4, 4) by the method of Bar-Itzhack."""
+    if not hasattr(given, "matrix"):
+        return [float(x) for x in given]
+    R = np.asarray(given.matrix)[:3, :3]
+    K = np.zeros((4, 4))
+    K[:3, :3] = R + R.T - np.trace(R) * np.eye(3)
+    K[3, :3] = K[:3, 3] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    K[3, 3] = np.trace(R)
+    return [*map(float, np.asarray(given.matrix)[:3, 3]), *map(float, np.linalg.eigh(K)[1][:, -1])]
+
+
+def _motion_of(motion: CellMotion | str) -> dict[str, Any]:
+    """A motion as the server takes it; a `ValueError` says where it is not verified."""
+    if isinstance(motion, CellMotion) and not motion.verified:
+        raise ValueError(f"motion: found one that is {motion.status}; expected a verified one")
+    return {"run": motion.run if isinstance(motion, CellMotion) else motion}
 
 
 def _motion(answer: Mapping[str, Any]) -> CellMotion:

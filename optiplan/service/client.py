@@ -1,6 +1,7 @@
 """`Client`: the functions of `import optiplan as op`, done by a server."""
 
 import json
+import re
 import time
 import uuid
 from collections.abc import Iterator, Mapping
@@ -18,14 +19,12 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.runs.stored_runs import run_of_record
+from optiplan.service.cell import EXECUTIONS, RESUME, RETRY, RemoteExecution, server_events
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 
 PATIENCE = 30.0
 """s that a server has to answer what takes no planning, and beyond the budget what does."""
-RESUME = 30.0
-"""s for which a stream of events that broke off is taken up again; `RETRY` s between two tries."""
-RETRY = 1.0
 AWAY = (0, 429, 502, 503, 504)
 """Statuses of a server, or of a proxy before it, that may answer soon; 0: none answers."""
 
@@ -150,18 +149,60 @@ class Client:
 
     def _events(self, run: str, seen: str) -> Iterator[tuple[str, dict[str, Any]]]:
         """The events of a stream, with their ids; those after the one that was seen."""
-        headers, number = {"Last-Event-ID": seen} if seen else {}, ""
-        path = f"/api/runs/{run}/events"
-        with self._http.stream("GET", path, headers=headers, timeout=httpx.Timeout(PATIENCE)) as lines:
-            if lines.status_code != 200:
-                lines.read()
-                _check(lines)
-            for line in lines.iter_lines():
-                if line.startswith("id:"):
-                    number = line[3:].strip()
-                elif line.startswith("data:"):
-                    yield number, json.loads(line[5:])
-                    number = ""
+        try:
+            yield from server_events(self._http, f"/api/runs/{run}/events", {"Last-Event-ID": seen} if seen else None)
+        except httpx.HTTPStatusError as error:
+            _check(error.response)
+            raise
+
+    def execute(
+        self,
+        run: Run | str | Problem | Path | Mapping[str, Any],
+        driver: str = "sim",
+        budget: float = BUDGET,
+        **options: Any,
+    ) -> RemoteExecution:
+        """Have the server execute a motion; it goes on without this client, unless there is a lease.
+
+        Args:
+            run: verified; or the id of one on the server; or a problem, as of `plan`, which the server plans first.
+            driver: of the server; see `optiplan serve --driver`.
+            budget: s for planning and proof, of a problem.
+            options: `override`, speed at the start, 0 to 1; `clearance` to keep from what moves, m; `deviation` of a
+                measured joint from its set-point at which the robot stops, rad or m; `rate`, set-points per second;
+                `patience`, how late one may come, s; `lease`, s: where this program is silent for so long, the robot
+                stops.
+
+        Returns:
+            What steers it: `override`, `pause`, `resume`, `reverse`, `stop`, `update_scene`, `state_in`, `splice`,
+            `state`, `events` and `wait`.
+
+        Raises:
+            InputError: the run is not verified, or an argument is wrong.
+            ServerError: there is no server, or it refuses, as where the driver is in use.
+
+        Example:
+            >>> import optiplan as op
+            >>> robot = op.Client("http://127.0.0.1:7100").execute("01_reach", lease=1.0)  # doctest: +SKIP
+            >>> robot.override(0.3)["phase"]  # doctest: +SKIP
+            'changing'
+        """
+        asked = {**self._motion_of(run), "driver": driver, "budget": budget, **options}
+        about = self._sent("POST", EXECUTIONS, asked, budget + PATIENCE)
+        return RemoteExecution(self._http, self._sent, self._motion_of, about)
+
+    def _motion_of(self, run: Run | str | Problem | Path | Mapping[str, Any]) -> dict[str, Any]:
+        """A run, its id, or a problem, as the server takes it."""
+        if isinstance(run, str) and re.fullmatch("[0-9a-f]{32}", run):
+            return {"run": run}
+        if not isinstance(run, Run):
+            return {"problem": self._data(_problem(run))}
+        if run.trajectory is None or not run.verified:
+            raise wrong_argument("Client.execute", "run", "a run that is not verified", "a verified run of op.plan(…)")
+        return {"problem": self._data(run.problem), "trajectory": run.trajectory.to_dict()}
+
+    def _sent(self, method: str, path: str, body: Mapping[str, Any] | None, seconds: float = PATIENCE) -> Any:
+        return self._send(method, path, json=body, timeout=seconds).json()
 
     def run(self, run: str, problem: Problem | None = None) -> Run:
         """A run that has ended; its motion is verified afresh here.
@@ -214,15 +255,23 @@ class Client:
         seed: int | None,
         deadline: float | None,
     ) -> dict[str, Any]:
+        given = {
+            "problem": self._data(problem),
+            "planner": planner,
+            "options": None if options is None else dict(options),
+        }
+        seed = problem.seed if seed is None else seed
+        return given | {"budget": budget, "seed": seed, "deadline": deadline}
+
+    def _data(self, problem: Problem) -> dict[str, Any]:
+        """A problem as data; its meshes are uploaded."""
         if not problem.source:
             found = "a problem that was put together by hand"
             raise wrong_argument("Client", "problem", found, "one that was read, or made by op.Problem(…)")
-        data = json.loads(json.dumps(problem.source))
+        data: dict[str, Any] = json.loads(json.dumps(problem.source))
         for mesh in shape_files_of(data):
             mesh["file"] = self._upload(Path(mesh["file"]))
-        given = {"problem": data, "planner": planner, "options": None if options is None else dict(options)}
-        seed = problem.seed if seed is None else seed
-        return given | {"budget": budget, "seed": seed, "deadline": deadline}
+        return data
 
     def _upload(self, file: Path) -> str:
         from optiplan.cache import digest

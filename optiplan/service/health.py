@@ -78,9 +78,14 @@ class WriteProbe:
 
 
 class HealthCheck:
-    """Looks at a process that serves or works."""
+    """Looks at a process that serves or works.
+
+    Attributes:
+        also: what finds further faults that make it not ready.
+    """
 
     def __init__(self, pool: SolverPool, queue: RunQueue, database: WriteProbe, contents: ContentFolder) -> None:
+        self.also: list[Callable[[], list[str]]] = []
         self._pool, self._queue, self._database, self._contents = pool, queue, database, contents
 
     def living(self) -> Health:
@@ -100,7 +105,7 @@ class HealthCheck:
             self._contents.check_room()
         except (OptiPlanError, OSError) as error:
             faults.append(str(error))
-        return _answer(faults)
+        return _answer([*faults, *(fault for look in self.also for fault in look())])
 
     def _ended(self) -> list[str]:
         return [*self._pool.ended, *self._queue.ended]

@@ -44,8 +44,8 @@ class ProblemInput(StorableInput):
     goal: dict[str, Any] | None = Field(None, description="In place of the problem's `goal`")
 
 
-class Submission(ProblemInput):
-    """A problem and how to plan it."""
+class PlanningChoices(StorableInput):
+    """How to plan."""
 
     planner: Text | None = Field(None, description="Instead of the problem's; see GET /api/planners")
     options: dict[str, Any] | None = Field(None, description="Options of the planner, by name")
@@ -57,6 +57,10 @@ class Submission(ProblemInput):
     deadline: float | None = Field(
         None, gt=0, le=1e6, description="Seconds from now after which no answer is wanted; the run is killed then"
     )
+
+
+class Submission(ProblemInput, PlanningChoices):
+    """A problem and how to plan it."""
 
 
 class QueuedSubmission(Submission):

@@ -7,10 +7,11 @@ from optiplan.service.execution.run_queue import RunQueue
 from optiplan.service.execution.run_solver import RunSolver
 from optiplan.service.execution.solver_pool import Lane, SolverPool
 from optiplan.service.health import HealthCheck, WriteProbe, feed_watchdog
-from optiplan.service.live_sessions import LiveSessions
 from optiplan.service.pictures import Pictures
 from optiplan.service.queued_plans import QueuedPlans
 from optiplan.service.requests import ProblemRequests
+from optiplan.service.sessions.execution_sessions import ExecutionSessions
+from optiplan.service.sessions.live_sessions import LiveSessions
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.waited_plans import WaitedPlans
 
@@ -28,6 +29,7 @@ class PlannerService:
         queued: plans in the queue.
         waited: plans whose callers wait.
         live: running controllers.
+        executions: motions that are executed.
         benches: problems by planners.
         pictures: pictures of runs and problems, and pages of runs.
     """
@@ -45,6 +47,7 @@ class PlannerService:
         self.settings, self.archive = settings, Archive(settings)
         archive = self.archive
         callers: dict[Lane, int] = {"plan": settings.interactive, "look": 1, "live": settings.live} if serving else {}
+        callers |= {"execution": len(settings.drivers)} if serving else {}
         self.pool = SolverPool(settings, {**callers, "queue": settings.solvers})
         events = EventWriter(archive.runs)
         solver = RunSolver(settings, events, archive.contents, self.pool)
@@ -54,6 +57,8 @@ class PlannerService:
         self.queued = QueuedPlans(settings, archive, self.requests, self.queue)
         self.waited = WaitedPlans(settings, archive, self.requests, self.pool, solver)
         self.live = LiveSessions(self.requests, self.pool, settings.live)
+        self.executions = ExecutionSessions(self.requests, archive, self.waited, self.pool, settings.drivers)
+        self.health.also.append(self.executions.faults)
         self.benches = Benches(settings, archive, self.requests, self.queued, self.queue)
         self.pictures = Pictures(archive, self.requests)
 

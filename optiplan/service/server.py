@@ -9,6 +9,8 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
@@ -31,6 +33,8 @@ PATIENCE = 3
 """s that connections have to end when the server stops."""
 GRACE = 20.0
 """s within which a process has ended after a signal, whatever hangs in it."""
+READY = 120.0
+"""s within which a server is ready."""
 LINGER = 2.0
 """s that threads have to end once all work is closed."""
 
@@ -50,8 +54,8 @@ def run_server(settings: ServiceSettings, level: str = "info") -> int:
     sys.setswitchinterval(SWITCH)
     with listening(settings) as sock, _LastResort() as last:
         server = make_server(settings)
-        server.on_stop = last.begin  # type: ignore[attr-defined]
-        server.on_ready = lambda: _announce(settings.host, sock)  # type: ignore[attr-defined]
+        server.on_stop = last.begin
+        server.on_ready = lambda: _announce(settings.host, sock)
         asyncio.run(server.serve(sockets=[sock]))
     return 0
 
@@ -162,10 +166,15 @@ def listening(settings: ServiceSettings) -> socket.socket:
     return sock
 
 
-def make_server(settings: ServiceSettings) -> "uvicorn.Server":
-    """The server of an application, not yet running."""
+def make_server(settings: ServiceSettings) -> "_Server":
+    """The server of an application, not yet running.
+
+    Raises:
+        OptiPlanError: the database or the folder cannot be used.
+    """
+    service = PlannerService(settings)
     config = uvicorn.Config(
-        make_application(settings),
+        make_application(service),
         http=guarded_protocol(settings),  # type: ignore[arg-type]  # what makes one will do
         proxy_headers=bool(settings.proxies),
         forwarded_allow_ips=list(settings.proxies),
@@ -176,14 +185,45 @@ def make_server(settings: ServiceSettings) -> "uvicorn.Server":
         timeout_keep_alive=30,
         h11_max_incomplete_event_size=65536,
     )
-    return _Server(config)
+    server = _Server(config)
+    server.service, server.on_shutdown = service, service.executions.finish
+    return server
+
+
+@contextmanager
+def serving(settings: ServiceSettings) -> Iterator[tuple[str, PlannerService]]:
+    """Serve in a thread of this process; yield the address and the service once its processes are ready.
+
+    Raises:
+        OptiPlanError: the address cannot be had, the database cannot be used, or the server does not become ready.
+    """
+    with listening(settings) as sock:
+        server = make_server(settings)
+        thread = threading.Thread(target=server.run, args=([sock],), name="server", daemon=True)
+        thread.start()
+        try:
+            until = time.monotonic() + READY
+            while not server.started or server.service.health.ready()[0] != 200:
+                if not thread.is_alive() or time.monotonic() > until:
+                    raise OptiPlanError(f"the server did not become ready within {READY:g} s")
+                time.sleep(0.1)
+            yield _address(settings.host, sock), server.service
+        finally:
+            server.should_exit = True
+            thread.join(GRACE)
 
 
 class _Server(uvicorn.Server):
-    """Calls `on_ready` once it answers, `on_stop` at a signal; a signal ends it, and that is a good end."""
+    """Calls `on_ready` once it answers, `on_stop` at a signal, and `on_shutdown` before it closes its connections.
+
+    A signal ends it, and that is a good end.
+    """
+
+    service: PlannerService
 
     on_ready: Any = staticmethod(lambda: None)
     on_stop: Any = staticmethod(lambda: None)
+    on_shutdown: Any = None
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         self.on_stop()
@@ -195,8 +235,16 @@ class _Server(uvicorn.Server):
         if self.started:
             self.on_ready()
 
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        await self.on_shutdown()
+        await super().shutdown(sockets)
+
+
+def _address(host: str, sock: socket.socket) -> str:
+    name = f"[{host}]" if ":" in host else host
+    return f"http://{name}:{sock.getsockname()[1]}"
+
 
 def _announce(host: str, sock: socket.socket) -> None:
-    name = f"[{host}]" if ":" in host else host
-    print(f"serving at http://{name}:{sock.getsockname()[1]}/ (ctrl-C ends)", flush=True)
+    print(f"serving at {_address(host, sock)}/ (ctrl-C ends)", flush=True)
     sys.stdout.flush()

@@ -1,7 +1,9 @@
 """Settings of the service: where it listens, what it keeps, and how much it takes on."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from sqlalchemy import make_url
 
@@ -26,6 +28,23 @@ def default_data() -> Path:
 
 
 @dataclass(frozen=True)
+class DriverSetup:
+    """A robot that a server may move.
+
+    Attributes:
+        name: by which requests name it.
+        driver: as `op.driver` names it.
+        options: of that driver.
+        patience: seconds that a set-point may be late before the robot stops, None: 0.01.
+    """
+
+    name: str
+    driver: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    patience: float | None = None
+
+
+@dataclass(frozen=True)
 class ServiceSettings:
     """How a server or a worker runs; every limit is a hard one.
 
@@ -42,6 +61,7 @@ class ServiceSettings:
         solvers: processes for queued runs; 0: this server only takes them, workers solve.
         interactive: processes for callers that wait.
         live: controllers that may run at a time, for live views.
+        drivers: robots that may be moved, one execution each at a time.
         queue: most runs that wait; more are refused with 429.
         memory: of one process, MB resident.
         most_budget: longest budget of a run, s.
@@ -73,6 +93,7 @@ class ServiceSettings:
     solvers: int = 1
     interactive: int = 1
     live: int = 1
+    drivers: tuple[DriverSetup, ...] = (DriverSetup("sim", "sim"),)
     queue: int = 1000
     memory: float = 2000.0
     most_budget: float = 300.0

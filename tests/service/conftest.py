@@ -9,8 +9,8 @@ import httpx
 import pytest
 
 from optiplan.service.planner_service import PlannerService
-from optiplan.service.server import listening, make_server
-from optiplan.service.settings import ServiceSettings
+from optiplan.service.server import serving
+from optiplan.service.settings import DriverSetup, ServiceSettings
 from tests.waiting import PATIENCE
 
 QUICK = """\
@@ -66,21 +66,12 @@ def server(tmp_path_factory) -> Iterator[Running]:
     """One server for all: DBOS is one in a process."""
     folder = tmp_path_factory.mktemp("service")
     (folder / "meshes").mkdir()
-    settings = ServiceSettings(data=folder / "data", port=0, folders=(folder / "meshes",), rate=1e6, burst=10**6)
-    with listening(settings) as sock:
-        uvicorn = make_server(settings)
-        thread = threading.Thread(target=uvicorn.run, args=([sock],), daemon=True)
-        thread.start()
-        url = f"http://127.0.0.1:{sock.getsockname()[1]}"
+    paper = DriverSetup("paper", "file", {"path": str(folder / "set_points.csv")}, patience=0.1)
+    settings = ServiceSettings(
+        data=folder / "data", port=0, folders=(folder / "meshes",), rate=1e6, burst=10**6, drivers=(paper,)
+    )
+    with serving(settings) as (url, service):
         with httpx.Client(base_url=url, timeout=PATIENCE, trust_env=False) as http:
-            while not uvicorn.started:
-                assert thread.is_alive()
-                time.sleep(0.05)
-            application = uvicorn.config.app._app._app
-            running = Running(url, application.state.service, http)
-            while http.get("/readyz").status_code != 200:
-                time.sleep(0.1)
-            yield running
-        uvicorn.should_exit = True
-        thread.join(PATIENCE)
-        assert not thread.is_alive()
+            yield Running(url, service, http)
+        (thread,) = [one for one in threading.enumerate() if one.name == "server"]
+    assert not thread.is_alive()

@@ -5,14 +5,16 @@ import time
 
 import httpx
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import optiplan as op
 from optiplan.cli.main import run as command
-from optiplan.service.cell import CellPlanner
+from optiplan.service.cell import EXECUTIONS, CellError, CellPlanner
 from optiplan.service.client import ServerError
 from tests.service.conftest import NO_WAY, QUICK
 from tests.service.routes.test_problems import MESH, TETRAHEDRON
+from tests.waiting import wait_until
 
 
 @pytest.fixture
@@ -166,3 +168,50 @@ def test_the_command_line_plans_on_a_server(server, quick, tmp_path, capsys):
     assert command(["plan", str(quick), "--server", "http://127.0.0.1:9"]) == 2
     assert "no server answers" in capsys.readouterr().err
     assert command(["plan", str(quick), "--server", server.url, "--planner", "all"]) == 2
+
+
+def free(server):
+    """Wait until no execution uses the driver."""
+    wait_until(lambda: all(one["ended"] is not None for one in server.http.get(EXECUTIONS).json()["executions"]))
+
+
+def test_a_motion_is_executed_and_steered_through_a_client(client, server, quick):
+    free(server)
+    run = op.plan(op.load_problem(quick))
+    with client.execute(run, "paper", override=0.1, lease=2.0) as robot:
+        assert robot.about["duration"] == run.duration
+        assert robot.override(0.15)["phase"] in ("running", "changing")
+        away = op.Pose((-1, 0.18, 1), rpy=(0.3, 1.2, -2.0))
+        seen = robot.update_scene({"far": away}, {"far": (0, 0, 0.1)})["obstacles"]["far"]
+        assert np.allclose(pin.XYZQUATToSE3(seen).homogeneous, away.matrix, atol=1e-12)
+        robot.pause()
+        begin = next(one["t"] for one in robot.events() if one["phase"] == "paused")
+        robot.resume()
+        state = robot.state_in(2.0)
+        start = op.State(state["joints"], state["velocity"], state["acceleration"])
+        problem = op.Problem("planar2r", start, [0.2, 0.6], planner="trajopt")
+        assert robot.splice(op.plan(problem, budget=0.25)) is True
+        end = robot.wait(20.0)
+    assert (end["ended"], end["clean"]) == ("done", True), end
+    assert end["state"]["t"] > begin
+    assert end["state"]["q"] == pytest.approx([0.2, 0.6])
+    with pytest.raises(ServerError, match="has ended: done"):
+        robot.reverse()
+    with pytest.raises(op.InputError, match="did you mean 'paper'"):
+        client.execute(run, "papr")
+    with pytest.raises(op.InputError, match=r"body\.overide"):
+        client.execute(run, "paper", overide=0.5)
+
+
+def test_a_cell_that_goes_away_stops_its_robot(server, quick):
+    free(server)
+    with CellPlanner(server.url, quick) as cell:
+        motion = cell.plan([0.4, 1.0], joint_target=[-0.4, 1.1])
+        with cell.execute(motion, "paper", override=0.05, lease=0.4) as robot:
+            time.sleep(0.6)
+            assert robot.wait(0.0)["ended"] is None
+        assert "renewed its lease" in list(robot.events())[-1]["reason"]
+        with pytest.raises(CellError, match="there is no run"):
+            cell.execute("0" * 32, "paper")
+        with pytest.raises(ValueError, match="expected a verified one"):
+            cell.execute(cell.plan([100.0, 1.0]))

@@ -110,7 +110,7 @@ def test_the_hint_is_beside_the_joints(page, server):
 
 
 def test_every_page_leads_to_the_others(page, server):
-    pages = {"/", "/studio", "/live", "/benches"}
+    pages = {"/", "/studio", "/live", "/execution", "/benches"}
     for path in sorted(pages):
         page.goto(server.url + path)
         found = page.eval_on_selector_all("header nav a", "links => links.map((link) => new URL(link.href).pathname)")
@@ -177,6 +177,56 @@ def test_a_running_controller_is_watched_and_its_target_dragged(page, server):
     page.wait_for_function("optiplanLive.live.states > 5")
     page.click("#stop")
     assert page.inner_text("#state") == "ended"
+
+
+LAST = "optiplanExecution.live.last"
+
+
+def test_an_execution_is_steered_and_an_obstacle_dragged_into_its_way(page, server, problems):
+    text = (problems / "01_reach.yaml").read_text() + OBSTACLE
+    run = server.ended(server.submit(problem=text, seed=page.viewport_size["width"])["id"])
+    page.goto(f"{server.url}/execution#run={run['id']}")
+    page.wait_for_function("optiplanExecution.ready && optiplanExecution.scene.data")
+
+    def turn(percent):
+        page.evaluate(TURN, percent)
+
+    turn(3)
+    page.click("#begin")
+    page.wait_for_function("optiplanExecution.live.states > 3")
+    assert page.evaluate(LAST)["override"] == 0.03
+    turn(2)
+    page.wait_for_function(f"{LAST}.override === 0.02")
+    page.click("#pause")
+    page.wait_for_selector("#state:text('paused')")
+    page.click("#reverse")
+    page.wait_for_function(f"{LAST}.speed < 0")
+    page.click("#resume")
+    page.wait_for_function(f"{LAST}.speed > 0")
+    page.evaluate("document.getElementById('pane').scrollIntoView()")
+    ball = "optiplanExecution.scene.obstacles.children.find((one) => one.name === 'ball')"
+    at = page.evaluate(f"optiplanExecution.scene.onScreen({ball})")
+    end = "0.14, 0.65, 0.35"  # of the tool, as high as the ball, which is moved level
+    there = page.evaluate(f"optiplanExecution.scene.onScreen(optiplanExecution.scene.root, {end})")
+    drag(page, at, np.subtract(there, at), lambda: page.wait_for_function(f"{LAST}.obstacles.ball"))
+    page.wait_for_selector("#state:text('waiting')")
+    assert "ball" in page.inner_text("#reason")
+    page.evaluate("optiplanExecution.live.events.close()")  # a stream that breaks
+    page.wait_for_selector("#state:text('stale')")
+    page.evaluate("optiplanExecution.live.events.dispatchEvent(new Event('error'))")
+    page.wait_for_selector("#state:text('waiting')")
+    page.evaluate("scrollTo(0, 0)")
+    page.click("#stop")
+    page.wait_for_selector("#state:text('ended')")
+    assert page.inner_text("#reason") == "asked to stop"
+    assert page.is_enabled("#begin")
+
+
+TURN = """percent => {
+  const slider = document.getElementById("speed");
+  slider.value = percent;
+  slider.dispatchEvent(new Event("input"));
+}"""
 
 
 def test_edit_drag_plan_watch_and_play(page, server, problems):

@@ -21,7 +21,7 @@ PR_SET_CHILD_SUBREAPER = 36
 """Orphans among our descendants become our children."""
 
 
-def keep_a_child(parent: int, *closed: int) -> None:
+def keep_a_child(parent: int, *closed: int, respite: float = 0.0) -> None:
     """Fork: return in the child, the worker; the calling process becomes its keeper and never returns.
 
     The keeper ends as the worker does, by the same exit code or signal, once all that the worker started has ended.
@@ -30,6 +30,7 @@ def keep_a_child(parent: int, *closed: int) -> None:
     Args:
         parent: the process that must live for the keeper to live.
         closed: file descriptors that are the worker's alone.
+        respite: s that the worker has to end by itself first.
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)
@@ -43,10 +44,14 @@ def keep_a_child(parent: int, *closed: int) -> None:
         os.close(handle)
 
     def end(number: int, frame: FrameType | None) -> None:
+        if respite and number == signal.SIGTERM:
+            signal.setitimer(signal.ITIMER_REAL, respite)
+            return
         with suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL)
 
     signal.signal(signal.SIGTERM, end)
+    signal.signal(signal.SIGALRM, end)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     _end_as(_reaped(child))
 

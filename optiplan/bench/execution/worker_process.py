@@ -135,8 +135,12 @@ class WorkerProcess:
         return self._rest().decode(errors="replace")
 
     def kill(self) -> None:
-        """End the worker and its descendants, also in other sessions; return when all are reaped."""
+        """End the worker and its descendants, also in other sessions; return when all are reaped.
+
+        One with a respite ends by itself first, as its line is closed.
+        """
         self.gone = True
+        self._connection.close()
         self._process.terminate()  # the keeper ends the others
         try:
             self._process.wait(LAST)
@@ -144,7 +148,6 @@ class WorkerProcess:
             self._process.kill()
             self._process.wait()
         self._rest()
-        self._connection.close()
         if self._process.stdout is not None:
             self._process.stdout.close()
 

@@ -1,7 +1,7 @@
 """`optiplan run`: plan a motion, or take a stored one, and execute it on a driver."""
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -25,6 +25,7 @@ DRIVER = "what moves: sim (a simulated robot in real time), file, ros2_control o
 ENGINE = "of sim: mujoco, own or ideal (default: mujoco where it is installed)"
 DEVIATION = "rad or m: a measured joint farther from its set-point ends in a stop"
 PATIENCE = "seconds: a set-point that comes as late as this ends in a stop"
+VIEW = "begin, steer and stop it on a page, where obstacles can be dragged; Ctrl-C ends"
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as that of a shell."""
 
@@ -38,6 +39,7 @@ def run(
     host: Annotated[str | None, typer.Option(metavar="HOST", help="of ros2_control and ur_rtde")] = None,
     to: Annotated[Path | None, typer.Option("--to", metavar="FILE", help="of the driver file: the table")] = None,
     deviation: Annotated[float, typer.Option(callback=positive, metavar="D", help=DEVIATION)] = 0.05,
+    view: Annotated[bool, typer.Option("--view", help=VIEW)] = False,
     patience: Annotated[float, typer.Option(callback=positive, metavar="S", help=PATIENCE)] = 0.01,
     planner: Annotated[str | None, typer.Option(metavar="NAME", help=PLANNER, autocompletion=planner_names)] = None,
     budget: Annotated[
@@ -57,6 +59,8 @@ def run(
 
       optiplan run runs/cell --rate 1000 --override 0.3  a stored run, slowly
 
+      optiplan run 02_shelf --view                       on a page: speed, pause, stop, obstacles to drag
+
       optiplan run cell.yaml --driver file --to set_points.csv
 
       optiplan run cell.yaml --driver ur_rtde --host 192.168.0.10
@@ -64,10 +68,7 @@ def run(
     Exit code: 0 done, nothing touched · 2 bad input, or the robot cannot be reached · 3 no motion was found
     · 4 stopped on the way, touched something, or the motion is not verified · 130 stopped by Ctrl-C.
     """
-    from optiplan.api.driving import driver as driver_of
     from optiplan.cli.printing.executed import show_execution
-    from optiplan.execution.execution import Execution
-    from optiplan.execution.executor import Executor
 
     with stdout_is_ours(), ProgressLine() as progress:
         motion = _motion(file, planner, budget, progress)
@@ -78,27 +79,55 @@ def run(
         print_error("optiplan: the motion is not verified; nothing moved")
         return Exit.NOT_VERIFIED
     given = {"rate": rate, "engine": engine, "host": host, "path": to}
-    executor = Executor(motion, override=override, deviation=deviation)
-    with stdout_is_ours():
-        made = driver_of(driver, motion, **{name: value for name, value in given.items() if value is not None})
-        try:
-            execution = Execution(executor, made, patience=patience)
-        except OptiPlanError:
-            made.stop("not started")
-            raise
-        execution.start()
-        with ProgressLine() as progress, _stopping(execution) as pressed:
-            while not execution.over:
-                seen = execution.wait(0.1)
-                progress(f"{seen['phase']} at {seen['speed']:.0%} of the planned speed", seen["progress"])
-    done = _result(motion, execution, made)
+    options = {name: value for name, value in given.items() if value is not None}
+    steering = {"override": override, "deviation": deviation, "patience": patience}
+    done, pressed = (_on_page if view else _executed)(motion, driver, options, steering)
     clean = done["phase"] == "done" and not done["report"].get("contacts")
-    code = INTERRUPTED if pressed else Exit.VERIFIED if clean else Exit.NOT_VERIFIED
+    code = INTERRUPTED if pressed and not clean else Exit.VERIFIED if clean else Exit.NOT_VERIFIED
     if as_json:
         print_json({**done, "exit_code": int(code)})
     else:
         show_execution(results(), done)
     return code
+
+
+def _executed(
+    motion: "Run", driver: str, options: Mapping[str, Any], steering: Mapping[str, Any]
+) -> tuple[dict[str, Any], bool]:
+    """Execute a motion here; return what came of it, and whether Ctrl-C was pressed."""
+    from optiplan.api.driving import driver as driver_of
+    from optiplan.execution.execution import Execution
+    from optiplan.execution.executor import Executor
+    from optiplan.execution.real_time import in_time
+
+    executor = Executor(motion, override=steering["override"], deviation=steering["deviation"])
+    with stdout_is_ours(), in_time():
+        made = driver_of(driver, motion, **options)
+        try:
+            execution = Execution(executor, made, patience=steering["patience"])
+        except OptiPlanError:
+            made.stop("not started")
+            raise
+        execution.start()
+        with ProgressLine() as progress, _stopping(execution.stop) as pressed:
+            while not execution.over:
+                seen = execution.wait(0.1)
+                progress(f"{seen['phase']} at {seen['speed']:.0%} of the planned speed", seen["progress"])
+    return _result(motion, execution, made), bool(pressed)
+
+
+def _on_page(
+    motion: "Run", driver: str, options: Mapping[str, Any], steering: Mapping[str, Any]
+) -> tuple[dict[str, Any], bool]:
+    """Execute a motion from a page until Ctrl-C; return what came of it, and whether Ctrl-C was pressed."""
+    from threading import Event
+
+    from optiplan.cli.run_page import run_on_page
+
+    ended, address = Event(), "open {} in a browser and press Resume (Ctrl-C ends)"
+    with _stopping(lambda reason: ended.set()) as pressed:
+        done = run_on_page(motion, driver, options, steering, lambda url: print_error(address.format(url)), ended)
+    return done, bool(pressed)
 
 
 def _motion(file: str, planner: str | None, budget: float, progress: ProgressLine) -> "Run":
@@ -115,7 +144,7 @@ def _motion(file: str, planner: str | None, budget: float, progress: ProgressLin
 
 
 @contextmanager
-def _stopping(execution: "Execution") -> Iterator[list[int]]:
+def _stopping(stop: Callable[[str], None]) -> Iterator[list[int]]:
     """Let Ctrl-C, and the end that a service asks for, stop along the path; a second one ends the program at once.
 
     Yields the signals that came.
@@ -125,7 +154,7 @@ def _stopping(execution: "Execution") -> Iterator[list[int]]:
     def handle(number: int, _: object) -> None:
         pressed.append(number)
         signal.signal(number, signal.SIG_DFL)
-        execution.stop("Ctrl-C" if number == signal.SIGINT else "the program was asked to end")
+        stop("Ctrl-C" if number == signal.SIGINT else "the program was asked to end")
 
     before = [(number, signal.signal(number, handle)) for number in (signal.SIGINT, signal.SIGTERM)]
     try:

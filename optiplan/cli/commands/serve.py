@@ -48,6 +48,13 @@ Proxies = Annotated[
     list[str] | None,
     typer.Option(metavar="ADDRESS", help="proxy (or network) whose word on clients and HTTPS is taken (repeatable)"),
 ]
+Drivers = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME[=DRIVER[:KEY=VALUE,…]]",
+        help="robot that may be moved, such as left=ur_rtde:host=10.0.0.2,patience=0.02 (repeatable; default: sim)",
+    ),
+]
 RootPath = Annotated[
     str,
     typer.Option(metavar="PATH", help="where a proxy has put this server, such as /optiplan"),
@@ -75,6 +82,7 @@ def serve(
         int, typer.Option(min=1, metavar="N", help="processes for POST /api/plan, past the queue")
     ] = 1,
     live: Annotated[int, typer.Option(min=0, metavar="N", help="live controllers at a time")] = 1,
+    driver: Drivers = None,
     queue: Annotated[int, typer.Option(min=1, metavar="N", help="queued runs at most")] = 1000,
     memory: Memory = 2000.0,
     keep_days: Annotated[float, typer.Option(min=0.0, metavar="DAYS", help="runs and unused uploads are kept")] = 30.0,
@@ -115,6 +123,7 @@ def serve(
         solvers=_solvers(solvers),
         interactive=interactive,
         live=live,
+        drivers=_drivers(driver),
         queue=queue,
         memory=memory,
         keep_days=keep_days,
@@ -203,6 +212,36 @@ def _proxies(given: list[str] | None) -> tuple[str, ...]:
             expected = "an address such as 127.0.0.1, or a network such as 10.0.0.0/8"
             raise InputError([Issue("command line", None, "trusted-proxy", f"'{proxy}'", expected)]) from None
     return tuple(given or ())
+
+
+def _drivers(given: list[str] | None) -> tuple[Any, ...]:
+    """The robots that may be moved: `NAME=DRIVER:KEY=VALUE,…`; a name alone is that of its driver."""
+    from optiplan.api.driving import DRIVERS
+    from optiplan.arrays import is_finite
+    from optiplan.config.document import parse_yaml
+    from optiplan.config.messages import choices
+    from optiplan.execution.executor import LONGEST_TICK
+    from optiplan.service.settings import DriverSetup
+
+    found: dict[str, DriverSetup] = {}
+    for text in given or ["sim"]:
+        name, _, rest = text.partition("=")
+        driver, _, options = (rest or name).partition(":")
+        pairs = [pair.partition("=") for pair in options.split(",") if pair]
+        wrong = None if driver in DRIVERS else (f"'{driver}'", choices(driver, list(DRIVERS)))
+        if not re.fullmatch("[A-Za-z0-9_.-]{1,40}", name) or name in found:
+            wrong = f"'{name}'", "a name of letters and digits that no other driver has"
+        if not all(key and sign for key, sign, _ in pairs):
+            wrong = f"'{options}'", "KEY=VALUE, separated by commas"
+        if wrong is not None:
+            raise InputError([Issue("command line", None, "driver", *wrong)])
+        values: dict[str, Any] = {key: parse_yaml(value, Path("driver")).data for key, _, value in pairs}
+        patience = values.pop("patience", None)
+        if patience is not None and not (is_finite(patience) and 0.0 < patience <= LONGEST_TICK):
+            expected = f"seconds above 0, up to {LONGEST_TICK:g}"
+            raise InputError([Issue("command line", None, "driver.patience", repr(patience), expected)])
+        found[name] = DriverSetup(name, driver, values, patience)
+    return tuple(found.values())
 
 
 def _root_path(given: str) -> str:

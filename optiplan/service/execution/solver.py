@@ -29,10 +29,14 @@ DELIVERY = 0.005
 Message = dict[str, Any]
 
 
-def main() -> None:
-    """Serve until the other end is closed, in a child of the keeper that this process becomes."""
+def main(respite: float = 0.0) -> None:
+    """Serve until the other end is closed, in a child of the keeper that this process becomes.
+
+    Args:
+        respite: s that the child has to end by itself, once its parent has ended or ends it.
+    """
     socket, parent, _ = (int(word) for word in sys.argv[2:5])
-    keep_a_child(parent, socket)
+    keep_a_child(parent, socket, respite=respite)
     connection = Connection(socket)
     from optiplan.bench.execution.worker import limit_memory, surroundings
 
@@ -63,7 +67,10 @@ def main() -> None:
             with suppress(Exception):
                 stream.flush()
         libc.fflush(None)
-        send({**answer, "phase": "done", "spoilt": surroundings() != before}, files)
+        try:
+            send({**answer, "phase": "done", "spoilt": surroundings() != before}, files)
+        except OSError:  # nobody is there any more
+            return
 
 
 def _tasks(settings: Mapping[str, Any]) -> Any:
@@ -72,7 +79,7 @@ def _tasks(settings: Mapping[str, Any]) -> Any:
 
     tasks = Tasks(settings)
     with suppress(Exception):  # a task will tell
-        tasks.warm_up()
+        tasks.warm_up(settings["plans"])
     gc.collect()
     gc.freeze()  # what is loaded stays: looking through it for garbage again and again takes 50 ms each time
     return tasks

@@ -31,14 +31,20 @@ SPOILT_BY = 0.75
 
 _log = logging.getLogger("optiplan.service")
 
-Lane = Literal["queue", "plan", "look", "live"]
-"""Who waits for the answer: the queue; who wants a plan; who wants a problem read or drawn; a live view."""
+Lane = Literal["queue", "plan", "look", "live", "execution"]
+"""Who waits: the queue; who wants a plan; who wants a problem read or drawn; a live view; a motion to be executed."""
 
-NICE: dict[Lane, int] = {"queue": 5, "plan": 0, "look": 1, "live": 0}
+NICE: dict[Lane, int] = {"queue": 5, "plan": 0, "look": 1, "live": 0, "execution": 0}
 """How far processes step back: the server itself, then callers who wait, come before the queue."""
 
-AT_NEED: tuple[Lane, ...] = ("live",)
-"""Lanes whose processes are there for the length of a job only."""
+AT_NEED: tuple[Lane, ...] = ("live", "execution")
+"""Lanes whose processes are started for the first job."""
+
+ONE_JOB: tuple[Lane, ...] = ("live",)
+"""Lanes whose processes end with their job."""
+
+MODULES: dict[Lane, str] = {"execution": "optiplan.service.execution.executing_solver"}
+"""Lanes whose processes run another module than `MODULE`."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,7 @@ class SolverJob:
         told: called with each message on the way.
         answered: called with what the caller waits for, where the request is `early`, before the job is done.
         said: words for a task that listens while it runs.
+        look: s between two looks for such words.
         cancel: ends it at once.
     """
 
@@ -76,6 +83,7 @@ class SolverJob:
     told: Callable[[Mapping[str, Any]], None] = lambda message: None
     answered: Callable[[SolverAnswer], None] = lambda answer: None
     said: "queue.SimpleQueue[Mapping[str, Any]]" = field(default_factory=queue.SimpleQueue)
+    look: float = POLL
     cancel: threading.Event = field(default_factory=threading.Event)
     future: "Future[SolverAnswer]" = field(default_factory=Future)
 
@@ -186,7 +194,7 @@ class _Slot(threading.Thread):
             raise
         finally:
             job.future.set_result(answer)
-        if self._at_need:
+        if self._lane in ONE_JOB:
             self._end()
 
     def _ready(self) -> WorkerProcess | None:
@@ -195,7 +203,7 @@ class _Slot(threading.Thread):
             self._end()
         if self._worker is None:
             self.warm = self._at_need
-            self._worker = worker = WorkerProcess(MODULE)
+            self._worker = worker = WorkerProcess(MODULES.get(self._lane, MODULE))
             began = time.monotonic()
             while not (worker.pid or worker.gone or self._stop_event.is_set() or time.monotonic() - began > START):
                 worker.greet(POLL)
@@ -207,6 +215,7 @@ class _Slot(threading.Thread):
                 "bodies": self._settings.bodies,
                 "memory": self._settings.memory,
                 "nice": NICE[self._lane],
+                "plans": self._lane != "execution",
             }
             if worker.pid:
                 self._carry_out(worker, SolverJob(set_up, START))
@@ -224,7 +233,7 @@ class _Slot(threading.Thread):
         while True:
             while not job.said.empty():
                 worker.say(job.said.get_nowait())
-            message = worker.message(POLL)
+            message = worker.message(job.look)
             if message is not None and message["phase"] == "answered":
                 _pass_on(job.answered, _answer_of(message))
             elif message is not None and message["phase"] == "done":

@@ -12,6 +12,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.kinematics.ik.solve import answer
 from optiplan.problem.problem import Problem
 from optiplan.robot.frames import frame_pose
+from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.runs import Poses
 from optiplan.viewer.scene import build_scene
 
@@ -19,8 +20,12 @@ MOST_BRANCHES = 16
 """Ghosts drawn at a time."""
 
 
-def studio_scene(problem: Problem) -> dict[str, Any]:
+def studio_scene(problem: Problem, motion: Trajectory | None = None) -> dict[str, Any]:
     """What the viewer draws of a problem, with its joints and obstacles as things to move.
+
+    Args:
+        problem: the problem.
+        motion: a motion of it, which the scene then has as its run.
 
     Returns:
         `scene` as `SceneData.to_dict`; `joints`: name and limits, null where there is none; `start`: (n,); `tool`: its
@@ -32,7 +37,7 @@ def studio_scene(problem: Problem) -> dict[str, Any]:
         for name, low, high in zip(problem.robot.joint_names, limits.lower, limits.upper, strict=True)
     ]
     return {
-        "scene": build_scene(problem, []).to_dict(),
+        "scene": build_scene(problem, [] if motion is None else [("motion", motion, None)]).to_dict(),
         "joints": joints,
         "start": problem.start.tolist(),
         "tool": _tool(problem, problem.start),

@@ -43,8 +43,15 @@ class Tasks:
         self._reader = ProblemReader(Path(settings["base"]), folders, settings["bodies"])
         self.hide_paths = _path_hider([Path(settings["base"]), *folders])
 
-    def warm_up(self) -> None:
-        """Plan the first example, so that libraries are loaded, code is compiled and caches are filled."""
+    def warm_up(self, plans: bool) -> None:
+        """Plan the first example, so that libraries are loaded, code is compiled and caches are filled.
+
+        Where nothing will be planned, load what executes.
+        """
+        if not plans:
+            import optiplan.service.execution.executing  # noqa: F401
+
+            return
         with reading(None):
             problem = load_problem(problems_dir() / "01_reach.yaml")
         load_libraries("trajopt")  # of which the example needs none
@@ -111,6 +118,14 @@ class Tasks:
         loop.run(progress)
         return {"seconds": loop.t}, {}
 
+    def execute(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """Execute a verified motion by a driver, until it has come to its end or its stop."""
+        from optiplan.execution.real_time import in_time
+        from optiplan.service.execution.executing import Executing
+
+        with in_time():
+            return Executing(self._reader.read, request).run(progress), {}
+
     def bench_report(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """The report of a bench, of the texts of its runs."""
         from optiplan.service.execution.bench_report import bench_report
@@ -120,10 +135,11 @@ class Tasks:
         return {}, {"report.html": page.encode()}
 
     def scene(self, request: Mapping[str, Any], progress: Any) -> Answer:
-        """What the studio draws: the scene as data, and what can be moved."""
+        """What pages draw: the scene as data, what can be moved, and a motion where one is given."""
         from optiplan.service.execution.studio import studio_scene
 
-        return {}, {"scene.json": _json(studio_scene(self._reader.read(request)))}
+        motion = Trajectory.from_dict(json.loads(request["motion"])) if request.get("motion") else None
+        return {}, {"scene.json": _json(studio_scene(self._reader.read(request), motion))}
 
     def pose(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """Poses of the joints at a configuration, what touches there, and where the tool is."""

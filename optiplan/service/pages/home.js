@@ -32,6 +32,7 @@
       ? make("button", { type: "button", textContent: "Delete", onclick: () => send("DELETE", "api/runs/" + run.id) })
       : make("button", { type: "button", textContent: "Cancel", onclick: () => cancel(`api/runs/${run.id}/cancel`) });
     const tools = make("div", { className: "tools" }, make("label", {}, box, "compare"), button);
+    if (run.verified) tools.lastChild.before(make("a", { href: "execution#run=" + run.id, textContent: "Execute" }));
     const parts = [make("div", { className: "head" }, title, make("span", { className: "badge " + look(run), textContent: word(run) })), picture,
       make("div", { className: "facts", textContent: facts.filter(Boolean).join(" · ") })];
     if (run.failure) parts.push(make("div", { className: "facts", textContent: run.failure.kind + ": " + run.failure.detail.slice(0, 160) }));

@@ -81,19 +81,9 @@
     byId("time").textContent = state.t.toFixed(1) + " s" + (state.lost > 0.05 ? `, ${state.lost.toFixed(1)} s left out: the machine is busy` : "");
     live.past.push([state.t, off, state.nearest ? state.nearest.distance : null]);
     while (live.past[0][0] < state.t - WINDOW) live.past.shift();
-    strip("errors", 1, "#1769aa", "most", (values) => "at most " + mm(Math.max(...values)));
-    strip("distances", 2, "#2e8b3d", "least", (values) => (values.length ? "at least " + mm(Math.min(...values)) : "nothing near"));
-  }
-
-  // The last seconds of one value; gaps where there is none.
-  function strip(id, column, colour, word, words) {
-    const svg = byId(id), rows = live.past.filter((row) => row[column] !== null), values = rows.map((row) => row[column]);
-    byId(word).textContent = words(values);
-    svg.replaceChildren();
-    if (rows.length < 2) return;
-    const end = live.past.at(-1)[0], top = Math.max(...values, 1e-6);
-    const points = rows.map((row) => `${(300 * (row[0] - end + WINDOW)) / WINDOW} ${57 - (54 * row[column]) / top}`);
-    Page.drawn(svg, "M" + points.join(" L"), colour);
+    byId("most").textContent = "at most " + mm(Math.max(...Page.strip(byId("errors"), live.past, 1, WINDOW, "#1769aa")));
+    const near = Page.strip(byId("distances"), live.past, 2, WINDOW, "#2e8b3d");
+    byId("least").textContent = near.length ? "at least " + mm(Math.min(...near)) : "nothing near";
   }
 
   async function open() {

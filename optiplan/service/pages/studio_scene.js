@@ -4,6 +4,7 @@ const StudioScene = (() => {
   const THREE = MeshCat.THREE, { makeGeometry, rgb, place } = OptiPlanShapes;
   const GOOD = 0x2374c6, BAD = 0xd3261f, STEP = 1e-3;
   const round = (x) => Math.round(x / STEP) * STEP;
+  const poseOf = (object) => [...object.position.toArray(), ...object.quaternion.toArray()];
 
   function floats(text) {
     const raw = atob(text), bytes = new Uint8Array(raw.length);
@@ -14,7 +15,7 @@ const StudioScene = (() => {
   class Scene {
     constructor(pane, events) {
       this.pane = pane;
-      this.events = events; // goal(pose, ended); obstacle(name, position), where obstacles can be moved
+      this.events = events; // goal(pose, ended), where there is a goal; obstacle(name, position) dropped, and moving(name, pose) before, where they can be moved
       this.viewer = new MeshCat.Viewer(pane, false);
       this.viewer.set_3d_pane_size = () => this.resize();
       for (const path of ["/Lights", "/Axes"]) this.viewer.handle_command({ type: "delete", path });
@@ -61,7 +62,8 @@ const StudioScene = (() => {
       this.robot = this.figure((part) => new THREE.MeshStandardMaterial({ color: rgb(part.colour), roughness: 0.62 }));
       this.ghosts = new THREE.Group();
       this.handle = GoalFrame.make();
-      place(this.handle, data.targets.length ? data.targets[0] : tool);
+      this.handle.visible = Boolean(this.events.goal);
+      if (tool || data.targets.length) place(this.handle, data.targets.length ? data.targets[0] : tool);
       this.root.add(this.obstacles, this.robot, this.ghosts, this.handle);
       const start = floats(data.start);
       this.pose(Array.from({ length: data.bodies }, (_, j) => Array.from(start.slice(7 * j, 7 * j + 7))));
@@ -114,7 +116,8 @@ const StudioScene = (() => {
     }
 
     frame() {
-      const box = new THREE.Box3().setFromObject(this.robot).expandByObject(this.handle.ball), one = new THREE.Box3(), { camera, controls } = this.viewer;
+      const box = new THREE.Box3().setFromObject(this.robot), one = new THREE.Box3(), { camera, controls } = this.viewer;
+      if (this.handle.visible) box.expandByObject(this.handle.ball);
       const reach = box.getSize(new THREE.Vector3()).length();
       for (const mesh of this.obstacles.children) {
         one.setFromObject(mesh);
@@ -130,7 +133,7 @@ const StudioScene = (() => {
     }
 
     goal() {
-      return [...this.handle.position.toArray(), ...this.handle.quaternion.toArray()];
+      return poseOf(this.handle);
     }
 
     aim(pose) {
@@ -148,6 +151,40 @@ const StudioScene = (() => {
       this.viewer.scene.updateMatrixWorld(true);
       const at = object.localToWorld(new THREE.Vector3(x, y, z)).project(this.viewer.camera), area = this.pane.getBoundingClientRect();
       return [area.left + 0.5 * (1 + at.x) * area.width, area.top + 0.5 * (1 - at.y) * area.height];
+    }
+
+    // The part of the goal's frame that a ray meets; null where there is no goal.
+    grip(rays) {
+      return this.handle.visible ? GoalFrame.met(this.handle, rays) : null;
+    }
+
+    // Obstacles to these poses, by name, apart from the one in the hand.
+    move(poses) {
+      for (const mesh of this.obstacles.children)
+        if (poses[mesh.name] && !mesh.userData.fixed && !(this.held && this.held.object === mesh)) place(mesh, poses[mesh.name]);
+      this.viewer.set_dirty();
+    }
+
+    // A run of the scene's data: the path of its tool, and what a task takes and puts down.
+    motion(run) {
+      const points = floats(run.path), line = new THREE.BufferGeometry().setAttribute("position", new THREE.BufferAttribute(points, 3));
+      this.root.add(new THREE.Line(line, new THREE.LineBasicMaterial({ color: GOOD, transparent: true, opacity: 0.6 })));
+      this.objects = run.objects.map((one) => {
+        const mesh = new THREE.Mesh(this.geometries[one.geometry], new THREE.MeshStandardMaterial({ color: rgb(one.colour), roughness: 0.7 }));
+        mesh.userData.stays = one.stays;
+        return mesh;
+      });
+      this.at(0);
+    }
+
+    // Objects of a task where they are at a time of the planned motion, s.
+    at(time) {
+      for (const mesh of this.objects || []) {
+        const stay = mesh.userData.stays.findLast((one) => one.begin <= time) || mesh.userData.stays[0];
+        this.robot.bodies[stay.body].add(mesh);
+        place(mesh, stay.pose);
+      }
+      this.viewer.set_dirty();
     }
 
     // An obstacle moves level, with shift up and down.
@@ -176,7 +213,7 @@ const StudioScene = (() => {
       this.pane.addEventListener("pointerdown", (event) => {
         if (!this.data || event.button !== 0) return;
         aim(event);
-        const part = GoalFrame.met(this.handle, rays), object = part ? this.handle : movable();
+        const part = this.grip(rays), object = part ? this.handle : movable();
         if (!object) return;
         const move = part ? GoalFrame.drag(this.handle, part, rays, this.viewer.camera) : this.carry(object, rays, event.shiftKey);
         if (!move) return;
@@ -189,12 +226,13 @@ const StudioScene = (() => {
         if (!this.data) return;
         aim(event);
         if (!this.held) {
-          if (event.pointerType === "mouse" && !event.buttons) this.pane.style.cursor = GoalFrame.met(this.handle, rays) || movable() ? "grab" : "";
+          if (event.pointerType === "mouse" && !event.buttons) this.pane.style.cursor = this.grip(rays) || movable() ? "grab" : "";
           return;
         }
         if (!this.held.move(rays)) return;
         this.held.moved = true;
         if (this.held.object === this.handle) this.events.goal(this.goal(), false);
+        else if (this.events.moving) this.events.moving(this.held.object.name, poseOf(this.held.object));
         this.viewer.set_dirty();
       });
       const drop = () => {

@@ -31,5 +31,6 @@ async def metrics(service: Service, request: Request) -> PlainTextResponse:
     counts: RequestCounts = request.app.state.metrics
     pool = service.pool
     gauges = {"solver_memory_megabytes": pool.memory(), "callers_waiting": pool.waiting("plan") + pool.waiting("look")}
+    gauges |= {"executions_running": service.executions.running, "executions_unclean": service.executions.unclean}
     text = counts.text(gauges, await service.archive.read(service.archive.runs.counts))
     return PlainTextResponse(text, media_type="text/plain; version=0.0.4")

@@ -8,9 +8,9 @@ from fastapi import APIRouter, Path
 from fastapi.responses import Response
 from sse_starlette.sse import EventSourceResponse
 
-from optiplan.service.live_sessions import LiveSession
 from optiplan.service.models import LiveAnswer, LiveRequest, LiveTarget, LiveView
 from optiplan.service.routes.answers import Json, Service, errors
+from optiplan.service.sessions.live_sessions import LiveSession
 from optiplan.service.streams import Lines, event_stream
 
 router = APIRouter(prefix="/api/live", default_response_class=Json)

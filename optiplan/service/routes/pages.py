@@ -31,6 +31,7 @@ PAGES = {
     "": Page("OptiPlan", "Runs", ("common", "home")),
     "studio": Page("OptiPlan studio", "Studio", (*SCENE, "studio_text", "studio"), "studio"),
     "live": Page("OptiPlan live", "Live", (*SCENE, "live"), "studio live"),
+    "execution": Page("OptiPlan execution", "Execution", (*SCENE, "execution"), "studio live execution"),
     "benches": Page("OptiPlan benches", "Benches", ("common", "benches")),
 }
 """Pages by their address."""

@@ -92,6 +92,14 @@ async def record(run: RunPath, archive: Kept) -> Response:
     return await _file(archive, run, RUN)
 
 
+@router.get("/runs/{run}/scene", responses=errors(404, 422, 503))
+async def scene(run: RunPath, service: Service) -> Response:
+    """What a page draws of a run: the scene and the motion."""
+    asked = await service.archive.motion_request(await service.archive.run(run))
+    answer = await service.requests.ask(asked, "scene")
+    return Response(answer.files["scene.json"], media_type="application/json")
+
+
 @router.get("/runs/{run}/run.zip", response_class=Response, responses=files("application/zip") | errors(404, 422))
 async def folder(run: RunPath, archive: Kept) -> Response:
     """The run folder, as `optiplan verify` and `optiplan view` read it."""
@@ -122,7 +130,7 @@ async def exported(
         raise Refusal(422, "the motion of this run is not verified; ?unverified=true writes it all the same")
 
     if FORMATS[format].cyclic and not unverified:  # slowed down to end on a cycle, and proved again, by a solver
-        asked = await archive.stored_request(record) | {"motion": content.decode(), "format": format, "rate": rate}
+        asked = await archive.motion_request(record) | {"format": format, "rate": rate}
         written = (await service.requests.ask(asked, "export")).files[format]
         return Response(written, media_type=MEDIA.get(format, BYTES))
 

@@ -1,9 +1,11 @@
 """Servers that are killed, workers that share, stops that are asked for: no run is lost, none is done twice."""
 
+import csv
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 import sqlalchemy as sa
 from service_faults import PROBLEM, Plan, faults
@@ -16,7 +18,7 @@ from optiplan.service.execution.leases import take_lease
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.tables import LAYOUT, about, open_database, store_name
-from tests.waiting import PATIENCE
+from tests.waiting import PATIENCE, wait_until
 
 needs_postgres = pytest.mark.skipif(postgres_folder() is None, reason="PostgreSQL is not installed")
 
@@ -75,13 +77,18 @@ def test_two_workers_share_the_runs_of_one_postgresql(tmp_path):
     assert min(found.shares.values()) >= 1
 
 
-def test_a_server_that_is_stopped_puts_its_run_back(tmp_path):
-    slow = PROBLEM.replace("quintic", "{name: rrtstar}")
-    with serving(tmp_path / "data", "--solvers", "1") as server:
+DRIVER = "paper=file:path={},patience=0.1"
+
+
+def test_a_server_that_is_stopped_puts_its_run_back_and_stops_its_robot_first(tmp_path):
+    slow, table = PROBLEM.replace("quintic", "{name: rrtstar}"), tmp_path / "table.csv"
+    with serving(tmp_path / "data", "--solvers", "1", "--driver", DRIVER.format(table)) as server:
+        executed(server)
         run = HTTP.post(f"{server.url}/api/runs", json={"problem": slow, "budget": 4.0}).json()["id"]
         while HTTP.get(f"{server.url}/api/runs/{run}").json()["status"] == "queued":
             time.sleep(0.1)
         assert server.stop() == 0
+        assert np.abs(speeds(table.with_name("table.csv.partial"))[-20:]).max() == 0.0
     with serving(tmp_path / "data", "--solvers", "1") as server:
         end = time.monotonic() + PATIENCE
         while (state := HTTP.get(f"{server.url}/api/runs/{run}").json()["status"]) in ("queued", "running"):
@@ -89,6 +96,31 @@ def test_a_server_that_is_stopped_puts_its_run_back(tmp_path):
             time.sleep(0.2)
         assert state == "done"
         server.stop()
+
+
+def executed(server):
+    """Execute the problem; return once the robot is on its way."""
+    given = {"problem": PROBLEM, "budget": 5.0, "driver": "paper", "override": 0.1}
+    started = HTTP.post(f"{server.url}/api/executions", json=given, timeout=PATIENCE)
+    assert started.status_code == 201, started.text
+    url = f"{server.url}/api/executions/{started.json()['id']}"
+    wait_until(lambda: (HTTP.get(url).json()["state"] or {"progress": 0.0})["progress"] > 0.1)
+
+
+def test_a_robot_stands_still_after_its_server_was_killed(tmp_path):
+    table = tmp_path / "table.csv"
+    with serving(tmp_path / "data", "--solvers", "0", "--driver", DRIVER.format(table)) as server:
+        executed(server)
+        server.kill()
+    wait_until(lambda: np.abs(speeds(table.with_name("table.csv.partial"))[-20:]).max() == 0.0)
+    assert not table.exists()  # it did not come to its end
+
+
+def speeds(table):
+    """The speed of the first joint in the rows that are written as yet, at least its first one."""
+    head, *rows = csv.reader(table.read_text().splitlines())
+    column = head.index("v shoulder")
+    return np.array([row[column] for row in rows if len(row) == len(head) and row[column]] or [1.0], float)
 
 
 def test_a_lease_ends_with_its_process(tmp_path):
@@ -138,6 +170,10 @@ def test_a_folder_belongs_to_one_database(tmp_path):
         (["--trusted-proxy", "10.0.0.0/99"], "trusted-proxy"),
         (["--root-path", "optiplan"], "root-path"),
         (["--folder", "/nowhere"], "folder"),
+        (["--driver", "arm=steam"], "one of: sim"),
+        (["--driver", "arm=sim:rate"], "KEY=VALUE"),
+        (["--driver", "sim", "--driver", "sim"], "no other driver has"),
+        (["--driver", "arm=sim:patience=9"], "driver.patience"),
         (["--database", "mysql://x/y"], "cannot be used"),
         (["--log-level", "loud"], "choose from"),
     ],

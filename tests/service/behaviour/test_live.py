@@ -8,8 +8,8 @@ import pytest
 
 from optiplan.errors import InputError
 from optiplan.problem.load import load_problem
-from optiplan.service import live_sessions
 from optiplan.service.execution.live import LiveLoop
+from optiplan.service.sessions import live_sessions
 from tests.waiting import PATIENCE, wait_until
 
 

@@ -1,0 +1,162 @@
+"""What runs in a process of its own: started, watched by any number, spoken to, ended."""
+
+import asyncio
+import uuid
+from abc import ABC, abstractmethod
+from collections.abc import AsyncIterator, Mapping
+from contextlib import suppress
+from typing import Any, Generic, TypeVar
+
+import anyio
+
+from optiplan.service.execution.solver_pool import Lane, SolverAnswer, SolverJob, SolverPool
+from optiplan.service.refusals import Refusal, not_found
+from optiplan.service.requests import refusal_of
+from optiplan.service.streams import next_of
+
+LOOK = 0.01
+"""s between two looks for words to a process."""
+
+TRANSPORT = ("phase", "sizes", "blob")
+"""Keys of a message that are not its content."""
+
+State = dict[str, Any]
+
+
+class Session:
+    """Something that runs.
+
+    Attributes:
+        id: of the session.
+        about: what is reported of it before it begins.
+    """
+
+    def __init__(self, about: State, job: SolverJob) -> None:
+        self.id, self.about = uuid.uuid4().hex, about
+        self._job = job
+        self._watchers: set[asyncio.Queue[State]] = set()
+
+    def say(self, words: Mapping[str, Any]) -> None:
+        """Say something to the process."""
+        self._job.said.put(words)
+
+    def stop(self) -> None:
+        """End it."""
+        self.say({"stop": True})
+
+    def take(self, message: State) -> None:
+        """Take a message of the process: a state, which all watchers see."""
+        self.publish({"type": "state", **message})
+
+    def publish(self, event: State) -> None:
+        """Hand an event to all watchers; of states, one that is slow sees the newest alone."""
+        for queue in self._watchers:
+            if event["type"] == "state" and queue.full():
+                with suppress(asyncio.QueueEmpty):
+                    queue.get_nowait()
+            with suppress(asyncio.QueueFull):
+                queue.put_nowait(event)
+
+    async def events(self, stopping: anyio.Event) -> AsyncIterator[State]:
+        """States as they come, until it has ended or the server stops."""
+        queue: asyncio.Queue[State] = asyncio.Queue(4)
+        self._watchers.add(queue)
+        try:
+            while True:
+                event = await next_of(queue, stopping) or {"type": "end", "reason": "the server stops"}
+                yield event
+                if event["type"] == "end":
+                    return
+        finally:
+            self._watchers.discard(queue)
+
+
+Kind = TypeVar("Kind", bound=Session)
+
+
+class Sessions(ABC, Generic[Kind]):
+    """The sessions of one kind on a server.
+
+    Args:
+        pool: its processes.
+        lane: of this kind.
+        called: what one is called in an error.
+    """
+
+    def __init__(self, pool: SolverPool, lane: Lane, called: str) -> None:
+        self._pool, self._lane, self._called = pool, lane, called
+        self._running: dict[str, Kind] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    @abstractmethod
+    def _session(self, about: State, job: SolverJob) -> Kind:
+        """Return the session of a process that has begun."""
+
+    @abstractmethod
+    def _look(self, session: Kind) -> None:
+        """Look after a session, once a second."""
+
+    def all(self) -> list[Kind]:
+        """Those that run."""
+        return list(self._running.values())
+
+    def get(self, session: str) -> Kind:
+        """One that runs.
+
+        Raises:
+            Refusal: it has ended, or never was.
+        """
+        if session not in self._running:
+            raise not_found(f"{self._called} that runs under", session)
+        return self._running[session]
+
+    async def _begin(self, request: State, longest: float) -> Kind:
+        """Have a process begin; return once it runs, for at most `longest`, s.
+
+        Raises:
+            Refusal: it does not begin.
+        """
+        loop = asyncio.get_running_loop()
+        begun: asyncio.Future[SolverAnswer] = loop.create_future()
+        session: Kind | None = None
+
+        def told(message: Any) -> None:
+            content = {key: value for key, value in message.items() if key not in TRANSPORT}
+            if session is not None:
+                loop.call_soon_threadsafe(session.take, content)
+
+        def answered(answer: SolverAnswer) -> None:
+            loop.call_soon_threadsafe(begun.set_result, answer)
+
+        job = SolverJob(request, longest, told=told, answered=answered, look=LOOK)
+        whole = asyncio.wrap_future(self._pool.submit(self._lane, job))
+        try:
+            await asyncio.wait([begun, whole], return_when=asyncio.FIRST_COMPLETED)
+        except asyncio.CancelledError:  # the caller has gone
+            job.cancel.set()
+            raise
+        if not begun.done():
+            answer = whole.result()
+            if answer.death is not None:
+                why = f"the {self._called} did not start: {answer.detail}"
+                raise Refusal(503, why, headers={"Retry-After": "1"})
+            raise refusal_of(answer)
+        session = self._session(dict(begun.result().data), job)
+        self._running[session.id] = session
+        task = asyncio.ensure_future(self._attend(session, whole))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return session
+
+    async def _attend(self, session: Kind, whole: "asyncio.Future[SolverAnswer]") -> None:
+        """Look after a session while it runs, and report its end."""
+        while not whole.done():
+            await asyncio.wait([whole], timeout=1.0)
+            self._look(session)
+        del self._running[session.id]
+        self._ended(session, whole.result())
+
+    def _ended(self, session: Kind, answer: SolverAnswer) -> None:
+        """Report the end of a session to its watchers."""
+        why = "stopped" if answer.death is None else f"{answer.death}: {answer.detail}"
+        session.publish({"type": "end", "reason": str(answer.data.get("error", why))})
