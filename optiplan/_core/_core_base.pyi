@@ -89,6 +89,8 @@ class World:
         pairs: _Indices,
         clusters: Sequence[tuple[Body, Sequence[int]]] = (),
         never: Sequence[int] = (),
+        error: Sequence[float] = (),
+        tubes: Sequence[float] = (),
     ) -> World: ...
     def near(self, Q: _Array, cutoff: float) -> _Near: ...
     def nearest(self, Q: _Array) -> _Near | None: ...
@@ -276,7 +278,14 @@ class PathLaws:
 
 class PathWatch:
     @staticmethod
-    def of(world: World, breakpoints: _Array, coefficients: _Array, width: float, begin: float) -> PathWatch: ...
+    def of(
+        world: World,
+        breakpoints: _Array,
+        coefficients: _Array,
+        width: float,
+        begin: float,
+        error: Sequence[float] = (),
+    ) -> PathWatch: ...
     def blocked(
         self, law: TimeLaw, now: float, bodies: _Indices, poses: _Array, motions: _Array, margin: float
     ) -> tuple[float, int] | None: ...

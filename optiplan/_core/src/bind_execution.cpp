@@ -69,13 +69,14 @@ nb::tuple set_point(const PathLaws &self, const TimeLaw &law, double t) {
 }
 
 std::unique_ptr<PathWatch> make_watch(const World &world, Vector breakpoints, Stack coefficients, double width,
-                                      double begin) {
+                                      double begin, const std::vector<double> &error) {
     const std::size_t n = coefficients.shape(2);
+    expect(error.empty() || error.size() == n, "an error of each joint");
     expect(breakpoints.size() == coefficients.shape(0) + 1, "breakpoints (m + 1,), coefficients (m, degree + 1, n)");
     expect(static_cast<int>(n) == world.tree().planned, "a path of the world's joints");
     const Curve path{to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1,
                      static_cast<int>(n)};
-    return std::make_unique<PathWatch>(world, path, width, begin);
+    return std::make_unique<PathWatch>(world, path, width, begin, error);
 }
 
 // `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time. The place and the pair; None where nothing blocks.
@@ -136,7 +137,7 @@ void bind_execution(nb::module_ &m) {
         .def("set_point", &set_point, "law"_a, "t"_a);
     nb::class_<PathWatch>(m, "PathWatch")
         .def_static("of", &make_watch, "world"_a, "breakpoints"_a, "coefficients"_a, "width"_a, "begin"_a,
-                    nb::keep_alive<0, 1>())
+                    "error"_a = std::vector<double>(), nb::keep_alive<0, 1>())
         .def("blocked", &blocked, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a);
 }
 
