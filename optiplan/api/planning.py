@@ -45,7 +45,7 @@ _STRAIGHT = 1e-9  # rad or m: a waypoint that is nearer than this to the line be
 _HIT = 1e-6  # rad or m: tolerance of waypoints
 
 
-def plan(
+def plan(  # noqa: PLR0913  # one keyword for each thing that may differ from the problem's own
     problem: Problem,
     planner: str | Planner[Any] | None = None,
     options: Mapping[str, Any] | None = None,

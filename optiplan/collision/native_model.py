@@ -12,7 +12,7 @@ from optiplan.cache import MostRecent, digest
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.contacts import Contact, Contacts
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.passing_neighbours import passing_neighbours
+from optiplan.collision.passing_neighbours import apart_neighbours, passing_neighbours
 from optiplan.geometry.convex import hull_of_mesh, mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Scene
 from optiplan.robot.loaded_robots import once_for_each_robot
@@ -183,7 +183,10 @@ def _world(model: CollisionModel, bodies: "list[Body]", never: frozenset[tuple[i
 
 
 def _tube_error(model: CollisionModel) -> tuple[list[float], list[float]]:
-    """Return how far each joint may be off, and the most that it takes of each pair's distance, m; nothing of none."""
+    """Return how far each joint may be off, and the most that it takes of each pair's distance, m; nothing of none.
+
+    Of neighbours that are apart wherever their joint stands it takes nothing.
+    """
     if model.error is None:
         return [], []
     lower, upper = model.robot.limits.lower, model.robot.limits.upper
@@ -191,7 +194,9 @@ def _tube_error(model: CollisionModel) -> tuple[list[float], list[float]]:
     stroke = np.minimum(np.maximum(np.abs(lower), np.abs(upper)), _UNBOUNDED)
     error = np.append(model.error * (1.0 + _SPARE), still)
     arms = model.bounds.moment_arms(np.append(stroke, still + _UNBOUNDED))
-    return error.tolist(), (arms[:, : len(lower)] @ error[: len(lower)]).tolist()
+    most, apart = arms[:, : len(lower)] @ error[: len(lower)], apart_neighbours(model.robot)
+    most[[pair.index for pair in model.pairs if (pair.a, pair.b) in apart]] = 0.0
+    return error.tolist(), most.tolist()
 
 
 @once_for_each_robot

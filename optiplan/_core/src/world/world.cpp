@@ -153,7 +153,7 @@ bool World::within(const Placement &at, int pair, double margin, Features *featu
         features = nullptr;
     }
     const bool near = overlap_within(bodies_[a].solid(), X_a, bodies_[b].solid(), X_b, wide, features);
-    return near && (tube_.error.empty() || distance(at, pair, margin).distance <= margin);
+    return near && (wide == margin || distance(at, pair, margin).distance <= margin);
 }
 
 const double *World::reached(const Placement &at, int body) const {
@@ -201,7 +201,7 @@ double World::tube_along_of(const Placement &at, int body, int common, const Vec
 
 // A witness of a pair whose distance was asked up to `cutoff` and the tube beyond, less what the tube takes of it.
 Witness World::in_tube(const Placement &at, int pair, Witness witness, double cutoff) const {
-    if (tube_.error.empty()) return witness;
+    if (tube_.error.empty() || tube_.most[pair] == 0.0) return witness;
     const double most = tube(at, pair);
     witness.distance -= witness.distance > cutoff + most ? most : std::min(most, tube_along(at, pair, witness.normal));
     return witness;

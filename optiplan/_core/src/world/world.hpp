@@ -52,7 +52,7 @@ struct Together {
 };
 
 // Joints may be off where they are put, by up to `error` (n,), rad or m; `most` (pairs,), m, bounds what that takes of
-// the distance of each pair anywhere.
+// the distance of each pair anywhere; 0 where it takes nothing.
 struct TubeError {
     std::vector<double> error, most;
 };
@@ -214,7 +214,8 @@ class World {
     // What the tube takes of the distance of a pair, or of a group's hull, whatever the direction, m; and along the
     // normal of a pair's nearest points, the bodies held in their boxes. 0 without a tube.
     double tube(const Placement &at, int pair) const {
-        return tube_.error.empty() ? 0.0 : tube_of(at, pairs_[pair].a, pairs_[pair].b, common_[pair]);
+        if (tube_.error.empty() || tube_.most[pair] == 0.0) return 0.0;
+        return tube_of(at, pairs_[pair].a, pairs_[pair].b, common_[pair]);
     }
     double tube_of(const Placement &at, int a, int b, int common) const;
     double tube_along(const Placement &at, int pair, const Vec3 &normal) const;
