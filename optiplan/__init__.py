@@ -20,6 +20,7 @@ __version__ = "0.2.0"
 if TYPE_CHECKING:
     from optiplan.api.casadi_problems import casadi_problem
     from optiplan.api.checking import check
+    from optiplan.api.driving import driver
     from optiplan.api.init_robot import init_robot
     from optiplan.api.kinematics import ik
     from optiplan.api.listings import planners, robots
@@ -46,7 +47,10 @@ if TYPE_CHECKING:
     from optiplan.control.tasks.other_frames import LookAtTask, RelativePoseTask
     from optiplan.control.tasks.whole_body import CentreOfMassTask, ManipulabilityTask
     from optiplan.errors import InputError, OptiPlanError
+    from optiplan.execution.drivers.base import Capabilities, Driver
+    from optiplan.execution.execution import Execution
     from optiplan.execution.executor import Executor
+    from optiplan.execution.measurement import Measurement
     from optiplan.execution.status import Status, Stopping, Tick
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
@@ -83,6 +87,7 @@ if TYPE_CHECKING:
 _ROOMS = {
     "api.casadi_problems": ("casadi_problem",),
     "api.checking": ("check",),
+    "api.driving": ("driver",),
     "api.init_robot": ("init_robot",),
     "api.kinematics": ("ik",),
     "api.listings": ("planners", "robots"),
@@ -110,7 +115,10 @@ _ROOMS = {
     "control.tasks.other_frames": ("LookAtTask", "RelativePoseTask"),
     "control.tasks.whole_body": ("CentreOfMassTask", "ManipulabilityTask"),
     "errors": ("InputError", "OptiPlanError"),
+    "execution.drivers.base": ("Capabilities", "Driver"),
+    "execution.execution": ("Execution",),
     "execution.executor": ("Executor",),
+    "execution.measurement": ("Measurement",),
     "execution.status": ("Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
@@ -152,6 +160,7 @@ __all__ = [
     "BenchResults",
     "Box",
     "Budget",
+    "Capabilities",
     "Capsule",
     "CentreOfMassTask",
     "Check",
@@ -162,6 +171,8 @@ __all__ = [
     "Controller",
     "Cylinder",
     "DampingTask",
+    "Driver",
+    "Execution",
     "Executor",
     "Expression",
     "Failure",
@@ -178,6 +189,7 @@ __all__ = [
     "LookAtTask",
     "ManipulabilityAbove",
     "ManipulabilityTask",
+    "Measurement",
     "Mesh",
     "Objective",
     "Obstacle",
@@ -234,6 +246,7 @@ __all__ = [
     "bench",
     "casadi_problem",
     "check",
+    "driver",
     "execute",
     "ik",
     "init_robot",

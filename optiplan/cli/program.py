@@ -23,6 +23,7 @@ COMMANDS = {
     "export": "export.export",
     "plot": "plot.plot",
     "check": "check.check",
+    "run": "run.run",
     "control": "control.control",
     "workspace": "workspace.workspace",
     "robots": "robots.app.app",

@@ -14,7 +14,8 @@ from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import BlockedPlace
 from optiplan.execution.seen_scene import SeenScene
-from optiplan.execution.status import Phase, Status, Stopping, Tick
+from optiplan.execution.status import Ahead, Phase, Status, Stopping, Tick
+from optiplan.execution.stop_ahead import way_ahead
 from optiplan.execution.tracking_monitor import TrackingMonitor
 from optiplan.geometry.pose import Pose, Values
 from optiplan.runs.run import Run
@@ -193,12 +194,25 @@ class Executor:
         self._predicted.append((then, state, self._law))
         return state
 
-    def splice(self, run: Run) -> bool:
+    def ahead(self, lead: float) -> Ahead:
+        """Return the next `lead` s, if nothing is changed, and the stop along the path from there, for a driver."""
+        return way_ahead(self._stretch.laws, self._law, self.time, lead)
+
+    def is_along(self, ahead: Ahead) -> bool:
+        """Whether the law is still the one that leads to `ahead`."""
+        return self._law is ahead.along
+
+    def follow(self, ahead: Ahead, reason: str) -> None:
+        """Take over the stop of `ahead` in a robot that began it by itself at `ahead.turn`, which is now."""
+        self._held, self._reason, self._next, self._pending = "stopped", reason, None, False
+        self._law = ahead.law
+
+    def splice(self, run: Run | ProvedPath) -> bool:
         """Let another verified run take over where it begins: in a state that `state_in` returned.
 
         Position, velocity and acceleration are continuous there. Where the run comes too late, where it is not
         verified, or where the speed is changed between the prediction of its state and its begin, the robot stops along
-        its path instead.
+        its path instead. A `ProvedPath` of the run, made before, takes no time here.
 
         Returns:
             Whether the run takes over.
@@ -208,7 +222,8 @@ class Executor:
             self.stop(reason)
         return not reason
 
-    def _splice(self, run: Run) -> str:
+    def _splice(self, given: Run | ProvedPath) -> str:
+        run = given.run if isinstance(given, ProvedPath) else given
         if not isinstance(run, Run) or not run.verified:
             return "the motion that was to take over is not verified"
         if run.problem.robot.joint_names != self.run.problem.robot.joint_names:
@@ -222,7 +237,8 @@ class Executor:
         if then < self.time:
             return f"the motion that was to take over came {self.time - then:.3f} s late"
         try:
-            self._next = then, ProvedPath(run, "Executor.splice"), self.time
+            path = given if isinstance(given, ProvedPath) else ProvedPath(run, "Executor.splice")
+            self._next = then, path, self.time
         except OptiPlanError as error:
             return f"the motion that was to take over: {error}"
         return ""
@@ -234,7 +250,7 @@ class Executor:
 
         Args:
             dt: s since the last tick.
-            measured: positions of the joints (n,), rad or m, or a `State`; None: not measured.
+            measured: positions of the joints (n,), rad or m, a `State` or a `Measurement`; None: not measured.
         """
         step = self._checked_step(dt)
         if self._next is not None and self.time + step >= self._next[0]:

@@ -1,10 +1,13 @@
 """What an executor hands out: the set-point of a tick, what it is doing, and its stops."""
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from optiplan.arrays import Array
 from optiplan.trajectory.segments import Segment
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import TimeLaw
 
 Phase = Literal["running", "changing", "paused", "waiting", "stopping", "stopped", "done"]
 
@@ -35,6 +38,26 @@ class Status:
 
 
 @dataclass(frozen=True, eq=False)
+class Ahead:
+    """What a robot is to do without further set-points: go on for a while, then stop along the path.
+
+    Attributes:
+        t: (K,) rising times of the executor, s: from now until the robot stands still.
+        q, v, a: (K, n), rad or m and s.
+        turn: time at which the stop begins, s.
+        along: the law up to there; `law`: that of the stop.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    turn: float
+    along: "TimeLaw"
+    law: "TimeLaw"
+
+
+@dataclass(frozen=True, eq=False)
 class Tick:
     """What the robot is to do at the end of a tick.
 
@@ -44,6 +67,7 @@ class Tick:
         torque: (n,), feed-forward of the rigid bodies, N·m or N.
         events: what is due in this tick: steps of a task that take, release or grip.
         status: what the executor is doing.
+        ahead: the way of a robot that gets no further set-point; None where the last one still holds, or none is kept.
     """
 
     t: float
@@ -53,6 +77,7 @@ class Tick:
     torque: Array
     events: tuple[Segment, ...]
     status: Status
+    ahead: Ahead | None = None
 
 
 class Stopping(NamedTuple):

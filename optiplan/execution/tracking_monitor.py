@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from optiplan.execution.arguments import numbers, told
+from optiplan.execution.measurement import Measurement
 from optiplan.execution.path_laws import SetPoint
 from optiplan.trajectory.state import State
 
@@ -25,7 +26,7 @@ class TrackingMonitor:
 
     def compare(self, measured: object, point: SetPoint, joint_names: Sequence[str]) -> str:
         """Return why the robot must stop, or nothing."""
-        q = numbers(measured.q if isinstance(measured, State) else measured)
+        q = numbers(measured.q if isinstance(measured, State | Measurement) else measured)
         if q.shape != point.q.shape or not np.isfinite(q).all():
             return f"measured: found {told(measured)}; expected {len(point.q)} finite positions"
         off = np.abs(q - point.q)

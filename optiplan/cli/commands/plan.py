@@ -24,7 +24,8 @@ WORKERS = "attempts of trajopt side by side, in threads: the same motion, sooner
 PLANNER = "instead of the file's; see: planners. all, or NAME,NAME,…: compares these"
 
 
-def _positive(seconds: float) -> float:
+def positive(seconds: float) -> float:
+    """Require a finite number above 0."""
     if not 0.0 < seconds < math.inf:
         raise typer.BadParameter("expected a number of seconds above 0")
     return seconds
@@ -35,7 +36,7 @@ def plan(
     planner: Annotated[str | None, typer.Option(metavar="NAME", help=PLANNER, autocompletion=planner_names)] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="instead of the file's")] = None,
     budget: Annotated[
-        float, typer.Option(callback=_positive, metavar="S", help="seconds of wall time for planning and proof")
+        float, typer.Option(callback=positive, metavar="S", help="seconds of wall time for planning and proof")
     ] = BUDGET,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="write run.json and trajectory.json there")] = None,
     as_json: AsJson = False,

@@ -1,0 +1,48 @@
+"""`driver`: drivers by name."""
+
+from importlib import import_module
+from inspect import signature
+from typing import Any
+
+from optiplan.errors import UnknownChoiceError, described, wrong_argument
+from optiplan.execution.drivers.base import Driver
+from optiplan.runs.run import Run
+
+DRIVERS = {
+    "sim": "optiplan.simulation.real_time.sim_driver:SimDriver",
+    "file": "optiplan.execution.drivers.csv_file:FileDriver",
+}
+"""Class of each driver; its module and its client package are imported when it is named."""
+
+
+def driver(name: str, run: Run, **options: Any) -> Driver:
+    """Return a driver for the robot of a run, ready to execute it.
+
+    Args:
+        name: `sim`, `file`, `ros2_control` or `ur_rtde`.
+        run: to be executed; a simulated robot stands where it begins.
+        options: of the driver's class, by name.
+
+    Raises:
+        UnknownChoiceError: no driver has that name.
+        InputError: an option that the driver does not have, or with a wrong value.
+        OptiPlanError: its package is not installed, or the robot cannot be reached.
+
+    Example:
+        >>> import optiplan as op
+        >>> run = op.plan(op.load_problem("01_reach"))
+        >>> op.driver("sim", run, engine="own").capabilities().rate
+        500.0
+    """
+    if not isinstance(run, Run) or run.trajectory is None:
+        raise wrong_argument("driver", "run", described(run), "a run of op.plan(…) with a trajectory")
+    if name not in DRIVERS:
+        raise UnknownChoiceError("driver", str(name), DRIVERS)
+    module, _, attribute = DRIVERS[name].partition(":")
+    make = getattr(import_module(module), attribute).of_run
+    known = [option for option in signature(make).parameters if option != "run"]
+    for option, value in options.items():
+        if option not in known:
+            raise wrong_argument("driver", option, described(value), f"an option of '{name}': {', '.join(known)}")
+    made: Driver = make(run, **options)
+    return made

@@ -1,0 +1,144 @@
+"""`optiplan run`: plan a motion, or take a stored one, and execute it on a driver."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from optiplan.cli.commands.plan import BUDGET, PLANNER, positive
+from optiplan.cli.completion import planner_names, problem_names
+from optiplan.cli.options import AsJson
+from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.progress import ProgressLine
+
+if TYPE_CHECKING:
+    from optiplan.execution.drivers.base import Driver
+    from optiplan.execution.execution import Execution
+    from optiplan.runs.run import Run
+
+FILE = "a problem file, the name of an example, or the folder of a run"
+DRIVER = "what moves: sim (a simulated robot in real time), file, ros2_control or ur_rtde"
+ENGINE = "of sim: mujoco, own or ideal (default: mujoco where it is installed)"
+DEVIATION = "rad or m: a measured joint farther from its set-point ends in a stop"
+PATIENCE = "seconds: a set-point that comes as late as this ends in a stop"
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as that of a shell."""
+
+
+def run(
+    file: Annotated[str, typer.Argument(metavar="FILE", help=FILE, autocompletion=problem_names)],
+    driver: Annotated[str, typer.Option(metavar="NAME", help=DRIVER)] = "sim",
+    rate: Annotated[float | None, typer.Option(metavar="HZ", help="set-points per second (default: 500)")] = None,
+    override: Annotated[float, typer.Option(min=0.0, max=1.0, metavar="X", help="speed, 0 to 1")] = 1.0,
+    engine: Annotated[str | None, typer.Option(metavar="NAME", help=ENGINE)] = None,
+    host: Annotated[str | None, typer.Option(metavar="HOST", help="of ros2_control and ur_rtde")] = None,
+    to: Annotated[Path | None, typer.Option("--to", metavar="FILE", help="of the driver file: the table")] = None,
+    deviation: Annotated[float, typer.Option(callback=positive, metavar="D", help=DEVIATION)] = 0.05,
+    patience: Annotated[float, typer.Option(callback=positive, metavar="S", help=PATIENCE)] = 0.01,
+    planner: Annotated[str | None, typer.Option(metavar="NAME", help=PLANNER, autocompletion=planner_names)] = None,
+    budget: Annotated[
+        float, typer.Option(callback=positive, metavar="S", help="seconds of wall time for planning and proof")
+    ] = BUDGET,
+    as_json: AsJson = False,
+) -> int:
+    """Execute a verified motion on a robot, a simulated one by default.
+
+    The motion is planned and proved first, or taken from a run folder and proved again.
+    Every set-point lies on the proved path. Ctrl-C stops the robot along that path, within its limits, and says so.
+    So does everything that goes wrong on the way; the reason is printed.
+
+    [bold]Examples[/]
+
+      optiplan run 02_shelf                              planned, then run in MuJoCo in real time
+
+      optiplan run runs/cell --rate 1000 --override 0.3  a stored run, slowly
+
+      optiplan run cell.yaml --driver file --to set_points.csv
+
+      optiplan run cell.yaml --driver ur_rtde --host 192.168.0.10
+
+    Exit code: 0 done, nothing touched · 2 bad input, or the robot cannot be reached · 3 no motion was found
+    · 4 stopped on the way, touched something, or the motion is not verified · 130 stopped by Ctrl-C.
+    """
+    from optiplan.api.driving import driver as driver_of
+    from optiplan.cli.printing.executed import show_execution
+    from optiplan.execution.execution import Execution
+    from optiplan.execution.executor import Executor
+
+    with stdout_is_ours(), ProgressLine() as progress:
+        motion = _motion(file, planner, budget, progress)
+    if motion.trajectory is None:
+        print_error(f"optiplan: no motion to run: {motion.failure.detail if motion.failure else 'no reason given'}")
+        return Exit.NO_PLAN
+    if not motion.verified:
+        print_error("optiplan: the motion is not verified; nothing moved")
+        return Exit.NOT_VERIFIED
+    given = {"rate": rate, "engine": engine, "host": host, "path": to}
+    executor = Executor(motion, override=override, deviation=deviation)
+    with stdout_is_ours():
+        made = driver_of(driver, motion, **{name: value for name, value in given.items() if value is not None})
+        execution = Execution(executor, made, patience=patience)
+        execution.start()
+        with ProgressLine() as progress, _stopping(execution) as pressed:
+            while not execution.over:
+                seen = execution.wait(0.1)
+                progress(f"{seen['phase']} at {seen['speed']:.0%} of the planned speed", seen["progress"])
+    done = _result(motion, execution, made)
+    clean = done["phase"] == "done" and not done["report"].get("contacts")
+    code = INTERRUPTED if pressed else Exit.VERIFIED if clean else Exit.NOT_VERIFIED
+    if as_json:
+        print_json({**done, "exit_code": int(code)})
+    else:
+        show_execution(results(), done)
+    return code
+
+
+def _motion(file: str, planner: str | None, budget: float, progress: ProgressLine) -> "Run":
+    """Return the run of a folder, or plan one."""
+    from optiplan.api.loading import load_run
+    from optiplan.api.planning import plan
+    from optiplan.problem.examples import find_problem
+    from optiplan.problem.load import load_problem
+
+    path = Path(file)
+    if (path / "run.json").is_file() or path.name == "run.json":
+        return load_run(path)
+    return plan(load_problem(find_problem(file)), planner, budget=budget, progress=progress)
+
+
+@contextmanager
+def _stopping(execution: "Execution") -> Iterator[list[int]]:
+    """Let Ctrl-C, and the end that a service asks for, stop along the path; a second one ends the program at once.
+
+    Yields the signals that came.
+    """
+    pressed: list[int] = []
+
+    def handle(number: int, _: object) -> None:
+        pressed.append(number)
+        signal.signal(number, signal.SIG_DFL)
+        execution.stop("Ctrl-C" if number == signal.SIGINT else "the program was asked to end")
+
+    before = [(number, signal.signal(number, handle)) for number in (signal.SIGINT, signal.SIGTERM)]
+    try:
+        yield pressed
+    finally:
+        for number, handler in before:
+            signal.signal(number, handler)
+
+
+def _result(motion: "Run", execution: "Execution", driver: "Driver") -> dict[str, Any]:
+    """Return what came of an execution, for JSON."""
+    found = execution.snapshot()
+    return {
+        "name": motion.problem.name,
+        "robot": motion.problem.robot.name,
+        "hash": motion.problem.hash,
+        **found,
+        "lateness": execution.lateness(),
+        "tried_on_hardware": execution.capabilities.tried_on_hardware,
+        "report": getattr(driver, "report", {}),
+    }

@@ -1,0 +1,77 @@
+"""Driver `file`: set-points as they go into a table, for programs that play one, and for looking at it."""
+
+import csv
+import os
+from pathlib import Path
+
+from optiplan.errors import InputError, Issue
+from optiplan.execution.drivers.base import Capabilities
+from optiplan.execution.measurement import Measurement
+from optiplan.execution.status import Tick
+from optiplan.runs.run import Run
+
+PARTIAL = ".partial"
+"""Stands behind the name of a file whose motion has not come to its end."""
+
+
+class FileDriver:
+    """Write a row a set-point: t, then q, v, a and torque of each joint.
+
+    The file gets its name when the motion is done; until then, and after a stop, it is `NAME.partial`. An older file of
+    the name is replaced.
+
+    Args:
+        path: of the file.
+        joint_names: of the robot.
+        rate: set-points per second, Hz.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+
+    def __init__(self, path: Path | str, joint_names: tuple[str, ...], rate: float = 500.0) -> None:
+        self._path, self._names, self._rate = Path(path), joint_names, rate
+        self._partial = self._path.with_name(self._path.name + PARTIAL)
+        self._done = False
+        try:
+            if self._path.is_dir():
+                raise IsADirectoryError(0, "a folder")
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = self._partial.open("w", newline="", encoding="utf-8")
+        except OSError as error:
+            found = (error.strerror or str(error)).lower()
+            raise InputError([Issue(str(path), None, "file", found, "a file that can be written")]) from error
+        self._rows = csv.writer(self._file)
+        columns = [f"{kind} {name}" for kind in ("q", "v", "a", "torque") for name in joint_names]
+        self._rows.writerow(["t", *columns])
+
+    @classmethod
+    def of_run(cls, run: Run, path: Path | str = "set_points.csv", rate: float = 500.0) -> "FileDriver":
+        """Return the driver for a run's robot."""
+        return cls(path, tuple(run.problem.robot.joint_names), rate)
+
+    def capabilities(self) -> Capabilities:
+        """A file measures nothing."""
+        return Capabilities("file", self._names, self._rate, ("position", "velocity", "torque"))
+
+    def state(self) -> Measurement | None:
+        """None."""
+        return None
+
+    def send(self, tick: Tick) -> None:
+        """Write a row; numbers are exact."""
+        values = [tick.t, *tick.q, *tick.v, *tick.a, *tick.torque]
+        self._rows.writerow([repr(float(value)) for value in values])
+        self._done = tick.status.phase == "done"
+
+    def stop(self, reason: str) -> None:
+        """Have the file on the disk, with its name where the motion is done."""
+        if self._file.closed:
+            return
+        try:
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        finally:
+            self._file.close()
+        if self._done:
+            self._partial.replace(self._path)

@@ -1,0 +1,366 @@
+"""`Execution`: a verified motion on a robot, in a thread of its own, steered from any other thread."""
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from optiplan.arrays import is_finite
+from optiplan.errors import described, wrong_argument
+from optiplan.execution.arguments import numbers
+from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
+from optiplan.execution.executor import LONGEST_TICK, Executor
+from optiplan.execution.proved_path import ProvedPath
+from optiplan.execution.tick_loop import PATIENCE, MonotonicClock, TickClock, TickLoop, in_words
+from optiplan.geometry.pose import Pose, Values
+from optiplan.runs.run import Run
+from optiplan.trajectory.state import State
+
+AT_START = 0.02
+"""rad or m: so far may a measured joint be from where the motion begins."""
+
+REPORTS = 60.0
+"""Hz: states that subscribers get at most."""
+
+FIRST_STATE = 2.0
+"""s: how long to wait for the first state of a driver that measures."""
+
+STALLED = 0.5
+"""s: a call of the driver that does not return for so long is taken for its end."""
+
+MOST_RATE = 2000.0
+"""Hz: of set-points at most."""
+
+log = logging.getLogger(__name__)
+
+Answer = TypeVar("Answer")
+
+
+class Execution:
+    """Run an executor's motion on a driver: a thread that sends a set-point a tick, to the end or to a stop.
+
+    Commands from other threads are taken at the next tick. Nothing raises in the thread. It ends when the robot stands
+    still at the end or after `stop`, or when the driver fails; the driver is then stopped. See the how-to *Drivers* for
+    what is done in each case.
+
+    Args:
+        executor: that nothing else calls any more.
+        driver: of a robot that stands where the motion begins.
+        rate: set-points per second, Hz; None: the driver's.
+        patience: how late a set-point may come, s, before the robot stops along its path.
+        clock: another one, for tests.
+
+    Attributes:
+        capabilities: of the driver, with the rate that is used.
+
+    Raises:
+        InputError: the driver has other joints, or the rate cannot be.
+
+    Example:
+        >>> import optiplan as op
+        >>> run = op.plan(op.load_problem("01_reach"))
+        >>> execution = op.Execution(op.Executor(run), op.driver("sim", run, engine="own"))
+        >>> execution.start()
+        >>> execution.wait(20.0)["phase"]
+        'done'
+    """
+
+    def __init__(
+        self,
+        executor: Executor,
+        driver: Driver,
+        *,
+        rate: float | None = None,
+        patience: float = PATIENCE,
+        clock: TickClock | None = None,
+    ) -> None:
+        if not isinstance(executor, Executor):
+            raise wrong_argument("Execution", "executor", described(executor), "an op.Executor(run)")
+        if not is_finite(patience) or not 0.0 < patience <= LONGEST_TICK:
+            expected = f"seconds above 0, up to {LONGEST_TICK:g}"
+            raise wrong_argument("Execution", "patience", described(patience), expected)
+        self._executor, self._driver = executor, driver
+        self.capabilities = _checked(driver, executor, rate)
+        self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        times = clock or MonotonicClock()
+        self._loop = TickLoop(executor, driver, self.capabilities, times, self._commands, float(patience))
+        self._lock, self._over = threading.Lock(), threading.Event()
+        self._thread: threading.Thread | None = None
+        self._failed = ""  # why it ended at once
+        self._let_go = False
+        self._subscribers: list[Callable[[dict[str, Any]], None]] = []
+
+    def start(self) -> None:
+        """Begin to send set-points.
+
+        Raises:
+            InputError: it was started before.
+            DriverError: the robot is not where the motion begins.
+        """
+        if self._thread is not None:
+            raise wrong_argument(
+                "Execution.start", "self", "an execution that was started", "a new one for each motion"
+            )
+        try:
+            self._check_start()
+        except Exception:
+            self._stop_driver("not started")
+            self._over.set()
+            raise
+        self._loop.beat = time.monotonic()
+        self._thread = threading.Thread(target=self._run, name="optiplan execution", daemon=True)
+        self._thread.start()
+        threading.Thread(target=self._report, name="optiplan execution reports", daemon=True).start()
+
+    def wait(self, timeout: float | None = None) -> dict[str, Any]:
+        """Wait until the execution is over, at most `timeout` s; return `snapshot()`."""
+        self._over.wait(timeout)
+        return self.snapshot()
+
+    @property
+    def over(self) -> bool:
+        """Whether no further set-point is sent, and the driver is let go."""
+        return self._over.is_set()
+
+    def override(self, speed: float) -> None:
+        """Set the speed that is wanted, 0 to 1 of the planned motion's."""
+        self._command(lambda: setattr(self._executor, "override", speed))
+
+    def pause(self) -> None:
+        """Stop along the path; `resume` goes on."""
+        self._command(self._executor.pause)
+
+    def resume(self) -> None:
+        """Go on forwards, with the speed of `override`."""
+        self._command(self._executor.resume)
+
+    def reverse(self) -> None:
+        """Stop, and go back along the path."""
+        self._command(self._executor.reverse)
+
+    def stop(self, reason: str = "asked to stop") -> None:
+        """Stop along the path; the execution is over when the robot stands still."""
+        self._command(lambda: self._executor.stop(reason))
+
+    def update_scene(
+        self, poses: Mapping[str, Pose], velocities: Mapping[str, Values] | None = None, spread: float = 0.0
+    ) -> None:
+        """Obstacles have moved; see `Executor.update_scene`."""
+        self._command(lambda: self._executor.update_scene(poses, velocities, spread))
+
+    def state_in(self, latency: float) -> State:
+        """Return the state `latency` s from now, where another motion can begin; see `Executor.state_in`.
+
+        Raises:
+            InputError: the latency is no number of seconds >= 0.
+            DriverError: the execution is over.
+        """
+        found = self._ask(lambda: self._executor.state_in(latency))
+        if found is None:
+            raise DriverError("the execution is over: no other motion can take over")
+        return found
+
+    def splice(self, run: Run) -> bool:
+        """Let another verified run take over; see `Executor.splice`. Its path is prepared in the calling thread."""
+        given: Run | ProvedPath = run
+        if isinstance(run, Run) and run.verified:
+            try:
+                given = ProvedPath(run, "Execution.splice")
+            except Exception:  # the executor finds the same, and stops with the reason
+                given = run
+        return bool(self._ask(lambda: self._executor.splice(given)))
+
+    def subscribe(self, callback: Callable[[dict[str, Any]], None]) -> Callable[[], None]:
+        """Have a function called with what happens, from a thread of its own.
+
+        It gets `{"kind": "state", …}` at most 60 times a second, `{"kind": "event", "event": {…}}` for what a task
+        does, and at last `{"kind": "end", …}`; states and end are as `snapshot`. One that raises is called no more.
+
+        Returns:
+            A function that ends it.
+        """
+        self._subscribers.append(callback)
+        return lambda: self._subscribers.remove(callback) if callback in self._subscribers else None
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what the execution is doing, ready for JSON.
+
+        `t` since the first tick, s; `phase`, `place`, `duration`, `progress`, `speed`, `override`, `reason`,
+        `deviation` of the status (`op.Status`); `q` the last set-point and `measured` the last state, lists or None;
+        `age` of that state, s; `events` done; `missed` ticks; `longest` time between two, s; `driver` and `rate`.
+        `over` says whether it has ended.
+        """
+        loop, tick = self._loop, self._loop.tick
+        status = self._executor.status if tick is None else tick.status
+        seen = loop.measured
+        return {
+            "t": 0.0 if tick is None else tick.t,
+            "phase": "stopped" if self._failed else status.phase,
+            "place": status.place,
+            "duration": self._executor.run.duration,
+            "progress": status.progress,
+            "speed": 0.0 if self._failed else status.speed,
+            "override": status.override,
+            "reason": self._failed or status.reason,
+            "deviation": status.deviation,
+            "q": None if tick is None else tick.q.tolist(),
+            "measured": None if seen is None else _finite(seen.q),
+            "age": None if seen is None else seen.age,
+            "events": [one.to_data() for one in list(loop.events)],
+            "missed": loop.missed,
+            "longest": loop.longest,
+            "driver": self.capabilities.name,
+            "rate": self.capabilities.rate,
+            "over": self.over,
+        }
+
+    def lateness(self) -> dict[str, float]:
+        """Return how late set-points were, s: `rms`, `p50`, `p99`, `max` of the last 100,000 ticks."""
+        late = np.abs(np.array(list(self._loop.lateness) or [0.0]))
+        p50, p99 = np.percentile(late, [50, 99])
+        return {"rms": float(np.sqrt(np.mean(late**2))), "p50": float(p50), "p99": float(p99), "max": float(late.max())}
+
+    def _command(self, call: Callable[[], object]) -> None:
+        """Have the loop make a call at its next tick; before it runs, make it now; afterwards, not at all."""
+        with self._lock:
+            if self._over.is_set():
+                return
+            if self._thread is not None:
+                self._commands.put(lambda: self._guarded(call))
+                return
+        self._guarded(call)
+
+    def _guarded(self, call: Callable[[], object]) -> None:
+        try:
+            call()
+        except Exception as error:  # a command is no reason to leave the robot without set-points
+            self._executor.stop(f"a command failed: {in_words(error)}")
+
+    def _ask(self, question: Callable[[], Answer]) -> Answer | None:
+        """Return the loop's answer at its next tick; None once it is over.
+
+        Raises:
+            Exception: whatever the question raises.
+        """
+        answer: Future[Answer | None] = Future()
+
+        def call() -> None:
+            try:
+                answer.set_result(question())
+            except Exception as error:
+                answer.set_exception(error)
+
+        self._command(call)
+        while not answer.done() and not self._over.wait(0.0):
+            try:
+                return answer.result(0.05)
+            except TimeoutError:
+                continue
+        return answer.result(0.0) if answer.done() else None
+
+    def _check_start(self) -> None:
+        """Refuse a robot that stands elsewhere: the first set-point would be a jump."""
+        begin = time.monotonic()
+        assert self._executor.run.trajectory is not None
+        found = self._driver.state() if self.capabilities.measures else None
+        while self.capabilities.measures and found is None and time.monotonic() < begin + FIRST_STATE:
+            time.sleep(0.01)
+            found = self._driver.state()
+        if not self.capabilities.measures:
+            return
+        if found is None:
+            raise DriverError(
+                f"the driver '{self.capabilities.name}' has no state of the robot after {FIRST_STATE:g} s"
+            )
+        start = self._executor.tick(0.0).q
+        off = np.abs(np.asarray(found.q, dtype=float) - start)
+        if off.shape != start.shape or not (off <= AT_START).all():
+            worst = int(np.argmax(np.nan_to_num(off, nan=np.inf)))
+            name = self.capabilities.joint_names[worst]
+            told = f"{name} is at {float(np.ravel(found.q)[worst]):.4f}, and the motion begins at {start[worst]:.4f}"
+            raise DriverError(f"the robot does not stand where the motion begins: {told}; move it there first")
+
+    def _run(self) -> None:
+        """The thread of the set-points."""
+        try:
+            refused = self._loop.run()
+        except Exception as error:  # a bug of ours: the robot is to stand still, and it is to be seen
+            log.exception("the loop of an execution failed")
+            refused = f"the loop failed: {in_words(error)}"
+        if not self._let_go:
+            self._failed = refused
+            status = self._executor.status
+            self._stop_driver(refused or status.reason or status.phase)
+        with self._lock:
+            self._over.set()
+
+    def _stop_driver(self, reason: str) -> None:
+        """Let the driver go, once; one that raises here is reported, too."""
+        self._let_go = True
+        try:
+            self._driver.stop(reason)
+        except Exception as error:
+            log.warning("the driver '%s' raised at its stop: %s", self.capabilities.name, in_words(error))
+            self._failed = f"{self._failed or reason}; its stop failed: {in_words(error)}"
+
+    def _report(self) -> None:
+        """The thread of subscribers, which also sees whether the loop still runs."""
+        done, last, silent = 0, -1.0, 0
+        while not self._over.wait(1.0 / REPORTS):
+            silent = silent + 1 if time.monotonic() - self._loop.beat > STALLED else 0
+            if silent > 1:  # once is also seen where the whole process stood still
+                self._give_up(f"the driver did not return from a call for {STALLED:g} s")
+            done = self._report_events(done)
+            tick = self._loop.tick
+            if tick is not None and tick.t != last:
+                last = tick.t
+                self._publish({"kind": "state", **self.snapshot()})
+        self._report_events(done)
+        self._publish({"kind": "end", **self.snapshot()})
+
+    def _give_up(self, reason: str) -> None:
+        """End without the loop, which hangs in a call of the driver."""
+        self._loop.ended, self._failed, self._let_go = True, reason, True
+        stopping = threading.Thread(target=self._stop_driver, args=(reason,), daemon=True)
+        stopping.start()
+        stopping.join(STALLED)
+        with self._lock:
+            self._over.set()
+
+    def _report_events(self, done: int) -> int:
+        events = list(self._loop.events)
+        for event in events[done:]:
+            self._publish({"kind": "event", "event": event.to_data()})
+        return len(events)
+
+    def _publish(self, message: dict[str, Any]) -> None:
+        for callback in list(self._subscribers):
+            try:
+                callback(message)
+            except Exception as error:  # a reader is no reason to stop a robot
+                log.warning("a subscriber of an execution raised, and gets nothing more: %s", in_words(error))
+                self._subscribers.remove(callback)
+
+
+def _checked(driver: Driver, executor: Executor, rate: float | None) -> Capabilities:
+    """Return what the driver can do, at the rate that is wanted."""
+    found, names = driver.capabilities(), tuple(executor.run.problem.robot.joint_names)
+    if tuple(found.joint_names) != names:
+        other = f"a driver '{found.name}' of the joints {', '.join(found.joint_names)}"
+        raise wrong_argument("Execution", "driver", other, f"one of the run's joints, in order: {', '.join(names)}")
+    wanted = found.rate if rate is None else rate
+    if not is_finite(wanted) or not 0.0 < wanted <= MOST_RATE or wanted < 1.0 / LONGEST_TICK:
+        expected = f"{1.0 / LONGEST_TICK:g} to {MOST_RATE:g} Hz, or None for the driver's own"
+        raise wrong_argument("Execution", "rate", described(rate), expected)
+    return replace(found, rate=float(wanted))
+
+
+def _finite(q: Any) -> list[float | None]:
+    """Return positions for JSON, which has no NaN."""
+    return [float(x) if is_finite(x) else None for x in np.ravel(numbers(q))]

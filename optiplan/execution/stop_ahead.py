@@ -1,0 +1,40 @@
+"""The stop along the path that a driver keeps, in case that no further set-point comes."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.execution.path_laws import PathLaws, PathPlace
+from optiplan.execution.status import Ahead
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import TimeLaw
+
+SPACING = 4e-3
+"""s between two samples; between them quintic polynomials of q, v and a are exact to 1e-9 rad."""
+
+MOST_SAMPLES = 256
+
+LATER = 4e-3
+"""s: where limits leave no room for a stop, it is tried this much later."""
+
+
+def way_ahead(laws: PathLaws, law: "TimeLaw", now: float, lead: float) -> Ahead:
+    """Return the way of a law for `lead` s from now on, and from there the stop along the path.
+
+    The stop begins later where limits leave no room for it; a law that ends the motion is a stop itself.
+
+    Holds at: all times, for the limits of joints; between samples up to their interpolation.
+    """
+    turn, stop = now + lead, law if law.target == 0.0 else None
+    while stop is None and law.at(turn)[0] < laws.motion.duration:
+        stop = laws.change(PathPlace(*law.at(turn)), turn, 0.0)
+        turn += 0.0 if stop is not None else LATER
+    stop = law if stop is None else stop
+    end = max(turn, stop.settled) if stop.target == 0.0 else turn
+    count = int(np.clip(np.ceil((end - now) / SPACING), 2, MOST_SAMPLES))
+    t: Array = np.linspace(now, end, count + 1)
+    points = [laws.set_point(law if one < turn else stop, one) for one in t]
+    q, v, a = (np.array([getattr(point, name) for point in points]) for name in ("q", "v", "a"))
+    return Ahead(t, q, v, a, turn, law, stop)

@@ -1,0 +1,1 @@
+"""A simulated robot in real time, in a process of its own: the driver `sim`."""

@@ -1,0 +1,194 @@
+"""The process of the driver `sim`: a plant in real time under computed torque.
+
+Started as `python -m optiplan.simulation.real_time.sim_process FD`, with its end of a connection as file FD.
+"""
+
+import gc
+import pickle
+import socket
+import sys
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.errors import OptiPlanError
+from optiplan.problem.problem import Problem
+from optiplan.simulation.controllers.base import JointTarget
+from optiplan.simulation.controllers.joints import ComputedTorque, VelocityTracking
+from optiplan.simulation.execution import torque_plant
+from optiplan.simulation.plants.base import Payload, Plant, PlantOptions, assumed_dynamics
+from optiplan.simulation.plants.ideal import IdealPlant
+from optiplan.simulation.real_time.messages import LONGEST, Packet, data_packet, numbers_packet, received
+from optiplan.simulation.real_time.set_points import ReceivedSetPoints
+
+SimEngine = Literal["mujoco", "own", "ideal"]
+"""What moves the robot: MuJoCo, our rigid bodies, or nothing but its set-points."""
+
+CYCLE = 1e-3
+"""s: of the drives, and between two states."""
+
+STEPS = 2
+"""Of the plant in a cycle."""
+
+MOST_BEHIND = 0.05
+"""s: a simulation that is later than this lets time pass."""
+
+GAIN = 50.0
+"""1/s, of the ideal robot."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """What the process simulates.
+
+    Attributes:
+        parts: problems, of one scene after the other; the first is that of the start.
+        engine: of the plant.
+        q: (n,) where the robot stands.
+        frequency: of computed torque, Hz.
+        payload: kg at the tool that the drives do not know of.
+        silence: s after which a robot without set-points follows the way ahead.
+    """
+
+    parts: tuple[Problem, ...]
+    engine: SimEngine
+    q: Array
+    frequency: float
+    payload: float
+    silence: float
+
+
+class SimulatedRobot:
+    """A plant with drives that follow a reference, part after part of a task."""
+
+    def __init__(self, setup: Setup) -> None:
+        self._setup, self._part, self.t = setup, 0, 0.0
+        self.plant, self._drive = self._make(setup.parts[0], setup.q)
+        self.touched: set[tuple[str, str]] = set()
+
+    def _make(self, problem: Problem, q: Array) -> tuple[Plant, ComputedTorque | VelocityTracking]:
+        setup, step = self._setup, CYCLE / STEPS
+        if setup.engine == "ideal":
+            return IdealPlant(q, step), VelocityTracking(GAIN)
+        payload = Payload(setup.payload, 0.0) if setup.payload else None
+        drive = ComputedTorque(assumed_dynamics(problem.robot, payload), setup.frequency)
+        return torque_plant(problem, setup.engine, q, step, PlantOptions(payload=payload)), drive
+
+    def next_part(self) -> None:
+        """Go on in the scene after an event; the robot stands still."""
+        self._part = min(self._part + 1, len(self._setup.parts) - 1)
+        self.plant, self._drive = self._make(self._setup.parts[self._part], self.plant.q)
+
+    def cycle(self, q: Array, v: Array, a: Array) -> None:
+        """Follow a reference q, v, a (n,) for a cycle."""
+        ahead = v + 0.5 * CYCLE * a
+        command = self._drive.command(self.plant.q, self.plant.v, JointTarget(q, v, ahead, a))
+        self.plant.advance(command.value, STEPS)
+        self.t += CYCLE
+        self.touched.update(self.plant.contacts())
+
+
+class RealTime:
+    """The loop of the process: packets in, cycles in step with the clock of this machine, states out.
+
+    Args:
+        end: of the connection, which does not wait.
+        setup: of the robot.
+    """
+
+    def __init__(self, end: socket.socket, setup: Setup) -> None:
+        self._end, self._robot = end, SimulatedRobot(setup)
+        self._n = len(setup.q)
+        self._reference = ReceivedSetPoints(setup.q, setup.silence)
+        self._arrivals: deque[float] = deque(maxlen=100_000)
+        self._late: deque[float] = deque(maxlen=100_000)
+        self._slipped = 0.0
+        self._square, self._most, self._count = 0.0, 0.0, 0
+
+    def run(self) -> None:
+        """Simulate until the driver lets go, or is gone; then until the robot stands still."""
+        due = time.monotonic()
+        while not (self._reference.stopping and self._reference.rests(due)):
+            self._take_packets()
+            self._cycle(due)
+            due += CYCLE
+            now = time.monotonic()
+            self._late.append(max(0.0, now - due))
+            if now - due > MOST_BEHIND:
+                self._slipped, due = self._slipped + now - due, now
+            time.sleep(max(0.0, due - now))
+
+    def _take_packets(self) -> None:
+        try:
+            packets = received(self._end)
+        except ConnectionError:
+            self._reference.stopping = True
+            return
+        now, n = time.monotonic(), self._n
+        for kind, content in packets:
+            if kind is Packet.TICK:
+                values = np.frombuffer(content)
+                self._reference.take(values[1], *values[2:].reshape(3, n), values[0])
+                self._arrivals.append(now)
+            elif kind is Packet.AHEAD:
+                values = np.frombuffer(content)[1:]
+                K = len(values) // (3 * n + 1)
+                self._reference.take_ahead(values[:K], *values[K:].reshape(3, K, n))
+            elif kind is Packet.EVENT:
+                self._robot.next_part()
+            elif kind is Packet.STOP:
+                self._reference.stopping = True
+
+    def _cycle(self, now: float) -> None:
+        robot = self._robot
+        q, v, a = self._reference.at(now)
+        robot.cycle(q, v, a)
+        if not np.isfinite(robot.plant.q).all():
+            raise OptiPlanError(f"the simulated motion grew without bound at {robot.t:.3f} s")
+        off = float(np.abs(robot.plant.q - q - CYCLE * v).max())  # the cycle ends one later
+        self._square, self._most, self._count = self._square + off * off, max(self._most, off), self._count + 1
+        try:
+            self._end.send(numbers_packet(Packet.STATE, robot.t, time.monotonic(), robot.plant.q, robot.plant.v))
+        except (BlockingIOError, ConnectionError):  # nobody reads: the next one is newer
+            pass
+
+    def report(self) -> dict[str, object]:
+        """Return what came of it, for JSON; times in s, distances in rad or m."""
+        between, late = np.diff(np.array(self._arrivals)), np.array(self._late)
+        return {
+            "engine_time": self._robot.t,
+            "contacts": sorted(map(list, self._robot.touched)),
+            "error_rms": float(np.sqrt(self._square / max(1, self._count))),
+            "error_max": self._most,
+            "interval_std": float(between.std()) if len(between) else None,
+            "interval_max": float(between.max()) if len(between) else None,
+            "cycle_late_p99": float(np.percentile(late, 99)) if len(late) else None,
+            "slipped": self._slipped,
+        }
+
+
+def main() -> None:
+    """Read the setup, say that the robot is ready, and simulate."""
+    end = socket.socket(fileno=int(sys.argv[1]))
+    end.setblocking(True)
+    setup: Setup = pickle.loads(end.recv(LONGEST)[1:])
+    end.setblocking(False)
+    try:
+        loop = RealTime(end, setup)
+        gc.freeze()  # imported modules are not looked through for garbage on the way
+        end.send(Packet.READY.value)
+        loop.run()
+        end.send(data_packet(Packet.REPORT, loop.report()))
+    except ConnectionError:
+        pass
+    except Exception as error:  # to be seen where the robot is driven
+        end.send(data_packet(Packet.FAILED, f"{type(error).__name__}: {error}"))
+        raise
+
+
+if __name__ == "__main__":
+    main()
