@@ -24,7 +24,7 @@ LEAST = 1e-9
 """rad or m: a joint without a tube may be so far off."""
 
 SPACING = 2e-3
-"""s between two set-points that are kept; an acceleration of 10 rad/s² is 5e-6 rad off the straight line between them."""
+"""s between two set-points that are kept; 10 rad/s² leave the straight line between them by 5e-6 rad."""
 
 MORE_KEPT = 0.1
 """s of set-points that are kept beyond the oldest that is needed, so that a larger lag is seen as one."""
