@@ -154,9 +154,9 @@ class Problem(FreeSpace):
 
     @classmethod
     def of(cls, parts: Mapping[str, Any]) -> "Problem":
-        """Return the problem of these attributes, as they are."""
+        """Return the problem of these attributes, as they are; without a tracking error it is 0."""
         problem = object.__new__(cls)
-        problem._set(parts)
+        problem._set({"tracking_error": np.zeros(parts["robot"].n), **parts})
         return problem
 
     @property
