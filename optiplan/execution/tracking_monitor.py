@@ -26,6 +26,9 @@ LEAST = 1e-9
 SPACING = 2e-3
 """s between two set-points that are kept; 10 rad/s² leave the straight line between them by 5e-6 rad."""
 
+FAR = 0.01
+"""rad or m: unit in which joints without a bound are compared."""
+
 MORE_KEPT = 0.1
 """s of set-points that are kept beyond the oldest that is needed, so that a larger lag is seen as one."""
 
@@ -112,7 +115,7 @@ class TrackingMonitor:
         limit = np.maximum(stated - between, LEAST)
         left = None if self._policy.least_clearance is None else path.clearance_left
         self._proved.append((stated, limit, left))
-        self._weights = np.where(np.isfinite(limit), 1.0 / limit, 1.0)
+        self._weights = 1.0 / np.minimum(limit, FAR)
         self._fastest = FAST * problem.limits.velocity
         self._endless = problem.robot.endless if problem.robot.endless.any() else None
 

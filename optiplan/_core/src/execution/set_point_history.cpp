@@ -5,6 +5,7 @@
 
 namespace optiplan {
 
+static constexpr double ALIKE = 0.02;  // of weighted distances between two passages of a way
 static constexpr int NARROWINGS = 20;  // of the line on which the nearest place is: to 3e-4 of its length
 
 SetPointHistory::SetPointHistory(int joints, double kept, double spacing)
@@ -41,8 +42,8 @@ double SetPointHistory::away(const double *q, const double *weights, int age, do
 
 // On each line the place is that of the least sum of squares; on the best one and beside it it is narrowed down.
 NearestPlace SetPointHistory::nearest(const double *q, const double *weights, double *off) const {
-    int best = 0;
-    double share = 0.0, least = away(q, weights, 0, 0.0);
+    std::vector<double> shares(filled_, 0.0), sizes(filled_);
+    sizes[0] = away(q, weights, 0, 0.0);
     for (int age = 1; age < filled_; ++age) {
         const double *from = at(slot(age)), *to = at(slot(age - 1));
         double along = 0.0, length = 0.0;
@@ -50,10 +51,14 @@ NearestPlace SetPointHistory::nearest(const double *q, const double *weights, do
             const double way = weights[j] * (to[j] - from[j]);
             along += way * weights[j] * (q[j] - from[j]), length += way * way;
         }
-        const double here = length > 0.0 ? std::clamp(along / length, 0.0, 1.0) : 1.0;
-        const double away_here = away(q, weights, age, here);
-        if (away_here < least) best = age, share = here, least = away_here;
+        shares[age] = length > 0.0 ? std::clamp(along / length, 0.0, 1.0) : 1.0;
+        sizes[age] = away(q, weights, age, shares[age]);
     }
+    int best = 0;  // where a way is passed again, the last time
+    const double alike = *std::min_element(sizes.begin(), sizes.end()) + ALIKE;
+    while (sizes[best] > alike) ++best;
+    while (best + 1 < filled_ && sizes[best + 1] < sizes[best]) ++best;
+    double share = shares[best], least = sizes[best];
     const int about = best;
     for (int age = std::max(about - 1, 1); age <= std::min(about + 1, filled_ - 1); ++age) {
         double low = 0.0, high = 1.0;  // the distance is convex along a line

@@ -27,7 +27,8 @@ class SetPointHistory {
     // Progress of the set-point of a time; at the ends that of the first and the last one kept.
     double progress_at(double time) const;
 
-    // The nearest place to q (n,) in max_j weights_j |q_j - p_j|, of several the last one; `off` (n,) is filled.
+    // The nearest place to q (n,) in max_j weights_j |q_j - p_j|; of several passages that are as near but for 0.02 the
+    // last one. `off` (n,) is filled.
     NearestPlace nearest(const double *q, const double *weights, double *off) const;
 
   private:
