@@ -123,7 +123,10 @@ def changed(good, **values):
 
 ROWS = {
     "wrong size": (lambda k, m: changed(m, q=m.q[:3]), "expected 7 finite positions"),
-    "not a number": (lambda k, m: changed(m, q=np.where(np.arange(7) == 2, np.nan, m.q)), "expected 7 finite positions"),
+    "not a number": (
+        lambda k, m: changed(m, q=np.where(np.arange(7) == 2, np.nan, m.q)),
+        "expected 7 finite positions",
+    ),
     "no state at all": (lambda k, m: "here", "expected 7 finite positions"),
     "lags": (lambda k, m: changed(m, q=np.array(START)), "behind on the path, more than 0.25 s"),
     "stamp not finite": (lambda k, m: changed(m, stamp=float("inf")), "expected seconds, an age >= 0"),
