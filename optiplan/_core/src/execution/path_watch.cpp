@@ -50,14 +50,16 @@ static double arrival(const TimeLaw &law, double s, double from) {
     return high;
 }
 
-Blocked PathWatch::blocked(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin) {
+Blocked PathWatch::search(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin,
+                          double most, bool first) {
     const double here = law.at(now).s, rest = std::max(law.settled(), now);
     double enters = now;
-    bool first = true;
+    bool begins = true;
+    Blocked found{0.0, -1, most};
     for (const Cell &cell : cells_) {
         if (cell.end <= here) continue;
-        if (first && cell.begin > here) enters = arrival(law, cell.begin, now);
-        first = false;
+        if (begins && cell.begin > here) enters = arrival(law, cell.begin, now);
+        begins = false;
         if (std::isinf(enters)) break;  // it stands still before that
         const double leaves = arrival(law, cell.end, enters),
                      last = std::isinf(leaves) ? std::max(rest, enters) : leaves;
@@ -75,15 +77,17 @@ Blocked PathWatch::blocked(const TimeLaw &law, double now, const std::vector<See
             at_.centres[seen.body] = X * world_.bodies()[seen.body].centre;
             for (int place : of_body_[seen.body]) {
                 const int pair = pairs_[place];
-                const double gap = cell.travel[place] + strays + margin;
+                const double needed = cell.travel[place] + strays + margin, gap = needed + found.slack;
                 if (world_.balls_apart(at_, pair, gap) || world_.lower_bound(at_, pair) > gap) continue;
-                if (world_.gap(at_, pair, gap) > gap) continue;
-                return {std::max(cell.begin, here), pair};
+                const double distance = world_.gap(at_, pair, gap);
+                if (distance > gap) continue;
+                found = {std::max(cell.begin, here), pair, distance - needed};
+                if (first) return found;
             }
         }
         enters = leaves;
     }
-    return {0.0, -1};
+    return found;
 }
 
 }  // namespace optiplan

@@ -18,10 +18,12 @@ struct Seen {
     double spread, time;  // time: of the law's clock, s
 };
 
-// The first place of the path at which a body may come too near, with the pair; pair -1: none does.
+// A place of the path at which a body may come too near, with the pair, and by how much their distance exceeds what is
+// needed there, m; pair -1: none does.
 struct Blocked {
     double s;
     int pair;
+    double slack;
 };
 
 // In each cell of the path the robot's bodies stand where they are in its middle, and no pair's distance changes by
@@ -35,7 +37,14 @@ class PathWatch {
 
     // What blocks the path from the law's place at `now` on to where it ends; the path begins at s = `begin` of the
     // law.
-    Blocked blocked(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin);
+    Blocked blocked(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin) {
+        return search(law, now, obstacles, margin, 0.0, true);
+    }
+
+    // Where on this way the least is left of the distance, of what is below `most`, m.
+    Blocked nearest(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin, double most) {
+        return search(law, now, obstacles, margin, most, false);
+    }
 
   private:
     struct Cell {
@@ -44,6 +53,10 @@ class PathWatch {
         std::vector<Vec3> centres;
         std::vector<double> travel;  // of `pairs_`
     };
+
+    // The first place, or that of the least, at which no more than `most` is left.
+    Blocked search(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin, double most,
+                   bool first);
 
     const World &world_;
     std::vector<int> moving_;               // bodies that joints carry
