@@ -47,7 +47,8 @@ if TYPE_CHECKING:
     from optiplan.control.tasks.whole_body import CentreOfMassTask, ManipulabilityTask
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.execution.executor import Executor
-    from optiplan.execution.status import Status, Stopping, Tick
+    from optiplan.execution.separation import Separation
+    from optiplan.execution.status import KeptSeparation, Status, Stopping, Tick
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
@@ -111,7 +112,8 @@ _ROOMS = {
     "control.tasks.whole_body": ("CentreOfMassTask", "ManipulabilityTask"),
     "errors": ("InputError", "OptiPlanError"),
     "execution.executor": ("Executor",),
-    "execution.status": ("Status", "Stopping", "Tick"),
+    "execution.separation": ("Separation",),
+    "execution.status": ("KeptSeparation", "Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "planners.trajopt.program.nlp": ("TrajectoryNlp",),
@@ -173,6 +175,7 @@ __all__ = [
     "JointCoupling",
     "JointCouplingTask",
     "JointGoal",
+    "KeptSeparation",
     "Log",
     "LookAt",
     "LookAtTask",
@@ -212,6 +215,7 @@ __all__ = [
     "Run",
     "Samples",
     "Scene",
+    "Separation",
     "Simulation",
     "Sphere",
     "State",

@@ -5,8 +5,6 @@ from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
 from optiplan.arrays import is_finite
 from optiplan.errors import OptiPlanError, wrong_argument
 from optiplan.execution.arguments import is_share, same_state, told
@@ -14,6 +12,7 @@ from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import BlockedPlace
 from optiplan.execution.seen_scene import SeenScene
+from optiplan.execution.separation import Separation, SeparationMonitor
 from optiplan.execution.status import Phase, Status, Stopping, Tick
 from optiplan.execution.tracking_monitor import TrackingMonitor
 from optiplan.geometry.pose import Pose, Values
@@ -50,6 +49,8 @@ class Executor:
         override: speed at the start, 0 to 1.
         deviation: how far a measured joint may be from its set-point, rad or m, before the robot stops; None: anything.
         clearance: distance to keep from obstacles that `update_scene` moves, m.
+        separation: people to keep apart from: the robot then moves only as fast, and as long, as `update_scene` reports
+            them.
 
     Attributes:
         run: the run that is being executed.
@@ -69,7 +70,13 @@ class Executor:
     """
 
     def __init__(
-        self, run: Run, *, override: float = 1.0, deviation: float | None = None, clearance: float = 0.0
+        self,
+        run: Run,
+        *,
+        override: float = 1.0,
+        deviation: float | None = None,
+        clearance: float = 0.0,
+        separation: Separation | None = None,
     ) -> None:
         if not isinstance(run, Run):
             raise wrong_argument("Executor", "run", told(run), "a verified run of op.plan(…)")
@@ -79,18 +86,21 @@ class Executor:
             raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
         if not (is_finite(clearance) and clearance >= 0.0):
             raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
+        if separation is not None and not isinstance(separation, Separation):
+            raise wrong_argument("Executor", "separation", told(separation), "an op.Separation(…), or None")
         self._path = ProvedPath(run, "Executor")
-        self._scene = SeenScene(self._path, float(clearance))
+        self._scene = SeenScene(self._path, float(clearance), separation)
+        self._people = None if separation is None else SeparationMonitor(self._path, separation)
         self._tracking = TrackingMonitor(deviation)
         self._stretch: PathStretch = self._path.forwards
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
-        self._law: TimeLaw = self._start_law(self._path, float(override))
+        self._law: TimeLaw = self._start_law(self._path, float(override), 0.0)
         self._held: Literal["", "paused", "waiting", "stopped"] = "" if override > 0.0 else "paused"
         self._reason = ""
         self._seen = -math.inf  # the place up to which events are done
         self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
-        self._next: tuple[float, ProvedPath, float] | None = None  # when it takes over, and when it was handed over
+        self._next: tuple[float, ProvedPath, SeparationMonitor | None, float] | None = None  # from when; handed over
         self._pending = False
         self._backwards = False
         self._missed: tuple[Segment, ...] = ()
@@ -137,22 +147,31 @@ class Executor:
         self._aim()
 
     def update_scene(
-        self, poses: Mapping[str, Pose], velocities: Mapping[str, Values] | None = None, spread: float = 0.0
+        self,
+        poses: Mapping[str, Pose],
+        velocities: Mapping[str, Values] | None = None,
+        spread: float = 0.0,
+        age: float = 0.0,
     ) -> None:
         """Obstacles of the scene have moved: check the rest of the path against them, now.
 
         Where they block it, the robot stops along the path and waits; a later update that leaves the path clear lets it
-        go on. Nothing raises here: an update that cannot be used ends in a stop.
+        go on. Beside people of `separation` it goes on as fast as the separation allows, now.
+        Nothing raises here: an update that cannot be used ends in a stop.
 
         Args:
             poses: of obstacles of the scene, by name.
             velocities: (3,) m/s, of the frames of some of them; the others stand still.
             spread: m/s; how fast they may depart from that course, in any direction.
+            age: s since they were there.
         """
-        reason = self._scene.see(poses, {} if velocities is None else velocities, spread, self.time)
+        reason = self._scene.see(poses, {} if velocities is None else velocities, spread, self.time, age)
         if reason:
             self.stop(reason)
             return
+        if self._people is not None:
+            self._people.see(self._scene.people)
+            self._lead()
         if self._held == "waiting" and self._next is None:
             ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
             if ahead is not None and self._blocked(ahead) is None:
@@ -166,14 +185,14 @@ class Executor:
 
     def _yield(self) -> None:
         """Wait, where obstacles that were seen block the way of the law."""
-        found = self._blocked(self._law)
+        found = self._blocked(self._way)
         if found is None:
             return
         if not self._held:
             self._held, self._next = "waiting", None
             self._reason = f"'{found.pair[0]}' would meet '{found.pair[1]}' at {found.place:.3f} s of the path"
             self._lead()
-            found = self._blocked(self._law)
+            found = self._blocked(self._way)
         if found is not None and TOO_LATE not in self._reason:
             self._reason += f"; {TOO_LATE}" if self._reason else TOO_LATE
 
@@ -214,6 +233,8 @@ class Executor:
         if run.problem.robot.joint_names != self.run.problem.robot.joint_names:
             return "the motion that was to take over is of another robot"
         start = run.problem.start_state
+        if self._people is not None and not self._rests:
+            return "beside people a motion takes over only where the robot stands still"
         found = [then for then, state, law in self._predicted if law is self._law and same_state(state, start)]
         if not found:
             return "the motion that was to take over begins in a state that is not on the way"
@@ -222,7 +243,8 @@ class Executor:
         if then < self.time:
             return f"the motion that was to take over came {self.time - then:.3f} s late"
         try:
-            self._next = then, ProvedPath(run, "Executor.splice"), self.time
+            path = ProvedPath(run, "Executor.splice")
+            self._next = then, path, None if self._people is None else self._people.over(path), self.time
         except OptiPlanError as error:
             return f"the motion that was to take over: {error}"
         return ""
@@ -242,7 +264,7 @@ class Executor:
         self.time += step
         if self._pending and self._replace_law():
             self._yield()
-        if self._law.target == 0.0 and self.time >= self._law.settled:
+        if self._rests:
             self._turn()
         point = self._point()
         if measured is not None:
@@ -262,18 +284,25 @@ class Executor:
 
     def stopping(self, places: int = STOP_PLACES) -> Stopping:
         """Return the stop along the path from full speed, at equally spaced places of the motion."""
-        laws, T = self._path.forwards.laws, self._path.motion.duration
-        place = np.linspace(0.0, T, places)
-        time, travel = np.zeros(places), np.zeros(places)
-        for k, s in enumerate(place):
-            law = laws.change(PathPlace(float(s), 1.0, 0.0), 0.0, 0.0)
-            time[k] = T - s if law is None else law.settled
-            travel[k] = T - s if law is None else min(law.at(law.settled)[0], T) - s
-        return Stopping(place, time, travel)
+        return self._path.forwards.laws.stopping(places)
 
-    def _start_law(self, path: ProvedPath, speed: float) -> "TimeLaw":
-        """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan."""
-        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, self.time)
+    def _start_law(self, path: ProvedPath, speed: float, then: float) -> "TimeLaw":
+        """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan.
+
+        Beside people the robot waits until the first data about them are there.
+        """
+        speed = 0.0 if self._people is not None else speed
+        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, then)
+
+    @property
+    def _way(self) -> "TimeLaw":
+        """The law, without the stop that follows if no more data about people come."""
+        return self._law if self._people is None else self._people.way(self._law, self.time)
+
+    @property
+    def _rests(self) -> bool:
+        """Whether the robot stands still, and will."""
+        return self._law.target == 0.0 and self.time >= self._law.settled
 
     def _aim(self) -> None:
         """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
@@ -285,7 +314,7 @@ class Executor:
         turns = self._backwards != (self._stretch.direction < 0.0)
         self._wanted = 0.0 if self._held or turns else self._override
         replaced = self._replace_law()
-        if turns and self._law.target == 0.0 and self._law.settled <= self.time:
+        if turns and self._rests:
             self._turn()
         return replaced
 
@@ -294,8 +323,13 @@ class Executor:
         s, speed, acceleration = self._law.at(self.time)
         length = self._stretch.laws.motion.duration
         if s >= length:  # at its end the robot stands still, whatever the law
-            self._law, self._pending = self._stretch.laws.steady(length, 0.0, self.time), False
+            if not self._rests:
+                self._law = self._stretch.laws.steady(length, 0.0, self.time)
+            self._pending = False
             return False
+        if self._people is not None:
+            law = self._people.choose(self._stretch, self._law, self.time, self._wanted)
+            return law is not None and self._follow(law)
         if self._law.target == self._wanted:  # it is on its way there
             self._pending = False
             return False
@@ -303,8 +337,11 @@ class Executor:
         law = self._stretch.laws.change(PathPlace(s, speed, acceleration), self.time, self._wanted)
         if law is None:
             return False
-        self._law = law
         self._pending = law.target != self._wanted and law.at(law.settled)[0] < length
+        return self._follow(law)
+
+    def _follow(self, law: "TimeLaw") -> bool:
+        self._law = law
         if self._next is not None:  # it was to begin in a state that the robot does not come to any more
             self._next = None
             self.stop("the speed was changed before another motion could take over")
@@ -324,13 +361,13 @@ class Executor:
 
     def _take_over(self) -> None:
         assert self._next is not None
-        then, path, since = self._next
+        then, path, people, since = self._next
         self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
-        self._path, self._stretch, self._next = path, path.forwards, None
+        self._path, self._stretch, self._next, self._people = path, path.forwards, None, people
         self._scene = self._scene.over(path, since)
         self._seen, self._backwards = -math.inf, False
         self._wanted = 0.0 if self._held else self._override
-        self._law = path.forwards.laws.steady(0.0, self._wanted if path.starts_at_rest else 1.0, then)
+        self._law = self._start_law(path, self._wanted, then)
         self._pending = self._wanted != self._law.target
         if not self._pending:
             self._yield()
@@ -357,7 +394,9 @@ class Executor:
 
     def _status(self, place: float, speed: float) -> Status:
         T = self._path.motion.duration
-        resting = speed == 0.0
+        resting, people = speed == 0.0, self._people
+        kept = None if people is None else people.kept
+        reason = self._reason or ("" if people is None or place >= T else people.reason(self.time))
         phase: Phase = "running"
         if place >= T:
             phase = "done"
@@ -365,8 +404,10 @@ class Executor:
             phase = "stopped" if resting else "stopping"
         elif self._held in ("paused", "waiting") and resting:
             phase = self._held
-        elif self.time < self._law.settled or self._pending:
+        elif people is not None and resting and self._wanted > 0.0:
+            phase = "waiting"
+        elif self.time < self._way.settled or self._pending:
             phase = "changing"
         elif resting:
             phase = "paused"
-        return Status(phase, place, place / T, speed, self._override, self._reason, self._tracking.deviation)
+        return Status(phase, place, place / T, speed, self._override, reason, self._tracking.deviation, kept)

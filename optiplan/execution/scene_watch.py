@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from optiplan._core import core
 from optiplan.arrays import Array
@@ -48,6 +49,14 @@ class BlockedPlace(NamedTuple):
     pair: tuple[str, str]
 
 
+class NearestPlace(NamedTuple):
+    """The place of a path that leaves the least of a distance, s, the two bodies, and how much it leaves, m."""
+
+    place: float
+    pair: tuple[str, str]
+    slack: float
+
+
 class SceneWatch:
     """The rest of a proved path among obstacles that move.
 
@@ -81,6 +90,29 @@ class SceneWatch:
             if found is not None:
                 return BlockedPlace(stretch.place(found.place), found.pair)
         return None
+
+    def nearest(
+        self, stretch: PathStretch, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], most: float
+    ) -> NearestPlace | None:
+        """Return what comes nearest on the way that a law leads from `now` until the robot stands still.
+
+        The slack is the distance less the margin and what an obstacle may have moved since it was seen, at that time.
+        The first body of the pair is the obstacle. None where the slack exceeds `most`, m, everywhere.
+        """
+        least = None
+        for part in self._parts(stretch):
+            found = part.nearest(law, now, seen, self._margin, most if least is None else least.slack)
+            if found is not None:
+                least = NearestPlace(stretch.place(found.place), found.pair, found.slack)
+        return least
+
+    def unwatched(self, stretch: PathStretch, names: Sequence[str]) -> str:
+        """Return the first of some obstacles whose distance from the robot is not computed; "" if there is none."""
+        for part in self._parts(stretch):
+            for name in names:
+                if not part.watches(name):
+                    return name
+        return ""
 
     def _parts(self, stretch: PathStretch) -> "list[_PartWatch]":
         """Return a watch of each part of a stretch with a scene of its own, in the order in which they are passed."""
@@ -116,16 +148,36 @@ class _PartWatch:
         here = [one for one in seen if one.name in self._names]
         if not here:
             return None
-        found = self._core.blocked(
-            law,
-            now,
-            np.array([self._names[one.name] for one in here], dtype=np.int64),
-            np.array([one.X_WO.homogeneous for one in here]),
-            np.array([[*one.velocity, one.spread, one.time] for one in here]),
-            margin,
-        )
+        found = self._core.blocked(law, now, *self._arrays(here), margin)
+        return None if found is None else BlockedPlace(found[0], self._names_of(found[1]))
+
+    def watches(self, name: str) -> bool:
+        """Whether distances of the robot from an obstacle are computed."""
+        return self._core is not None and any(name in self._names_of(k) for k in range(len(self._model.pairs)))
+
+    def nearest(
+        self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float, most: float
+    ) -> NearestPlace | None:
+        """See `SceneWatch.nearest`; what the core does not know is as near as can be."""
+        if self._core is None:
+            return NearestPlace(max(law.at(now)[0], self.begin), (self._model.unknown[0], "the robot"), -np.inf)
+        here = [one for one in seen if one.name in self._names]
+        if not here:
+            return None
+        found = self._core.nearest(law, now, *self._arrays(here), margin, most)
         if found is None:
             return None
-        place, index = found
+        place, index, slack = found
+        first, second = self._names_of(index)
+        moved = first in {one.name for one in here}
+        return NearestPlace(place, (first, second) if moved else (second, first), slack)
+
+    def _arrays(self, seen: Sequence[SeenObstacle]) -> tuple[NDArray[np.int64], Array, Array]:
+        """Return bodies (k,), poses (k, 4, 4), and velocity, spread and time (k, 5)."""
+        bodies = np.array([self._names[one.name] for one in seen], dtype=np.int64)
+        motions = np.array([[*one.velocity, one.spread, one.time] for one in seen])
+        return bodies, np.array([one.X_WO.homogeneous for one in seen]), motions
+
+    def _names_of(self, index: int) -> tuple[str, str]:
         pair = self._model.pairs[index]
-        return BlockedPlace(place, (self._model.names[pair.a], self._model.names[pair.b]))
+        return self._model.names[pair.a], self._model.names[pair.b]

@@ -9,6 +9,20 @@ from optiplan.trajectory.segments import Segment
 Phase = Literal["running", "changing", "paused", "waiting", "stopping", "stopped", "done"]
 
 
+class KeptSeparation(NamedTuple):
+    """The separation from people at the last data about them, of those that are within 10 m.
+
+    `separation` is the distance of the pair, m, and `distance` what the law asks that is commanded: the protective
+    distance, 0 where the robot stands still. `allowed` is the speed that it leads to, 0 to 1.
+    `pair` names the person and the part of the robot.
+    """
+
+    separation: float
+    distance: float
+    pair: tuple[str, str]
+    allowed: float
+
+
 @dataclass(frozen=True)
 class Status:
     """What an executor is doing.
@@ -23,6 +37,7 @@ class Status:
         reason: why it stopped by itself; empty where it did not.
         deviation: (n,) distance of the measured joints from their set-points at most so far, rad or m; None without
             measurements.
+        separation: from people, where `Executor` was given what to keep and somebody is near.
     """
 
     phase: Phase
@@ -32,6 +47,7 @@ class Status:
     override: float
     reason: str = ""
     deviation: float | None = None
+    separation: KeptSeparation | None = None
 
 
 @dataclass(frozen=True, eq=False)
