@@ -100,7 +100,8 @@ class Executor:
         self._reason = ""
         self._seen = -math.inf  # the place up to which events are done
         self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
-        self._next: tuple[float, ProvedPath, SeparationMonitor | None, float] | None = None  # from when; handed over
+        self._next: tuple[float, ProvedPath, float] | None = None  # when it takes over, and when it was handed over
+        self._people_then = self._people  # what watches people from then on
         self._pending = False
         self._backwards = False
         self._missed: tuple[Segment, ...] = ()
@@ -244,7 +245,8 @@ class Executor:
             return f"the motion that was to take over came {self.time - then:.3f} s late"
         try:
             path = ProvedPath(run, "Executor.splice")
-            self._next = then, path, None if self._people is None else self._people.over(path), self.time
+            self._people_then = None if self._people is None else self._people.over(path)
+            self._next = then, path, self.time
         except OptiPlanError as error:
             return f"the motion that was to take over: {error}"
         return ""
@@ -361,9 +363,9 @@ class Executor:
 
     def _take_over(self) -> None:
         assert self._next is not None
-        then, path, people, since = self._next
+        then, path, since = self._next
         self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
-        self._path, self._stretch, self._next, self._people = path, path.forwards, None, people
+        self._path, self._stretch, self._next, self._people = path, path.forwards, None, self._people_then
         self._scene = self._scene.over(path, since)
         self._seen, self._backwards = -math.inf, False
         self._wanted = 0.0 if self._held else self._override
