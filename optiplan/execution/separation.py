@@ -203,13 +203,17 @@ class SeparationMonitor:
         """Return what leads to a speed as long as data are fresh, and then stops; None where that is not clear."""
         until = self.fresh_until
         goal = self.way(law, now)
+        if until <= now:
+            return None
         if goal is law or goal.target != speed:
-            found = stretch.laws.change(PathPlace(*law.at(now)), now, speed)
+            place = PathPlace(*law.at(now))
+            if place.s == 0.0 and stretch.direction > 0.0:  # the path is at rest there: any speed will do
+                found: TimeLaw | None = stretch.laws.steady(0.0, speed, now)
+            else:
+                found = stretch.laws.change(place, now, speed)
             if found is None:
                 return None
             goal = found
-        if until <= now:
-            return None
         both = stretch.laws.then_stop(goal, until)
         return CommandedLaw(both, goal, until, speed) if self._clear(stretch, both, now) else None
 
