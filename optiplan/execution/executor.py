@@ -328,6 +328,8 @@ class Executor:
             if not self._rests:
                 self._law = self._stretch.laws.steady(length, 0.0, self.time)
             self._pending = False
+            if self._people is not None:
+                self._people.choose(self._stretch, self._law, self.time, 0.0)
             return False
         if self._people is not None:
             law = self._people.choose(self._stretch, self._law, self.time, self._wanted)

@@ -152,6 +152,10 @@ class PathLaws:
                 return law
             t, wait = min(t + wait, law.settled), 2.0 * wait
 
+    def stop(self, law: "TimeLaw", now: float) -> "TimeLaw":
+        """Return the stop from where a law is now, or as soon as limits leave room for it."""
+        return self.change(PathPlace(*law.at(now)), now, 0.0) or self.then_stop(law, now)
+
     def stopping(self, places: int) -> Stopping:
         """Return the stop from full speed at equally spaced places."""
         place = np.linspace(0.0, self.motion.duration, places)

@@ -158,7 +158,7 @@ class SeparationMonitor:
         chosen = self._fastest(stretch, law, now, wanted) if wanted > 0.0 else None
         self._late = False
         if chosen is None:
-            stop = law if _stands(law, now) else stretch.laws.then_stop(law, now)
+            stop = law if _stands(law, now) else stretch.laws.stop(law, now)
             if wanted > 0.0 and not self._clear(stretch, stop, now) and self._clear(stretch, law, now):
                 stop = law  # it goes on a little before it stops, which was proved
             else:

@@ -1,4 +1,4 @@
-"""People beside a robot: the separation is kept at an outside check of what was commanded, and without data it stops."""
+"""People beside a robot: the separation is kept at an outside check of what is commanded; without data it stops."""
 
 import coal
 import numpy as np
