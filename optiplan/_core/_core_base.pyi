@@ -264,6 +264,9 @@ class PathLaws:
         width: float,
         rules: _Array,
     ) -> PathLaws: ...
+    def mirrored(self) -> PathLaws: ...
+    def until(self, end: float) -> PathLaws: ...
+    def sizes(self) -> _Array: ...
     @property
     def coarse_cells(self) -> int: ...
     @property
@@ -278,5 +281,12 @@ class PathWatch:
     @staticmethod
     def of(world: World, breakpoints: _Array, coefficients: _Array, width: float, begin: float) -> PathWatch: ...
     def blocked(
-        self, law: TimeLaw, now: float, bodies: _Indices, poses: _Array, motions: _Array, margin: float
+        self,
+        law: TimeLaw,
+        course: _Array,
+        now: float,
+        bodies: _Indices,
+        poses: _Array,
+        motions: _Array,
+        margin: float,
     ) -> tuple[float, int] | None: ...

@@ -292,7 +292,7 @@ class Executor:
     def _replace_law(self) -> bool:
         """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
         s, speed, acceleration = self._law.at(self.time)
-        length = self._stretch.laws.motion.duration
+        length = self._stretch.laws.length
         if s >= length:  # at its end the robot stands still, whatever the law
             self._law, self._pending = self._stretch.laws.steady(length, 0.0, self.time), False
             return False

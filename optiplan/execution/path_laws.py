@@ -11,6 +11,7 @@ the path, and the torque limits by values and a bound on |tau''|.
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -21,9 +22,7 @@ from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Limits, Robot
-from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.intervals import derivative_bounds
 from optiplan.verify.continuous.torque import bounds_of
 from optiplan.verify.report import VerifyPolicy
 
@@ -85,7 +84,7 @@ class Load:
 
 
 class PathLaws:
-    """Laws along a motion.
+    """Laws along a motion, forwards, or from its end back to a place at which the robot rests.
 
     Args:
         motion: verified with these limits and loads.
@@ -93,7 +92,8 @@ class PathLaws:
         loads: of all its stretches, in order.
 
     Attributes:
-        overloaded: the first s at which gravity alone takes more torque than allowed; None where it nowhere does.
+        motion: the motion, forwards.
+        length: s of a law at the end of its path.
 
     Raises:
         OptiPlanError: the native core is not built.
@@ -102,7 +102,7 @@ class PathLaws:
     def __init__(self, motion: Trajectory, limits: Limits, loads: Sequence[Load]) -> None:
         if core is None:
             raise OptiPlanError("execution needs the native core of optiplan, which is not built: make core")
-        self.motion = motion
+        self.motion, self.length = motion, motion.duration
         step = float(np.clip(motion.duration / STEPS, SHORTEST_STEP, LONGEST_STEP))
         share = 1.0 + VerifyPolicy().limit_tolerance
         rates = np.array([limits.acceleration * share, limits.jerk * share, limits.torque * share])
@@ -116,10 +116,26 @@ class PathLaws:
             np.array([step, LOOK * step, MOST_RATE, MOST_JERK]),
         )
         if np.isfinite(rates[2]).any():
-            bounds = _curvature(motion, loads, self._core.coarse_cells)
+            bounds = _curvature(self._core.sizes(), motion.duration, loads)
             self._core.set_curvature(bounds, LEVELS * MOST_RATE, LEVELS * MOST_JERK)
-        overloaded = self._core.overloaded  # computed at each access
-        self.overloaded = None if overloaded < 0.0 else overloaded
+
+    @property
+    def overloaded(self) -> float | None:
+        """The first s at which gravity alone takes more torque than allowed; None where it nowhere does."""
+        found = self._core.overloaded
+        return None if found < 0.0 else found
+
+    def mirrored(self) -> "PathLaws":
+        """Return the laws from the end of the motion to its start, without computing anything again."""
+        back = copy(self)
+        back._core = self._core.mirrored()
+        return back
+
+    def until(self, length: float) -> "PathLaws":
+        """Return the same laws along a path that ends at s = `length`, where the robot rests."""
+        shorter = copy(self)
+        shorter._core, shorter.length = self._core.until(length), length
+        return shorter
 
     def change(self, place: PathPlace, begin: float, target: float) -> "TimeLaw | None":
         """Return the law from a place at time `begin`, s, to a steady speed; None where it cannot begin there.
@@ -142,43 +158,26 @@ class PathLaws:
         return SetPoint(values[0], values[1], values[2], values[3], PathPlace(s, speed, acceleration))
 
 
-def _curvature(motion: Trajectory, loads: Sequence[Load], cells: int) -> Array:
+def _curvature(sizes: Array, duration: float, loads: Sequence[Load]) -> Array:
     """Bounds on |tau''| in time, (levels, cells, n), of laws with |s''| <= c2 and |s'''| <= c3 of each level.
 
     |q^(k)| for k from 1 to 4 is at most |p'|, |p''| + |p'| c2, |p'''| + 3 |p''| c2 + |p'| c3, and
     |p''''| + 6 |p'''| c2 + 3 |p''| c2² + 4 |p''| c3.
+
+    Args:
+        sizes: (5, cells, n) bounds on |p^(k)|, k from 0 to 4, in equal cells of the path.
+        duration: of the path, s.
+        loads: on it.
     """
-    edges: Array = motion.duration / cells * np.arange(cells + 1.0)
-    q, first, second, third, fourth = _sizes(motion, edges)
-    found = np.zeros((len(LEVELS), cells, motion.n))
-    for k, (c2, c3) in enumerate(zip(LEVELS * MOST_RATE, LEVELS * MOST_JERK, strict=True)):
-        jerk, snap = 3.0 * second * c2 + first * c3, 6.0 * third * c2 + 3.0 * second * c2**2 + 4.0 * second * c3
-        rates = np.array([q, first, second + first * c2, third + jerk, fourth + snap])
-        for load in loads:
-            inside = (edges[1:] >= load.begin) & (edges[:-1] <= load.end)
-            found[k, inside] = np.maximum(found[k, inside], bounds_of(load.robot).over(rates[:, inside])[1])
+    levels, (cells, n) = len(LEVELS), sizes.shape[1:]
+    edges = duration / cells * np.arange(cells + 1.0)
+    c2, c3 = (LEVELS[:, None, None] * most for most in (MOST_RATE, MOST_JERK))
+    q, first, second, third, fourth = (np.broadcast_to(size, (levels, cells, n)) for size in sizes)
+    jerk, snap = 3.0 * second * c2 + first * c3, 6.0 * third * c2 + 3.0 * second * c2**2 + 4.0 * second * c3
+    rates = np.array([q, first, second + first * c2, third + jerk, fourth + snap])
+    found = np.zeros((levels, cells, n))
+    for load in loads:
+        inside = (edges[1:] >= load.begin) & (edges[:-1] <= load.end)
+        bounds = bounds_of(load.robot).over(rates[:, :, inside].reshape(5, -1, n))[1]
+        found[:, inside] = np.maximum(found[:, inside], bounds.reshape(levels, -1, n))
     return found
-
-
-def _sizes(motion: Trajectory, edges: Array) -> Array:
-    """Bounds on |p^(k)|, k from 0 to 4, between neighbouring edges (cells + 1,), s: (5, cells, n)."""
-    piece_of = np.searchsorted(motion.breakpoints[1:-1], edges, side="right")
-    size = np.zeros((5, len(edges) - 1, motion.n))
-    for later in range(int(np.diff(piece_of).max(initial=0)) + 1):
-        piece = np.minimum(piece_of[:-1] + later, piece_of[1:])
-        begin, end = (
-            np.maximum(edges[:-1], motion.breakpoints[piece]),
-            np.minimum(edges[1:], motion.breakpoints[piece + 1]),
-        )
-        half = (np.maximum(0.5 * (end - begin), 0.0) * (1.0 + 1e-6))[:, None]
-        middle = (0.5 * (begin + end) - motion.breakpoints[piece])[:, None]
-        size = np.maximum(size, derivative_bounds(motion.coefficients[piece], middle, half, 5))
-    return size
-
-
-def reversed_motion(motion: Trajectory) -> Trajectory:
-    """Return the same path from its end to its start: p(T - s)."""
-    widths = motion.widths[::-1]
-    moved = polynomial.shifted(motion.coefficients[::-1], widths)
-    moved *= (-1.0) ** np.arange(moved.shape[1])[:, None]
-    return Trajectory(motion.joint_names, np.concatenate([[0.0], motion.duration - motion.breakpoints[-2::-1]]), moved)

@@ -63,7 +63,7 @@ class SceneWatch:
 
     def __init__(self, path: ProvedPath, margin: float) -> None:
         self._path, self._margin = path, margin
-        self._watches: dict[int, list[_PartWatch]] = {}
+        self._watches: list[_PartWatch] = []
 
     @property
     def scene(self) -> Scene:
@@ -76,27 +76,24 @@ class SceneWatch:
         """Return what is blocked of the way that a law leads from `now` on, first in time; None if nothing is."""
         if not seen:
             return None
-        for part in self._parts(stretch):
-            found = part.blocked(law, now, seen, self._margin)
+        for part in self._parts()[:: 1 if stretch.direction > 0.0 else -1]:
+            found = part.blocked(stretch, law, now, seen, self._margin)
             if found is not None:
-                return BlockedPlace(stretch.place(found.place), found.pair)
+                return found
         return None
 
-    def _parts(self, stretch: PathStretch) -> "list[_PartWatch]":
-        """Return a watch of each part of a stretch with a scene of its own, in the order in which they are passed."""
-        key = id(stretch)
-        if key not in self._watches:
-            motion, found = stretch.laws.motion, list[_PartWatch]()
+    def _parts(self) -> "list[_PartWatch]":
+        """Return a watch of each part of the path with a scene of its own, in order."""
+        if not self._watches:
+            motion = self._path.motion
             for part in self._path.parts:
-                begin, end = sorted(stretch.direction * (place - stretch.start) for place in (part.begin, part.end))
-                begin, end = max(begin, 0.0), min(end, motion.duration)
+                begin, end = max(part.begin, 0.0), min(part.end, motion.duration)
                 if end > begin:
                     whole = (begin, end) == (0.0, motion.duration)
                     cut = motion if whole else cut_trajectory(motion, begin, end)
                     model = NativeCollisionModel(part.problem.robot, part.problem.scene)
-                    found.append(_PartWatch(model, cut, begin))
-            self._watches[key] = sorted(found, key=lambda part: part.begin)
-        return self._watches[key]
+                    self._watches.append(_PartWatch(model, cut, begin))
+        return self._watches
 
 
 class _PartWatch:
@@ -109,15 +106,18 @@ class _PartWatch:
         if model.world is not None:
             self._core = core.PathWatch.of(model.world, motion.breakpoints, motion.coefficients, CELL, begin)
 
-    def blocked(self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float) -> BlockedPlace | None:
+    def blocked(
+        self, stretch: PathStretch, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float
+    ) -> BlockedPlace | None:
         """See `SceneWatch.blocked`; a scene that the core does not know is blocked everywhere."""
         if self._core is None:
-            return BlockedPlace(max(law.at(now)[0], self.begin), (self._model.unknown[0], "the robot"))
+            return BlockedPlace(max(stretch.place(law.at(now)[0]), self.begin), (self._model.unknown[0], "the robot"))
         here = [one for one in seen if one.name in self._names]
         if not here:
             return None
         found = self._core.blocked(
             law,
+            np.array([stretch.start, stretch.direction, stretch.laws.length]),
             now,
             np.array([self._names[one.name] for one in here], dtype=np.int64),
             np.array([one.X_WO.homogeneous for one in here]),
@@ -126,6 +126,6 @@ class _PartWatch:
         )
         if found is None:
             return None
-        place, index = found
+        s, index = found
         pair = self._model.pairs[index]
-        return BlockedPlace(place, (self._model.names[pair.a], self._model.names[pair.b]))
+        return BlockedPlace(stretch.place(s), (self._model.names[pair.a], self._model.names[pair.b]))

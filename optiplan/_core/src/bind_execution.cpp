@@ -16,13 +16,11 @@ using namespace nb::literals;
 
 namespace {
 
-// A path with the search of laws along it.
+// A path with the search of laws along it, up to `end`.
 struct PathLaws {
-    PathTables tables;
+    std::shared_ptr<PathTables> tables;
     LawRules rules;
-
-    PathLaws(PathTables made, LawRules given) : tables(std::move(made)), rules(given) {}
-    PathLaws(const PathLaws &) = delete;
+    double end;
 };
 
 std::unique_ptr<PathLaws> make_laws(Vector breakpoints, Stack coefficients, Matrix limits, Vector ends,
@@ -38,8 +36,9 @@ std::unique_ptr<PathLaws> make_laws(Vector breakpoints, Stack coefficients, Matr
                static_cast<int>(n)};
     const double *l = limits.data(), *r = rules.data();
     JointRates rates{{l, l + n}, {l + n, l + 2 * n}, {l + 2 * n, l + 3 * n}};
-    return std::make_unique<PathLaws>(PathTables(std::move(path), std::move(rates), std::move(loads), width),
-                                      LawRules{r[0], r[1], r[2], r[3], 0.0});
+    auto tables = std::make_shared<PathTables>(std::move(path), std::move(rates), std::move(loads), width);
+    const double end = tables->length();
+    return std::make_unique<PathLaws>(PathLaws{std::move(tables), LawRules{r[0], r[1], r[2], r[3], 0.0}, end});
 }
 
 std::optional<TimeLaw> change(PathLaws &self, double s, double ds, double dds, double begin, double target,
@@ -47,24 +46,23 @@ std::optional<TimeLaw> change(PathLaws &self, double s, double ds, double dds, d
     TimeLaw law;
     LawRules rules = self.rules;
     rules.reserve = reserve;
-    const LawSearch search(self.tables, rules);
+    const LawSearch search(*self.tables, rules, self.end);
     if (!search.change({s, ds, dds}, begin, target, law) || !search.holds(law, begin)) return std::nullopt;
     return law;
 }
 
 // q, v, a and tau (4, n), and s, ds, dds, at time t of a law.
 nb::tuple set_point(const PathLaws &self, const TimeLaw &law, double t) {
-    const std::size_t n = self.tables.joints();
+    const std::size_t n = self.tables->joints();
     LawState state = law.at(t);
-    const double T = self.tables.length();
-    if (state.s >= T) state = {T, 0.0, 0.0};
+    if (state.s >= self.end) state = {self.end, 0.0, 0.0};
     std::vector<double> at(4 * n);
-    self.tables.derivatives(state.s, at.data());
+    self.tables->derivatives(state.s, at.data());
     for (std::size_t j = 0; j < n; ++j) {
         at[2 * n + j] = at[2 * n + j] * state.ds * state.ds + at[n + j] * state.dds;
         at[n + j] *= state.ds;
     }
-    self.tables.torques(state.s, false, at.data(), at.data() + n, at.data() + 2 * n, at.data() + 3 * n);
+    self.tables->torques(state.s, false, at.data(), at.data() + n, at.data() + 2 * n, at.data() + 3 * n);
     return nb::make_tuple(to_numpy(std::move(at), {4, n}), state.s, state.ds, state.dds);
 }
 
@@ -79,9 +77,10 @@ std::unique_ptr<PathWatch> make_watch(const World &world, Vector breakpoints, St
 }
 
 // `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time. The place and the pair; None where nothing blocks.
-std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now, Indices bodies, Stack poses,
-                                 Matrix motions, double margin) {
+std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, Vector course, double now, Indices bodies,
+                                 Stack poses, Matrix motions, double margin) {
     const std::size_t count = bodies.size();
+    expect(course.size() == 3, "start, direction and end (3,)");
     expect(poses.shape(0) == count && poses.shape(1) == 4 && poses.shape(2) == 4, "poses (k, 4, 4)");
     expect(motions.shape(0) == count && motions.shape(1) == 5, "velocity, spread and time (k, 5)");
     std::vector<Seen> seen;
@@ -90,7 +89,7 @@ std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now
         expect(bodies.data()[k] >= 0 && bodies.data()[k] < self.bodies(), "bodies of the world");
         seen.push_back({static_cast<int>(bodies.data()[k]), pose_at(poses.data() + 16 * k), vec3_at(m), m[3], m[4]});
     }
-    const Blocked found = self.blocked(law, now, seen, margin);
+    const Blocked found = self.blocked(law, {course.data()[0], course.data()[1], course.data()[2]}, now, seen, margin);
     if (found.pair < 0) return std::nullopt;
     return nb::make_tuple(found.s, found.pair);
 }
@@ -120,16 +119,27 @@ void bind_execution(nb::module_ &m) {
     nb::class_<PathLaws>(m, "PathLaws")
         .def_static("of", &make_laws, "breakpoints"_a, "coefficients"_a, "limits"_a, "ends"_a, "trees"_a, "width"_a,
                     "rules"_a)
-        .def_prop_ro("coarse_cells", [](const PathLaws &self) { return self.tables.coarse().count; })
-        .def_prop_ro("overloaded", [](const PathLaws &self) { return self.tables.overloaded(); })
+        .def("mirrored",
+             [](const PathLaws &self) {
+                 return PathLaws{std::make_shared<PathTables>(self.tables->mirrored()), self.rules, self.end};
+             })
+        .def(
+            "until", [](const PathLaws &self, double end) { return PathLaws{self.tables, self.rules, end}; }, "end"_a)
+        .def("sizes",
+             [](const PathLaws &self) {
+                 return to_numpy(self.tables->sizes(),
+                                 {5, static_cast<std::size_t>(self.tables->coarse().count), self.tables->joints()});
+             })
+        .def_prop_ro("coarse_cells", [](const PathLaws &self) { return self.tables->coarse().count; })
+        .def_prop_ro("overloaded", [](const PathLaws &self) { return self.tables->overloaded(); })
         .def(
             "set_curvature",
             [](PathLaws &self, Stack bounds, Vector rates, Vector jerks) {
                 expect(bounds.shape(0) == rates.size() && jerks.size() == rates.size() &&
-                           bounds.shape(1) == static_cast<std::size_t>(self.tables.coarse().count) &&
-                           bounds.shape(2) == self.tables.joints(),
+                           bounds.shape(1) == static_cast<std::size_t>(self.tables->coarse().count) &&
+                           bounds.shape(2) == self.tables->joints(),
                        "bounds (levels, coarse cells, n)");
-                self.tables.set_curvature(to_vector(bounds), to_vector(rates), to_vector(jerks));
+                self.tables->set_curvature(to_vector(bounds), to_vector(rates), to_vector(jerks));
             },
             "bounds"_a, "rates"_a, "jerks"_a)
         .def("change", &change, "s"_a, "ds"_a, "dds"_a, "begin"_a, "target"_a, "reserve"_a = 0.0)
@@ -137,7 +147,7 @@ void bind_execution(nb::module_ &m) {
     nb::class_<PathWatch>(m, "PathWatch")
         .def_static("of", &make_watch, "world"_a, "breakpoints"_a, "coefficients"_a, "width"_a, "begin"_a,
                     nb::keep_alive<0, 1>())
-        .def("blocked", &blocked, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a);
+        .def("blocked", &blocked, "law"_a, "course"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a);
 }
 
 }  // namespace optiplan

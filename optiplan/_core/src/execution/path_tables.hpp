@@ -37,6 +37,9 @@ class PathTables {
   public:
     PathTables(Curve path, JointRates limits, std::vector<Load> loads, double width);
 
+    // Of the same path from its end to its start, p(length - s): what is known in this direction, with other signs.
+    PathTables mirrored() const;
+
     std::size_t joints() const { return static_cast<std::size_t>(path_.joints); }
     double length() const { return path_.breakpoints.back(); }
     const Cells &fine() const { return fine_; }
@@ -49,7 +52,10 @@ class PathTables {
     void set_curvature(std::vector<double> bounds, std::vector<double> rates, std::vector<double> jerks);
     const double *curvature(int coarse_cell, double rate, double jerk) const;
 
-    // a, b and g, (n,) each, at s, between their values at the ends of its cell; of the load there.
+    // Bounds on |p^(k)|, k from 0 to 4, in coarse cells: (5, coarse cells, n).
+    std::vector<double> sizes() const;
+
+    // a, b and g, (n,) each, at s, between their values at the ends of its coarse cell; of the load there.
     void torque_terms(double s, double *a, double *b, double *g) const;
 
     // Position and its first three derivatives in s, (4, n), of the piece before s if `before`, else of that after it;
@@ -68,13 +74,15 @@ class PathTables {
 
   private:
     Cells cells_of(double width) const;
+    template <class Use> void each_part(const Cells &cells, Use use) const;
+    bool stands(double begin, double end, int cuts) const;
 
     Curve path_;
     JointRates limits_;
     std::vector<double> load_ends_;
-    std::vector<std::unique_ptr<InverseDynamics>> dynamics_;
+    std::vector<std::shared_ptr<InverseDynamics>> dynamics_;
     Cells fine_, coarse_;
-    std::vector<double> terms_;  // (fine cells + 1, 3, n): a, b, g
+    std::vector<double> terms_;  // (coarse cells + 1, 3, n): a, b, g
     std::vector<double> curvature_, level_rates_, level_jerks_;
     bool torque_ = false;
 };

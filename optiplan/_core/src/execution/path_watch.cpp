@@ -50,16 +50,22 @@ static double arrival(const TimeLaw &law, double s, double from) {
     return high;
 }
 
-Blocked PathWatch::blocked(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin) {
+Blocked PathWatch::blocked(const TimeLaw &law, const Course &course, double now, const std::vector<Seen> &obstacles,
+                           double margin) {
     const double here = law.at(now).s, rest = std::max(law.settled(), now);
     double enters = now;
     bool first = true;
-    for (const Cell &cell : cells_) {
-        if (cell.end <= here) continue;
-        if (first && cell.begin > here) enters = arrival(law, cell.begin, now);
+    for (std::size_t i = 0; i < cells_.size(); ++i) {
+        const bool back = course.direction < 0.0;
+        const Cell &cell = cells_[back ? cells_.size() - 1 - i : i];
+        const double begin = course.direction * ((back ? cell.end : cell.begin) - course.start);
+        const double end = course.direction * ((back ? cell.begin : cell.end) - course.start);
+        if (end <= here) continue;
+        if (begin >= course.end) break;
+        if (first && begin > here) enters = arrival(law, begin, now);
         first = false;
         if (std::isinf(enters)) break;  // it stands still before that
-        const double leaves = arrival(law, cell.end, enters),
+        const double leaves = arrival(law, end, enters),
                      last = std::isinf(leaves) ? std::max(rest, enters) : leaves;
         for (std::size_t k = 0; k < moving_.size(); ++k) {
             at_.bodies[moving_[k]] = cell.bodies[k];
@@ -78,7 +84,7 @@ Blocked PathWatch::blocked(const TimeLaw &law, double now, const std::vector<See
                 const double gap = cell.travel[place] + strays + margin;
                 if (world_.balls_apart(at_, pair, gap) || world_.lower_bound(at_, pair) > gap) continue;
                 if (world_.gap(at_, pair, gap) > gap) continue;
-                return {std::max(cell.begin, here), pair};
+                return {std::max(begin, here), pair};
             }
         }
         enters = leaves;

@@ -1,6 +1,7 @@
 // Obstacles that move while a robot runs along its path: what they block of what is left.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -24,6 +25,11 @@ struct Blocked {
     int pair;
 };
 
+// Where a law runs on the path: place s of the law is `start` + `direction` s of the path, up to s = `end`.
+struct Course {
+    double start = 0.0, direction = 1.0, end = HUGE_VAL;
+};
+
 // In each cell of the path the robot's bodies stand where they are in its middle, and no pair's distance changes by
 // more than `travel` within the cell. A pair is clear in a cell if its distance exceeds that, and how far the obstacle
 // may get from where it is in the middle of the time that the law takes for the cell.
@@ -33,13 +39,14 @@ class PathWatch {
 
     std::int64_t bodies() const { return static_cast<std::int64_t>(of_body_.size()); }
 
-    // What blocks the path from the law's place at `now` on to where it ends; the path begins at s = `begin` of the
-    // law.
-    Blocked blocked(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin);
+    // What blocks the path from the law's place at `now` on to where it ends, at which s of the law; the path that is
+    // watched begins at the place `begin`.
+    Blocked blocked(const TimeLaw &law, const Course &course, double now, const std::vector<Seen> &obstacles,
+                    double margin);
 
   private:
     struct Cell {
-        double begin, end;           // of the law's s
+        double begin, end;           // places of the path
         std::vector<Pose> bodies;    // of `moving_`
         std::vector<Vec3> centres;
         std::vector<double> travel;  // of `pairs_`

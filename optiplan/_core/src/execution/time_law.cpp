@@ -60,7 +60,7 @@ bool LawSearch::allowed(const LawState &at, double ddds, double lasting, const C
     }
     if (speed.low < -ROUNDING || speed.high > 1.0 + ROUNDING) return false;
     if (std::fabs(next.dds) > rules_.most_rate || std::fabs(ddds) > rules_.most_jerk) return false;
-    if (at.s >= tables_.length() || (at.dds == 0.0 && ddds == 0.0)) return true;
+    if (at.s >= end_ || (at.dds == 0.0 && ddds == 0.0)) return true;
     speed = {std::max(speed.low, 0.0), std::min(speed.high, 1.0)};
     const Range rate{std::min(at.dds, next.dds), std::max(at.dds, next.dds)};
     const Range square{speed.low * speed.low, speed.high * speed.high};
@@ -86,7 +86,7 @@ bool LawSearch::allowed(const LawState &at, double ddds, double lasting, const C
     }
     if (!torque || !tables_.limits_torque()) return true;
     terms_.resize(3 * n);
-    const double end = std::min(next.s, tables_.length());
+    const double end = std::min(next.s, end_);
     tables_.torque_terms(end, terms_.data(), terms_.data() + n, terms_.data() + 2 * n);
     const double *curvature =
         tables_.curvature(tables_.coarse().at(end), std::max(-rate.low, rate.high), std::fabs(ddds));
@@ -113,7 +113,7 @@ bool LawSearch::allowed_along(const LawState &at, double ddds, double lasting) c
 // The size of the strongest jerk of that sign by the ranges of the present cell; a first guess for `allowed`.
 double LawSearch::strongest(const LawState &at, double direction) const {
     double most = std::min(rules_.most_jerk, (rules_.most_rate - direction * at.dds) / rules_.step);
-    if (at.s >= tables_.length()) return most;
+    if (at.s >= end_) return most;
     const Cells &cells = tables_.fine();
     const std::size_t n = tables_.joints(), cell = cells.at(at.s);
     const double square = at.ds * at.ds, cube = square * at.ds, turning = 3.0 * at.ds * at.dds;
@@ -176,7 +176,7 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
         at = at.after(lasting, ddds), t += lasting;
     };
     if (!levels_off(at, direction, target, off) && !levels_off(at, -direction, target, off)) return false;
-    while (static_cast<int>(law.pieces.size()) < MOST_PIECES && at.s < tables_.length()) {
+    while (static_cast<int>(law.pieces.size()) < MOST_PIECES && at.s < end_) {
         if (at.dds == 0.0) {
             if (std::fabs(at.ds - target) <= ROUNDING) {
                 at.ds = target;
@@ -239,16 +239,16 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
         push(off, lasting);
         at.dds = 0.0, off = 0.0;
     }
-    if (at.s > tables_.length() && !law.pieces.empty()) {  // at rest there, whatever the law does
+    if (at.s > end_ && !law.pieces.empty()) {  // at rest there, whatever the law does
         const LawPiece &last = law.pieces.back();
         double low = 0.0, high = t - last.begin;
         while (high - low > ROUNDING) {
             const double middle = 0.5 * (low + high);
             if (middle <= low || middle >= high) break;  // of hours, at a very slow speed, no double is as close
-            (last.at.after(middle, last.ddds).s < tables_.length() ? low : high) = middle;
+            (last.at.after(middle, last.ddds).s < end_ ? low : high) = middle;
         }
         at = last.at.after(high, last.ddds), t = last.begin + high;
-        at.s = tables_.length();
+        at.s = end_;
     }
     at.dds = 0.0;
     law.pieces.push_back({t, at, 0.0});
@@ -276,7 +276,7 @@ bool LawSearch::holds(const TimeLaw &law, double from) const {
         double t = std::max(from - piece.begin, 0.0);
         for (bool fresh = true; t < end;) {
             const LawState begin = piece.at.after(t, piece.ddds);
-            if (begin.s >= tables_.length()) return true;
+            if (begin.s >= end_) return true;
             if (fresh) demand(begin, false, ends[0]);
             const double edge = tables_.edge_after(begin.s);
             double until = std::min(t + rules_.step, end);

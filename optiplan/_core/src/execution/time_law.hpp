@@ -1,6 +1,8 @@
 // Time laws s(t) along a proved path: the fastest admissible change from one speed to another.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "execution/path_tables.hpp"
@@ -44,7 +46,9 @@ struct LawRules {
 // limits of torque are kept where they are sampled; `holds` proves them.
 class LawSearch {
   public:
-    LawSearch(const PathTables &tables, LawRules rules) : tables_(tables), rules_(rules) {}
+    // The robot rests at the path's end, and at `end` if that is before.
+    LawSearch(const PathTables &tables, LawRules rules, double end = HUGE_VAL)
+        : tables_(tables), rules_(rules), end_(std::min(end, tables.length())) {}
 
     // From a state to a steady speed, in [0, 1]. False where the first step is not possible yet.
     bool change(const LawState &from, double begin, double target, TimeLaw &law) const;
@@ -62,6 +66,7 @@ class LawSearch {
 
     const PathTables &tables_;
     LawRules rules_;
+    double end_;
     mutable std::vector<double> terms_;  // of torque
     mutable std::size_t gentle_ = 0;     // the share of the strongest jerk that led to a steady speed last
 };
