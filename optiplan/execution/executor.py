@@ -291,7 +291,7 @@ class Executor:
 
     def _replace_law(self) -> bool:
         """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
-        s, speed, acceleration = self._law.at(self.time)
+        s = self._law.at(self.time)[0]
         length = self._stretch.laws.length
         if s >= length:  # at its end the robot stands still, whatever the law
             self._law, self._pending = self._stretch.laws.steady(length, 0.0, self.time), False
@@ -300,7 +300,7 @@ class Executor:
             self._pending = False
             return False
         self._pending = True
-        law = self._stretch.laws.change(PathPlace(s, speed, acceleration), self.time, self._wanted)
+        law = self._stretch.laws.change_along(self._law, self.time, self._wanted)
         if law is None:
             return False
         self._law = law

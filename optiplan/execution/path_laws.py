@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from optiplan._core._core_base import PathLaws as CoreLaws
     from optiplan._core._core_base import TimeLaw
 
-SHORTEST_STEP, LONGEST_STEP, STEPS = 1e-3, 2e-3, 1000
-"""s: pieces of a law, and cells of the path; as many as this where the bounds allow it."""
+STEP = 2e-3
+"""s: pieces of a law, and cells of the path. With 1 ms stops would be 1 % shorter, and searched twice as long."""
 
 MOST_CELLS = 20_000
 """Cells of a path at most: those of long motions are wider than a step."""
@@ -42,8 +42,11 @@ LOOK = 4
 MOST_RATE, MOST_JERK = 50.0, 5e3
 """|s''|, 1/s, and |s'''|, 1/s²: bounds of a law where the path stands still, and no joint bounds it."""
 
-LEVELS = np.array([0.02, 0.06, 0.2, 0.5, 1.0])
-"""Shares of these bounds for which the curvature of torques is bounded in advance."""
+PROBES = np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0], [0.0, 1000.0]])
+"""|s''|, 1/s, and |s'''|, 1/s², at which torques' curvature is bounded: its factors follow from four values."""
+
+ROUNDED = 1e-9
+"""Share of torques' curvature by which the differences of bounds may be rounded."""
 
 RESERVES = (0.0, 0.02, 0.1)
 """Shares of the torque limits that searches leave to the proof, tried in this order."""
@@ -103,7 +106,6 @@ class PathLaws:
         if core is None:
             raise OptiPlanError("execution needs the native core of optiplan, which is not built: make core")
         self.motion, self.length = motion, motion.duration
-        step = float(np.clip(motion.duration / STEPS, SHORTEST_STEP, LONGEST_STEP))
         share = 1.0 + VerifyPolicy().limit_tolerance
         rates = np.array([limits.acceleration * share, limits.jerk * share, limits.torque * share])
         self._core: CoreLaws = core.PathLaws.of(
@@ -112,12 +114,11 @@ class PathLaws:
             rates,
             np.array([load.end for load in loads]),
             [native_tree(load.robot.model) for load in loads],
-            max(step, motion.duration / MOST_CELLS),
-            np.array([step, LOOK * step, MOST_RATE, MOST_JERK]),
+            max(STEP, motion.duration / MOST_CELLS),
+            np.array([STEP, LOOK * STEP, MOST_RATE, MOST_JERK]),
         )
         if np.isfinite(rates[2]).any():
-            bounds = _curvature(self._core.sizes(), motion.duration, loads)
-            self._core.set_curvature(bounds, LEVELS * MOST_RATE, LEVELS * MOST_JERK)
+            self._core.set_curvature(_curvature(self._core.sizes(), motion.duration, loads))
 
     @property
     def overloaded(self) -> float | None:
@@ -148,6 +149,19 @@ class PathLaws:
                 return law
         return None
 
+    def change_along(self, law: "TimeLaw", now: float, target: float) -> "TimeLaw | None":
+        """Return the law that goes on as this one until limits leave room for a change to a steady speed.
+
+        That is at once almost everywhere. None where no change is found until the law itself is steady.
+
+        Holds at: as `change`.
+        """
+        for reserve in RESERVES:
+            found = self._core.change_along(law, now, target, reserve)
+            if found is not None:
+                return found
+        return None
+
     def steady(self, s: float, speed: float, begin: float) -> "TimeLaw":
         """Return the law of a steady speed in [0, 1], which every verified motion admits."""
         return core.TimeLaw.steady(s, speed, begin)
@@ -159,25 +173,31 @@ class PathLaws:
 
 
 def _curvature(sizes: Array, duration: float, loads: Sequence[Load]) -> Array:
-    """Bounds on |tau''| in time, (levels, cells, n), of laws with |s''| <= c2 and |s'''| <= c3 of each level.
+    """Factors (cells, 4, n) of s'^2, |s''|, s''^2 and s' |s'''|, whose sum bounds |tau''| in time.
 
-    |q^(k)| for k from 1 to 4 is at most |p'|, |p''| + |p'| c2, |p'''| + 3 |p''| c2 + |p'| c3, and
-    |p''''| + 6 |p'''| c2 + 3 |p''| c2² + 4 |p''| c3.
+    With |s''| <= c2 and |s'''| <= c3, |q^(k)| for k from 1 to 4 is at most |p'|, |p''| + |p'| c2,
+    |p'''| + 3 |p''| c2 + |p'| c3, and |p''''| + 6 |p'''| c2 + 3 |p''| c2² + 4 |p''| c3. The bound that follows from
+    these is k0 + k1 c2 + k2 c2² + k3 c3: the terms of inertia are of fourth order in time, those of gravity of second,
+    so that k0 has at least the factor s'^2 and k3 the factor s'.
 
     Args:
         sizes: (5, cells, n) bounds on |p^(k)|, k from 0 to 4, in equal cells of the path.
         duration: of the path, s.
         loads: on it.
     """
-    levels, (cells, n) = len(LEVELS), sizes.shape[1:]
+    probes, (cells, n) = len(PROBES), sizes.shape[1:]
     edges = duration / cells * np.arange(cells + 1.0)
-    c2, c3 = (LEVELS[:, None, None] * most for most in (MOST_RATE, MOST_JERK))
-    q, first, second, third, fourth = (np.broadcast_to(size, (levels, cells, n)) for size in sizes)
+    c2, c3 = PROBES.T[:, :, None, None]
+    q, first, second, third, fourth = (np.broadcast_to(size, (probes, cells, n)) for size in sizes)
     jerk, snap = 3.0 * second * c2 + first * c3, 6.0 * third * c2 + 3.0 * second * c2**2 + 4.0 * second * c3
     rates = np.array([q, first, second + first * c2, third + jerk, fourth + snap])
-    found = np.zeros((levels, cells, n))
+    found = np.zeros((probes, cells, n))
     for load in loads:
         inside = (edges[1:] >= load.begin) & (edges[:-1] <= load.end)
-        bounds = bounds_of(load.robot).over(rates[:, :, inside].reshape(5, -1, n))[1]
-        found[:, inside] = np.maximum(found[:, inside], bounds.reshape(levels, -1, n))
-    return found
+        bounds = bounds_of(load.robot).over(rates[:, :, inside].reshape(5, -1, n))[1].reshape(probes, -1, n)
+        still, slow, fast, jerky = bounds
+        slow, fast, jerky = slow - still, fast - still, jerky - still
+        factors = np.array([still, 2.0 * slow - 0.5 * fast, 0.5 * fast - slow, jerky])
+        factors /= np.array([1.0, PROBES[1, 0], PROBES[1, 0] ** 2, PROBES[3, 1]])[:, None, None]
+        found[:, inside] = np.maximum(found[:, inside], factors)
+    return np.ascontiguousarray(found.transpose(1, 0, 2)) * (1.0 + ROUNDED)

@@ -6,12 +6,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.execution.path_laws import Load, PathLaws, PathPlace
+from optiplan.execution.path_laws import Load, PathLaws, PathPlace, _curvature
 from optiplan.problem.problem import derived
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.timing.compose import compose
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.torque import torque
+from optiplan.verify.continuous.torque import bounds_of, torque
 from optiplan.verify.report import VerifyPolicy
 
 
@@ -125,3 +125,30 @@ def test_where_gravity_takes_more_than_allowed(run_of):
     assert all((gravity(at) <= weak.torque).all() for at in np.linspace(0.0, s, 50)[:-1])
     assert any((gravity(at) > 0.999 * weak.torque).any() for at in np.linspace(s, min(s + 0.01, run.duration), 50))
     assert laws_of(run).overloaded is None
+
+
+def test_the_curvature_of_torques_adds_up_from_its_factors(run_of):
+    motion, robot = run_of("01_reach").trajectory, run_of("01_reach").problem.robot
+    sizes = np.random.default_rng(5).uniform(0.1, 3.0, (5, 1, motion.n))
+    factors = _curvature(sizes, 1.0, [Load(0.0, 1.0, robot)])[0]
+    for c2, c3 in ((0.0, 0.0), (3.0, 50.0), (17.0, 2000.0)):
+        q, first, second, third, fourth = sizes
+        rates = [q, first, second + first * c2, third + 3.0 * second * c2 + first * c3]
+        rates.append(fourth + 6.0 * third * c2 + 3.0 * second * c2**2 + 4.0 * second * c3)
+        expected = bounds_of(robot).over(np.array(rates))[1][0]
+        np.testing.assert_allclose(np.array([1.0, c2, c2**2, c3]) @ factors, expected, rtol=1e-7)
+
+
+def test_a_change_begins_as_soon_as_limits_leave_room(run_of):
+    run = run_of("09_ur5")
+    laws, waited = laws_of(run), 0
+    for place in np.linspace(0.0, 0.7 * run.duration, 30):
+        first = laws.change(PathPlace(float(place), 1.0, 0.0), 0.0, 0.3)
+        for t in np.linspace(0.0, first.settled, 30)[:-1]:
+            if laws.change(PathPlace(*first.at(t)), float(t), 0.0) is None:
+                law, waited = laws.change_along(first, float(t), 0.0), waited + 1
+                assert law.at(t) == pytest.approx(first.at(t), abs=1e-12)
+                assert law.target == 0.0 or law.at(law.settled)[0] >= run.duration
+                assert law.pieces()[0].tolist() in first.pieces().tolist()
+                assert law.pieces()[1:, 0].tolist() == sorted(law.pieces()[1:, 0])
+    assert waited > 0

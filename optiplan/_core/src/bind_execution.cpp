@@ -41,13 +41,24 @@ std::unique_ptr<PathLaws> make_laws(Vector breakpoints, Stack coefficients, Matr
     return std::make_unique<PathLaws>(PathLaws{std::move(tables), LawRules{r[0], r[1], r[2], r[3], 0.0}, end});
 }
 
-std::optional<TimeLaw> change(PathLaws &self, double s, double ds, double dds, double begin, double target,
-                              double reserve) {
-    TimeLaw law;
+LawSearch search_of(const PathLaws &self, double reserve) {
     LawRules rules = self.rules;
     rules.reserve = reserve;
-    const LawSearch search(*self.tables, rules, self.end);
+    return {*self.tables, rules, self.end};
+}
+
+std::optional<TimeLaw> change(const PathLaws &self, double s, double ds, double dds, double begin, double target,
+                              double reserve) {
+    TimeLaw law;
+    const LawSearch search = search_of(self, reserve);
     if (!search.change({s, ds, dds}, begin, target, law) || !search.holds(law, begin)) return std::nullopt;
+    return law;
+}
+
+std::optional<TimeLaw> change_along(const PathLaws &self, const TimeLaw &old, double now, double target,
+                                    double reserve) {
+    TimeLaw law;
+    if (!search_of(self, reserve).change_along(old, now, target, law)) return std::nullopt;
     return law;
 }
 
@@ -130,19 +141,18 @@ void bind_execution(nb::module_ &m) {
                  return to_numpy(self.tables->sizes(),
                                  {5, static_cast<std::size_t>(self.tables->coarse().count), self.tables->joints()});
              })
-        .def_prop_ro("coarse_cells", [](const PathLaws &self) { return self.tables->coarse().count; })
         .def_prop_ro("overloaded", [](const PathLaws &self) { return self.tables->overloaded(); })
         .def(
             "set_curvature",
-            [](PathLaws &self, Stack bounds, Vector rates, Vector jerks) {
-                expect(bounds.shape(0) == rates.size() && jerks.size() == rates.size() &&
-                           bounds.shape(1) == static_cast<std::size_t>(self.tables->coarse().count) &&
-                           bounds.shape(2) == self.tables->joints(),
-                       "bounds (levels, coarse cells, n)");
-                self.tables->set_curvature(to_vector(bounds), to_vector(rates), to_vector(jerks));
+            [](PathLaws &self, Stack factors) {
+                expect(factors.shape(0) == static_cast<std::size_t>(self.tables->coarse().count) &&
+                           factors.shape(1) == 4 && factors.shape(2) == self.tables->joints(),
+                       "factors (coarse cells, 4, n)");
+                self.tables->set_curvature(to_vector(factors));
             },
-            "bounds"_a, "rates"_a, "jerks"_a)
-        .def("change", &change, "s"_a, "ds"_a, "dds"_a, "begin"_a, "target"_a, "reserve"_a = 0.0)
+            "factors"_a)
+        .def("change", &change, "s"_a, "ds"_a, "dds"_a, "begin"_a, "target"_a, "reserve"_a)
+        .def("change_along", &change_along, "old"_a, "now"_a, "target"_a, "reserve"_a)
         .def("set_point", &set_point, "law"_a, "t"_a);
     nb::class_<PathWatch>(m, "PathWatch")
         .def_static("of", &make_watch, "world"_a, "breakpoints"_a, "coefficients"_a, "width"_a, "begin"_a,

@@ -76,7 +76,7 @@ TEST(gravity_beyond_the_limit_is_found) {
     CHECK(tables(20.0).overloaded() >= 0.0);
     PathTables bent = tables();  // between the ends of a cell gravity may take more than there
     const auto overloaded = [&bent](double curvature) {
-        bent.set_curvature(std::vector<double>(bent.coarse().count * 2, curvature), {1.0}, {1.0});
+        bent.set_curvature(std::vector<double>(bent.coarse().count * 8, curvature));
         return bent.overloaded();
     };
     CHECK(overloaded(1e12) >= 0.0);
@@ -120,12 +120,13 @@ TEST(sizes_bound_every_value) {
     for (double most : std::vector<double>(sizes.end() - 2 * made.coarse().count, sizes.end())) CHECK(most == 0.0);
 }
 
-TEST(curvature_is_of_the_lowest_level_that_bounds_the_law) {
+TEST(curvature_adds_up_from_its_factors) {
     PathTables made = tables();
-    std::vector<double> bounds(2 * 20 * 2, 1.0);
-    std::fill(bounds.begin() + 40, bounds.end(), 9.0);
-    made.set_curvature(bounds, {1.0, 5.0}, {10.0, 50.0});
-    CHECK(made.curvature(3, 0.5, 9.0)[1] == 1.0);
-    CHECK(made.curvature(3, 0.5, 11.0)[0] == 9.0);
-    CHECK(made.curvature(3, 2.0, 1.0)[0] == 9.0);
+    CHECK(made.curvature(3, 1, {1.0, 2.0, 3.0}) == 0.0);  // nothing is known of it
+    std::vector<double> factors(20 * 4 * 2, 0.0);
+    for (int k = 0; k < 4; ++k) factors[(3 * 4 + k) * 2 + 1] = std::pow(10.0, k);
+    made.set_curvature(factors);
+    NEAR(made.curvature(3, 1, {0.5, 2.0, 3.0}), 0.25 + 10.0 * 2.0 + 100.0 * 4.0 + 1000.0 * 1.5, 1e-9);
+    CHECK(made.curvature(3, 0, {0.5, 2.0, 3.0}) == 0.0 && made.curvature(4, 1, {0.5, 2.0, 3.0}) == 0.0);
+    CHECK(made.mirrored().curvature(16, 1, {0.5, 2.0, 3.0}) == made.curvature(3, 1, {0.5, 2.0, 3.0}));
 }

@@ -69,24 +69,23 @@ PathTables PathTables::mirrored() const {
         other.dynamics_[k] = dynamics_[loads - 1 - k];
         other.load_ends_[k] = k + 1 < loads ? length() - load_ends_[loads - 2 - k] : length();
     }
-    const auto turned = [n](const std::vector<double> &rows, std::vector<double> &out, std::size_t first, std::size_t count,
-                            double sign) {  // rows of n, in the opposite order
+    const auto turned = [n](const std::vector<double> &rows, std::vector<double> &out, double sign) {
+        const std::size_t count = rows.size() / n;  // rows of n, in the opposite order
         for (std::size_t i = 0; i < count; ++i)
-            for (std::size_t j = 0; j < n; ++j)
-                out[(first + i) * n + j] = sign * rows[(first + count - 1 - i) * n + j];
+            for (std::size_t j = 0; j < n; ++j) out[i * n + j] = sign * rows[(count - 1 - i) * n + j];
     };
     const Cells *from[2] = {&fine_, &coarse_};
     Cells *to[2] = {&other.fine_, &other.coarse_};
     for (int grid = 0; grid < 2; ++grid)
         for (int order = 0; order < 3; ++order) {  // odd derivatives change their signs
             const bool turns = order != 1;
-            turned(turns ? from[grid]->high[order] : from[grid]->low[order], to[grid]->low[order], 0, from[grid]->count,
-                   turns ? -1.0 : 1.0);
-            turned(turns ? from[grid]->low[order] : from[grid]->high[order], to[grid]->high[order], 0, from[grid]->count,
-                   turns ? -1.0 : 1.0);
+            turned(turns ? from[grid]->high[order] : from[grid]->low[order], to[grid]->low[order], turns ? -1.0 : 1.0);
+            turned(turns ? from[grid]->low[order] : from[grid]->high[order], to[grid]->high[order], turns ? -1.0 : 1.0);
         }
-    for (std::size_t level = 0; level < level_rates_.size(); ++level)
-        turned(curvature_, other.curvature_, level * coarse_.count, coarse_.count, 1.0);
+    for (std::size_t i = 0; i < curvature_.size(); ++i) {
+        const std::size_t cell = i / (4 * n);
+        other.curvature_[i] = curvature_[(coarse_.count - 1 - cell) * 4 * n + i % (4 * n)];
+    }
     if (!torque_) return other;
     for (int i = 0; i <= coarse_.count; ++i) {
         const double *row = terms_.data() + (coarse_.count - i) * 3 * n;
@@ -164,16 +163,6 @@ std::vector<double> PathTables::sizes() const {
     return size;
 }
 
-void PathTables::set_curvature(std::vector<double> bounds, std::vector<double> rates, std::vector<double> jerks) {
-    curvature_ = std::move(bounds), level_rates_ = std::move(rates), level_jerks_ = std::move(jerks);
-}
-
-const double *PathTables::curvature(int coarse_cell, double rate, double jerk) const {
-    std::size_t level = 0;
-    while (level + 1 < level_rates_.size() && (level_rates_[level] < rate || level_jerks_[level] < jerk)) ++level;
-    return curvature_.data() + (level * coarse_.count + coarse_cell) * joints();
-}
-
 void PathTables::torque_terms(double s, double *a, double *b, double *g) const {
     const std::size_t n = joints();
     const int cell = coarse_.at(s);
@@ -231,7 +220,7 @@ double PathTables::overloaded() const {
         bool clear = !curvature_.empty() && (change == load_ends_.end() || *change > end || *change >= length());
         const double *g = terms_.data() + cell * 3 * n + 2 * n, *next = g + 3 * n;
         for (std::size_t j = 0; j < n && clear; ++j) {
-            const double sagitta = 0.125 * coarse_.width * coarse_.width * curvature(cell, 0.0, 0.0)[j];
+            const double sagitta = 0.125 * coarse_.width * coarse_.width * curvature(cell, j, {1.0, 0.0, 0.0});
             clear = std::max(std::fabs(g[j]), std::fabs(next[j])) + sagitta <= limits_.torque[j];
         }
         if (!clear && !stands(begin, end, MOST_CUTS)) return begin;
@@ -253,7 +242,7 @@ bool PathTables::stands(double begin, double end, int cuts) const {
     bool within = true, proved = true;
     for (int cell = coarse_.at(begin); cell <= coarse_.at(end); ++cell)
         for (std::size_t j = 0; j < n; ++j) {
-            const double curved = curvature_.empty() ? 0.0 : curvature(cell, 0.0, 0.0)[j];
+            const double curved = curvature(cell, j, {1.0, 0.0, 0.0});
             within &= most[j] <= limits_.torque[j];
             proved &= most[j] + 0.125 * (end - begin) * (end - begin) * curved <= limits_.torque[j];
         }

@@ -29,6 +29,13 @@ struct Cells {
     int at(double s) const;
 };
 
+// Sizes of a law that bound |tau''|: ds^2, |dds|, dds^2 and ds |ddds|.
+struct LawSizes {
+    double of[4];
+
+    LawSizes(double speed, double rate, double jerk) : of{speed * speed, rate, rate * rate, speed * jerk} {}
+};
+
 // What a path asks of the joints. With speed ds = s', dds = s'' and ddds = s''' of a law s(t) (Verscheure et al. 2009):
 //     q'   = p' ds,      q'' = p'' ds^2 + p' dds,      q''' = p''' ds^3 + 3 p'' ds dds + p' ddds,
 //     tau  = a dds + b ds^2 + g,      a = M p',   b = M p'' + c(p, p'),   g gravity.
@@ -47,10 +54,13 @@ class PathTables {
     const JointRates &limits() const { return limits_; }
     bool limits_torque() const { return torque_; }
 
-    // Bounds (levels, coarse cells, n) on |tau''| in time, N m/s^2, of laws with |s''| <= rates[k], |s'''| <= jerks[k];
-    // levels rise.
-    void set_curvature(std::vector<double> bounds, std::vector<double> rates, std::vector<double> jerks);
-    const double *curvature(int coarse_cell, double rate, double jerk) const;
+    // Factors (coarse cells, 4, n) of the sizes of a law that add up to a bound on |tau''| in time, N m/s^2.
+    void set_curvature(std::vector<double> factors) { curvature_ = std::move(factors); }
+    double curvature(int coarse_cell, std::size_t joint, const LawSizes &law) const {
+        if (curvature_.empty()) return 0.0;
+        const double *at = curvature_.data() + coarse_cell * 4 * joints() + joint;
+        return law.of[0] * at[0] + law.of[1] * at[joints()] + law.of[2] * at[2 * joints()] + law.of[3] * at[3 * joints()];
+    }
 
     // Bounds on |p^(k)|, k from 0 to 4, in coarse cells: (5, coarse cells, n).
     std::vector<double> sizes() const;
@@ -83,7 +93,7 @@ class PathTables {
     std::vector<std::shared_ptr<InverseDynamics>> dynamics_;
     Cells fine_, coarse_;
     std::vector<double> terms_;  // (coarse cells + 1, 3, n): a, b, g
-    std::vector<double> curvature_, level_rates_, level_jerks_;
+    std::vector<double> curvature_;
     bool torque_ = false;
 };
 

@@ -53,6 +53,10 @@ class LawSearch {
     // From a state to a steady speed, in [0, 1]. False where the first step is not possible yet.
     bool change(const LawState &from, double begin, double target, TimeLaw &law) const;
 
+    // The same from where a law is at a time, or as soon after that as limits leave room for it: up to then as before.
+    // It holds torques, too.
+    bool change_along(const TimeLaw &old, double now, double target, TimeLaw &law) const;
+
     // Whether torques hold at all times from t on, by their values and the bounds on their curvature.
     bool holds(const TimeLaw &law, double from) const;
 
@@ -62,6 +66,7 @@ class LawSearch {
     bool holds_between(const LawState &begin, const LawState &end, double ddds, double width,
                        const std::vector<double> (&ends)[2]) const;
     double strongest(const LawState &at, double direction) const;
+    bool begins(const LawState &at, double target, double &direction, double &off) const;
     bool levels_off(const LawState &at, double direction, double target, double &ddds) const;
 
     const PathTables &tables_;
