@@ -277,6 +277,14 @@ class PathLaws:
 class PathWatch:
     @staticmethod
     def of(world: World, breakpoints: _Array, coefficients: _Array, width: float, begin: float) -> PathWatch: ...
+    def add(self, body: Body) -> int: ...
     def blocked(
-        self, law: TimeLaw, now: float, bodies: _Indices, poses: _Array, motions: _Array, margin: float
+        self,
+        law: TimeLaw,
+        now: float,
+        bodies: _Indices,
+        poses: _Array,
+        motions: _Array,
+        margin: float,
+        linger: float = 0.0,
     ) -> tuple[float, int] | None: ...

@@ -150,13 +150,15 @@ def _curvature(motion: Trajectory, loads: Sequence[Load], cells: int) -> Array:
     """
     edges: Array = motion.duration / cells * np.arange(cells + 1.0)
     q, first, second, third, fourth = _sizes(motion, edges)
-    found = np.zeros((len(LEVELS), cells, motion.n))
-    for k, (c2, c3) in enumerate(zip(LEVELS * MOST_RATE, LEVELS * MOST_JERK, strict=True)):
-        jerk, snap = 3.0 * second * c2 + first * c3, 6.0 * third * c2 + 3.0 * second * c2**2 + 4.0 * second * c3
-        rates = np.array([q, first, second + first * c2, third + jerk, fourth + snap])
-        for load in loads:
-            inside = (edges[1:] >= load.begin) & (edges[:-1] <= load.end)
-            found[k, inside] = np.maximum(found[k, inside], bounds_of(load.robot).over(rates[:, inside])[1])
+    c2, c3 = (most * LEVELS[:, None, None] for most in (MOST_RATE, MOST_JERK))
+    jerk, snap = 3.0 * second * c2 + first * c3, 6.0 * third * c2 + 3.0 * second * c2**2 + 4.0 * second * c3
+    every = np.broadcast_arrays(q, first, second + first * c2, third + jerk, fourth + snap)
+    rates, found = np.array(every), np.zeros((len(LEVELS), cells, motion.n))
+    for load in loads:
+        inside = (edges[1:] >= load.begin) & (edges[:-1] <= load.end)
+        of_load = rates[:, :, inside].reshape(5, -1, motion.n)  # all levels at once
+        bounds = bounds_of(load.robot).over(of_load)[1].reshape(len(LEVELS), -1, motion.n)
+        found[:, inside] = np.maximum(found[:, inside], bounds)
     return found
 
 

@@ -38,6 +38,7 @@ std::unique_ptr<PathLaws> make_laws(Vector breakpoints, Stack coefficients, Matr
                static_cast<int>(n)};
     const double *l = limits.data(), *r = rules.data();
     JointRates rates{{l, l + n}, {l + n, l + 2 * n}, {l + 2 * n, l + 3 * n}};
+    const nb::gil_scoped_release release;
     return std::make_unique<PathLaws>(PathTables(std::move(path), std::move(rates), std::move(loads), width),
                                       LawRules{r[0], r[1], r[2], r[3], 0.0});
 }
@@ -68,19 +69,20 @@ nb::tuple set_point(const PathLaws &self, const TimeLaw &law, double t) {
     return nb::make_tuple(to_numpy(std::move(at), {4, n}), state.s, state.ds, state.dds);
 }
 
-std::unique_ptr<PathWatch> make_watch(const World &world, Vector breakpoints, Stack coefficients, double width,
+std::unique_ptr<PathWatch> make_watch(World &world, Vector breakpoints, Stack coefficients, double width,
                                       double begin) {
     const std::size_t n = coefficients.shape(2);
     expect(breakpoints.size() == coefficients.shape(0) + 1, "breakpoints (m + 1,), coefficients (m, degree + 1, n)");
     expect(static_cast<int>(n) == world.tree().planned, "a path of the world's joints");
     const Curve path{to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1,
                      static_cast<int>(n)};
+    const nb::gil_scoped_release release;
     return std::make_unique<PathWatch>(world, path, width, begin);
 }
 
 // `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time. The place and the pair; None where nothing blocks.
 std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now, Indices bodies, Stack poses,
-                                 Matrix motions, double margin) {
+                                 Matrix motions, double margin, double linger) {
     const std::size_t count = bodies.size();
     expect(poses.shape(0) == count && poses.shape(1) == 4 && poses.shape(2) == 4, "poses (k, 4, 4)");
     expect(motions.shape(0) == count && motions.shape(1) == 5, "velocity, spread and time (k, 5)");
@@ -90,7 +92,7 @@ std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now
         expect(bodies.data()[k] >= 0 && bodies.data()[k] < self.bodies(), "bodies of the world");
         seen.push_back({static_cast<int>(bodies.data()[k]), pose_at(poses.data() + 16 * k), vec3_at(m), m[3], m[4]});
     }
-    const Blocked found = self.blocked(law, now, seen, margin);
+    const Blocked found = self.blocked(law, now, seen, margin, linger);
     if (found.pair < 0) return std::nullopt;
     return nb::make_tuple(found.s, found.pair);
 }
@@ -137,7 +139,14 @@ void bind_execution(nb::module_ &m) {
     nb::class_<PathWatch>(m, "PathWatch")
         .def_static("of", &make_watch, "world"_a, "breakpoints"_a, "coefficients"_a, "width"_a, "begin"_a,
                     nb::keep_alive<0, 1>())
-        .def("blocked", &blocked, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a);
+        .def(
+            "add",
+            [](PathWatch &self, const Body &body) {
+                expect(body.joint == 0, "a body that no joint carries");
+                return self.add(body);
+            },
+            "body"_a)
+        .def("blocked", &blocked, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a, "linger"_a = 0.0);
 }
 
 }  // namespace optiplan

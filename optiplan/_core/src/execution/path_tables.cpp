@@ -150,11 +150,17 @@ double PathTables::overloaded() const {
     for (int i = 0; i < fine_.count; ++i) {
         const double begin = i * fine_.width, end = std::min((i + 1) * fine_.width, length());
         std::fill(most.begin(), most.end(), 0.0);
-        for (int load = load_at(begin, false); load <= load_at(end, true); ++load)
-            for (double s : {begin, end}) {
-                derivatives(s, at.data());
-                dynamics_[load]->torques(at.data(), zero.data(), zero.data(), g.data());
-                for (std::size_t j = 0; j < n; ++j) most[j] = std::max(most[j], std::fabs(g[j]));
+        const int first = load_at(begin, false), last = load_at(end, true);
+        for (int load = first; load <= last; ++load)
+            for (int k = i; k <= i + 1; ++k) {
+                const double s = std::min(k * fine_.width, length());
+                const double *at_end = terms_.data() + (k * 3 + 2) * n;
+                if (load_at(s, false) != load) {  // those of the load after it are in the table
+                    derivatives(s, at.data());
+                    dynamics_[load]->torques(at.data(), zero.data(), zero.data(), g.data());
+                    at_end = g.data();
+                }
+                for (std::size_t j = 0; j < n; ++j) most[j] = std::max(most[j], std::fabs(at_end[j]));
             }
         for (int cell = coarse_.at(begin); cell <= coarse_.at(end); ++cell)
             for (std::size_t j = 0; j < n; ++j) {
