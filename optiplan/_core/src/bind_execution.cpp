@@ -80,7 +80,7 @@ std::unique_ptr<PathWatch> make_watch(World &world, Vector breakpoints, Stack co
     return std::make_unique<PathWatch>(world, path, width, begin);
 }
 
-// `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time. The place and the pair; None where nothing blocks.
+// `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time. The place and both bodies; None where nothing blocks.
 std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now, Indices bodies, Stack poses,
                                  Matrix motions, double margin, double linger) {
     const std::size_t count = bodies.size();
@@ -94,7 +94,8 @@ std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now
     }
     const Blocked found = self.blocked(law, now, seen, margin, linger);
     if (found.pair < 0) return std::nullopt;
-    return nb::make_tuple(found.s, found.pair);
+    const Pair &pair = self.pair(found.pair);
+    return nb::make_tuple(found.s, pair.a, pair.b);
 }
 
 }  // namespace

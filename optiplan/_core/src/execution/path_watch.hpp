@@ -31,6 +31,7 @@ class PathWatch {
   public:
     PathWatch(World &world, const Curve &path, double width, double begin);
 
+    const Pair &pair(int index) const { return world_.pairs()[index]; }
     std::int64_t bodies() const { return static_cast<std::int64_t>(of_body_.size()); }
 
     // Adds an obstacle that the path was not proved against, and returns its index.
