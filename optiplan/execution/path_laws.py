@@ -132,6 +132,25 @@ class PathLaws:
                 return law
         return None
 
+    def then_stop(self, law: "TimeLaw", t: float) -> "TimeLaw":
+        """Return a law as it is until time t, s, and from there the stop, which begins as soon as limits leave room.
+
+        It is one law until the robot stands still: `SceneWatch.blocked` checks all of it.
+
+        Holds at: all times, where it does for the law.
+        """
+        wait = SHORTEST_STEP
+        while True:
+            place = PathPlace(*law.at(t))
+            if place.s >= self.motion.duration:  # at rest there, whatever the law
+                return law
+            stop = self.change(place, t, 0.0)
+            if stop is not None:
+                return law.then(stop)
+            if t >= law.settled:
+                return law
+            t, wait = min(t + wait, law.settled), 2.0 * wait
+
     def steady(self, s: float, speed: float, begin: float) -> "TimeLaw":
         """Return the law of a steady speed in [0, 1], which every verified motion admits."""
         return core.TimeLaw.steady(s, speed, begin)

@@ -91,6 +91,10 @@ class SceneWatch:
                 return BlockedPlace(stretch.place(found.place), found.pair)
         return None
 
+    def over(self, path: ProvedPath) -> "SceneWatch":
+        """Return the same of another path."""
+        return SceneWatch(path, self._margin, self._linger)
+
     def prepare(self, stretch: PathStretch) -> None:
         """Make what a stretch needs, which takes milliseconds, before the first question about it."""
         self._parts(stretch)

@@ -80,9 +80,8 @@ std::unique_ptr<PathWatch> make_watch(World &world, Vector breakpoints, Stack co
     return std::make_unique<PathWatch>(world, path, width, begin);
 }
 
-// `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time. The place and both bodies; None where nothing blocks.
-std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now, Indices bodies, Stack poses,
-                                 Matrix motions, double margin, double linger) {
+// `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time.
+std::vector<Seen> seen_of(const PathWatch &self, Indices bodies, Stack poses, Matrix motions) {
     const std::size_t count = bodies.size();
     expect(poses.shape(0) == count && poses.shape(1) == 4 && poses.shape(2) == 4, "poses (k, 4, 4)");
     expect(motions.shape(0) == count && motions.shape(1) == 5, "velocity, spread and time (k, 5)");
@@ -92,10 +91,25 @@ std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now
         expect(bodies.data()[k] >= 0 && bodies.data()[k] < self.bodies(), "bodies of the world");
         seen.push_back({static_cast<int>(bodies.data()[k]), pose_at(poses.data() + 16 * k), vec3_at(m), m[3], m[4]});
     }
-    const Blocked found = self.blocked(law, now, seen, margin, linger);
+    return seen;
+}
+
+// The place and both bodies; None where nothing blocks.
+std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now, Indices bodies, Stack poses,
+                                 Matrix motions, double margin, double linger) {
+    const Blocked found = self.blocked(law, now, seen_of(self, bodies, poses, motions), margin, linger);
     if (found.pair < 0) return std::nullopt;
     const Pair &pair = self.pair(found.pair);
     return nb::make_tuple(found.s, pair.a, pair.b);
+}
+
+// The place, both bodies and the slack, m; None where all are farther apart.
+std::optional<nb::tuple> nearest(PathWatch &self, const TimeLaw &law, double now, Indices bodies, Stack poses,
+                                 Matrix motions, double margin, double most) {
+    const Blocked found = self.nearest(law, now, seen_of(self, bodies, poses, motions), margin, most);
+    if (found.pair < 0) return std::nullopt;
+    const Pair &pair = self.pair(found.pair);
+    return nb::make_tuple(found.s, pair.a, pair.b, found.slack);
 }
 
 }  // namespace
@@ -114,6 +128,7 @@ void bind_execution(nb::module_ &m) {
                 return nb::make_tuple(state.s, state.ds, state.dds);
             },
             "t"_a)
+        .def("then", &TimeLaw::then, "next"_a)
         .def("pieces", [](const TimeLaw &self) {  // begin, s, ds, dds, ddds
             std::vector<double> rows;
             for (const LawPiece &piece : self.pieces)
@@ -147,7 +162,8 @@ void bind_execution(nb::module_ &m) {
                 return self.add(body);
             },
             "body"_a)
-        .def("blocked", &blocked, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a, "linger"_a = 0.0);
+        .def("blocked", &blocked, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a, "linger"_a = 0.0)
+        .def("nearest", &nearest, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a, "most"_a);
 }
 
 }  // namespace optiplan

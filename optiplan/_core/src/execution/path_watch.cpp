@@ -110,15 +110,16 @@ int PathWatch::struck(double here, double from, const Seen &seen, double margin,
     return -1;
 }
 
-Blocked PathWatch::blocked(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin,
-                           double linger) {
+Blocked PathWatch::search(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin,
+                          double most, bool first) {
     const double here = law.at(now).s, rest = std::max(law.settled(), now);
     double enters = now;
-    bool first = true;
+    bool begins = true;
+    Blocked found{0.0, -1, most};
     for (const Cell &cell : cells_) {
         if (cell.end <= here) continue;
-        if (first && cell.begin > here) enters = arrival(law, cell.begin, now);
-        first = false;
+        if (begins && cell.begin > here) enters = arrival(law, cell.begin, now);
+        begins = false;
         if (std::isinf(enters)) break;  // it stands still before that
         const double leaves = arrival(law, cell.end, enters),
                      last = std::isinf(leaves) ? std::max(rest, enters) : leaves;
@@ -132,21 +133,29 @@ Blocked PathWatch::blocked(const TimeLaw &law, double now, const std::vector<See
             const double strays = 0.5 * (last - enters) * speed + std::max(last - seen.time, 0.0) * seen.spread;
             put(seen, middle);
             for (const Watched &one : of_body_[seen.body]) {
-                const double gap = cell.travel[one.mover] + strays + margin;
+                const double needed = cell.travel[one.mover] + strays + margin, gap = needed + found.slack;
                 if (world_.balls_apart(at_, one.pair, gap) || world_.lower_bound(at_, one.pair) > gap) continue;
-                if (world_.gap(at_, one.pair, gap) > gap) continue;
-                return {std::max(cell.begin, here), one.pair};
+                const double distance = world_.gap(at_, one.pair, gap);
+                if (distance > gap) continue;
+                found = {std::max(cell.begin, here), one.pair, distance - needed};
+                if (first) return found;
             }
         }
         enters = leaves;
     }
-    if (linger == 0.0 || cells_.empty()) return {0.0, -1};
+    return found;
+}
+
+Blocked PathWatch::blocked(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin,
+                           double linger) {
+    const Blocked found = search(law, now, obstacles, margin, 0.0, true);
+    if (found.pair >= 0 || linger == 0.0 || cells_.empty()) return found;
     const double end = cells_.back().end, stops = rests(law, end, now);
-    if (std::isinf(stops)) return {0.0, -1};
+    if (std::isinf(stops)) return found;
     const double there = std::min(law.at(stops).s, end);
     for (const Seen &seen : obstacles)
-        if (const int pair = struck(there, stops, seen, margin, linger); pair >= 0) return {there, pair};
-    return {0.0, -1};
+        if (const int pair = struck(there, stops, seen, margin, linger); pair >= 0) return {there, pair, 0.0};
+    return found;
 }
 
 }  // namespace optiplan

@@ -18,10 +18,12 @@ struct Seen {
     double spread, time;  // time: of the law's clock, s
 };
 
-// The first place of the path at which a body may come too near, with the pair; pair -1: none does.
+// A place of the path at which a body may come too near, with the pair, and by how much their distance exceeds what is
+// needed there, m; pair -1: none does.
 struct Blocked {
     double s;
     int pair;
+    double slack;
 };
 
 // In each cell of the path the robot's bodies stand where they are in its middle, and no pair's distance changes by
@@ -43,6 +45,11 @@ class PathWatch {
     Blocked blocked(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin,
                     double linger = 0.0);
 
+    // Where on this way the least is left of the distance, of what is below `most`, m.
+    Blocked nearest(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin, double most) {
+        return search(law, now, obstacles, margin, most, false);
+    }
+
   private:
     struct Cell {
         double begin, end;           // of the law's s
@@ -54,6 +61,9 @@ class PathWatch {
         int pair, mover;  // of the world; place in `moving_`
     };
 
+    // The first place, or that of the least, at which no more than `most` is left.
+    Blocked search(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin, double most,
+                   bool first);
     void watch(int pair);
     void put(const Seen &seen, double t);
     int struck(double here, double from, const Seen &seen, double margin, double linger);
