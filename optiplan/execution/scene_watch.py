@@ -68,7 +68,7 @@ class SceneWatch:
     """
 
     def __init__(self, path: ProvedPath, margin: float, linger: float = 0.0) -> None:
-        self._path, self._margin, self._linger = path, margin, linger
+        self._path, self.margin, self._linger = path, margin, linger
         self._watches: dict[int, list[_PartWatch]] = {}
 
     @property
@@ -86,14 +86,14 @@ class SceneWatch:
         rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
         for part in parts:
             last = part is parts[-1] or part.begin <= rest <= part.end
-            found = part.blocked(law, now, seen, self._margin, self._linger if last else 0.0)
+            found = part.blocked(law, now, seen, self.margin, self._linger if last else 0.0)
             if found is not None:
                 return BlockedPlace(stretch.place(found.place), found.pair)
         return None
 
     def over(self, path: ProvedPath) -> "SceneWatch":
         """Return the same of another path."""
-        return SceneWatch(path, self._margin, self._linger)
+        return SceneWatch(path, self.margin, self._linger)
 
     def prepare(self, stretch: PathStretch) -> None:
         """Make what a stretch needs, which takes milliseconds, before the first question about it."""
