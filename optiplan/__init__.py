@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from optiplan.control.tasks.whole_body import CentreOfMassTask, ManipulabilityTask
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.execution.executor import Executor
+    from optiplan.execution.policy import Policy
     from optiplan.execution.status import Status, Stopping, Tick
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
@@ -111,6 +112,7 @@ _ROOMS = {
     "control.tasks.whole_body": ("CentreOfMassTask", "ManipulabilityTask"),
     "errors": ("InputError", "OptiPlanError"),
     "execution.executor": ("Executor",),
+    "execution.policy": ("Policy",),
     "execution.status": ("Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),

@@ -1,9 +1,10 @@
 """`Executor`: the set-points of a verified run, one a tick, at a speed that changes on the way."""
 
 import math
+import weakref
 from collections import deque
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -11,12 +12,14 @@ from optiplan.arrays import is_finite
 from optiplan.errors import OptiPlanError, wrong_argument
 from optiplan.execution.arguments import is_share, same_state, told
 from optiplan.execution.path_laws import PathPlace, SetPoint
+from optiplan.execution.planning_process import PlanningProcess
+from optiplan.execution.policy import Policy, Reaction
 from optiplan.execution.proved_path import PathStretch, ProvedPath
-from optiplan.execution.scene_watch import BlockedPlace
-from optiplan.execution.seen_scene import SeenScene
+from optiplan.execution.scene_watch import BlockedPlace, SceneWatch
+from optiplan.execution.seen_scene import SceneUpdate, SeenScene
 from optiplan.execution.status import Phase, Status, Stopping, Tick
 from optiplan.execution.tracking_monitor import TrackingMonitor
-from optiplan.geometry.pose import Pose, Values
+from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.state import State
@@ -37,6 +40,19 @@ STOP_PLACES = 200
 """Places of a motion for which `stopping` gives the stop."""
 
 
+class NextPath(NamedTuple):
+    """The path that is to take over at `then`, s; `since`, s, is the scene known that it was planned in.
+
+    `number`: of the planning process; 0: it is from `splice`.
+    """
+
+    then: float
+    path: ProvedPath
+    since: float
+    watch: SceneWatch | None = None
+    number: int = 0
+
+
 class Executor:
     """Run a verified motion without leaving what was proved.
 
@@ -50,13 +66,14 @@ class Executor:
         override: speed at the start, 0 to 1.
         deviation: how far a measured joint may be from its set-point, rad or m, before the robot stops; None: anything.
         clearance: distance to keep from obstacles that `update_scene` moves, m.
+        policy: what is done where they block the path: an `op.Policy`, or the name of its reaction.
 
     Attributes:
         run: the run that is being executed.
         time: since the first tick, s.
 
     Raises:
-        InputError: the run is not verified, or its proof holds for its own timing alone.
+        InputError: the run is not verified, or its proof holds for its own timing alone; `replan` of a task or vias.
 
     Example:
         >>> import optiplan as op
@@ -69,7 +86,13 @@ class Executor:
     """
 
     def __init__(
-        self, run: Run, *, override: float = 1.0, deviation: float | None = None, clearance: float = 0.0
+        self,
+        run: Run,
+        *,
+        override: float = 1.0,
+        deviation: float | None = None,
+        clearance: float = 0.0,
+        policy: Policy | Reaction = "wait",
     ) -> None:
         if not isinstance(run, Run):
             raise wrong_argument("Executor", "run", told(run), "a verified run of op.plan(…)")
@@ -80,17 +103,25 @@ class Executor:
         if not (is_finite(clearance) and clearance >= 0.0):
             raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
         self._path = ProvedPath(run, "Executor")
-        self._scene = SeenScene(self._path, float(clearance))
+        self._policy = Policy.of(policy)
+        watch = SceneWatch(self._path, float(clearance), self._policy.linger)
+        self._scene = SeenScene(watch)
+        self._planning: PlanningProcess | None = None
+        if self._policy.reaction != "wait":
+            watch.prepare(self._path.forwards)
+        if self._policy.reaction == "replan":
+            self._planning = PlanningProcess(run, watch, self._policy)
+            weakref.finalize(self, self._planning.close)
         self._tracking = TrackingMonitor(deviation)
         self._stretch: PathStretch = self._path.forwards
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
-        self._law: TimeLaw = self._start_law(self._path, float(override))
+        self._law: TimeLaw = self._first_law(self._path, float(override), 0.0)
         self._held: Literal["", "paused", "waiting", "stopped"] = "" if override > 0.0 else "paused"
         self._reason = ""
         self._seen = -math.inf  # the place up to which events are done
         self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
-        self._next: tuple[float, ProvedPath, float] | None = None  # when it takes over, and when it was handed over
+        self._next: NextPath | None = None
         self._pending = False
         self._backwards = False
         self._missed: tuple[Segment, ...] = ()
@@ -137,15 +168,15 @@ class Executor:
         self._aim()
 
     def update_scene(
-        self, poses: Mapping[str, Pose], velocities: Mapping[str, Values] | None = None, spread: float = 0.0
+        self, poses: SceneUpdate, velocities: Mapping[str, Values] | None = None, spread: float = 0.0
     ) -> None:
-        """Obstacles of the scene have moved: check the rest of the path against them, now.
+        """Obstacles have moved, appeared or vanished: check the rest of the path against them, now.
 
-        Where they block it, the robot stops along the path and waits; a later update that leaves the path clear lets it
-        go on. Nothing raises here: an update that cannot be used ends in a stop.
+        Where they block it, the policy decides: by default the robot stops along the path and waits; a later update
+        that leaves the path clear lets it go on. Nothing raises here: an update that cannot be used ends in a stop.
 
         Args:
-            poses: of obstacles of the scene, by name.
+            poses: by name: the pose of a known obstacle, another one (`op.Sphere(…)` …), or None for one that is gone.
             velocities: (3,) m/s, of the frames of some of them; the others stand still.
             spread: m/s; how fast they may depart from that course, in any direction.
         """
@@ -153,6 +184,8 @@ class Executor:
         if reason:
             self.stop(reason)
             return
+        if self._next is not None and self._next.number and self._blocked_next(self._next):
+            self._next = None
         if self._held == "waiting" and self._next is None:
             ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
             if ahead is not None and self._blocked(ahead) is None:
@@ -164,18 +197,59 @@ class Executor:
     def _blocked(self, law: "TimeLaw") -> BlockedPlace | None:
         return self._scene.blocked(self._stretch, law, self.time)
 
+    def _blocked_next(self, coming: NextPath) -> bool:
+        law = self._first_law(coming.path, self._override, coming.then)
+        scene = self._scene.over(coming.path, coming.since, coming.watch)
+        return scene.blocked(coming.path.forwards, law, coming.then) is not None
+
     def _yield(self) -> None:
-        """Wait, where obstacles that were seen block the way of the law."""
+        """Do as the policy says, where obstacles that were seen block the way of the law."""
         found = self._blocked(self._law)
-        if found is None:
-            return
-        if not self._held:
-            self._held, self._next = "waiting", None
+        if found is not None and not self._held:
+            self._held, self._next = "stopped" if self._policy.reaction == "stop" else "waiting", None
             self._reason = f"'{found.pair[0]}' would meet '{found.pair[1]}' at {found.place:.3f} s of the path"
-            self._lead()
+            self._avoid()
+            found = self._blocked(self._law)
+        elif self._held == "waiting" and self._next is None and (found or self._policy.reaction == "slow"):
+            self._avoid()
             found = self._blocked(self._law)
         if found is not None and TOO_LATE not in self._reason:
             self._reason += f"; {TOO_LATE}" if self._reason else TOO_LATE
+        if self._held == "waiting" and self._next is None and self._planning is not None and not self._backwards:
+            self._planning.seek(self._law, self.time, self.state_in, self._scene)
+
+    def _avoid(self) -> None:
+        """Follow a law that is clear until the robot stands still, or stop now."""
+        clear = self._policy.law(
+            self._stretch.laws, self._law, self.time, self._override, lambda law: self._blocked(law) is not None
+        )
+        if clear is None and not self._stands:
+            clear = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, 0.0)
+        if clear is not None:
+            self._law, self._wanted, self._pending = clear, 0.0, False
+        else:  # as soon as limits leave room
+            self._lead()
+
+    @property
+    def _stands(self) -> bool:
+        return self._law.target == 0.0 and self._law.settled <= self.time
+
+    def _accept(self, planning: PlanningProcess) -> None:
+        """Let a path of the policy take over, if it came in time and is clear."""
+        if planning.lost:
+            self._planning = None
+            self.stop("the planning process has ended")
+            return
+        planned = planning.answer()
+        if planned is None or planned.path is None or self._held != "waiting" or self._next is not None:
+            return
+        stands = self._stands and planned.path.starts_at_rest
+        then = max(planned.then, self.time) if stands else planned.then
+        if planned.law is not self._law or then < self.time:
+            return
+        coming = NextPath(then, planned.path, planned.since, planned.watch, planned.number)
+        if not self._blocked_next(coming):
+            self._next = coming
 
     def state_in(self, latency: float) -> State:
         """Return the state of the robot `latency` s from now, if nothing is changed until then.
@@ -222,7 +296,7 @@ class Executor:
         if then < self.time:
             return f"the motion that was to take over came {self.time - then:.3f} s late"
         try:
-            self._next = then, ProvedPath(run, "Executor.splice"), self.time
+            self._next = NextPath(then, ProvedPath(run, "Executor.splice"), self.time)
         except OptiPlanError as error:
             return f"the motion that was to take over: {error}"
         return ""
@@ -237,8 +311,10 @@ class Executor:
             measured: positions of the joints (n,), rad or m, or a `State`; None: not measured.
         """
         step = self._checked_step(dt)
-        if self._next is not None and self.time + step >= self._next[0]:
-            self._take_over()
+        if self._planning is not None:
+            self._accept(self._planning)
+        if self._next is not None and self.time + step >= self._next.then:
+            self._take_over(self._next)
         self.time += step
         if self._pending and self._replace_law():
             self._yield()
@@ -271,9 +347,9 @@ class Executor:
             travel[k] = T - s if law is None else min(law.at(law.settled)[0], T) - s
         return Stopping(place, time, travel)
 
-    def _start_law(self, path: ProvedPath, speed: float) -> "TimeLaw":
+    def _first_law(self, path: ProvedPath, speed: float, begin: float) -> "TimeLaw":
         """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan."""
-        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, self.time)
+        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, begin)
 
     def _aim(self) -> None:
         """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
@@ -322,15 +398,19 @@ class Executor:
         self._stretch, self._law = stretch, stretch.laws.steady(s, 0.0, self.time)
         self._aim()
 
-    def _take_over(self) -> None:
-        assert self._next is not None
-        then, path, since = self._next
+    def _take_over(self, coming: NextPath) -> None:
+        self._next = None
+        if coming.number and self._planning is not None:
+            if self._held != "waiting":
+                return
+            self._held, self._reason, self._planning.number = "", "", coming.number
+        path, then = coming.path, coming.then
         self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
-        self._path, self._stretch, self._next = path, path.forwards, None
-        self._scene = self._scene.over(path, since)
+        self._path, self._stretch = path, path.forwards
+        self._scene = self._scene.over(path, coming.since, coming.watch)
         self._seen, self._backwards = -math.inf, False
         self._wanted = 0.0 if self._held else self._override
-        self._law = path.forwards.laws.steady(0.0, self._wanted if path.starts_at_rest else 1.0, then)
+        self._law = self._first_law(path, self._wanted, then)
         self._pending = self._wanted != self._law.target
         if not self._pending:
             self._yield()

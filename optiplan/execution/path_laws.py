@@ -22,6 +22,8 @@ from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Limits, Robot
+from optiplan.trajectory import polynomial
+from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.torque import bounds_of
 from optiplan.verify.report import VerifyPolicy
@@ -95,7 +97,6 @@ class PathLaws:
         loads: of all its stretches, in order.
 
     Attributes:
-        motion: the motion, forwards.
         length: s of a law at the end of its path.
 
     Raises:
@@ -105,7 +106,7 @@ class PathLaws:
     def __init__(self, motion: Trajectory, limits: Limits, loads: Sequence[Load]) -> None:
         if core is None:
             raise OptiPlanError("execution needs the native core of optiplan, which is not built: make core")
-        self.motion, self.length = motion, motion.duration
+        self._forwards, self.length, self._back = motion, motion.duration, False
         share = 1.0 + VerifyPolicy().limit_tolerance
         rates = np.array([limits.acceleration * share, limits.jerk * share, limits.torque * share])
         self._core: CoreLaws = core.PathLaws.of(
@@ -121,6 +122,14 @@ class PathLaws:
             self._core.set_curvature(_curvature(self._core.sizes(), motion.duration, loads))
 
     @property
+    def motion(self) -> Trajectory:
+        """The path, in the direction of the laws, up to where they end."""
+        T = self._forwards.duration
+        if self._back:
+            return reversed_motion(cut_trajectory(self._forwards, T - self.length, T))
+        return self._forwards if self.length == T else cut_trajectory(self._forwards, 0.0, self.length)
+
+    @property
     def overloaded(self) -> float | None:
         """The first s at which gravity alone takes more torque than allowed; None where it nowhere does."""
         found = self._core.overloaded
@@ -129,7 +138,7 @@ class PathLaws:
     def mirrored(self) -> "PathLaws":
         """Return the laws from the end of the motion to its start, without computing anything again."""
         back = copy(self)
-        back._core = self._core.mirrored()
+        back._core, back._back = self._core.mirrored(), True
         return back
 
     def until(self, length: float) -> "PathLaws":
@@ -161,6 +170,18 @@ class PathLaws:
             if found is not None:
                 return found
         return None
+
+    def then_stop(self, law: "TimeLaw", t: float) -> "TimeLaw":
+        """Return a law as it is until time t, s, and from there the stop, which begins as soon as limits leave room.
+
+        It is one law until the robot stands still: `SceneWatch.blocked` checks all of it.
+
+        Holds at: all times, where it does for the law.
+        """
+        if law.at(t)[0] >= self.length:  # at rest there, whatever the law
+            return law
+        stop = self.change_along(law, t, 0.0)
+        return law if stop is None else law.then(stop)
 
     def steady(self, s: float, speed: float, begin: float) -> "TimeLaw":
         """Return the law of a steady speed in [0, 1], which every verified motion admits."""
@@ -201,3 +222,11 @@ def _curvature(sizes: Array, duration: float, loads: Sequence[Load]) -> Array:
         factors /= np.array([1.0, PROBES[1, 0], PROBES[1, 0] ** 2, PROBES[3, 1]])[:, None, None]
         found[:, inside] = np.maximum(found[:, inside], factors)
     return np.ascontiguousarray(found.transpose(1, 0, 2)) * (1.0 + ROUNDED)
+
+
+def reversed_motion(motion: Trajectory) -> Trajectory:
+    """Return the same path from its end to its start: p(T - s)."""
+    widths = motion.widths[::-1]
+    moved = polynomial.shifted(motion.coefficients[::-1], widths)
+    moved *= (-1.0) ** np.arange(moved.shape[1])[:, None]
+    return Trajectory(motion.joint_names, np.concatenate([[0.0], motion.duration - motion.breakpoints[-2::-1]]), moved)

@@ -9,9 +9,10 @@ import pinocchio as pin
 
 from optiplan._core import core
 from optiplan.arrays import Array
-from optiplan.collision.native_model import NativeCollisionModel
+from optiplan.collision.native_model import NativeCollisionModel, standing_body
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.geometry.scene import Scene
+from optiplan.geometry.shape import Shape
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -27,7 +28,8 @@ class SeenObstacle:
     """An obstacle as it was seen at a time of the executor.
 
     Attributes:
-        name: in the scene.
+        name: of the obstacle.
+        shape: in its own frame.
         X_WO: pose of its frame in the world.
         velocity: (3,), of that frame, m/s.
         spread: m/s; it may be anywhere within this speed times the time since, around where its velocity leads.
@@ -35,6 +37,7 @@ class SeenObstacle:
     """
 
     name: str
+    shape: Shape
     X_WO: pin.SE3
     velocity: Array
     spread: float
@@ -52,18 +55,21 @@ class SceneWatch:
     """The rest of a proved path among obstacles that move.
 
     In cells of 4 ms of the path, a pair is clear if its distance in the middle exceeds what the robot and the obstacle
-    travel until the cell is left. Distances are those of the native core. Only obstacles that were seen are queried.
+    travel until the cell is left. Distances are those of the native core. Only obstacles that were seen are queried,
+    those of the run's scene and others.
 
-    Holds at: all times of a law until the robot stands still.
+    Holds at: all times of a law until the robot stands still, and `linger` s after that for obstacles that keep their
+    velocity.
 
     Args:
         path: its run gives robot and scene.
-        margin: distance to keep from the obstacles that moved, m.
+        margin: distance to keep from the obstacles that were seen, m.
+        linger: s, for which obstacles are followed where the robot stands still.
     """
 
-    def __init__(self, path: ProvedPath, margin: float) -> None:
-        self._path, self._margin = path, margin
-        self._watches: list[_PartWatch] = []
+    def __init__(self, path: ProvedPath, margin: float, linger: float = 0.0) -> None:
+        self._path, self.margin, self._linger = path, margin, linger
+        self._watches: dict[int, list[_PartWatch]] = {}
 
     @property
     def scene(self) -> Scene:
@@ -76,56 +82,99 @@ class SceneWatch:
         """Return what is blocked of the way that a law leads from `now` on, first in time; None if nothing is."""
         if not seen:
             return None
-        for part in self._parts()[:: 1 if stretch.direction > 0.0 else -1]:
-            found = part.blocked(stretch, law, now, seen, self._margin)
+        parts = self._parts(stretch)
+        rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
+        for part in parts:
+            last = part is parts[-1] or part.begin <= rest <= part.end
+            found = part.blocked(law, now, seen, self.margin, self._linger if last else 0.0)
             if found is not None:
-                return found
+                return BlockedPlace(stretch.place(found.place), found.pair)
         return None
 
-    def _parts(self) -> "list[_PartWatch]":
-        """Return a watch of each part of the path with a scene of its own, in order."""
-        if not self._watches:
-            motion = self._path.motion
+    def over(self, path: ProvedPath) -> "SceneWatch":
+        """Return the same of another path."""
+        return SceneWatch(path, self.margin, self._linger)
+
+    def prepare(self, stretch: PathStretch) -> None:
+        """Make what a stretch needs, which takes milliseconds, before the first question about it."""
+        self._parts(stretch)
+
+    def _parts(self, stretch: PathStretch) -> "list[_PartWatch]":
+        """Return a watch of each part of a stretch with a scene of its own, in the order in which they are passed."""
+        key = id(stretch)
+        if key not in self._watches:
+            motion, found = stretch.laws.motion, list[_PartWatch]()
             for part in self._path.parts:
-                begin, end = max(part.begin, 0.0), min(part.end, motion.duration)
+                begin, end = sorted(stretch.direction * (place - stretch.start) for place in (part.begin, part.end))
+                begin, end = max(begin, 0.0), min(end, motion.duration)
                 if end > begin:
                     whole = (begin, end) == (0.0, motion.duration)
                     cut = motion if whole else cut_trajectory(motion, begin, end)
                     model = NativeCollisionModel(part.problem.robot, part.problem.scene)
-                    self._watches.append(_PartWatch(model, cut, begin))
-        return self._watches
+                    found.append(_PartWatch(model, cut, begin))
+            self._watches[key] = sorted(found, key=lambda part: part.begin)
+        return self._watches[key]
 
 
 class _PartWatch:
     """A part of a path in which what is held stays the same."""
 
     def __init__(self, model: NativeCollisionModel, motion: Trajectory, begin: float) -> None:
-        self.begin, self._model = begin, model
-        self._names = {name: k for k, name in enumerate(model.names)}
+        self.begin, self.end, self._model = begin, begin + motion.duration, model
+        bodies = (*model.scene.obstacles, *model.scene.attached)
+        places = {name: k for k, name in enumerate(model.names)}
+        self._known = {body.name: (body.shape, places[body.name]) for body in bodies}
+        self._added: list[tuple[str, Shape, int | None]] = []  # the body of each; None: the core does not know it
         self._core: PathWatch | None = None
         if model.world is not None:
             self._core = core.PathWatch.of(model.world, motion.breakpoints, motion.coefficients, CELL, begin)
 
     def blocked(
-        self, stretch: PathStretch, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float
+        self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float, linger: float
     ) -> BlockedPlace | None:
         """See `SceneWatch.blocked`; a scene that the core does not know is blocked everywhere."""
-        if self._core is None:
-            return BlockedPlace(max(stretch.place(law.at(now)[0]), self.begin), (self._model.unknown[0], "the robot"))
-        here = [one for one in seen if one.name in self._names]
-        if not here:
-            return None
+        unknown = "" if self._core is not None else self._model.unknown[0]
+        bodies = [] if self._core is None else [self._body(one, seen) for one in seen]
+        if None in bodies:
+            unknown = seen[bodies.index(None)].name
+        if self._core is None or unknown:
+            return BlockedPlace(max(law.at(now)[0], self.begin), (unknown, "the robot"))
         found = self._core.blocked(
             law,
-            np.array([stretch.start, stretch.direction, stretch.laws.length]),
             now,
-            np.array([self._names[one.name] for one in here], dtype=np.int64),
-            np.array([one.X_WO.homogeneous for one in here]),
-            np.array([[*one.velocity, one.spread, one.time] for one in here]),
+            np.array(bodies, dtype=np.int64),
+            np.array([one.X_WO.homogeneous for one in seen]),
+            np.array([[*one.velocity, one.spread, one.time] for one in seen]),
             margin,
+            linger,
         )
         if found is None:
             return None
-        s, index = found
-        pair = self._model.pairs[index]
-        return BlockedPlace(stretch.place(s), (self._model.names[pair.a], self._model.names[pair.b]))
+        place, a, b = found
+        return BlockedPlace(place, (self._name(a), self._name(b)))
+
+    def _body(self, one: SeenObstacle, seen: Sequence[SeenObstacle]) -> int | None:
+        """Return the body of an obstacle, added where there is none of its shape yet; None: the core does not know it.
+
+        Bodies of obstacles that are not seen any more are taken again.
+        """
+        shape, known = self._known.get(one.name, (None, 0))
+        if shape is not None and _same(shape, one.shape):
+            return known
+        for k, (name, shape, body) in enumerate(self._added):
+            if _same(shape, one.shape) and (name == one.name or all(other.name != name for other in seen)):
+                self._added[k] = one.name, shape, body
+                return body
+        made = standing_body(one.shape)
+        assert self._core is not None
+        self._added.append((one.name, one.shape, None if made is None else self._core.add(made)))
+        return self._added[-1][2]
+
+    def _name(self, body: int) -> str:
+        if body < len(self._model.names):
+            return self._model.names[body]
+        return next(name for name, _, added in self._added if added == body)
+
+
+def _same(one: Shape, other: Shape) -> bool:
+    return one is other or (type(one) is type(other) and one.same_body(other))

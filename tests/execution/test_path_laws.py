@@ -65,6 +65,36 @@ def test_a_law_leads_to_its_speed_or_to_the_end(run_of):
     assert late is None or late.at(late.settled)[0] <= run.duration
 
 
+@pytest.mark.parametrize("name", ["01_reach", "09_ur5"])
+def test_a_law_for_a_while_and_then_the_stop_is_one_law_within_the_limits(run_of, name):
+    run = run_of(name)
+    laws, rng = laws_of(run), np.random.default_rng(5)
+    for place in rng.uniform(0.05, 0.8 * run.duration, 8):
+        law = laws.change(PathPlace(place, 1.0, 0.0), 3.0, float(rng.uniform()))
+        t = 3.0 + float(rng.uniform(0.0, 0.1))
+        both = laws.then_stop(law, t)
+        for before in np.linspace(3.0, t, 5):
+            assert both.at(before) == law.at(before)
+        assert both.target == 0.0 or both.at(both.settled)[0] >= run.duration
+        rows = both.pieces()
+        assert (np.diff(rows[:, 0]) > 0.0).all()
+        if law.settled == 3.0:
+            continue
+        motion = composed(run, both)
+        for order, limit in zip((1, 2, 3), run.problem.limits.rates, strict=True):
+            low, high = motion.extrema(order)
+            assert (np.maximum(-low, high) <= limit * (1.0 + 2e-6)).all()
+        problem = derived(run.problem, task=(), path_constraints=())
+        assert torque(problem, motion, replace(VerifyPolicy(), limit_tolerance=2e-6)).passed
+
+
+def test_who_has_arrived_stands_still_without_a_stop(run_of):
+    run = run_of("01_reach")
+    laws = laws_of(run)
+    law = laws.steady(0.99 * run.duration, 1.0, 0.0)
+    assert laws.then_stop(law, run.duration) is law
+
+
 def test_set_points_are_on_the_path(run_of):
     run = run_of("01_reach")
     laws = laws_of(run)

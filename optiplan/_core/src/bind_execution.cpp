@@ -36,6 +36,7 @@ std::unique_ptr<PathLaws> make_laws(Vector breakpoints, Stack coefficients, Matr
                static_cast<int>(n)};
     const double *l = limits.data(), *r = rules.data();
     JointRates rates{{l, l + n}, {l + n, l + 2 * n}, {l + 2 * n, l + 3 * n}};
+    const nb::gil_scoped_release release;
     auto tables = std::make_shared<PathTables>(std::move(path), std::move(rates), std::move(loads), width);
     const double end = tables->length();
     return std::make_unique<PathLaws>(PathLaws{std::move(tables), LawRules{r[0], r[1], r[2], r[3], 0.0}, end});
@@ -77,21 +78,20 @@ nb::tuple set_point(const PathLaws &self, const TimeLaw &law, double t) {
     return nb::make_tuple(to_numpy(std::move(at), {4, n}), state.s, state.ds, state.dds);
 }
 
-std::unique_ptr<PathWatch> make_watch(const World &world, Vector breakpoints, Stack coefficients, double width,
+std::unique_ptr<PathWatch> make_watch(World &world, Vector breakpoints, Stack coefficients, double width,
                                       double begin) {
     const std::size_t n = coefficients.shape(2);
     expect(breakpoints.size() == coefficients.shape(0) + 1, "breakpoints (m + 1,), coefficients (m, degree + 1, n)");
     expect(static_cast<int>(n) == world.tree().planned, "a path of the world's joints");
     const Curve path{to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1,
                      static_cast<int>(n)};
+    const nb::gil_scoped_release release;
     return std::make_unique<PathWatch>(world, path, width, begin);
 }
 
-// `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time. The place and the pair; None where nothing blocks.
-std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, Vector course, double now, Indices bodies,
-                                 Stack poses, Matrix motions, double margin) {
+// `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time.
+std::vector<Seen> seen_of(const PathWatch &self, Indices bodies, Stack poses, Matrix motions) {
     const std::size_t count = bodies.size();
-    expect(course.size() == 3, "start, direction and end (3,)");
     expect(poses.shape(0) == count && poses.shape(1) == 4 && poses.shape(2) == 4, "poses (k, 4, 4)");
     expect(motions.shape(0) == count && motions.shape(1) == 5, "velocity, spread and time (k, 5)");
     std::vector<Seen> seen;
@@ -100,9 +100,25 @@ std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, Vector cou
         expect(bodies.data()[k] >= 0 && bodies.data()[k] < self.bodies(), "bodies of the world");
         seen.push_back({static_cast<int>(bodies.data()[k]), pose_at(poses.data() + 16 * k), vec3_at(m), m[3], m[4]});
     }
-    const Blocked found = self.blocked(law, {course.data()[0], course.data()[1], course.data()[2]}, now, seen, margin);
+    return seen;
+}
+
+// The place and both bodies; None where nothing blocks.
+std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now, Indices bodies, Stack poses,
+                                 Matrix motions, double margin, double linger) {
+    const Blocked found = self.blocked(law, now, seen_of(self, bodies, poses, motions), margin, linger);
     if (found.pair < 0) return std::nullopt;
-    return nb::make_tuple(found.s, found.pair);
+    const Pair &pair = self.pair(found.pair);
+    return nb::make_tuple(found.s, pair.a, pair.b);
+}
+
+// The place, both bodies and the slack, m; None where all are farther apart.
+std::optional<nb::tuple> nearest(PathWatch &self, const TimeLaw &law, double now, Indices bodies, Stack poses,
+                                 Matrix motions, double margin, double most) {
+    const Blocked found = self.nearest(law, now, seen_of(self, bodies, poses, motions), margin, most);
+    if (found.pair < 0) return std::nullopt;
+    const Pair &pair = self.pair(found.pair);
+    return nb::make_tuple(found.s, pair.a, pair.b, found.slack);
 }
 
 }  // namespace
@@ -121,6 +137,7 @@ void bind_execution(nb::module_ &m) {
                 return nb::make_tuple(state.s, state.ds, state.dds);
             },
             "t"_a)
+        .def("then", &TimeLaw::then, "next"_a)
         .def("pieces", [](const TimeLaw &self) {  // begin, s, ds, dds, ddds
             std::vector<double> rows;
             for (const LawPiece &piece : self.pieces)
@@ -157,7 +174,15 @@ void bind_execution(nb::module_ &m) {
     nb::class_<PathWatch>(m, "PathWatch")
         .def_static("of", &make_watch, "world"_a, "breakpoints"_a, "coefficients"_a, "width"_a, "begin"_a,
                     nb::keep_alive<0, 1>())
-        .def("blocked", &blocked, "law"_a, "course"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a);
+        .def(
+            "add",
+            [](PathWatch &self, const Body &body) {
+                expect(body.joint == 0, "a body that no joint carries");
+                return self.add(body);
+            },
+            "body"_a)
+        .def("blocked", &blocked, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a, "linger"_a = 0.0)
+        .def("nearest", &nearest, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a, "most"_a);
 }
 
 }  // namespace optiplan

@@ -83,6 +83,15 @@ TEST(every_law_reaches_its_speed_within_the_limits) {
         }
 }
 
+TEST(one_law_follows_another) {
+    const TimeLaw first{{{0.0, {0.0, 1.0, 0.0}, 0.0}, {1.0, {1.0, 1.0, 0.0}, -1.0}}};
+    const TimeLaw next{{{1.0, {1.0, 1.0, 0.0}, 0.0}, {2.0, {2.0, 0.0, 0.0}, 0.0}}};
+    const TimeLaw both = first.then(next);
+    CHECK(both.pieces.size() == 3 && both.settled() == 2.0 && both.target() == 0.0);
+    NEAR(both.at(0.5).s, 0.5, 0.0);
+    NEAR(both.at(1.5).s, 1.5, 0.0);
+}
+
 TEST(a_law_begins_while_the_last_one_still_changes) {
     const PathTables made = tables();
     const LawSearch search(made, RULES);

@@ -31,6 +31,15 @@ LawState TimeLaw::at(double t) const {
     return piece.at.after(t - piece.begin, piece.ddds);
 }
 
+TimeLaw TimeLaw::then(const TimeLaw &next) const {
+    const double begin = next.pieces.front().begin;
+    TimeLaw joined;
+    for (const LawPiece &piece : pieces)
+        if (piece.begin < begin) joined.pieces.push_back(piece);
+    joined.pieces.insert(joined.pieces.end(), next.pieces.begin(), next.pieces.end());
+    return joined;
+}
+
 namespace {
 
 struct Range {

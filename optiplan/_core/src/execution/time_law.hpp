@@ -29,6 +29,7 @@ struct TimeLaw {
 
     const LawPiece &piece_at(double t) const;
     LawState at(double t) const;
+    TimeLaw then(const TimeLaw &next) const;  // this law until the next one begins
     double settled() const { return pieces.back().begin; }  // from when on the speed stays
     double target() const { return pieces.back().at.ds; }
 };
