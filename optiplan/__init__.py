@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from optiplan.control.tasks.whole_body import CentreOfMassTask, ManipulabilityTask
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.execution.executor import Executor
+    from optiplan.execution.policy import Policy
     from optiplan.execution.separation import Separation
     from optiplan.execution.status import KeptSeparation, Status, Stopping, Tick
     from optiplan.geometry.pose import Pose
@@ -112,6 +113,7 @@ _ROOMS = {
     "control.tasks.whole_body": ("CentreOfMassTask", "ManipulabilityTask"),
     "errors": ("InputError", "OptiPlanError"),
     "execution.executor": ("Executor",),
+    "execution.policy": ("Policy",),
     "execution.separation": ("Separation",),
     "execution.status": ("KeptSeparation", "Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),

@@ -1,21 +1,24 @@
 """`Executor`: the set-points of a verified run, one a tick, at a speed that changes on the way."""
 
 import math
+import weakref
 from collections import deque
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from optiplan.arrays import is_finite
 from optiplan.errors import OptiPlanError, wrong_argument
 from optiplan.execution.arguments import is_share, same_state, told
 from optiplan.execution.path_laws import PathPlace, SetPoint
+from optiplan.execution.planning_process import PlanningProcess
+from optiplan.execution.policy import Policy, Reaction
 from optiplan.execution.proved_path import PathStretch, ProvedPath
-from optiplan.execution.scene_watch import BlockedPlace
-from optiplan.execution.seen_scene import SeenScene
+from optiplan.execution.scene_watch import BlockedPlace, SceneWatch
+from optiplan.execution.seen_scene import SceneUpdate, SeenScene
 from optiplan.execution.separation import Separation, SeparationMonitor
 from optiplan.execution.status import Phase, Status, Stopping, Tick
 from optiplan.execution.tracking_monitor import TrackingMonitor
-from optiplan.geometry.pose import Pose, Values
+from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.state import State
@@ -36,6 +39,19 @@ STOP_PLACES = 200
 """Places of a motion for which `stopping` gives the stop."""
 
 
+class NextPath(NamedTuple):
+    """The path that is to take over at `then`, s; `since`, s, is the scene known that it was planned in.
+
+    `number`: of the planning process; 0: it is from `splice`.
+    """
+
+    then: float
+    path: ProvedPath
+    since: float
+    watch: SceneWatch | None = None
+    number: int = 0
+
+
 class Executor:
     """Run a verified motion without leaving what was proved.
 
@@ -49,15 +65,15 @@ class Executor:
         override: speed at the start, 0 to 1.
         deviation: how far a measured joint may be from its set-point, rad or m, before the robot stops; None: anything.
         clearance: distance to keep from obstacles that `update_scene` moves, m.
-        separation: people to keep apart from: the robot then moves only as fast, and as long, as `update_scene` reports
-            them.
+        policy: what is done where they block the path: an `op.Policy`, or the name of its reaction.
+        separation: people to keep apart from: the robot moves as fast, and as long, as `update_scene` reports them.
 
     Attributes:
         run: the run that is being executed.
         time: since the first tick, s.
 
     Raises:
-        InputError: the run is not verified, or its proof holds for its own timing alone.
+        InputError: the run is not verified, or its proof holds for its own timing alone; `replan` of a task or vias.
 
     Example:
         >>> import optiplan as op
@@ -76,6 +92,7 @@ class Executor:
         override: float = 1.0,
         deviation: float | None = None,
         clearance: float = 0.0,
+        policy: Policy | Reaction = "wait",
         separation: Separation | None = None,
     ) -> None:
         if not isinstance(run, Run):
@@ -89,19 +106,28 @@ class Executor:
         if separation is not None and not isinstance(separation, Separation):
             raise wrong_argument("Executor", "separation", told(separation), "an op.Separation(…), or None")
         self._path = ProvedPath(run, "Executor")
-        self._scene = SeenScene(self._path, float(clearance), separation)
-        self._people = None if separation is None else SeparationMonitor(self._path, separation)
+        self._policy = Policy.of(policy)
+        if separation is not None and self._policy.reaction == "replan":
+            raise wrong_argument("Executor", "policy", "replan beside people", "wait, stop or slow")
+        watch = SceneWatch(self._path, float(clearance), self._policy.linger)
+        people = None if separation is None else SeparationMonitor(self._path, watch, separation)
+        self._scene = SeenScene(watch, people)
+        self._planning: PlanningProcess | None = None
+        if self._policy.reaction != "wait":
+            watch.prepare(self._path.forwards)
+        if self._policy.reaction == "replan":
+            self._planning = PlanningProcess(run, watch, self._policy)
+            weakref.finalize(self, self._planning.close)
         self._tracking = TrackingMonitor(deviation)
         self._stretch: PathStretch = self._path.forwards
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
-        self._law: TimeLaw = self._start_law(self._path, float(override), 0.0)
+        self._law: TimeLaw = self._first_law(self._path, float(override), 0.0)
         self._held: Literal["", "paused", "waiting", "stopped"] = "" if override > 0.0 else "paused"
         self._reason = ""
         self._seen = -math.inf  # the place up to which events are done
         self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
-        self._next: tuple[float, ProvedPath, float] | None = None  # when it takes over, and when it was handed over
-        self._people_then = self._people  # what watches people from then on
+        self._next: NextPath | None = None
         self._pending = False
         self._backwards = False
         self._missed: tuple[Segment, ...] = ()
@@ -149,19 +175,19 @@ class Executor:
 
     def update_scene(
         self,
-        poses: Mapping[str, Pose],
+        poses: SceneUpdate,
         velocities: Mapping[str, Values] | None = None,
         spread: float = 0.0,
         age: float = 0.0,
     ) -> None:
-        """Obstacles of the scene have moved: check the rest of the path against them, now.
+        """Obstacles have moved, appeared or vanished: check the rest of the path against them, now.
 
-        Where they block it, the robot stops along the path and waits; a later update that leaves the path clear lets it
-        go on. Beside people of `separation` it goes on as fast as the separation allows, now.
+        Where they block it, the policy decides: by default the robot stops along the path and waits; a later update
+        that leaves the path clear lets it go on. Beside people of `separation` it goes on as fast as they allow.
         Nothing raises here: an update that cannot be used ends in a stop.
 
         Args:
-            poses: of obstacles of the scene, by name.
+            poses: by name: the pose of a known obstacle, another one (`op.Sphere(…)` …), or None for one that is gone.
             velocities: (3,) m/s, of the frames of some of them; the others stand still.
             spread: m/s; how fast they may depart from that course, in any direction.
             age: s since they were there.
@@ -170,9 +196,10 @@ class Executor:
         if reason:
             self.stop(reason)
             return
-        if self._people is not None:
-            self._people.see(self._scene.people)
+        if self._scene.people is not None:
             self._lead()
+        if self._next is not None and self._next.number and self._blocked_next(self._next):
+            self._next = None
         if self._held == "waiting" and self._next is None:
             ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
             if ahead is not None and self._blocked(ahead) is None:
@@ -184,18 +211,73 @@ class Executor:
     def _blocked(self, law: "TimeLaw") -> BlockedPlace | None:
         return self._scene.blocked(self._stretch, law, self.time)
 
+    def _blocked_next(self, coming: NextPath) -> bool:
+        law = self._first_law(coming.path, self._override, coming.then)
+        scene = self._scene.over(coming.path, coming.since, coming.watch)
+        return scene.blocked(coming.path.forwards, law, coming.then) is not None
+
     def _yield(self) -> None:
-        """Wait, where obstacles that were seen block the way of the law."""
+        """Do as the policy says, where obstacles that were seen block the way of the law."""
         found = self._blocked(self._way)
-        if found is None:
-            return
-        if not self._held:
-            self._held, self._next = "waiting", None
+        if found is not None and not self._held:
+            self._held, self._next = "stopped" if self._policy.reaction == "stop" else "waiting", None
             self._reason = f"'{found.pair[0]}' would meet '{found.pair[1]}' at {found.place:.3f} s of the path"
-            self._lead()
+            self._avoid()
+            found = self._blocked(self._way)
+        elif self._held == "waiting" and self._next is None and (found or self._policy.reaction == "slow"):
+            self._avoid()
             found = self._blocked(self._way)
         if found is not None and TOO_LATE not in self._reason:
             self._reason += f"; {TOO_LATE}" if self._reason else TOO_LATE
+        if self._held == "waiting" and self._next is None and self._planning is not None and not self._backwards:
+            self._planning.seek(self._law, self.time, self.state_in, self._scene)
+
+    def _avoid(self) -> None:
+        """Follow a law that is clear until the robot stands still, or stop now."""
+        people = self._scene.people
+        clear = self._policy.law(
+            self._stretch.laws,
+            self._law,
+            self.time,
+            self._override,
+            lambda law: (
+                self._blocked(law) is not None
+                or (people is not None and not people.clear(self._stretch, law, self.time))
+            ),
+        )
+        if clear is None and not self._stands:
+            clear = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, 0.0)
+        if clear is not None:
+            self._law, self._wanted, self._pending = clear, 0.0, False
+        else:  # as soon as limits leave room
+            self._lead()
+
+    @property
+    def _way(self) -> "TimeLaw":
+        """The law, without the stop that follows if no more data about people come."""
+        people = self._scene.people
+        return self._law if people is None else people.way(self._law, self.time)
+
+    @property
+    def _stands(self) -> bool:
+        return self._law.target == 0.0 and self._law.settled <= self.time
+
+    def _accept(self, planning: PlanningProcess) -> None:
+        """Let a path of the policy take over, if it came in time and is clear."""
+        if planning.lost:
+            self._planning = None
+            self.stop("the planning process has ended")
+            return
+        planned = planning.answer()
+        if planned is None or planned.path is None or self._held != "waiting" or self._next is not None:
+            return
+        stands = self._stands and planned.path.starts_at_rest
+        then = max(planned.then, self.time) if stands else planned.then
+        if planned.law is not self._law or then < self.time:
+            return
+        coming = NextPath(then, planned.path, planned.since, planned.watch, planned.number)
+        if not self._blocked_next(coming):
+            self._next = coming
 
     def state_in(self, latency: float) -> State:
         """Return the state of the robot `latency` s from now, if nothing is changed until then.
@@ -233,9 +315,9 @@ class Executor:
             return "the motion that was to take over is not verified"
         if run.problem.robot.joint_names != self.run.problem.robot.joint_names:
             return "the motion that was to take over is of another robot"
-        start = run.problem.start_state
-        if self._people is not None and not self._rests:
+        if self._scene.people is not None and not self._stands:
             return "beside people a motion takes over only where the robot stands still"
+        start = run.problem.start_state
         found = [then for then, state, law in self._predicted if law is self._law and same_state(state, start)]
         if not found:
             return "the motion that was to take over begins in a state that is not on the way"
@@ -244,9 +326,7 @@ class Executor:
         if then < self.time:
             return f"the motion that was to take over came {self.time - then:.3f} s late"
         try:
-            path = ProvedPath(run, "Executor.splice")
-            self._people_then = None if self._people is None else self._people.over(path)
-            self._next = then, path, self.time
+            self._next = NextPath(then, ProvedPath(run, "Executor.splice"), self.time)
         except OptiPlanError as error:
             return f"the motion that was to take over: {error}"
         return ""
@@ -261,12 +341,14 @@ class Executor:
             measured: positions of the joints (n,), rad or m, or a `State`; None: not measured.
         """
         step = self._checked_step(dt)
-        if self._next is not None and self.time + step >= self._next[0]:
-            self._take_over()
+        if self._planning is not None:
+            self._accept(self._planning)
+        if self._next is not None and self.time + step >= self._next.then:
+            self._take_over(self._next)
         self.time += step
         if self._pending and self._replace_law():
             self._yield()
-        if self._rests:
+        if self._stands:
             self._turn()
         point = self._point()
         if measured is not None:
@@ -288,23 +370,13 @@ class Executor:
         """Return the stop along the path from full speed, at equally spaced places of the motion."""
         return self._path.forwards.laws.stopping(places)
 
-    def _start_law(self, path: ProvedPath, speed: float, then: float) -> "TimeLaw":
+    def _first_law(self, path: ProvedPath, speed: float, begin: float) -> "TimeLaw":
         """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan.
 
-        Beside people the robot waits until the first data about them are there.
+        Beside people the robot waits for data about them.
         """
-        speed = 0.0 if self._people is not None else speed
-        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, then)
-
-    @property
-    def _way(self) -> "TimeLaw":
-        """The law, without the stop that follows if no more data about people come."""
-        return self._law if self._people is None else self._people.way(self._law, self.time)
-
-    @property
-    def _rests(self) -> bool:
-        """Whether the robot stands still, and will."""
-        return self._law.target == 0.0 and self.time >= self._law.settled
+        speed = 0.0 if self._scene.people is not None else speed
+        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, begin)
 
     def _aim(self) -> None:
         """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
@@ -316,29 +388,29 @@ class Executor:
         turns = self._backwards != (self._stretch.direction < 0.0)
         self._wanted = 0.0 if self._held or turns else self._override
         replaced = self._replace_law()
-        if turns and self._rests:
+        if turns and self._stands:
             self._turn()
         return replaced
 
     def _replace_law(self) -> bool:
         """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
-        s, speed, acceleration = self._law.at(self.time)
-        length = self._stretch.laws.motion.duration
+        s = self._law.at(self.time)[0]
+        length = self._stretch.laws.length
         if s >= length:  # at its end the robot stands still, whatever the law
-            if not self._rests:
-                self._law = self._stretch.laws.steady(length, 0.0, self.time)
             self._pending = False
-            if self._people is not None:
-                self._people.choose(self._stretch, self._law, self.time, 0.0)
+            if not self._stands:
+                self._law = self._stretch.laws.steady(length, 0.0, self.time)
+            if self._scene.people is not None:
+                self._scene.people.choose(self._stretch, self._law, self.time, 0.0)
             return False
-        if self._people is not None:
-            law = self._people.choose(self._stretch, self._law, self.time, self._wanted)
-            return law is not None and self._follow(law)
+        if self._scene.people is not None:
+            kept = self._scene.people.choose(self._stretch, self._law, self.time, self._wanted)
+            return kept is not None and self._follow(kept)
         if self._law.target == self._wanted:  # it is on its way there
             self._pending = False
             return False
         self._pending = True
-        law = self._stretch.laws.change(PathPlace(s, speed, acceleration), self.time, self._wanted)
+        law = self._stretch.laws.change_along(self._law, self.time, self._wanted)
         if law is None:
             return False
         self._pending = law.target != self._wanted and law.at(law.settled)[0] < length
@@ -363,15 +435,19 @@ class Executor:
         self._stretch, self._law = stretch, stretch.laws.steady(s, 0.0, self.time)
         self._aim()
 
-    def _take_over(self) -> None:
-        assert self._next is not None
-        then, path, since = self._next
+    def _take_over(self, coming: NextPath) -> None:
+        self._next = None
+        if coming.number and self._planning is not None:
+            if self._held != "waiting":
+                return
+            self._held, self._reason, self._planning.number = "", "", coming.number
+        path, then = coming.path, coming.then
         self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
-        self._path, self._stretch, self._next, self._people = path, path.forwards, None, self._people_then
-        self._scene = self._scene.over(path, since)
+        self._path, self._stretch = path, path.forwards
+        self._scene = self._scene.over(path, coming.since, coming.watch)
         self._seen, self._backwards = -math.inf, False
         self._wanted = 0.0 if self._held else self._override
-        self._law = self._start_law(path, self._wanted, then)
+        self._law = self._first_law(path, self._wanted, then)
         self._pending = self._wanted != self._law.target
         if not self._pending:
             self._yield()
@@ -398,7 +474,7 @@ class Executor:
 
     def _status(self, place: float, speed: float) -> Status:
         T = self._path.motion.duration
-        resting, people = speed == 0.0, self._people
+        resting, people = speed == 0.0, self._scene.people
         kept = None if people is None else people.kept
         reason = self._reason or ("" if people is None or place >= T else people.reason(self.time))
         phase: Phase = "running"

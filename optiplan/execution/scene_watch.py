@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from optiplan._core import core
 from optiplan.arrays import Array
-from optiplan.collision.native_model import NativeCollisionModel
+from optiplan.collision.native_model import NativeCollisionModel, standing_body
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.geometry.scene import Scene
+from optiplan.geometry.shape import Shape
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -28,7 +29,8 @@ class SeenObstacle:
     """An obstacle as it was seen at a time of the executor.
 
     Attributes:
-        name: in the scene.
+        name: of the obstacle.
+        shape: in its own frame.
         X_WO: pose of its frame in the world.
         velocity: (3,), of that frame, m/s.
         spread: m/s; it may be anywhere within this speed times the time since, around where its velocity leads.
@@ -36,6 +38,7 @@ class SeenObstacle:
     """
 
     name: str
+    shape: Shape
     X_WO: pin.SE3
     velocity: Array
     spread: float
@@ -61,17 +64,20 @@ class SceneWatch:
     """The rest of a proved path among obstacles that move.
 
     In cells of 4 ms of the path, a pair is clear if its distance in the middle exceeds what the robot and the obstacle
-    travel until the cell is left. Distances are those of the native core. Only obstacles that were seen are queried.
+    travel until the cell is left. Distances are those of the native core. Only obstacles that were seen are queried,
+    those of the run's scene and others.
 
-    Holds at: all times of a law until the robot stands still.
+    Holds at: all times of a law until the robot stands still, and `linger` s after that for obstacles that keep their
+    velocity.
 
     Args:
         path: its run gives robot and scene.
-        margin: distance to keep from the obstacles that moved, m.
+        margin: distance to keep from the obstacles that were seen, m.
+        linger: s, for which obstacles are followed where the robot stands still.
     """
 
-    def __init__(self, path: ProvedPath, margin: float) -> None:
-        self._path, self._margin = path, margin
+    def __init__(self, path: ProvedPath, margin: float, linger: float = 0.0) -> None:
+        self._path, self.margin, self._linger = path, margin, linger
         self._watches: dict[int, list[_PartWatch]] = {}
 
     @property
@@ -85,34 +91,43 @@ class SceneWatch:
         """Return what is blocked of the way that a law leads from `now` on, first in time; None if nothing is."""
         if not seen:
             return None
-        for part in self._parts(stretch):
-            found = part.blocked(law, now, seen, self._margin)
+        parts = self._parts(stretch)
+        rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
+        for part in parts:
+            last = part is parts[-1] or part.begin <= rest <= part.end
+            found = part.blocked(law, now, seen, self.margin, self._linger if last else 0.0)
             if found is not None:
                 return BlockedPlace(stretch.place(found.place), found.pair)
         return None
 
     def nearest(
-        self, stretch: PathStretch, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], most: float
+        self,
+        stretch: PathStretch,
+        law: "TimeLaw",
+        now: float,
+        seen: Sequence[SeenObstacle],
+        margin: float,
+        most: float,
     ) -> NearestPlace | None:
         """Return what comes nearest on the way that a law leads from `now` until the robot stands still.
 
-        The slack is the distance less the margin and what an obstacle may have moved since it was seen, at that time.
+        The slack is the distance less `margin`, m, and what an obstacle may have moved since it was seen, at that time.
         The first body of the pair is the obstacle. None where the slack exceeds `most`, m, everywhere.
         """
         least = None
-        for part in self._parts(stretch):
-            found = part.nearest(law, now, seen, self._margin, most if least is None else least.slack)
+        for part in self._parts(stretch) if seen else ():
+            found = part.nearest(law, now, seen, margin, most if least is None else least.slack)
             if found is not None:
                 least = NearestPlace(stretch.place(found.place), found.pair, found.slack)
         return least
 
-    def unwatched(self, stretch: PathStretch, names: Sequence[str]) -> str:
-        """Return the first of some obstacles whose distance from the robot is not computed; "" if there is none."""
-        for part in self._parts(stretch):
-            for name in names:
-                if not part.watches(name):
-                    return name
-        return ""
+    def over(self, path: ProvedPath) -> "SceneWatch":
+        """Return the same of another path."""
+        return SceneWatch(path, self.margin, self._linger)
+
+    def prepare(self, stretch: PathStretch) -> None:
+        """Make what a stretch needs, which takes milliseconds, before the first question about it."""
+        self._parts(stretch)
 
     def _parts(self, stretch: PathStretch) -> "list[_PartWatch]":
         """Return a watch of each part of a stretch with a scene of its own, in the order in which they are passed."""
@@ -135,49 +150,78 @@ class _PartWatch:
     """A part of a path in which what is held stays the same."""
 
     def __init__(self, model: NativeCollisionModel, motion: Trajectory, begin: float) -> None:
-        self.begin, self._model = begin, model
-        self._names = {name: k for k, name in enumerate(model.names)}
+        self.begin, self.end, self._model = begin, begin + motion.duration, model
+        bodies = (*model.scene.obstacles, *model.scene.attached)
+        places = {name: k for k, name in enumerate(model.names)}
+        self._known = {body.name: (body.shape, places[body.name]) for body in bodies}
+        self._added: list[tuple[str, Shape, int | None]] = []  # the body of each; None: the core does not know it
         self._core: PathWatch | None = None
         if model.world is not None:
             self._core = core.PathWatch.of(model.world, motion.breakpoints, motion.coefficients, CELL, begin)
 
-    def blocked(self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float) -> BlockedPlace | None:
+    def blocked(
+        self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float, linger: float
+    ) -> BlockedPlace | None:
         """See `SceneWatch.blocked`; a scene that the core does not know is blocked everywhere."""
-        if self._core is None:
-            return BlockedPlace(max(law.at(now)[0], self.begin), (self._model.unknown[0], "the robot"))
-        here = [one for one in seen if one.name in self._names]
-        if not here:
+        bodies, unknown = self._bodies(seen)
+        if self._core is None or unknown:
+            return BlockedPlace(max(law.at(now)[0], self.begin), (unknown, "the robot"))
+        found = self._core.blocked(law, now, bodies, *_arrays(seen), margin, linger)
+        if found is None:
             return None
-        found = self._core.blocked(law, now, *self._arrays(here), margin)
-        return None if found is None else BlockedPlace(found[0], self._names_of(found[1]))
-
-    def watches(self, name: str) -> bool:
-        """Whether distances of the robot from an obstacle are computed."""
-        return self._core is not None and any(name in self._names_of(k) for k in range(len(self._model.pairs)))
+        place, a, b = found
+        return BlockedPlace(place, (self._name(a), self._name(b)))
 
     def nearest(
         self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float, most: float
     ) -> NearestPlace | None:
         """See `SceneWatch.nearest`; what the core does not know is as near as can be."""
-        if self._core is None:
-            return NearestPlace(max(law.at(now)[0], self.begin), (self._model.unknown[0], "the robot"), -np.inf)
-        here = [one for one in seen if one.name in self._names]
-        if not here:
-            return None
-        found = self._core.nearest(law, now, *self._arrays(here), margin, most)
+        bodies, unknown = self._bodies(seen)
+        if self._core is None or unknown:
+            return NearestPlace(max(law.at(now)[0], self.begin), (unknown, "the robot"), -np.inf)
+        found = self._core.nearest(law, now, bodies, *_arrays(seen), margin, most)
         if found is None:
             return None
-        place, index, slack = found
-        first, second = self._names_of(index)
-        moved = first in {one.name for one in here}
-        return NearestPlace(place, (first, second) if moved else (second, first), slack)
+        place, a, b, slack = found
+        pair = (a, b) if a in bodies else (b, a)
+        return NearestPlace(place, (self._name(pair[0]), self._name(pair[1])), slack)
 
-    def _arrays(self, seen: Sequence[SeenObstacle]) -> tuple[NDArray[np.int64], Array, Array]:
-        """Return bodies (k,), poses (k, 4, 4), and velocity, spread and time (k, 5)."""
-        bodies = np.array([self._names[one.name] for one in seen], dtype=np.int64)
-        motions = np.array([[*one.velocity, one.spread, one.time] for one in seen])
-        return bodies, np.array([one.X_WO.homogeneous for one in seen]), motions
+    def _bodies(self, seen: Sequence[SeenObstacle]) -> tuple[NDArray[np.int64], str]:
+        """Return the bodies of obstacles (k,), and the name of one that the core does not know, if any."""
+        found = [] if self._core is None else [self._body(one, seen) for one in seen]
+        unknown = self._model.unknown[0] if self._core is None else ""
+        if None in found:
+            unknown = seen[found.index(None)].name
+        return np.array([] if unknown else found, dtype=np.int64), unknown
 
-    def _names_of(self, index: int) -> tuple[str, str]:
-        pair = self._model.pairs[index]
-        return self._model.names[pair.a], self._model.names[pair.b]
+    def _body(self, one: SeenObstacle, seen: Sequence[SeenObstacle]) -> int | None:
+        """Return the body of an obstacle, added where there is none of its shape yet; None: the core does not know it.
+
+        Bodies of obstacles that are not seen any more are taken again.
+        """
+        shape, known = self._known.get(one.name, (None, 0))
+        if shape is not None and _same(shape, one.shape):
+            return known
+        for k, (name, shape, body) in enumerate(self._added):
+            if _same(shape, one.shape) and (name == one.name or all(other.name != name for other in seen)):
+                self._added[k] = one.name, shape, body
+                return body
+        made = standing_body(one.shape)
+        assert self._core is not None
+        self._added.append((one.name, one.shape, None if made is None else self._core.add(made)))
+        return self._added[-1][2]
+
+    def _name(self, body: int) -> str:
+        if body < len(self._model.names):
+            return self._model.names[body]
+        return next(name for name, _, added in self._added if added == body)
+
+
+def _arrays(seen: Sequence[SeenObstacle]) -> tuple[Array, Array]:
+    """Return poses (k, 4, 4), and velocity, spread and time (k, 5)."""
+    motions = np.array([[*one.velocity, one.spread, one.time] for one in seen])
+    return np.array([one.X_WO.homogeneous for one in seen]), motions
+
+
+def _same(one: Shape, other: Shape) -> bool:
+    return one is other or (type(one) is type(other) and one.same_body(other))

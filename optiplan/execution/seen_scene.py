@@ -6,76 +6,118 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import is_finite
+from optiplan.arrays import Array, is_finite
 from optiplan.execution.arguments import numbers, told
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
-from optiplan.execution.separation import Separation
+from optiplan.execution.separation import SeparationMonitor
 from optiplan.geometry.pose import Pose, Values
+from optiplan.geometry.scene import Obstacle, Scene
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
+
+SceneUpdate = Mapping[str, Pose | Obstacle | None]
+"""What is where, by name: the pose of a known obstacle, one that appears, or None for one that is gone."""
 
 
 class SeenScene:
     """What `Executor.update_scene` was told, about one path.
 
     Args:
-        path: its run gives the robot and the obstacles that are known.
-        clearance: distance to keep from obstacles that moved, m.
-        rule: how people are kept apart, if they are.
+        watch: of the path; its run gives the robot and the obstacles that are known.
+        people: what keeps people apart, if they are.
     """
 
-    def __init__(self, path: ProvedPath, clearance: float, rule: Separation | None = None) -> None:
-        self._watch, self._clearance, self._rule = SceneWatch(path, clearance), clearance, rule
+    def __init__(self, watch: SceneWatch, people: SeparationMonitor | None = None) -> None:
+        self._watch, self.people = watch, people
         self._obstacles: dict[str, SeenObstacle] = {}
-        self._people: dict[str, SeenObstacle] = {}
-
-    @property
-    def people(self) -> list[SeenObstacle]:
-        """Where people were measured last."""
-        return list(self._people.values())
+        self._gone: set[str] = set()
 
     def see(
-        self, poses: Mapping[str, Pose], velocities: Mapping[str, Values], spread: float, now: float, age: float = 0.0
+        self, poses: SceneUpdate, velocities: Mapping[str, Values], spread: float, now: float, age: float = 0.0
     ) -> str:
         """Remember where obstacles were `age` s ago; return why that is not possible, or nothing."""
-        if not isinstance(poses, Mapping) or not all(isinstance(pose, Pose) for pose in poses.values()):
+        if not isinstance(poses, Mapping):
             return f"update_scene: found {told(poses)}; expected poses by name"
-        if not isinstance(velocities, Mapping):
-            return f"update_scene: found {told(velocities)}; expected velocities by name"
         for value, word, unit in ((spread, "a spread", "a speed >= 0, m/s"), (age, "an age", "seconds >= 0")):
             if not is_finite(value) or value < 0.0:
                 return f"update_scene: found {word} of {told(value)}; expected {unit}"
-        for name, pose in poses.items():
-            reason = self._see(name, pose, velocities, float(spread), now - float(age))
+        if not isinstance(velocities, Mapping):
+            return f"update_scene: found {told(velocities)}; expected velocities by name"
+        for name, place in poses.items():
+            velocity = numbers(velocities.get(name, np.zeros(3)))
+            if velocity.shape != (3,) or not np.isfinite(velocity).all():
+                found = told(velocities[name])
+                return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
+            if name in velocities and self._is_person(name):
+                return f"update_scene: found a velocity of '{name}'; expected none: the course of people is not known"
+            reason = self._see(name, place, velocity, float(spread), now - float(age))
             if reason:
                 return reason
         return ""
 
-    def _see(self, name: str, pose: Pose, velocities: Mapping[str, Values], spread: float, time: float) -> str:
-        known = {obstacle.name for obstacle in self._watch.scene.obstacles}
-        if name not in known:
-            return f"update_scene: found an obstacle '{name}'; expected one of: {', '.join(sorted(known))}"
-        velocity, X = numbers(velocities.get(name, np.zeros(3))), pin.SE3(pose.matrix)
-        if velocity.shape != (3,) or not np.isfinite(velocity).all():
-            return f"update_scene: found {told(velocities[name])} as the velocity of '{name}'; expected (3,), m/s"
-        if self._rule is None or name not in self._rule.people:
-            self._obstacles[name] = SeenObstacle(name, X, velocity, spread, time)
-        elif name in velocities:
-            return f"update_scene: found a velocity of '{name}'; expected none: the course of people is not known"
-        elif name not in self._people or self._people[name].time <= time:  # data may come out of order
-            self._people[name] = SeenObstacle(name, X, velocity, float(self._rule.human_speed), time)
+    def _see(self, name: str, place: Pose | Obstacle | None, velocity: Array, spread: float, time: float) -> str:
+        people = () if self.people is None else self.people.seen
+        known = {one.name: one.shape for one in (*self._watch.scene.obstacles, *self._obstacles.values(), *people)}
+        if not isinstance(place, Pose | Obstacle | None):
+            return f"update_scene: found {told(place)} as '{name}'; expected poses by name, obstacles, or None"
+        if isinstance(place, Obstacle) and isinstance(name, str) and place.motion is None:
+            shape, X_WO = place.shape, place.X_WO
+        elif isinstance(place, Obstacle):
+            return f"update_scene: found {told(place)} as {told(name)}; expected one that stands, and a name"
+        elif place is None and self.people is not None and self._is_person(name):
+            self.people.see(name, None, time)
+            return ""
+        elif name not in known:
+            return f"update_scene: found an obstacle {told(name)}; expected one of: {', '.join(sorted(known))}"
+        elif place is None:
+            self._obstacles.pop(name, None)
+            self._gone.add(name)
+            return ""
+        else:
+            shape, X_WO = known[name], pin.SE3(place.matrix)
+        self._gone.discard(name)
+        if self.people is not None and self._is_person(name):
+            self.people.see(name, SeenObstacle(name, shape, X_WO, velocity, self.people.rule.human_speed, time), time)
+        else:
+            self._obstacles[name] = SeenObstacle(name, shape, X_WO, velocity, spread, time)
         return ""
+
+    def _is_person(self, name: str) -> bool:
+        return self.people is not None and name in self.people.rule.people
 
     def blocked(self, stretch: PathStretch, law: "TimeLaw", now: float) -> BlockedPlace | None:
         """Return what is blocked of the way that a law leads from `now` on; None if nothing is."""
         return self._watch.blocked(stretch, law, now, list(self._obstacles.values()))
 
-    def over(self, path: ProvedPath, since: float) -> "SeenScene":
-        """Return the same about a path that was planned when the scene was as it was until `since`, s."""
-        other = SeenScene(path, self._clearance, self._rule)
+    def at(self, then: float) -> Scene:
+        """Return the scene as it will be at a time, s, from which obstacles with a velocity move on."""
+        scene = self._watch.scene
+        scene = scene.without(*(self._gone & {one.name for one in scene.obstacles}))
+        return scene.with_(*(_later(one, then) for one in self._obstacles.values()))
+
+    @property
+    def spread(self) -> float:
+        """The largest spread that was seen, m/s."""
+        return max((one.spread for one in self._obstacles.values()), default=0.0)
+
+    def over(self, path: ProvedPath, since: float, watch: SceneWatch | None = None) -> "SeenScene":
+        """Return the same about a path that was planned when the scene was as it was until `since`, s.
+
+        Obstacles that the path was proved against where they stood are forgotten, unless they move.
+        """
+        watch = self._watch.over(path) if watch is None else watch
+        other = SeenScene(watch, None if self.people is None else self.people.over(path, watch))
         known = {obstacle.name for obstacle in path.run.problem.scene.obstacles}
-        other._obstacles = {k: one for k, one in self._obstacles.items() if one.time >= since and k in known}
-        other._people = self._people
+        for name, one in self._obstacles.items():
+            if one.time >= since or name not in known or one.spread > 0.0 or one.velocity.any():
+                other._obstacles[name] = one
         return other
+
+
+def _later(one: SeenObstacle, then: float) -> Obstacle:
+    if not one.velocity.any():
+        return Obstacle(one.name, one.shape, one.X_WO)
+    X = pin.SE3(one.X_WO.rotation, one.X_WO.translation + (then - one.time) * one.velocity)
+    return Obstacle(one.name, one.shape, X).moving([[0.0, rate] for rate in one.velocity])

@@ -1,0 +1,151 @@
+"""Other motions to the goal of a run, planned in a process of their own while the run is executed."""
+
+import contextlib
+import multiprocessing
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from threading import Event, Thread
+from typing import TYPE_CHECKING
+
+from optiplan.errors import OptiPlanError, wrong_argument
+from optiplan.execution.planning_worker import PLANNER, PlanReply, PlanRequest, serve
+from optiplan.execution.policy import Policy
+from optiplan.execution.proved_path import ProvedPath
+from optiplan.execution.scene_watch import SceneWatch
+from optiplan.execution.seen_scene import SeenScene
+from optiplan.runs.run import Run
+from optiplan.trajectory.state import State
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import TimeLaw
+
+WARM_UP = 60.0
+"""s, within which the process must have planned for the first time."""
+
+MARGIN = 0.02
+"""m, that motions keep from obstacles where there is room, beyond what is demanded: bodies are watched in cells."""
+
+IN_TIME, AT_REST = 0.6, 0.5
+"""Budget of planning: share of the latency while the robot moves; s, where it stands still and may wait."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedPath:
+    """Another path to the goal, ready to take over.
+
+    Attributes:
+        then: when it begins, s.
+        law: from whose state at that time.
+        since: when it was asked for, s.
+        number: of its request.
+        path: None where there is none; `words` say why.
+        watch: of that path.
+        seconds: of processor time, of planning, proving and preparing it.
+    """
+
+    then: float
+    law: "TimeLaw"
+    since: float
+    number: int
+    path: ProvedPath | None = None
+    watch: SceneWatch | None = None
+    words: str = ""
+    seconds: float = 0.0
+
+
+class PlanningProcess:
+    """Plan from states of a robot on its way, one at a time.
+
+    A process plans among the obstacles as they will move, and proves the motion among those that stand still. A thread
+    makes the laws of the new path. Whether that is clear of what moves is checked by the executor, where it takes over.
+
+    Args:
+        run: that is executed, of a problem without a task or vias.
+        watch: of its path.
+        policy: with the latency.
+
+    Attributes:
+        lost: whether the process ended.
+        number: of the motion that the robot follows.
+
+    Raises:
+        InputError: the run has a task or vias.
+        OptiPlanError: the process ended, or does not answer.
+    """
+
+    def __init__(self, run: Run, watch: SceneWatch, policy: Policy) -> None:
+        problem, motion = run.problem, run.trajectory
+        assert motion is not None
+        if problem.task or problem.vias or not problem.source:
+            found = "a task" if problem.task else "vias" if problem.vias else "a problem that was put together by hand"
+            raise wrong_argument("Executor", "policy", f"replan, with a run of {found}", "wait, stop or slow")
+        self._problem, self._watch, self._policy = problem, watch, policy
+        self._duration = motion.duration
+        self._asked: tuple[PlannedPath, PlanRequest] | None = None
+        self._done: deque[PlannedPath] = deque()
+        self._ready, self.lost, self.number, self._last = Event(), False, 0, 0
+        context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=serve, args=(theirs, problem, motion), daemon=True)
+        self._process.start()
+        theirs.close()
+        Thread(target=self._listen, daemon=True).start()
+        if not self._ready.wait(WARM_UP) or self.lost:
+            self.close()
+            raise OptiPlanError("the planning process of Executor ended at once, or does not answer")
+
+    def seek(self, law: "TimeLaw", now: float, state_in: Callable[[float], State], scene: SeenScene) -> None:
+        """Ask for a path from the state in which a law will be after the latency, unless an answer is still to come."""
+        if self._asked is not None:
+            return
+        latency, rests = self._policy.latency, law.target == 0.0 and law.settled <= now + self._policy.latency
+        then, self._last = now + latency, self._last + 1
+        margin = MARGIN + self._watch.margin + scene.spread * self._duration
+        seconds = AT_REST if rests else IN_TIME * latency
+        request = PlanRequest(self._last, self.number, state_in(latency), scene.at(then), margin, seconds)
+        self._asked = PlannedPath(then, law, now, self._last), request
+        try:
+            self._pipe.send(request)
+        except OSError:
+            self.lost = True
+
+    def answer(self) -> PlannedPath | None:
+        """Return the answer to the last request, once it is there."""
+        if not self._done:
+            return None
+        self._asked = None
+        return self._done.popleft()
+
+    def close(self) -> None:
+        """End the process."""
+        self.lost = True
+        self._process.kill()
+        self._process.join()
+
+    def _listen(self) -> None:
+        """Receive motions and prepare their paths, until the process ends."""
+        with contextlib.suppress(EOFError, OSError):
+            self._pipe.recv()  # it has planned for the first time
+            self._ready.set()
+            while True:
+                self._done.append(self._prepared(self._pipe.recv()))
+        self.lost = True
+        self._ready.set()
+
+    def _prepared(self, reply: PlanReply) -> PlannedPath:
+        assert self._asked is not None
+        asked, request = self._asked
+        began = time.thread_time() - reply.seconds
+        if reply.motion is None or reply.report is None or not reply.report.verified:
+            return replace(asked, words=reply.words, seconds=reply.seconds)
+        problem = request.standing(self._problem)
+        run = Run(problem, PLANNER, {}, reply.motion, None, reply.report, None, None, {}, {})
+        try:
+            path = ProvedPath(run, "Executor")
+        except OptiPlanError as error:
+            return replace(asked, words=str(error))
+        watch = self._watch.over(path)
+        watch.prepare(path.forwards)
+        return replace(asked, path=path, watch=watch, seconds=time.thread_time() - began)
