@@ -196,6 +196,7 @@ __all__ = [
     "PlanResult",
     "Planner",
     "PointCloud",
+    "Policy",
     "Pose",
     "PoseGoal",
     "PoseTask",

@@ -19,6 +19,7 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
+from optiplan.execution.status import Stopping
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory import polynomial
@@ -150,6 +151,17 @@ class PathLaws:
             if t >= law.settled:
                 return law
             t, wait = min(t + wait, law.settled), 2.0 * wait
+
+    def stops(self, places: int) -> Stopping:
+        """Return the stop along the path from full speed, at equally spaced places of the motion."""
+        T = self.motion.duration
+        place = np.linspace(0.0, T, places)
+        time, travel = np.zeros(places), np.zeros(places)
+        for k, s in enumerate(place):
+            law = self.change(PathPlace(float(s), 1.0, 0.0), 0.0, 0.0)
+            time[k] = T - s if law is None else law.settled
+            travel[k] = T - s if law is None else min(law.at(law.settled)[0], T) - s
+        return Stopping(place, time, travel)
 
     def steady(self, s: float, speed: float, begin: float) -> "TimeLaw":
         """Return the law of a steady speed in [0, 1], which every verified motion admits."""

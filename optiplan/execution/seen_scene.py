@@ -51,7 +51,8 @@ class SeenScene:
         return ""
 
     def _see(self, name: str, place: Pose | Obstacle | None, velocity: Array, spread: float, time: float) -> str:
-        known = {one.name: one.shape for one in (*self._watch.scene.obstacles, *self._obstacles.values())}
+        known = {one.name: one.shape for one in self._watch.scene.obstacles}
+        known |= {one.name: one.shape for one in self._obstacles.values()}
         if not isinstance(place, Pose | Obstacle | None):
             return f"update_scene: found {told(place)} as '{name}'; expected poses by name, obstacles, or None"
         if isinstance(place, Obstacle) and isinstance(name, str) and place.motion is None:
