@@ -199,6 +199,7 @@ __all__ = [
     "PlanResult",
     "Planner",
     "PointCloud",
+    "Policy",
     "Pose",
     "PoseGoal",
     "PoseTask",

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array, is_finite
-from optiplan.errors import described
+from optiplan.errors import described, wrong_argument
+from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
 
 SAME_STATE = 1e-8
@@ -39,3 +40,19 @@ def told(value: Any) -> str:
 def same_state(a: State, b: State) -> bool:
     """Whether two states are one, but for rounding."""
     return all(np.allclose(x, y, rtol=0.0, atol=SAME_STATE) for x, y in ((a.q, b.q), (a.v, b.v), (a.a, b.a)))
+
+
+def checked_arguments(run: Any, override: Any, deviation: Any, clearance: Any) -> None:
+    """Refuse arguments of `Executor` that do not fit.
+
+    Raises:
+        InputError: the first one.
+    """
+    if not isinstance(run, Run):
+        raise wrong_argument("Executor", "run", told(run), "a verified run of op.plan(…)")
+    if not is_share(override):
+        raise wrong_argument("Executor", "override", told(override), "a speed from 0 to 1")
+    if deviation is not None and not (is_finite(deviation) and deviation > 0.0):
+        raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
+    if not (is_finite(clearance) and clearance >= 0.0):
+        raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")

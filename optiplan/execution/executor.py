@@ -4,11 +4,12 @@ import math
 import weakref
 from collections import deque
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 from optiplan.arrays import is_finite
-from optiplan.errors import OptiPlanError, wrong_argument
-from optiplan.execution.arguments import is_share, same_state, told
+from optiplan.errors import wrong_argument
+from optiplan.execution.arguments import checked_arguments, is_share, told
+from optiplan.execution.next_path import NextPath, spliced_path
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.planning_process import PlanningProcess
 from optiplan.execution.policy import Policy, Reaction
@@ -37,19 +38,6 @@ KEPT_STATES = 64
 
 STOP_PLACES = 200
 """Places of a motion for which `stopping` gives the stop."""
-
-
-class NextPath(NamedTuple):
-    """The path that is to take over at `then`, s; `since`, s, is the scene known that it was planned in.
-
-    `number`: of the planning process; 0: it is from `splice`.
-    """
-
-    then: float
-    path: ProvedPath
-    since: float
-    watch: SceneWatch | None = None
-    number: int = 0
 
 
 class Executor:
@@ -95,29 +83,18 @@ class Executor:
         policy: Policy | Reaction = "wait",
         separation: Separation | None = None,
     ) -> None:
-        if not isinstance(run, Run):
-            raise wrong_argument("Executor", "run", told(run), "a verified run of op.plan(…)")
-        if not is_share(override):
-            raise wrong_argument("Executor", "override", told(override), "a speed from 0 to 1")
-        if deviation is not None and not (is_finite(deviation) and deviation > 0.0):
-            raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
-        if not (is_finite(clearance) and clearance >= 0.0):
-            raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
-        if separation is not None and not isinstance(separation, Separation):
-            raise wrong_argument("Executor", "separation", told(separation), "an op.Separation(…), or None")
+        checked_arguments(run, override, deviation, clearance)
         self._path = ProvedPath(run, "Executor")
         self._policy = Policy.of(policy)
-        if separation is not None and self._policy.reaction == "replan":
-            raise wrong_argument("Executor", "policy", "replan beside people", "wait, stop or slow")
         watch = SceneWatch(self._path, float(clearance), self._policy.linger)
-        people = None if separation is None else SeparationMonitor(self._path, watch, separation)
+        people = SeparationMonitor.of(separation, self._path, watch, self._policy)
         self._scene = SeenScene(watch, people)
         self._planning: PlanningProcess | None = None
         if self._policy.reaction != "wait":
             watch.prepare(self._path.forwards)
         if self._policy.reaction == "replan":
-            self._planning = PlanningProcess(run, watch, self._policy)
-            weakref.finalize(self, self._planning.close)
+            self._planning = PlanningProcess.of(run, watch, self._policy)
+            self._leave = weakref.finalize(self, self._planning.leave)  # is called once
         self._tracking = TrackingMonitor(deviation)
         self._stretch: PathStretch = self._path.forwards
         self.time = 0.0
@@ -174,11 +151,7 @@ class Executor:
         self._aim()
 
     def update_scene(
-        self,
-        poses: SceneUpdate,
-        velocities: Mapping[str, Values] | None = None,
-        spread: float = 0.0,
-        age: float = 0.0,
+        self, poses: SceneUpdate, velocities: Mapping[str, Values] | None = None, spread: float = 0.0, age: float = 0.0
     ) -> None:
         """Obstacles have moved, appeared or vanished: check the rest of the path against them, now.
 
@@ -234,16 +207,8 @@ class Executor:
 
     def _avoid(self) -> None:
         """Follow a law that is clear until the robot stands still, or stop now."""
-        people = self._scene.people
         clear = self._policy.law(
-            self._stretch.laws,
-            self._law,
-            self.time,
-            self._override,
-            lambda law: (
-                self._blocked(law) is not None
-                or (people is not None and not people.clear(self._stretch, law, self.time))
-            ),
+            self._stretch.laws, self._law, self.time, self._override, lambda law: not self._is_clear(law)
         )
         if clear is None and not self._stands:
             clear = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, 0.0)
@@ -251,6 +216,10 @@ class Executor:
             self._law, self._wanted, self._pending = clear, 0.0, False
         else:  # as soon as limits leave room
             self._lead()
+
+    def _is_clear(self, law: "TimeLaw") -> bool:
+        people = self._scene.people
+        return self._blocked(law) is None and (people is None or people.clear(self._stretch, law, self.time))
 
     @property
     def _way(self) -> "TimeLaw":
@@ -311,24 +280,14 @@ class Executor:
         return not reason
 
     def _splice(self, run: Run) -> str:
-        if not isinstance(run, Run) or not run.verified:
-            return "the motion that was to take over is not verified"
-        if run.problem.robot.joint_names != self.run.problem.robot.joint_names:
-            return "the motion that was to take over is of another robot"
         if self._scene.people is not None and not self._stands:
             return "beside people a motion takes over only where the robot stands still"
-        start = run.problem.start_state
-        found = [then for then, state, law in self._predicted if law is self._law and same_state(state, start)]
-        if not found:
-            return "the motion that was to take over begins in a state that is not on the way"
-        stands = self._law.target == 0.0 and self._law.settled <= found[-1]  # and from then on is in that state
-        then = max(found[-1], self.time) if stands else found[-1]
-        if then < self.time:
-            return f"the motion that was to take over came {self.time - then:.3f} s late"
-        try:
-            self._next = NextPath(then, ProvedPath(run, "Executor.splice"), self.time)
-        except OptiPlanError as error:
-            return f"the motion that was to take over: {error}"
+        states = [(then, state) for then, state, law in self._predicted if law is self._law]
+        rests = self._law.settled if self._law.target == 0.0 else math.inf
+        found = spliced_path(run, self.run, states, rests, self.time)
+        if isinstance(found, str):
+            return found
+        self._next = found
         return ""
 
     def tick(self, dt: float, measured: object = None) -> Tick:
@@ -360,6 +319,12 @@ class Executor:
         speed = self._stretch.direction * point.place.speed
         return Tick(self.time, point.q, point.v, point.a, point.torque, events, self._status(place, speed))
 
+    def close(self) -> None:
+        """Leave the process that plans, if the policy has one, to the next run; else it ends with the executor."""
+        if self._planning is not None:
+            self._planning = None
+            self._leave()
+
     @property
     def status(self) -> Status:
         """What the executor is doing at the last tick."""
@@ -368,7 +333,7 @@ class Executor:
 
     def stopping(self, places: int = STOP_PLACES) -> Stopping:
         """Return the stop along the path from full speed, at equally spaced places of the motion."""
-        return self._path.forwards.laws.stopping(places)
+        return self._path.forwards.laws.stops(places)
 
     def _first_law(self, path: ProvedPath, speed: float, begin: float) -> "TimeLaw":
         """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan.

@@ -184,15 +184,15 @@ class PathLaws:
         stop = self.change_along(law, t, 0.0)
         return law if stop is None else law.then(stop)
 
-    def stopping(self, places: int) -> Stopping:
-        """Return the stop from full speed at equally spaced places."""
-        place = np.linspace(0.0, self.length, places)
-        time = self.length - place
-        travel = time.copy()
+    def stops(self, places: int) -> Stopping:
+        """Return the stop along the path from full speed, at equally spaced places of the motion."""
+        T = self.motion.duration
+        place = np.linspace(0.0, T, places)
+        time, travel = np.zeros(places), np.zeros(places)
         for k, s in enumerate(place):
             law = self.change(PathPlace(float(s), 1.0, 0.0), 0.0, 0.0)
-            if law is not None:
-                time[k], travel[k] = law.settled, min(law.at(law.settled)[0], self.length) - s
+            time[k] = T - s if law is None else law.settled
+            travel[k] = T - s if law is None else min(law.at(law.settled)[0], T) - s
         return Stopping(place, time, travel)
 
     def steady(self, s: float, speed: float, begin: float) -> "TimeLaw":

@@ -67,8 +67,11 @@ class Policy:
         """
         if isinstance(policy, Policy):
             return policy
-        if isinstance(policy, str) and policy in get_args(Reaction):
-            return WAIT if policy == "wait" else cls(policy)
+        if isinstance(policy, str) and policy == "wait":
+            return WAIT
+        for reaction in get_args(Reaction):
+            if isinstance(policy, str) and policy == reaction:
+                return cls(reaction)
         choices = ", ".join(get_args(Reaction))
         raise wrong_argument("Executor", "policy", described(policy), f"an op.Policy, or one of: {choices}")
 

@@ -12,7 +12,7 @@ from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel, standing_body
 from optiplan.execution.proved_path import PathStretch, ProvedPath
-from optiplan.geometry.scene import Scene
+from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.trajectory import Trajectory
@@ -151,7 +151,7 @@ class _PartWatch:
 
     def __init__(self, model: NativeCollisionModel, motion: Trajectory, begin: float) -> None:
         self.begin, self.end, self._model = begin, begin + motion.duration, model
-        bodies = (*model.scene.obstacles, *model.scene.attached)
+        bodies: list[Obstacle | Attachment] = [*model.scene.obstacles, *model.scene.attached]
         places = {name: k for k, name in enumerate(model.names)}
         self._known = {body.name: (body.shape, places[body.name]) for body in bodies}
         self._added: list[tuple[str, Shape, int | None]] = []  # the body of each; None: the core does not know it

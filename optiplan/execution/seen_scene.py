@@ -58,8 +58,9 @@ class SeenScene:
         return ""
 
     def _see(self, name: str, place: Pose | Obstacle | None, velocity: Array, spread: float, time: float) -> str:
-        people = () if self.people is None else self.people.seen
-        known = {one.name: one.shape for one in (*self._watch.scene.obstacles, *self._obstacles.values(), *people)}
+        known = {one.name: one.shape for one in self._watch.scene.obstacles}
+        known |= {one.name: one.shape for one in self._obstacles.values()}
+        known |= {one.name: one.shape for one in (() if self.people is None else self.people.seen)}
         if not isinstance(place, Pose | Obstacle | None):
             return f"update_scene: found {told(place)} as '{name}'; expected poses by name, obstacles, or None"
         if isinstance(place, Obstacle) and isinstance(name, str) and place.motion is None:

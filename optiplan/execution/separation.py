@@ -25,6 +25,7 @@ from optiplan._core import core
 from optiplan.arrays import is_finite
 from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import told
+from optiplan.execution.policy import Policy
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import SceneWatch, SeenObstacle
 from optiplan.execution.status import KeptSeparation
@@ -36,7 +37,7 @@ FAR = 10.0
 """m: people that are farther away are not reported."""
 
 BISECTIONS = 3
-"""Speeds that are tried at a time between one that is clear and one that is not; each costs a quarter of a millisecond."""
+"""Speeds that are tried at a time between a clear one and one that is not, a quarter of a millisecond each."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,21 @@ class SeparationMonitor:
     Raises:
         InputError: the path begins in motion.
     """
+
+    @classmethod
+    def of(cls, rule: object, path: ProvedPath, watch: SceneWatch, policy: Policy) -> "SeparationMonitor | None":
+        """Return what keeps a rule of `Executor`; None without one.
+
+        Raises:
+            InputError: it is no rule, or one that this executor cannot keep.
+        """
+        if rule is None:
+            return None
+        if not isinstance(rule, Separation):
+            raise wrong_argument("Executor", "separation", told(rule), "an op.Separation(…), or None")
+        if policy.reaction == "replan":
+            raise wrong_argument("Executor", "policy", "replan beside people", "wait, stop or slow")
+        return cls(path, watch, rule)
 
     def __init__(self, path: ProvedPath, watch: SceneWatch, rule: Separation) -> None:
         if not path.starts_at_rest:

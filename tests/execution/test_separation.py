@@ -245,7 +245,7 @@ def test_people_that_nobody_knew_come_and_go(run):
     kept = executor.status.separation
     assert (kept.pair[0], kept.distance, kept.allowed) == ("one", 0.0, 0.0)
     assert executor.status.phase == "waiting"
-    executor.update_scene({"one": None}, age=0.02)
+    executor.update_scene({"one": None})
     assert executor.status.separation is None
     moved = [executor.tick(DT).v.any() for _ in range(500)]
     assert any(moved)
