@@ -68,8 +68,8 @@ class Case:
 class OnProcessorTime:
     """A planning process whose answers are there after the processor time that they took, on the executor's clock."""
 
-    def __init__(self, executor: op.Executor) -> None:
-        vars(self).update(_executor=executor, _inner=executor._planning, seconds=[])
+    def __init__(self, planning: planning_process.PlanningProcess) -> None:
+        vars(self).update(_inner=planning, seconds=[])
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._inner, name)
@@ -80,7 +80,7 @@ class OnProcessorTime:
         else:
             super().__setattr__(name, value)
 
-    def answer(self) -> Any:
+    def answer(self, law: Any, now: float) -> Any:
         """The answer, once its time has come; nothing where it would have been cut short."""
         if self._inner._asked is None:
             return None
@@ -90,11 +90,11 @@ class OnProcessorTime:
         latency = self._inner._policy.latency
         cut = latency if request.seconds < planning_process.AT_REST else planning_process.AT_REST
         took = min(self._inner._done[0].seconds, cut)
-        if self._executor.time < asked.since + took:
+        if now < asked.since + took:
             return None
-        found = self._inner.answer()
-        self.seconds.append(found.seconds)
-        return found if found.seconds <= cut else None
+        self.seconds.append(self._inner._done[0].seconds)
+        found = self._inner.answer(law, now)
+        return found if self.seconds[-1] <= cut else None
 
 
 def main() -> None:
@@ -245,7 +245,7 @@ def executed(case: Case, policy: str, options: Any) -> Outcome:
     executor, found = op.Executor(case.run, policy=policy_of), Outcome([], None, [], [], [])
     wall = options.clock == "wall"
     if policy == "replan" and not wall:
-        executor._planning = OnProcessorTime(executor)
+        executor._planning = OnProcessorTime(executor._planning)
     while executor.time < case.at - 0.5 * DT:
         executor.tick(DT)
     began, asked, number = time.perf_counter(), 0.0, 0

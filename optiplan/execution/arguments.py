@@ -14,6 +14,10 @@ SAME_STATE = 1e-8
 """rad or m, and the same per s and s²: how far apart two states may be where one motion takes over."""
 
 
+LONGEST_TICK = 0.1
+"""s: after a longer one the robot had no set-points for too long, and stops."""
+
+
 def is_share(value: Any) -> bool:
     """Whether a value is a number from 0 to 1."""
     return is_finite(value) and bool(0.0 <= value <= 1.0)
@@ -56,3 +60,12 @@ def checked_arguments(run: Any, override: Any, deviation: Any, clearance: Any) -
         raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
     if not (is_finite(clearance) and clearance >= 0.0):
         raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
+
+
+def checked_step(dt: Any) -> tuple[float, str]:
+    """Return the length of a tick, s; where it cannot be, 0 or the longest, and why the robot must stop."""
+    if not is_finite(dt) or dt < 0.0:
+        return 0.0, f"tick: found a step of {told(dt)}; expected seconds >= 0"
+    if dt > LONGEST_TICK:
+        return LONGEST_TICK, f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s"
+    return float(dt), ""

@@ -4,11 +4,11 @@ import math
 import weakref
 from collections import deque
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from optiplan.arrays import is_finite
 from optiplan.errors import wrong_argument
-from optiplan.execution.arguments import checked_arguments, is_share, told
+from optiplan.execution.arguments import checked_arguments, checked_step, is_share, told
 from optiplan.execution.next_path import NextPath, spliced_path
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.planning_process import PlanningProcess
@@ -17,7 +17,7 @@ from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch
 from optiplan.execution.seen_scene import SceneUpdate, SeenScene
 from optiplan.execution.separation import Separation, SeparationMonitor
-from optiplan.execution.status import Phase, Status, Stopping, Tick
+from optiplan.execution.status import Held, Status, Stopping, Tick, phase_of
 from optiplan.execution.tracking_monitor import TrackingMonitor
 from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
@@ -26,9 +26,6 @@ from optiplan.trajectory.state import State
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
-
-LONGEST_TICK = 0.1
-"""s: after a longer one the robot had no set-points for too long, and stops."""
 
 TOO_LATE = "the stop comes too late"
 """What a reason says where the robot would not stand still in time."""
@@ -54,7 +51,8 @@ class Executor:
         deviation: how far a measured joint may be from its set-point, rad or m, before the robot stops; None: anything.
         clearance: distance to keep from obstacles that `update_scene` moves, m.
         policy: what is done where they block the path: an `op.Policy`, or the name of its reaction.
-        separation: people to keep apart from: the robot moves as fast, and as long, as `update_scene` reports them.
+        separation: people to keep apart from: the robot then moves only as fast, and as long, as `update_scene` reports
+            them.
 
     Attributes:
         run: the run that is being executed.
@@ -85,9 +83,9 @@ class Executor:
     ) -> None:
         checked_arguments(run, override, deviation, clearance)
         self._path = ProvedPath(run, "Executor")
-        self._policy = Policy.of(policy)
+        self._policy = Policy.of(policy, separation)
         watch = SceneWatch(self._path, float(clearance), self._policy.linger)
-        people = SeparationMonitor.of(separation, self._path, watch, self._policy)
+        people = None if separation is None else SeparationMonitor(self._path, watch, separation)
         self._scene = SeenScene(watch, people)
         self._planning: PlanningProcess | None = None
         if self._policy.reaction != "wait":
@@ -99,8 +97,8 @@ class Executor:
         self._stretch: PathStretch = self._path.forwards
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
-        self._law: TimeLaw = self._first_law(self._path, float(override), 0.0)
-        self._held: Literal["", "paused", "waiting", "stopped"] = "" if override > 0.0 else "paused"
+        self._law: TimeLaw = self._start_law(self._path, float(override), 0.0)
+        self._held: Held = "" if override > 0.0 else "paused"
         self._reason = ""
         self._seen = -math.inf  # the place up to which events are done
         self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
@@ -156,8 +154,8 @@ class Executor:
         """Obstacles have moved, appeared or vanished: check the rest of the path against them, now.
 
         Where they block it, the policy decides: by default the robot stops along the path and waits; a later update
-        that leaves the path clear lets it go on. Beside people of `separation` it goes on as fast as they allow.
-        Nothing raises here: an update that cannot be used ends in a stop.
+        that leaves the path clear lets it go on. Beside people of `separation` it goes on as fast as the separation
+        allows, now. Nothing raises here: an update that cannot be used ends in a stop.
 
         Args:
             poses: by name: the pose of a known obstacle, another one (`op.Sphere(…)` …), or None for one that is gone.
@@ -185,19 +183,18 @@ class Executor:
         return self._scene.blocked(self._stretch, law, self.time)
 
     def _blocked_next(self, coming: NextPath) -> bool:
-        law = self._first_law(coming.path, self._override, coming.then)
-        scene = self._scene.over(coming.path, coming.since, coming.watch)
-        return scene.blocked(coming.path.forwards, law, coming.then) is not None
+        law = self._start_law(coming.path, self._override, coming.then)
+        return self._scene.over(coming).blocked(coming.path.forwards, law, coming.then) is not None
 
     def _yield(self) -> None:
         """Do as the policy says, where obstacles that were seen block the way of the law."""
         found = self._blocked(self._way)
-        if found is not None and not self._held:
+        begins = found is not None and not self._held
+        if found is not None and begins:
             self._held, self._next = "stopped" if self._policy.reaction == "stop" else "waiting", None
             self._reason = f"'{found.pair[0]}' would meet '{found.pair[1]}' at {found.place:.3f} s of the path"
-            self._avoid()
-            found = self._blocked(self._way)
-        elif self._held == "waiting" and self._next is None and (found or self._policy.reaction == "slow"):
+        again = self._held == "waiting" and self._next is None and (found or self._policy.reaction == "slow")
+        if begins or again:
             self._avoid()
             found = self._blocked(self._way)
         if found is not None and TOO_LATE not in self._reason:
@@ -207,29 +204,13 @@ class Executor:
 
     def _avoid(self) -> None:
         """Follow a law that is clear until the robot stands still, or stop now."""
-        clear = self._policy.law(
-            self._stretch.laws, self._law, self.time, self._override, lambda law: not self._is_clear(law)
-        )
-        if clear is None and not self._stands:
-            clear = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, 0.0)
-        if clear is not None:
-            self._law, self._wanted, self._pending = clear, 0.0, False
-        else:  # as soon as limits leave room
+        clear = None
+        if self._policy.goes_on:
+            clear = self._policy.law(self._stretch.laws, self._law, self.time, self._override, self._blocked)
+        if clear is None:
             self._lead()
-
-    def _is_clear(self, law: "TimeLaw") -> bool:
-        people = self._scene.people
-        return self._blocked(law) is None and (people is None or people.clear(self._stretch, law, self.time))
-
-    @property
-    def _way(self) -> "TimeLaw":
-        """The law, without the stop that follows if no more data about people come."""
-        people = self._scene.people
-        return self._law if people is None else people.way(self._law, self.time)
-
-    @property
-    def _stands(self) -> bool:
-        return self._law.target == 0.0 and self._law.settled <= self.time
+        else:
+            self._law, self._wanted, self._pending = clear, 0.0, False
 
     def _accept(self, planning: PlanningProcess) -> None:
         """Let a path of the policy take over, if it came in time and is clear."""
@@ -237,15 +218,8 @@ class Executor:
             self._planning = None
             self.stop("the planning process has ended")
             return
-        planned = planning.answer()
-        if planned is None or planned.path is None or self._held != "waiting" or self._next is not None:
-            return
-        stands = self._stands and planned.path.starts_at_rest
-        then = max(planned.then, self.time) if stands else planned.then
-        if planned.law is not self._law or then < self.time:
-            return
-        coming = NextPath(then, planned.path, planned.since, planned.watch, planned.number)
-        if not self._blocked_next(coming):
+        coming = planning.answer(self._law, self.time)
+        if coming is not None and self._held == "waiting" and self._next is None and not self._blocked_next(coming):
             self._next = coming
 
     def state_in(self, latency: float) -> State:
@@ -274,21 +248,14 @@ class Executor:
         Returns:
             Whether the run takes over.
         """
-        reason = self._splice(run)
-        if reason:
-            self.stop(reason)
-        return not reason
-
-    def _splice(self, run: Run) -> str:
-        if self._scene.people is not None and not self._stands:
-            return "beside people a motion takes over only where the robot stands still"
         states = [(then, state) for then, state, law in self._predicted if law is self._law]
         rests = self._law.settled if self._law.target == 0.0 else math.inf
-        found = spliced_path(run, self.run, states, rests, self.time)
+        found = spliced_path(run, self.run, states, rests, self.time, at_rest_only=self._scene.people is not None)
         if isinstance(found, str):
-            return found
+            self.stop(found)
+            return False
         self._next = found
-        return ""
+        return True
 
     def tick(self, dt: float, measured: object = None) -> Tick:
         """Return the set-point `dt` s after the last one.
@@ -299,7 +266,9 @@ class Executor:
             dt: s since the last tick.
             measured: positions of the joints (n,), rad or m, or a `State`; None: not measured.
         """
-        step = self._checked_step(dt)
+        step, reason = checked_step(dt)
+        if reason:
+            self.stop(reason)
         if self._planning is not None:
             self._accept(self._planning)
         if self._next is not None and self.time + step >= self._next.then:
@@ -307,17 +276,15 @@ class Executor:
         self.time += step
         if self._pending and self._replace_law():
             self._yield()
-        if self._stands:
+        if self._rests:
             self._turn()
         point = self._point()
         if measured is not None:
             reason = self._tracking.compare(measured, point, self.run.problem.robot.joint_names)
             if reason and self._held != "stopped":
                 self.stop(reason)
-        place = self._stretch.place(point.place.s)
-        events = self._due(place)
-        speed = self._stretch.direction * point.place.speed
-        return Tick(self.time, point.q, point.v, point.a, point.torque, events, self._status(place, speed))
+        events = self._due(self._stretch.place(point.place.s))
+        return Tick(self.time, point.q, point.v, point.a, point.torque, events, self._status(point))
 
     def close(self) -> None:
         """Leave the process that plans, if the policy has one, to the next run; else it ends with the executor."""
@@ -328,20 +295,30 @@ class Executor:
     @property
     def status(self) -> Status:
         """What the executor is doing at the last tick."""
-        point = self._point()
-        return self._status(self._stretch.place(point.place.s), self._stretch.direction * point.place.speed)
+        return self._status(self._point())
 
     def stopping(self, places: int = STOP_PLACES) -> Stopping:
         """Return the stop along the path from full speed, at equally spaced places of the motion."""
-        return self._path.forwards.laws.stops(places)
+        return self._path.forwards.laws.stopping(places)
 
-    def _first_law(self, path: ProvedPath, speed: float, begin: float) -> "TimeLaw":
+    def _start_law(self, path: ProvedPath, speed: float, then: float) -> "TimeLaw":
         """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan.
 
-        Beside people the robot waits for data about them.
+        Beside people the robot waits until the first data about them are there.
         """
         speed = 0.0 if self._scene.people is not None else speed
-        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, begin)
+        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, then)
+
+    @property
+    def _way(self) -> "TimeLaw":
+        """The law, without the stop that follows if no more data about people come."""
+        people = self._scene.people
+        return self._law if people is None else people.way(self._law, self.time)
+
+    @property
+    def _rests(self) -> bool:
+        """Whether the robot stands still, and will."""
+        return self._law.target == 0.0 and self.time >= self._law.settled
 
     def _aim(self) -> None:
         """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
@@ -353,22 +330,22 @@ class Executor:
         turns = self._backwards != (self._stretch.direction < 0.0)
         self._wanted = 0.0 if self._held or turns else self._override
         replaced = self._replace_law()
-        if turns and self._stands:
+        if turns and self._rests:
             self._turn()
         return replaced
 
     def _replace_law(self) -> bool:
         """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
-        s = self._law.at(self.time)[0]
-        length = self._stretch.laws.length
+        s, length = self._law.at(self.time)[0], self._stretch.laws.length
         if s >= length:  # at its end the robot stands still, whatever the law
-            self._pending = False
-            if not self._stands:
+            if not self._rests:
                 self._law = self._stretch.laws.steady(length, 0.0, self.time)
+            self._pending = False
             if self._scene.people is not None:
                 self._scene.people.choose(self._stretch, self._law, self.time, 0.0)
             return False
         if self._scene.people is not None:
+            self._pending = False  # until the next data
             kept = self._scene.people.choose(self._stretch, self._law, self.time, self._wanted)
             return kept is not None and self._follow(kept)
         if self._law.target == self._wanted:  # it is on its way there
@@ -409,26 +386,16 @@ class Executor:
         path, then = coming.path, coming.then
         self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
         self._path, self._stretch = path, path.forwards
-        self._scene = self._scene.over(path, coming.since, coming.watch)
+        self._scene = self._scene.over(coming)
         self._seen, self._backwards = -math.inf, False
         self._wanted = 0.0 if self._held else self._override
-        self._law = self._first_law(path, self._wanted, then)
+        self._law = self._start_law(path, self._wanted, then)
         self._pending = self._wanted != self._law.target
         if not self._pending:
             self._yield()
 
     def _point(self) -> SetPoint:
         return self._stretch.laws.set_point(self._law, self.time)
-
-    def _checked_step(self, dt: float) -> float:
-        """Return the tick's length, s; where that cannot be, 0 or the longest, and the robot stops."""
-        if not is_finite(dt) or dt < 0.0:
-            self.stop(f"tick: found a step of {told(dt)}; expected seconds >= 0")
-            return 0.0
-        if dt > LONGEST_TICK:
-            self.stop(f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s")
-            return LONGEST_TICK
-        return float(dt)
 
     def _due(self, place: float) -> tuple[Segment, ...]:
         """Return the events that have become due by a place of the path."""
@@ -437,22 +404,13 @@ class Executor:
         due, self._missed = self._missed + due, ()
         return due
 
-    def _status(self, place: float, speed: float) -> Status:
-        T = self._path.motion.duration
-        resting, people = speed == 0.0, self._scene.people
-        kept = None if people is None else people.kept
+    def _status(self, point: SetPoint) -> Status:
+        place, T = self._stretch.place(point.place.s), self._path.motion.duration
+        speed, people = self._stretch.direction * point.place.speed, self._scene.people
         reason = self._reason or ("" if people is None or place >= T else people.reason(self.time))
-        phase: Phase = "running"
-        if place >= T:
-            phase = "done"
-        elif self._held == "stopped":
-            phase = "stopped" if resting else "stopping"
-        elif self._held in ("paused", "waiting") and resting:
-            phase = self._held
-        elif people is not None and resting and self._wanted > 0.0:
+        changes = self.time < self._way.settled or self._pending
+        phase = "done" if place >= T else phase_of(self._held, speed == 0.0, changes)
+        if not self._held and people is not None and speed == 0.0 and self._wanted > 0.0 and place < T:
             phase = "waiting"
-        elif self.time < self._way.settled or self._pending:
-            phase = "changing"
-        elif resting:
-            phase = "paused"
+        kept = None if people is None else people.kept
         return Status(phase, place, place / T, speed, self._override, reason, self._tracking.deviation, kept)

@@ -25,7 +25,13 @@ class NextPath(NamedTuple):
 
 
 def spliced_path(
-    run: Run, current: Run, states: Sequence[tuple[float, State]], rests: float, now: float
+    run: Run,
+    current: Run,
+    states: Sequence[tuple[float, State]],
+    rests: float,
+    now: float,
+    *,
+    at_rest_only: bool = False,
 ) -> NextPath | str:
     """Return the path of a run that is to take over; or why it cannot.
 
@@ -35,11 +41,14 @@ def spliced_path(
         states: on the way, with their times, s, in which it may begin.
         rests: s, from when on the robot stands still.
         now: s.
+        at_rest_only: beside people.
     """
     if not isinstance(run, Run) or not run.verified:
         return "the motion that was to take over is not verified"
     if run.problem.robot.joint_names != current.problem.robot.joint_names:
         return "the motion that was to take over is of another robot"
+    if at_rest_only and rests > now:
+        return "beside people a motion takes over only where the robot stands still"
     start = run.problem.start_state
     found = [then for then, state in states if same_state(state, start)]
     if not found:

@@ -184,7 +184,7 @@ class PathLaws:
         stop = self.change_along(law, t, 0.0)
         return law if stop is None else law.then(stop)
 
-    def stops(self, places: int) -> Stopping:
+    def stopping(self, places: int) -> Stopping:
         """Return the stop along the path from full speed, at equally spaced places of the motion."""
         T = self.motion.duration
         place = np.linspace(0.0, T, places)

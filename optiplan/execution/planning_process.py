@@ -10,6 +10,7 @@ from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING
 
 from optiplan.errors import OptiPlanError, wrong_argument
+from optiplan.execution.next_path import NextPath
 from optiplan.execution.planning_worker import PLANNER, FirstMotion, PlanReply, PlanRequest, serve
 from optiplan.execution.policy import Policy
 from optiplan.execution.proved_path import ProvedPath
@@ -132,12 +133,16 @@ class PlanningProcess:
         except OSError:
             self.lost = True
 
-    def answer(self) -> PlannedPath | None:
-        """Return the answer to the last request, once it is there."""
+    def answer(self, law: "TimeLaw", now: float) -> NextPath | None:
+        """Return the path that was asked for, once it is there, if the robot can still take it from the law."""
         if not self._done:
             return None
-        self._asked = None
-        return self._done.popleft()
+        self._asked, found = None, self._done.popleft()
+        if found.path is None or found.law is not law:
+            return None
+        rests = law.target == 0.0 and law.settled <= now and found.path.starts_at_rest
+        then = max(found.then, now) if rests else found.then
+        return None if then < now else NextPath(then, found.path, found.since, found.watch, found.number)
 
     def close(self) -> None:
         """End the process."""

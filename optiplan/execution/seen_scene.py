@@ -8,7 +8,8 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite
 from optiplan.execution.arguments import numbers, told
-from optiplan.execution.proved_path import PathStretch, ProvedPath
+from optiplan.execution.next_path import NextPath
+from optiplan.execution.proved_path import PathStretch
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
 from optiplan.execution.separation import SeparationMonitor
 from optiplan.geometry.pose import Pose, Values
@@ -60,7 +61,7 @@ class SeenScene:
     def _see(self, name: str, place: Pose | Obstacle | None, velocity: Array, spread: float, time: float) -> str:
         known = {one.name: one.shape for one in self._watch.scene.obstacles}
         known |= {one.name: one.shape for one in self._obstacles.values()}
-        known |= {one.name: one.shape for one in (() if self.people is None else self.people.seen)}
+        known |= {} if self.people is None else self.people.shapes
         if not isinstance(place, Pose | Obstacle | None):
             return f"update_scene: found {told(place)} as '{name}'; expected poses by name, obstacles, or None"
         if isinstance(place, Obstacle) and isinstance(name, str) and place.motion is None:
@@ -103,12 +104,13 @@ class SeenScene:
         """The largest spread that was seen, m/s."""
         return max((one.spread for one in self._obstacles.values()), default=0.0)
 
-    def over(self, path: ProvedPath, since: float, watch: SceneWatch | None = None) -> "SeenScene":
-        """Return the same about a path that was planned when the scene was as it was until `since`, s.
+    def over(self, coming: NextPath) -> "SeenScene":
+        """Return the same about the path that takes over.
 
-        Obstacles that the path was proved against where they stood are forgotten, unless they move.
+        Obstacles that it was proved against where they stood are forgotten, unless they move.
         """
-        watch = self._watch.over(path) if watch is None else watch
+        path, since = coming.path, coming.since
+        watch = self._watch.over(path) if coming.watch is None else coming.watch
         other = SeenScene(watch, None if self.people is None else self.people.over(path, watch))
         known = {obstacle.name for obstacle in path.run.problem.scene.obstacles}
         for name, one in self._obstacles.items():

@@ -25,10 +25,10 @@ from optiplan._core import core
 from optiplan.arrays import is_finite
 from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import told
-from optiplan.execution.policy import Policy
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import SceneWatch, SeenObstacle
 from optiplan.execution.status import KeptSeparation
+from optiplan.geometry.shape import Shape
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
@@ -115,27 +115,13 @@ class SeparationMonitor:
         InputError: the path begins in motion.
     """
 
-    @classmethod
-    def of(cls, rule: object, path: ProvedPath, watch: SceneWatch, policy: Policy) -> "SeparationMonitor | None":
-        """Return what keeps a rule of `Executor`; None without one.
-
-        Raises:
-            InputError: it is no rule, or one that this executor cannot keep.
-        """
-        if rule is None:
-            return None
-        if not isinstance(rule, Separation):
-            raise wrong_argument("Executor", "separation", told(rule), "an op.Separation(…), or None")
-        if policy.reaction == "replan":
-            raise wrong_argument("Executor", "policy", "replan beside people", "wait, stop or slow")
-        return cls(path, watch, rule)
-
     def __init__(self, path: ProvedPath, watch: SceneWatch, rule: Separation) -> None:
         if not path.starts_at_rest:
             found = "a run that begins in motion"
             raise wrong_argument("Executor", "run", found, "one that begins at rest, since people are not seen yet")
         self.rule, self._watch = rule, watch
         self._measured: dict[str, tuple[float, SeenObstacle | None]] = {}
+        self.shapes: dict[str, Shape] = {}  # of people that were seen before
         self._commanded: CommandedLaw | None = None
         self._late = False
         self.kept: KeptSeparation | None = None
@@ -150,11 +136,13 @@ class SeparationMonitor:
         """Remember where a person was at a time, s, or that it was not there; data may come out of order."""
         if name not in self._measured or self._measured[name][0] <= time:
             self._measured[name] = time, person
+            if person is not None:
+                self.shapes[name] = person.shape
 
     def over(self, path: ProvedPath, watch: SceneWatch) -> "SeparationMonitor":
         """Return the same about another path."""
         other = SeparationMonitor(path, watch, self.rule)
-        other._measured, other.kept = self._measured, self.kept
+        other._measured, other.shapes, other.kept = self._measured, self.shapes, self.kept
         return other
 
     @property

@@ -8,6 +8,9 @@ from optiplan.trajectory.segments import Segment
 
 Phase = Literal["running", "changing", "paused", "waiting", "stopping", "stopped", "done"]
 
+Held = Literal["", "paused", "waiting", "stopped"]
+"""What keeps a robot from going on; empty where nothing does."""
+
 
 class KeptSeparation(NamedTuple):
     """The separation from people at the last data about them, of those that are within 10 m.
@@ -80,3 +83,14 @@ class Stopping(NamedTuple):
     place: Array
     time: Array
     travel: Array
+
+
+def phase_of(held: Held, resting: bool, changes: bool) -> Phase:
+    """Return the phase of a robot that is not at its end, which stands still or not, and changes its speed or not."""
+    if held == "stopped":
+        return "stopped" if resting else "stopping"
+    if held and resting:
+        return held
+    if changes:
+        return "changing"
+    return "paused" if resting else "running"

@@ -250,7 +250,9 @@ def test_people_that_nobody_knew_come_and_go(run):
     moved = [executor.tick(DT).v.any() for _ in range(500)]
     assert any(moved)
     assert not moved[-1]  # who is not there may come
-    assert "the last data about 'other'" in executor.status.reason
+    assert "the last data about" in executor.status.reason
+    executor.update_scene({"one": op.Pose((0.7, 0.0, 0.8)), "other": None})  # its shape is known by now
+    assert executor.status.separation.pair[0] == "one"
 
 
 def test_an_executor_takes_what_can_be_kept(run):
