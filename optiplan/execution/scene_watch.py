@@ -114,8 +114,11 @@ class SceneWatch:
         The slack is the distance less `margin`, m, and what an obstacle may have moved since it was seen, at that time.
         The first body of the pair is the obstacle. None where the slack exceeds `most`, m, everywhere.
         """
-        least = None
+        least, here = None, law.at(now)[0]
+        rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
         for part in self._parts(stretch) if seen else ():
+            if part.begin > rest or part.end < here:
+                continue
             found = part.nearest(law, now, seen, margin, most if least is None else least.slack)
             if found is not None:
                 least = NearestPlace(stretch.place(found.place), found.pair, found.slack)

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 FAR = 10.0
 """m: people that are farther away are not reported."""
 
-BISECTIONS = 3
+BISECTIONS = 2
 """Speeds that are tried at a time between a clear one and one that is not, a quarter of a millisecond each."""
 
 
