@@ -295,7 +295,7 @@ def draw(shown: dict[tuple[str, str], Walk], path: Path) -> None:
         axes.fill_between(t, 0.0, np.abs(walked.speed), color="0.85", lw=0, label="speed, 1 = as planned")
         axes.plot(t, walked.separation, color="C0", lw=1.2, label="separation, m")
         axes.plot(t, walked.needed, color="C3", lw=1.0, label="protective distance, m")
-        axes.set(title=f"{robot}: {course}", ylim=(0.0, 3.0), xlim=(0.0, WINDOW))
+        axes.set(title=f"{robot}: {course}", ylim=(0.0, 2.0), xlim=(0.0, WINDOW))
         axes.grid(alpha=0.3)
     for axes in grid[-1]:
         axes.set_xlabel("t, s")

@@ -181,6 +181,8 @@ class SeparationMonitor:
             return f"the last data about '{name}' are {now - time:.3f} s old"
         if self.kept is None or self.kept.allowed > 0.0:
             return ""
+        if np.isneginf(self.kept.separation):
+            return f"the native core does not know the shape of '{self.kept.pair[0]}'"
         found = f"'{self.kept.pair[0]}' is {self.kept.separation:.3f} m from '{self.kept.pair[1]}'"
         return f"{found}; the stop comes too late" if self._late else found
 
