@@ -59,7 +59,8 @@ class SeenScene:
                 return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
             if self._rule is not None and name in self._rule.people:
                 if name in velocities:
-                    return f"update_scene: found a velocity of '{name}'; expected none: people's course is not known"
+                    expected = "none: the course of people is not known"
+                    return f"update_scene: found a velocity of '{name}'; expected {expected}"
                 reason = self._see_person(name, place, self._rule.human_speed, now - float(age))
             else:
                 reason = self._see(name, place, velocity, float(spread), now - float(age))
