@@ -36,8 +36,10 @@ def main():
     executor = op.Executor(home, policy=op.Policy("slow", period=0.02))
     ahead = problem.robot.fk(home.trajectory(0.8 * home.duration)).matrix[:3, 3]
     while executor.status.phase != "done":
-        position = ahead + [0.0, executor.time - 0.8 * home.duration, 0.0]  # it is there when the robot would be
-        executor.update_scene({"ball": op.Sphere("ball", 0.05, position=position)}, {"ball": (0.0, 1.0, 0.0)})
+        y = ahead[1] + executor.time - 0.8 * home.duration  # it is there when the robot would be
+        executor.update_scene(
+            {"ball": op.Sphere("ball", 0.05, position=(ahead[0], y, ahead[2]))}, {"ball": (0.0, 1.0, 0.0)}
+        )
         for _ in range(20):
             executor.tick(0.001)
     print(f"home in {home.duration:.2f} s, behind the ball in {executor.time:.2f} s")

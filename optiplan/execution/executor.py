@@ -84,9 +84,9 @@ class Executor:
         checked_arguments(run, override, deviation, clearance)
         self._path = ProvedPath(run, "Executor")
         self._policy = Policy.of(policy, separation)
-        self._people = None if separation is None else SeparationMonitor(self._path, separation)
         watch = SceneWatch(self._path, float(clearance), self._policy.linger)
-        self._scene = SeenScene(watch, separation)
+        people = None if separation is None else SeparationMonitor(self._path, watch, separation)
+        self._scene = SeenScene(watch, people)
         self._planning: PlanningProcess | None = None
         if self._policy.reaction != "wait":
             watch.prepare(self._path.forwards)
@@ -149,11 +149,7 @@ class Executor:
         self._aim()
 
     def update_scene(
-        self,
-        poses: SceneUpdate,
-        velocities: Mapping[str, Values] | None = None,
-        spread: float = 0.0,
-        age: float = 0.0,
+        self, poses: SceneUpdate, velocities: Mapping[str, Values] | None = None, spread: float = 0.0, age: float = 0.0
     ) -> None:
         """Obstacles have moved, appeared or vanished: check the rest of the path against them, now.
 
@@ -171,8 +167,7 @@ class Executor:
         if reason:
             self.stop(reason)
             return
-        if self._people is not None:
-            self._people.see(self._scene.people)
+        if self._scene.people is not None:
             self._lead()
         if self._next is not None and self._next.number and self._blocked_next(self._next):
             self._next = None
@@ -255,7 +250,7 @@ class Executor:
         """
         states = [(then, state) for then, state, law in self._predicted if law is self._law]
         rests = self._law.settled if self._law.target == 0.0 else math.inf
-        found = spliced_path(run, self.run, states, rests, self.time, self._people)
+        found = spliced_path(run, self.run, states, rests, self.time, at_rest_only=self._scene.people is not None)
         if isinstance(found, str):
             self.stop(found)
             return False
@@ -311,13 +306,14 @@ class Executor:
 
         Beside people the robot waits until the first data about them are there.
         """
-        speed = 0.0 if self._people is not None else speed
+        speed = 0.0 if self._scene.people is not None else speed
         return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, then)
 
     @property
     def _way(self) -> "TimeLaw":
         """The law, without the stop that follows if no more data about people come."""
-        return self._law if self._people is None else self._people.way(self._law, self.time)
+        people = self._scene.people
+        return self._law if people is None else people.way(self._law, self.time)
 
     @property
     def _rests(self) -> bool:
@@ -340,23 +336,23 @@ class Executor:
 
     def _replace_law(self) -> bool:
         """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
-        s, speed, acceleration = self._law.at(self.time)
-        length = self._stretch.laws.motion.duration
+        s, length = self._law.at(self.time)[0], self._stretch.laws.length
         if s >= length:  # at its end the robot stands still, whatever the law
             if not self._rests:
                 self._law = self._stretch.laws.steady(length, 0.0, self.time)
             self._pending = False
-            if self._people is not None:
-                self._people.choose(self._stretch, self._law, self.time, 0.0)
+            if self._scene.people is not None:
+                self._scene.people.choose(self._stretch, self._law, self.time, 0.0)
             return False
-        if self._people is not None:
-            law = self._people.choose(self._stretch, self._law, self.time, self._wanted)
-            return law is not None and self._follow(law)
+        if self._scene.people is not None:
+            self._pending = False  # until the next data
+            kept = self._scene.people.choose(self._stretch, self._law, self.time, self._wanted)
+            return kept is not None and self._follow(kept)
         if self._law.target == self._wanted:  # it is on its way there
             self._pending = False
             return False
         self._pending = True
-        law = self._stretch.laws.change(PathPlace(s, speed, acceleration), self.time, self._wanted)
+        law = self._stretch.laws.change_along(self._law, self.time, self._wanted)
         if law is None:
             return False
         self._pending = law.target != self._wanted and law.at(law.settled)[0] < length
@@ -389,7 +385,7 @@ class Executor:
             self._held, self._reason, self._planning.number = "", "", coming.number
         path, then = coming.path, coming.then
         self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
-        self._path, self._stretch, self._people = path, path.forwards, coming.people
+        self._path, self._stretch = path, path.forwards
         self._scene = self._scene.over(coming)
         self._seen, self._backwards = -math.inf, False
         self._wanted = 0.0 if self._held else self._override
@@ -410,7 +406,7 @@ class Executor:
 
     def _status(self, point: SetPoint) -> Status:
         place, T = self._stretch.place(point.place.s), self._path.motion.duration
-        speed, people = self._stretch.direction * point.place.speed, self._people
+        speed, people = self._stretch.direction * point.place.speed, self._scene.people
         reason = self._reason or ("" if people is None or place >= T else people.reason(self.time))
         changes = self.time < self._way.settled or self._pending
         phase = "done" if place >= T else phase_of(self._held, speed == 0.0, changes)

@@ -130,7 +130,7 @@ class PlanningProcess:
         self._asked = PlannedPath(then, law, now, self._last), request
         try:
             self._pipe.send(request)
-        except OSError:
+        except Exception:  # whatever it is, the robot must not wait for an answer
             self.lost = True
 
     def answer(self, law: "TimeLaw", now: float) -> NextPath | None:
@@ -160,7 +160,7 @@ class PlanningProcess:
 
     def _listen(self) -> None:
         """Receive motions and prepare their paths, until the process ends."""
-        with contextlib.suppress(EOFError, OSError):
+        try:
             while True:
                 reply: ReplanReply = self._pipe.recv()
                 asked = self._asked
@@ -168,8 +168,11 @@ class PlanningProcess:
                     self._done.append(self._prepared(*asked, reply))
                 elif reply.number == self._first:
                     self._ready.set()
-        self.lost = True
-        self._ready.set()
+        except (EOFError, OSError):  # the process has ended
+            pass
+        finally:
+            self.lost = True
+            self._ready.set()
 
     def _prepared(self, asked: PlannedPath, request: ReplanRequest, reply: ReplanReply) -> PlannedPath:
         began = time.thread_time() - reply.seconds

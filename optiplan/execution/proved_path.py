@@ -5,13 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from optiplan.errors import wrong_argument
-from optiplan.execution.path_laws import Load, PathLaws, reversed_motion
+from optiplan.execution.path_laws import Load, PathLaws
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolAcceleration
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import scene_parts
 from optiplan.runs.run import Run
-from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.segments import EVENTS, Segment
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -71,12 +70,12 @@ class ProvedPath:
             found = "a run that ends in motion"
             raise wrong_argument(called, "run", found, "a motion at whose end the robot stands still")
         self.parts = scene_parts(problem, self.motion)
-        self._loads = [Load(part.begin, part.end, part.problem.robot) for part in self.parts]
+        loads = [Load(part.begin, part.end, part.problem.robot) for part in self.parts]
         self.events: tuple[Segment, ...] = tuple(one for one in self.motion.segments if one.kind in EVENTS)
-        self.forwards = PathStretch(PathLaws(self.motion, problem.limits, self._loads), 0.0, 1.0)
+        self.forwards = PathStretch(PathLaws(self.motion, problem.limits, loads), 0.0, 1.0)
         self._stops = sorted({0.0, *(t for event in self.events for t in (event.begin, event.end))})
-        ends = (*self._stops[1:], self.motion.duration)
-        self._ways_back = [self._way_back(*both) for both in zip(self._stops, ends, strict=True) if both[0] < both[1]]
+        back = self.forwards.laws.mirrored()
+        self._ways_back = {stop: self._way_back(back, stop) for stop in self._stops}
         overloaded = self.forwards.laws.overloaded
         if overloaded is not None:
             found = f"a run in which gravity alone takes more torque than allowed at {overloaded:.3f} s"
@@ -96,19 +95,12 @@ class ProvedPath:
         last = self._stops[int(np.searchsorted(self._stops, max(place, done), side="right")) - 1]
         if place <= last:
             return None
-        return self._ways_back[self._stops.index(last)]
+        return self._ways_back[last]
 
-    def _way_back(self, begin: float, end: float) -> PathStretch | None:
-        """Return the stretch from `end` back to `begin`; None where the robot does not stand still there."""
-        if not self._rests(begin):
-            return None
-        part = reversed_motion(cut_trajectory(self.motion, begin, end))
-        loads = [
-            Load(end - min(load.end, end), end - max(load.begin, begin), load.robot)
-            for load in reversed(self._loads)
-            if load.end > begin and load.begin < end
-        ]
-        return PathStretch(PathLaws(part, self.run.problem.limits, loads), end, -1.0)
+    def _way_back(self, laws: PathLaws, stop: float) -> PathStretch | None:
+        """Return the stretch from the end back to a place; None where the robot does not stand still there."""
+        T = self.motion.duration
+        return PathStretch(laws.until(T - stop), T, -1.0) if self._rests(stop) else None
 
     @property
     def starts_at_rest(self) -> bool:

@@ -16,13 +16,11 @@ using namespace nb::literals;
 
 namespace {
 
-// A path with the search of laws along it.
+// A path with the search of laws along it, up to `end`.
 struct PathLaws {
-    PathTables tables;
+    std::shared_ptr<PathTables> tables;
     LawRules rules;
-
-    PathLaws(PathTables made, LawRules given) : tables(std::move(made)), rules(given) {}
-    PathLaws(const PathLaws &) = delete;
+    double end;
 };
 
 std::unique_ptr<PathLaws> make_laws(Vector breakpoints, Stack coefficients, Matrix limits, Vector ends,
@@ -39,33 +37,44 @@ std::unique_ptr<PathLaws> make_laws(Vector breakpoints, Stack coefficients, Matr
     const double *l = limits.data(), *r = rules.data();
     JointRates rates{{l, l + n}, {l + n, l + 2 * n}, {l + 2 * n, l + 3 * n}};
     const nb::gil_scoped_release release;
-    return std::make_unique<PathLaws>(PathTables(std::move(path), std::move(rates), std::move(loads), width),
-                                      LawRules{r[0], r[1], r[2], r[3], 0.0});
+    auto tables = std::make_shared<PathTables>(std::move(path), std::move(rates), std::move(loads), width);
+    const double end = tables->length();
+    return std::make_unique<PathLaws>(PathLaws{std::move(tables), LawRules{r[0], r[1], r[2], r[3], 0.0}, end});
 }
 
-std::optional<TimeLaw> change(PathLaws &self, double s, double ds, double dds, double begin, double target,
-                              double reserve) {
-    TimeLaw law;
+LawSearch search_of(const PathLaws &self, double reserve) {
     LawRules rules = self.rules;
     rules.reserve = reserve;
-    const LawSearch search(self.tables, rules);
+    return {*self.tables, rules, self.end};
+}
+
+std::optional<TimeLaw> change(const PathLaws &self, double s, double ds, double dds, double begin, double target,
+                              double reserve) {
+    TimeLaw law;
+    const LawSearch search = search_of(self, reserve);
     if (!search.change({s, ds, dds}, begin, target, law) || !search.holds(law, begin)) return std::nullopt;
+    return law;
+}
+
+std::optional<TimeLaw> change_along(const PathLaws &self, const TimeLaw &old, double now, double target,
+                                    double reserve) {
+    TimeLaw law;
+    if (!search_of(self, reserve).change_along(old, now, target, law)) return std::nullopt;
     return law;
 }
 
 // q, v, a and tau (4, n), and s, ds, dds, at time t of a law.
 nb::tuple set_point(const PathLaws &self, const TimeLaw &law, double t) {
-    const std::size_t n = self.tables.joints();
+    const std::size_t n = self.tables->joints();
     LawState state = law.at(t);
-    const double T = self.tables.length();
-    if (state.s >= T) state = {T, 0.0, 0.0};
+    if (state.s >= self.end) state = {self.end, 0.0, 0.0};
     std::vector<double> at(4 * n);
-    self.tables.derivatives(state.s, at.data());
+    self.tables->derivatives(state.s, at.data());
     for (std::size_t j = 0; j < n; ++j) {
         at[2 * n + j] = at[2 * n + j] * state.ds * state.ds + at[n + j] * state.dds;
         at[n + j] *= state.ds;
     }
-    self.tables.torques(state.s, false, at.data(), at.data() + n, at.data() + 2 * n, at.data() + 3 * n);
+    self.tables->torques(state.s, false, at.data(), at.data() + n, at.data() + 2 * n, at.data() + 3 * n);
     return nb::make_tuple(to_numpy(std::move(at), {4, n}), state.s, state.ds, state.dds);
 }
 
@@ -138,19 +147,29 @@ void bind_execution(nb::module_ &m) {
     nb::class_<PathLaws>(m, "PathLaws")
         .def_static("of", &make_laws, "breakpoints"_a, "coefficients"_a, "limits"_a, "ends"_a, "trees"_a, "width"_a,
                     "rules"_a)
-        .def_prop_ro("coarse_cells", [](const PathLaws &self) { return self.tables.coarse().count; })
-        .def_prop_ro("overloaded", [](const PathLaws &self) { return self.tables.overloaded(); })
+        .def("mirrored",
+             [](const PathLaws &self) {
+                 return PathLaws{std::make_shared<PathTables>(self.tables->mirrored()), self.rules, self.end};
+             })
+        .def(
+            "until", [](const PathLaws &self, double end) { return PathLaws{self.tables, self.rules, end}; }, "end"_a)
+        .def("sizes",
+             [](const PathLaws &self) {
+                 return to_numpy(self.tables->sizes(),
+                                 {5, static_cast<std::size_t>(self.tables->coarse().count), self.tables->joints()});
+             })
+        .def_prop_ro("overloaded", [](const PathLaws &self) { return self.tables->overloaded(); })
         .def(
             "set_curvature",
-            [](PathLaws &self, Stack bounds, Vector rates, Vector jerks) {
-                expect(bounds.shape(0) == rates.size() && jerks.size() == rates.size() &&
-                           bounds.shape(1) == static_cast<std::size_t>(self.tables.coarse().count) &&
-                           bounds.shape(2) == self.tables.joints(),
-                       "bounds (levels, coarse cells, n)");
-                self.tables.set_curvature(to_vector(bounds), to_vector(rates), to_vector(jerks));
+            [](PathLaws &self, Stack factors) {
+                expect(factors.shape(0) == static_cast<std::size_t>(self.tables->coarse().count) &&
+                           factors.shape(1) == 4 && factors.shape(2) == self.tables->joints(),
+                       "factors (coarse cells, 4, n)");
+                self.tables->set_curvature(to_vector(factors));
             },
-            "bounds"_a, "rates"_a, "jerks"_a)
-        .def("change", &change, "s"_a, "ds"_a, "dds"_a, "begin"_a, "target"_a, "reserve"_a = 0.0)
+            "factors"_a)
+        .def("change", &change, "s"_a, "ds"_a, "dds"_a, "begin"_a, "target"_a, "reserve"_a)
+        .def("change_along", &change_along, "old"_a, "now"_a, "target"_a, "reserve"_a)
         .def("set_point", &set_point, "law"_a, "t"_a);
     nb::class_<PathWatch>(m, "PathWatch")
         .def_static("of", &make_watch, "world"_a, "breakpoints"_a, "coefficients"_a, "width"_a, "begin"_a,

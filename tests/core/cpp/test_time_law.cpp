@@ -12,12 +12,20 @@ namespace {
 const double ACCELERATION = 6.0, JERK = 40.0, TORQUE = 90.0;
 const LawRules RULES{2e-3, 8e-3, 50.0, 5e3, 0.0};
 
+// The same bound on |tau''| for every law that is no slower than it may be.
+void set_curvature(PathTables &made, double bound) {
+    std::vector<double> factors(made.coarse().count * 8, 0.0);
+    for (std::size_t i = 0; i < factors.size(); ++i)
+        if (i % 8 < 4) factors[i] = bound;  // of ds^2 and of |dds|
+    made.set_curvature(factors);
+}
+
 // A quintic from rest to rest, 1 rad and -0.5 rad in 1 s: it takes 5.78 rad/s^2 and, at its ends, 60 rad/s^3 of 62.
 PathTables tables(double torque = TORQUE) {
     Curve path{{0.0, 1.0}, {}, 5, 2};
     for (double c : {0.0, 0.0, 0.0, 10.0, -15.0, 6.0}) path.coefficients.insert(path.coefficients.end(), {c, -0.5 * c});
     PathTables made(path, {{ACCELERATION, ACCELERATION}, {62.0, JERK}, {torque, torque}}, {{1.0, arm()}}, 2e-3);
-    made.set_curvature(std::vector<double>(made.coarse().count * 2, 4e3), {50.0}, {5e3});
+    set_curvature(made, 4e3);
     return made;
 }
 
@@ -147,7 +155,7 @@ TEST(torques_that_turn_at_a_breakpoint_are_not_missed) {
     const TimeLaw law{{piece, {2e-3, piece.at.after(2e-3, 0.0), 0.0}}};
     const auto made = [&path](double torque) {
         PathTables found(path, {{1e3, 1e3}, {1e9, 1e9}, {torque, torque}}, {{0.2, arm()}}, 2e-3);
-        found.set_curvature(std::vector<double>(found.coarse().count * 2, 0.0), {50.0}, {5e3});
+        set_curvature(found, 0.0);
         return found;
     };
     const PathTables loose = made(1e9);
@@ -172,7 +180,7 @@ TEST(torques_up_to_another_load_are_not_missed) {
     for (auto &joint : light.joints) joint.mass *= 0.5, joint.inertia = {};
     const auto made = [&](double torque) {
         PathTables found(path, {{1e3, 1e3}, {1e9, 1e9}, {torque, torque}}, {{0.0995, arm()}, {0.2, light}}, 2e-3);
-        found.set_curvature(std::vector<double>(found.coarse().count * 2, 0.0), {50.0}, {5e3});
+        set_curvature(found, 0.0);
         return found;
     };
     const PathTables loose = made(1e9);

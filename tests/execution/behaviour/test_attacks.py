@@ -120,7 +120,7 @@ def test_the_way_back_ends_at_the_last_event(run_of):
     assert path.backwards(attach.begin, attach.begin) is None  # it was just done
     assert path.backwards(attach.begin - 1e-13, attach.begin) is None
     back = path.backwards(grip.end + 0.2, grip.end + 0.2)
-    assert back.start - back.laws.motion.duration == pytest.approx(grip.end, abs=1e-12)  # the gripper stays closed
+    assert back.start - back.laws.length == pytest.approx(grip.end, abs=1e-12)  # the gripper stays closed
     assert path.backwards(run.duration, run.duration).start == run.duration
 
 
