@@ -11,6 +11,7 @@ import numpy as np
 from optiplan.arrays import is_finite
 from optiplan.errors import OptiPlanError, wrong_argument
 from optiplan.execution.arguments import is_share, same_state, told
+from optiplan.execution.joint_stop import Detour, JointStops
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.planning_process import PlanningProcess
 from optiplan.execution.policy import Policy, Reaction
@@ -114,6 +115,8 @@ class Executor:
             weakref.finalize(self, self._planning.close)
         self._tracking = TrackingMonitor(deviation)
         self._stretch: PathStretch = self._path.forwards
+        self._stops = JointStops(self._path)
+        self._detour: Detour | None = None
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
         self._law: TimeLaw = self._first_law(self._path, float(override), 0.0)
@@ -152,10 +155,23 @@ class Executor:
             self._held, self._reason = "paused", ""
             self._aim()
 
-    def stop(self, reason: str = "asked to stop") -> None:
-        """Stop along the path, for the given reason; `resume` goes on."""
-        self._held, self._reason, self._next = "stopped", reason, None
+    def stop(self, reason: str = "asked to stop", how: str = "path") -> None:
+        """Stop, for the given reason; `resume` goes on.
+
+        Args:
+            reason: for `status`.
+            how: `path`: along the path. `joints`: each joint as fast as its limits allow, off the path, where that is
+                proved clear and faster; `clearance` is kept from all obstacles. `resume` then leads back to the path.
+        """
+        known = how in ("path", "joints")
+        self._held, self._next = "stopped", None
+        self._reason = reason if known else f"stop: found {told(how)}; expected 'path' or 'joints'"
         self._aim()
+        if how == "joints" and self._detour is None and not self._stands:
+            within = self._law.settled - self.time if self._law.target == 0.0 else math.inf
+            detour = self._stops.leave(self._stretch, self._law, self.time, within)
+            if detour is not None and self._scene.blocked(detour.stop, detour.law, self.time, known=True) is None:
+                self._detour, self._stretch, self._law, self._pending = detour, detour.stop, detour.law, False
 
     def resume(self) -> None:
         """Go on with the speed of `override`, forwards."""
@@ -187,7 +203,9 @@ class Executor:
         if self._next is not None and self._next.number and self._blocked_next(self._next):
             self._next = None
         if self._held == "waiting" and self._next is None:
-            ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
+            ahead: TimeLaw | None = self._law
+            if self._detour is None:
+                ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
             if ahead is not None and self._blocked(ahead) is None:
                 self._held, self._reason = "", ""
                 self._aim()
@@ -318,34 +336,24 @@ class Executor:
         self.time += step
         if self._pending and self._replace_law():
             self._yield()
-        if self._law.target == 0.0 and self.time >= self._law.settled:
+        if self._stands:
             self._turn()
         point = self._point()
         if measured is not None:
             reason = self._tracking.compare(measured, point, self.run.problem.robot.joint_names)
             if reason and self._held != "stopped":
                 self.stop(reason)
-        place = self._stretch.place(point.place.s)
-        events = self._due(place)
-        speed = self._stretch.direction * point.place.speed
-        return Tick(self.time, point.q, point.v, point.a, point.torque, events, self._status(place, speed))
+        events = self._due(self._stretch.place(point.place.s))
+        return Tick(self.time, point.q, point.v, point.a, point.torque, events, self._status(point.place))
 
     @property
     def status(self) -> Status:
         """What the executor is doing at the last tick."""
-        point = self._point()
-        return self._status(self._stretch.place(point.place.s), self._stretch.direction * point.place.speed)
+        return self._status(self._point().place)
 
     def stopping(self, places: int = STOP_PLACES) -> Stopping:
         """Return the stop along the path from full speed, at equally spaced places of the motion."""
-        laws, T = self._path.forwards.laws, self._path.motion.duration
-        place = np.linspace(0.0, T, places)
-        time, travel = np.zeros(places), np.zeros(places)
-        for k, s in enumerate(place):
-            law = laws.change(PathPlace(float(s), 1.0, 0.0), 0.0, 0.0)
-            time[k] = T - s if law is None else law.settled
-            travel[k] = T - s if law is None else min(law.at(law.settled)[0], T) - s
-        return Stopping(place, time, travel)
+        return self._path.stopping(np.linspace(0.0, self._path.motion.duration, places))
 
     def _first_law(self, path: ProvedPath, speed: float, begin: float) -> "TimeLaw":
         """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan."""
@@ -358,12 +366,24 @@ class Executor:
 
     def _lead(self) -> bool:
         """See `_aim`; return whether there is another law."""
+        if self._detour is not None:
+            return self._steer(self._detour)
         turns = self._backwards != (self._stretch.direction < 0.0)
         self._wanted = 0.0 if self._held or turns else self._override
         replaced = self._replace_law()
         if turns and self._law.target == 0.0 and self._law.settled <= self.time:
             self._turn()
         return replaced
+
+    def _steer(self, detour: Detour) -> bool:
+        """See `_lead`, off the path."""
+        before, go = self._law, not self._held and self._override > 0.0
+        self._stretch, self._law = detour.steer(self._stretch, before, self.time, go)
+        self._pending = False
+        if self._stretch is detour.left:
+            self._detour = None
+            self._lead()
+        return self._law is not before
 
     def _replace_law(self) -> bool:
         """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
@@ -388,6 +408,10 @@ class Executor:
 
     def _turn(self) -> None:
         """Change the direction of a robot that stands still, if that is wanted."""
+        if self._detour is not None:
+            if self._steer(self._detour):
+                self._yield()
+            return
         if self._held or self._backwards == (self._stretch.direction < 0.0):
             return
         place = self._stretch.place(self._law.at(self.time)[0])
@@ -406,7 +430,7 @@ class Executor:
             self._held, self._reason, self._planning.number = "", "", coming.number
         path, then = coming.path, coming.then
         self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
-        self._path, self._stretch = path, path.forwards
+        self._path, self._stretch, self._stops, self._detour = path, path.forwards, JointStops(path), None
         self._scene = self._scene.over(path, coming.since, coming.watch)
         self._seen, self._backwards = -math.inf, False
         self._wanted = 0.0 if self._held else self._override
@@ -435,9 +459,8 @@ class Executor:
         due, self._missed = self._missed + due, ()
         return due
 
-    def _status(self, place: float, speed: float) -> Status:
-        T = self._path.motion.duration
-        resting = speed == 0.0
+    def _status(self, at: PathPlace) -> Status:
+        T, place, resting = self._path.motion.duration, self._stretch.place(at.s), at.speed == 0.0
         phase: Phase = "running"
         if place >= T:
             phase = "done"
@@ -449,4 +472,5 @@ class Executor:
             phase = "changing"
         elif resting:
             phase = "paused"
-        return Status(phase, place, place / T, speed, self._override, self._reason, self._tracking.deviation)
+        speed, off = self._stretch.direction * at.speed, self._detour is not None
+        return Status(phase, place, place / T, speed, self._override, self._reason, self._tracking.deviation, off)

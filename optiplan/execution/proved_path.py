@@ -4,8 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from optiplan.arrays import Array
+from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.errors import wrong_argument
-from optiplan.execution.path_laws import Load, PathLaws
+from optiplan.execution.path_laws import Load, PathLaws, PathPlace
+from optiplan.execution.status import Stopping
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolAcceleration
 from optiplan.problem.problem import Problem
@@ -28,12 +31,14 @@ class PathStretch:
     Attributes:
         laws: along it.
         start: on the path, s.
-        direction: 1.0 or -1.0.
+        direction: 1.0 or -1.0; 0.0 off the path, which was left at `start`.
+        model: off the path: the robot with what it carries, in the scene of the run.
     """
 
     laws: PathLaws
     start: float
     direction: float
+    model: NativeCollisionModel | None = None
 
     def place(self, s: float) -> float:
         """Return the place on the whole path."""
@@ -45,6 +50,7 @@ class ProvedPath:
 
     Attributes:
         run: the run.
+        constrained: whether a path constraint holds anywhere.
         events: what is done on the way, in order.
         parts: stretches of the path in which the scene stays the same, in order.
         forwards: the whole path.
@@ -61,11 +67,12 @@ class ProvedPath:
         if any(obstacle.motion is not None for obstacle in problem.scene.obstacles):
             found = "a run among obstacles that move by the clock, proved for its own timing alone"
             raise wrong_argument(called, "run", found, "a run among obstacles that stand still")
-        for constraint in _constraints(problem):
+        constraints = _constraints(problem)
+        for constraint in constraints:
             if isinstance(constraint, TIMED_CONSTRAINTS):
                 found = f"a run with the path constraint `{constraint.KEY}`, which depends on accelerations"
                 raise wrong_argument(called, "run", found, "path constraints of poses, positions and speeds")
-        self.run = run
+        self.run, self.constrained = run, bool(constraints)
         if not self._rests(self.motion.duration):
             found = "a run that ends in motion"
             raise wrong_argument(called, "run", found, "a motion at whose end the robot stands still")
@@ -86,6 +93,16 @@ class ProvedPath:
         """The verified motion."""
         assert self.run.trajectory is not None
         return self.run.trajectory
+
+    def stopping(self, places: Array) -> Stopping:
+        """Return the stop along the path from full speed, at places (K,), s."""
+        laws, T = self.forwards.laws, self.motion.duration
+        time, travel = np.zeros(len(places)), np.zeros(len(places))
+        for k, s in enumerate(places.tolist()):
+            law = laws.change(PathPlace(s, 1.0, 0.0), 0.0, 0.0)
+            time[k] = T - s if law is None else law.settled
+            travel[k] = T - s if law is None else min(law.at(law.settled)[0], T) - s
+        return Stopping(places, time, travel)
 
     def backwards(self, place: float, done: float) -> PathStretch | None:
         """Return the way back from a place to the last event, or to the start; None where there is none.

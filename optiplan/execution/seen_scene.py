@@ -70,9 +70,16 @@ class SeenScene:
         self._obstacles[name] = SeenObstacle(name, shape, X_WO, velocity, spread, time)
         return ""
 
-    def blocked(self, stretch: PathStretch, law: "TimeLaw", now: float) -> BlockedPlace | None:
-        """Return what is blocked of the way that a law leads from `now` on; None if nothing is."""
-        return self._watch.blocked(stretch, law, now, list(self._obstacles.values()))
+    def blocked(self, stretch: PathStretch, law: "TimeLaw", now: float, known: bool = False) -> BlockedPlace | None:
+        """Return what is blocked of the way that a law leads from `now` on; None if nothing is.
+
+        By obstacles that were seen; by those that are `known` from the run, too, where the way is not its path.
+        """
+        seen = list(self._obstacles.values())
+        if known:
+            skipped = {*self._obstacles, *self._gone}
+            seen += [one for one in self._watch.standing(stretch.start, now) if one.name not in skipped]
+        return self._watch.blocked(stretch, law, now, seen)
 
     def at(self, then: float) -> Scene:
         """Return the scene as it will be at a time, s, from which obstacles with a velocity move on."""

@@ -23,6 +23,7 @@ class Status:
         reason: why it stopped by itself; empty where it did not.
         deviation: (n,) distance of the measured joints from their set-points at most so far, rad or m; None without
             measurements.
+        off_path: whether the robot left the path at `place` to stop, and is not back.
     """
 
     phase: Phase
@@ -32,6 +33,7 @@ class Status:
     override: float
     reason: str = ""
     deviation: float | None = None
+    off_path: bool = False
 
 
 @dataclass(frozen=True, eq=False)
