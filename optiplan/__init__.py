@@ -48,7 +48,8 @@ if TYPE_CHECKING:
     from optiplan.errors import InputError, OptiPlanError
     from optiplan.execution.executor import Executor
     from optiplan.execution.policy import Policy
-    from optiplan.execution.status import Status, Stopping, Tick
+    from optiplan.execution.separation import Separation
+    from optiplan.execution.status import KeptSeparation, Status, Stopping, Tick
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
@@ -113,7 +114,8 @@ _ROOMS = {
     "errors": ("InputError", "OptiPlanError"),
     "execution.executor": ("Executor",),
     "execution.policy": ("Policy",),
-    "execution.status": ("Status", "Stopping", "Tick"),
+    "execution.separation": ("Separation",),
+    "execution.status": ("KeptSeparation", "Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "planners.trajopt.program.nlp": ("TrajectoryNlp",),
@@ -175,6 +177,7 @@ __all__ = [
     "JointCoupling",
     "JointCouplingTask",
     "JointGoal",
+    "KeptSeparation",
     "Log",
     "LookAt",
     "LookAtTask",
@@ -196,6 +199,7 @@ __all__ = [
     "PlanResult",
     "Planner",
     "PointCloud",
+    "Policy",
     "Pose",
     "PoseGoal",
     "PoseTask",
@@ -214,6 +218,7 @@ __all__ = [
     "Run",
     "Samples",
     "Scene",
+    "Separation",
     "Simulation",
     "Sphere",
     "State",

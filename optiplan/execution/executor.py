@@ -4,32 +4,30 @@ import math
 import weakref
 from collections import deque
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from optiplan.arrays import is_finite
-from optiplan.errors import OptiPlanError, wrong_argument
-from optiplan.execution.arguments import is_share, same_state, told
+from optiplan.errors import wrong_argument
+from optiplan.execution.arguments import checked_arguments, checked_step, is_share, told
+from optiplan.execution.due_events import DueEvents
 from optiplan.execution.joint_stop import Detour, JointStops
+from optiplan.execution.law_follower import LawFollower
+from optiplan.execution.next_path import NextPath, spliced_path
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.planning_process import PlanningProcess
 from optiplan.execution.policy import Policy, Reaction
-from optiplan.execution.proved_path import PathStretch, ProvedPath
+from optiplan.execution.proved_path import PathStretch, ProvedPath, Turned
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch
 from optiplan.execution.seen_scene import SceneUpdate, SeenScene
-from optiplan.execution.status import Phase, Status, Stopping, Tick
+from optiplan.execution.separation import Separation, SeparationMonitor
+from optiplan.execution.status import Held, Status, Stopping, Tick, phase_of
 from optiplan.execution.tracking_monitor import TrackingMonitor
 from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
-from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.state import State
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
-
-LONGEST_TICK = 0.1
-"""s: after a longer one the robot had no set-points for too long, and stops."""
 
 TOO_LATE = "the stop comes too late"
 """What a reason says where the robot would not stand still in time."""
@@ -41,20 +39,7 @@ STOP_PLACES = 200
 """Places of a motion for which `stopping` gives the stop."""
 
 
-class NextPath(NamedTuple):
-    """The path that is to take over at `then`, s; `since`, s, is the scene known that it was planned in.
-
-    `number`: of the planning process; 0: it is from `splice`.
-    """
-
-    then: float
-    path: ProvedPath
-    since: float
-    watch: SceneWatch | None = None
-    number: int = 0
-
-
-class Executor:
+class Executor(LawFollower):
     """Run a verified motion without leaving what was proved.
 
     Every set-point lies on the verified path. Its speed is a law s(t) that keeps the joints' limits of velocity,
@@ -68,6 +53,8 @@ class Executor:
         deviation: how far a measured joint may be from its set-point, rad or m, before the robot stops; None: anything.
         clearance: distance to keep from obstacles that `update_scene` moves, m.
         policy: what is done where they block the path: an `op.Policy`, or the name of its reaction.
+        separation: people to keep apart from: the robot then moves only as fast, and as long, as `update_scene` reports
+            them.
 
     Attributes:
         run: the run that is being executed.
@@ -94,40 +81,35 @@ class Executor:
         deviation: float | None = None,
         clearance: float = 0.0,
         policy: Policy | Reaction = "wait",
+        separation: Separation | None = None,
     ) -> None:
-        if not isinstance(run, Run):
-            raise wrong_argument("Executor", "run", told(run), "a verified run of op.plan(…)")
-        if not is_share(override):
-            raise wrong_argument("Executor", "override", told(override), "a speed from 0 to 1")
-        if deviation is not None and not (is_finite(deviation) and deviation > 0.0):
-            raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
-        if not (is_finite(clearance) and clearance >= 0.0):
-            raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
+        checked_arguments(run, override, deviation, clearance)
         self._path = ProvedPath(run, "Executor")
-        self._policy = Policy.of(policy)
+        self._policy = Policy.of(policy, separation)
+        self._people = None if separation is None else SeparationMonitor(self._path, separation)
         watch = SceneWatch(self._path, float(clearance), self._policy.linger)
-        self._scene = SeenScene(watch)
+        self._scene = SeenScene(watch, separation)
         self._planning: PlanningProcess | None = None
         if self._policy.reaction != "wait":
             watch.prepare(self._path.forwards)
         if self._policy.reaction == "replan":
-            self._planning = PlanningProcess(run, watch, self._policy)
-            weakref.finalize(self, self._planning.close)
+            self._planning = PlanningProcess.of(run, watch, self._policy)
+            self._leave = weakref.finalize(self, self._planning.leave)  # is called once
         self._tracking = TrackingMonitor(deviation)
         self._stretch: PathStretch = self._path.forwards
         self._stops = JointStops(self._path)
         self._detour: Detour | None = None
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
-        self._law: TimeLaw = self._first_law(self._path, float(override), 0.0)
-        self._held: Literal["", "paused", "waiting", "stopped"] = "" if override > 0.0 else "paused"
+        self._law: TimeLaw = self._start_law(self._path, float(override), 0.0)
+        self._held: Held = "" if override > 0.0 else "paused"
         self._reason = ""
-        self._seen = -math.inf  # the place up to which events are done
+        self._events = DueEvents(self._path)
+        self._turned: Turned | None = None  # what follows the law, if the robot is to turn
         self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
         self._next: NextPath | None = None
         self._pending = False
         self._backwards = False
-        self._missed: tuple[Segment, ...] = ()
         if self._law.target != override:  # it begins in motion
             self._aim()
 
@@ -167,11 +149,10 @@ class Executor:
         self._held, self._next = "stopped", None
         self._reason = reason if known else f"stop: found {told(how)}; expected 'path' or 'joints'"
         self._aim()
-        if how == "joints" and self._detour is None and not self._stands:
-            within = self._law.settled - self.time if self._law.target == 0.0 else math.inf
-            detour = self._stops.leave(self._stretch, self._law, self.time, within)
-            if detour is not None and self._scene.blocked(detour.stop, detour.law, self.time, known=True) is None:
-                self._detour, self._stretch, self._law, self._pending = detour, detour.stop, detour.law, False
+        if how == "joints" and self._detour is None and self._people is None and not self._rests:
+            self._detour = self._stops.leave(self._stretch, self._law, self.time, self._scene)
+            if self._detour is not None:
+                self._stretch, self._law, self._pending = self._detour.stop, self._detour.law, False
 
     def resume(self) -> None:
         """Go on with the speed of `override`, forwards."""
@@ -184,22 +165,32 @@ class Executor:
         self._aim()
 
     def update_scene(
-        self, poses: SceneUpdate, velocities: Mapping[str, Values] | None = None, spread: float = 0.0
+        self,
+        poses: SceneUpdate,
+        velocities: Mapping[str, Values] | None = None,
+        spread: float = 0.0,
+        age: float = 0.0,
     ) -> None:
         """Obstacles have moved, appeared or vanished: check the rest of the path against them, now.
 
         Where they block it, the policy decides: by default the robot stops along the path and waits; a later update
-        that leaves the path clear lets it go on. Nothing raises here: an update that cannot be used ends in a stop.
+        that leaves the path clear lets it go on. Beside people of `separation` it goes on as fast as the separation
+        allows, now. Nothing raises here: an update that cannot be used ends in a stop.
 
         Args:
             poses: by name: the pose of a known obstacle, another one (`op.Sphere(…)` …), or None for one that is gone.
             velocities: (3,) m/s, of the frames of some of them; the others stand still.
             spread: m/s; how fast they may depart from that course, in any direction.
+            age: s since they were there.
         """
-        reason = self._scene.see(poses, {} if velocities is None else velocities, spread, self.time)
+        reason = self._scene.see(poses, {} if velocities is None else velocities, spread, self.time, age)
         if reason:
             self.stop(reason)
             return
+        if self._people is not None:
+            self._people.see(self._scene.people)
+            self._lead()
+        self._turned = None  # it was checked before
         if self._next is not None and self._next.number and self._blocked_next(self._next):
             self._next = None
         if self._held == "waiting" and self._next is None:
@@ -216,21 +207,20 @@ class Executor:
         return self._scene.blocked(self._stretch, law, self.time)
 
     def _blocked_next(self, coming: NextPath) -> bool:
-        law = self._first_law(coming.path, self._override, coming.then)
-        scene = self._scene.over(coming.path, coming.since, coming.watch)
-        return scene.blocked(coming.path.forwards, law, coming.then) is not None
+        law = self._start_law(coming.path, self._override, coming.then)
+        return self._scene.over(coming).blocked(coming.path.forwards, law, coming.then) is not None
 
     def _yield(self) -> None:
         """Do as the policy says, where obstacles that were seen block the way of the law."""
-        found = self._blocked(self._law)
-        if found is not None and not self._held:
+        found = self._blocked(self._way)
+        begins = found is not None and not self._held
+        if found is not None and begins:
             self._held, self._next = "stopped" if self._policy.reaction == "stop" else "waiting", None
             self._reason = f"'{found.pair[0]}' would meet '{found.pair[1]}' at {found.place:.3f} s of the path"
+        again = self._held == "waiting" and self._next is None and (found or self._policy.reaction == "slow")
+        if begins or again:
             self._avoid()
-            found = self._blocked(self._law)
-        elif self._held == "waiting" and self._next is None and (found or self._policy.reaction == "slow"):
-            self._avoid()
-            found = self._blocked(self._law)
+            found = self._blocked(self._way)
         if found is not None and TOO_LATE not in self._reason:
             self._reason += f"; {TOO_LATE}" if self._reason else TOO_LATE
         if self._held == "waiting" and self._next is None and self._planning is not None and not self._backwards:
@@ -238,19 +228,13 @@ class Executor:
 
     def _avoid(self) -> None:
         """Follow a law that is clear until the robot stands still, or stop now."""
-        clear = self._policy.law(
-            self._stretch.laws, self._law, self.time, self._override, lambda law: self._blocked(law) is not None
-        )
-        if clear is None and not self._stands:
-            clear = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, 0.0)
-        if clear is not None:
-            self._law, self._wanted, self._pending = clear, 0.0, False
-        else:  # as soon as limits leave room
+        clear = None
+        if self._policy.goes_on:
+            clear = self._policy.law(self._stretch.laws, self._law, self.time, self._override, self._blocked)
+        if clear is None:
             self._lead()
-
-    @property
-    def _stands(self) -> bool:
-        return self._law.target == 0.0 and self._law.settled <= self.time
+        else:
+            self._law, self._wanted, self._pending = clear, 0.0, False
 
     def _accept(self, planning: PlanningProcess) -> None:
         """Let a path of the policy take over, if it came in time and is clear."""
@@ -258,15 +242,8 @@ class Executor:
             self._planning = None
             self.stop("the planning process has ended")
             return
-        planned = planning.answer()
-        if planned is None or planned.path is None or self._held != "waiting" or self._next is not None:
-            return
-        stands = self._stands and planned.path.starts_at_rest
-        then = max(planned.then, self.time) if stands else planned.then
-        if planned.law is not self._law or then < self.time:
-            return
-        coming = NextPath(then, planned.path, planned.since, planned.watch, planned.number)
-        if not self._blocked_next(coming):
+        coming = planning.answer(self._law, self.time)
+        if coming is not None and self._held == "waiting" and self._next is None and not self._blocked_next(coming):
             self._next = coming
 
     def state_in(self, latency: float) -> State:
@@ -295,29 +272,14 @@ class Executor:
         Returns:
             Whether the run takes over.
         """
-        reason = self._splice(run)
-        if reason:
-            self.stop(reason)
-        return not reason
-
-    def _splice(self, run: Run) -> str:
-        if not isinstance(run, Run) or not run.verified:
-            return "the motion that was to take over is not verified"
-        if run.problem.robot.joint_names != self.run.problem.robot.joint_names:
-            return "the motion that was to take over is of another robot"
-        start = run.problem.start_state
-        found = [then for then, state, law in self._predicted if law is self._law and same_state(state, start)]
-        if not found:
-            return "the motion that was to take over begins in a state that is not on the way"
-        stands = self._law.target == 0.0 and self._law.settled <= found[-1]  # and from then on is in that state
-        then = max(found[-1], self.time) if stands else found[-1]
-        if then < self.time:
-            return f"the motion that was to take over came {self.time - then:.3f} s late"
-        try:
-            self._next = NextPath(then, ProvedPath(run, "Executor.splice"), self.time)
-        except OptiPlanError as error:
-            return f"the motion that was to take over: {error}"
-        return ""
+        states = [(then, state) for then, state, law in self._predicted if law is self._law]
+        rests = self._law.settled if self._law.target == 0.0 else math.inf
+        found = spliced_path(run, self.run, states, rests, self.time, self._people)
+        if isinstance(found, str):
+            self.stop(found)
+            return False
+        self._next = found._replace(watch=self._scene.watch_over(found.path))
+        return True
 
     def tick(self, dt: float, measured: object = None) -> Tick:
         """Return the set-point `dt` s after the last one.
@@ -328,7 +290,9 @@ class Executor:
             dt: s since the last tick.
             measured: positions of the joints (n,), rad or m, or a `State`; None: not measured.
         """
-        step = self._checked_step(dt)
+        step, reason = checked_step(dt)
+        if reason:
+            self.stop(reason)
         if self._planning is not None:
             self._accept(self._planning)
         if self._next is not None and self.time + step >= self._next.then:
@@ -336,91 +300,30 @@ class Executor:
         self.time += step
         if self._pending and self._replace_law():
             self._yield()
-        if self._stands:
+        if self._rests:
             self._turn()
         point = self._point()
         if measured is not None:
             reason = self._tracking.compare(measured, point, self.run.problem.robot.joint_names)
             if reason and self._held != "stopped":
                 self.stop(reason)
-        events = self._due(self._stretch.place(point.place.s))
-        return Tick(self.time, point.q, point.v, point.a, point.torque, events, self._status(point.place))
+        events = self._events.by(self._stretch.place(point.place.s))
+        return Tick(self.time, point.q, point.v, point.a, point.torque, events, self._status(point))
+
+    def close(self) -> None:
+        """Leave the process that plans, if the policy has one, to the next run; else it ends with the executor."""
+        if self._planning is not None:
+            self._planning = None
+            self._leave()
 
     @property
     def status(self) -> Status:
         """What the executor is doing at the last tick."""
-        return self._status(self._point().place)
+        return self._status(self._point())
 
     def stopping(self, places: int = STOP_PLACES) -> Stopping:
         """Return the stop along the path from full speed, at equally spaced places of the motion."""
-        return self._path.stopping(np.linspace(0.0, self._path.motion.duration, places))
-
-    def _first_law(self, path: ProvedPath, speed: float, begin: float) -> "TimeLaw":
-        """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan."""
-        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, begin)
-
-    def _aim(self) -> None:
-        """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
-        if self._lead():
-            self._yield()
-
-    def _lead(self) -> bool:
-        """See `_aim`; return whether there is another law."""
-        if self._detour is not None:
-            return self._steer(self._detour)
-        turns = self._backwards != (self._stretch.direction < 0.0)
-        self._wanted = 0.0 if self._held or turns else self._override
-        replaced = self._replace_law()
-        if turns and self._law.target == 0.0 and self._law.settled <= self.time:
-            self._turn()
-        return replaced
-
-    def _steer(self, detour: Detour) -> bool:
-        """See `_lead`, off the path."""
-        before, go = self._law, not self._held and self._override > 0.0
-        self._stretch, self._law = detour.steer(self._stretch, before, self.time, go)
-        self._pending = False
-        if self._stretch is detour.left:
-            self._detour = None
-            self._lead()
-        return self._law is not before
-
-    def _replace_law(self) -> bool:
-        """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
-        s = self._law.at(self.time)[0]
-        length = self._stretch.laws.length
-        if s >= length:  # at its end the robot stands still, whatever the law
-            self._law, self._pending = self._stretch.laws.steady(length, 0.0, self.time), False
-            return False
-        if self._law.target == self._wanted:  # it is on its way there
-            self._pending = False
-            return False
-        self._pending = True
-        law = self._stretch.laws.change_along(self._law, self.time, self._wanted)
-        if law is None:
-            return False
-        self._law = law
-        self._pending = law.target != self._wanted and law.at(law.settled)[0] < length
-        if self._next is not None:  # it was to begin in a state that the robot does not come to any more
-            self._next = None
-            self.stop("the speed was changed before another motion could take over")
-        return True
-
-    def _turn(self) -> None:
-        """Change the direction of a robot that stands still, if that is wanted."""
-        if self._detour is not None:
-            if self._steer(self._detour):
-                self._yield()
-            return
-        if self._held or self._backwards == (self._stretch.direction < 0.0):
-            return
-        place = self._stretch.place(self._law.at(self.time)[0])
-        stretch = self._path.backwards(place, self._seen) if self._backwards else self._path.forwards
-        if stretch is None:
-            return
-        s = (place - stretch.start) * stretch.direction
-        self._stretch, self._law = stretch, stretch.laws.steady(s, 0.0, self.time)
-        self._aim()
+        return self._path.forwards.laws.stopping(places)
 
     def _take_over(self, coming: NextPath) -> None:
         self._next = None
@@ -429,48 +332,25 @@ class Executor:
                 return
             self._held, self._reason, self._planning.number = "", "", coming.number
         path, then = coming.path, coming.then
-        self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
-        self._path, self._stretch, self._stops, self._detour = path, path.forwards, JointStops(path), None
-        self._scene = self._scene.over(path, coming.since, coming.watch)
-        self._seen, self._backwards = -math.inf, False
+        place = self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s)
+        self._events = self._events.then(path, place)
+        self._path, self._stretch, self._people = path, path.forwards, coming.people
+        self._scene, self._stops, self._detour = self._scene.over(coming), JointStops(path), None
+        self._backwards = False
         self._wanted = 0.0 if self._held else self._override
-        self._law = self._first_law(path, self._wanted, then)
+        self._law = self._start_law(path, self._wanted, then)
         self._pending = self._wanted != self._law.target
         if not self._pending:
             self._yield()
 
-    def _point(self) -> SetPoint:
-        return self._stretch.laws.set_point(self._law, self.time)
-
-    def _checked_step(self, dt: float) -> float:
-        """Return the tick's length, s; where that cannot be, 0 or the longest, and the robot stops."""
-        if not is_finite(dt) or dt < 0.0:
-            self.stop(f"tick: found a step of {told(dt)}; expected seconds >= 0")
-            return 0.0
-        if dt > LONGEST_TICK:
-            self.stop(f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s")
-            return LONGEST_TICK
-        return float(dt)
-
-    def _due(self, place: float) -> tuple[Segment, ...]:
-        """Return the events that have become due by a place of the path."""
-        due = tuple(event for event in self._path.events if self._seen < event.begin <= place)
-        self._seen = max(self._seen, place)
-        due, self._missed = self._missed + due, ()
-        return due
-
-    def _status(self, at: PathPlace) -> Status:
-        T, place, resting = self._path.motion.duration, self._stretch.place(at.s), at.speed == 0.0
-        phase: Phase = "running"
-        if place >= T:
-            phase = "done"
-        elif self._held == "stopped":
-            phase = "stopped" if resting else "stopping"
-        elif self._held in ("paused", "waiting") and resting:
-            phase = self._held
-        elif self.time < self._law.settled or self._pending:
-            phase = "changing"
-        elif resting:
-            phase = "paused"
-        speed, off = self._stretch.direction * at.speed, self._detour is not None
-        return Status(phase, place, place / T, speed, self._override, self._reason, self._tracking.deviation, off)
+    def _status(self, point: SetPoint) -> Status:
+        place, T = self._stretch.place(point.place.s), self._path.motion.duration
+        speed, people = self._stretch.direction * point.place.speed, self._people
+        reason = self._reason or ("" if people is None or place >= T else people.reason(self.time))
+        changes = self.time < self._way.settled or self._pending
+        phase = "done" if place >= T else phase_of(self._held, point.place.speed == 0.0, changes)
+        if not self._held and people is not None and speed == 0.0 and self._wanted > 0.0 and place < T:
+            phase = "waiting"
+        kept = None if people is None else people.kept
+        off = self._detour is not None
+        return Status(phase, place, place / T, speed, self._override, reason, self._tracking.deviation, kept, off)

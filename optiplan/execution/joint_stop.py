@@ -11,6 +11,7 @@ from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.control.braking import stop_phases
 from optiplan.execution.path_laws import Load, PathLaws, SetPoint
 from optiplan.execution.proved_path import PathStretch, ProvedPath
+from optiplan.execution.seen_scene import SeenScene
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.problem.task.timeline import ScenePart
 from optiplan.robot.robot import Limits
@@ -69,9 +70,9 @@ class Detour:
 class JointStops:
     """Stops off a path.
 
-    The motion of all joints is known as polynomials. It is proved free of contacts by the native core, in the scene of
-    the run; the limits of positions and torques are proved too. What it keeps of distances from the scene, and from
-    obstacles that have moved, is for the caller to check.
+    The motion of all joints is known as polynomials. It is proved free of contacts by the native core, and to keep the
+    limits of positions, velocities and torques, and the clearance of `SceneWatch` from all obstacles, where they stand
+    in the run and where they were seen.
 
     Args:
         path: with the robot and what it holds.
@@ -86,8 +87,8 @@ class JointStops:
         for k in range(len(self._path.parts)):
             self._model(k)
 
-    def leave(self, stretch: PathStretch, law: "TimeLaw", time: float, within: float) -> Detour | None:
-        """Return the fastest stop from where a law is; None where none is proved that takes less than `within` s.
+    def leave(self, stretch: PathStretch, law: "TimeLaw", time: float, seen: SeenScene) -> Detour | None:
+        """Return the fastest stop from where a law is; None where none is proved that is faster than that law's.
 
         Nor is there one where a path constraint holds, which the robot might violate beside the path.
         """
@@ -95,7 +96,7 @@ class JointStops:
             return None
         point = stretch.laws.set_point(law, time)
         place, limits = stretch.place(point.place.s), self._path.run.problem.limits
-        k = self._part_at(place)
+        k, within = self._part_at(place), law.settled - time if law.target == 0.0 else np.inf
         for share in SHARES:
             motion = quickest_stop(point, limits, share, self._path.motion.joint_names)
             if motion is None or motion.duration >= within or not within_limits(motion, limits):
@@ -111,6 +112,8 @@ class JointStops:
             return None
         off, T = PathStretch(laws, place, 0.0, model), motion.duration
         stop = laws.steady(0.0, 1.0, time).then(laws.steady(T, 0.0, time + T))
+        if seen.blocked(off, stop, time, known=True) is not None:
+            return None
         return Detour(off, stop, PathStretch(laws.mirrored(rests=False), place, 0.0, model), stretch, point.place.s)
 
     def _part_at(self, place: float) -> int:

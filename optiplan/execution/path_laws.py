@@ -20,6 +20,7 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
+from optiplan.execution.status import Stopping
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory import polynomial
@@ -203,6 +204,21 @@ class PathLaws:
     def keeps_torque(self) -> bool:
         """Whether a motion that was not verified keeps the limits of torque, at all times."""
         return self._core.keeps_torque
+
+    def stop(self, law: "TimeLaw", now: float) -> "TimeLaw":
+        """Return the stop from where a law is now, or as soon as limits leave room for it."""
+        return self.change(PathPlace(*law.at(now)), now, 0.0) or self.then_stop(law, now)
+
+    def stopping(self, places: int) -> Stopping:
+        """Return the stop from full speed at equally spaced places."""
+        place = np.linspace(0.0, self.motion.duration, places)
+        time = self.motion.duration - place
+        travel = time.copy()
+        for k, s in enumerate(place):
+            law = self.change(PathPlace(float(s), 1.0, 0.0), 0.0, 0.0)
+            if law is not None:
+                time[k], travel[k] = law.settled, min(law.at(law.settled)[0], self.motion.duration) - s
+        return Stopping(place, time, travel)
 
     def steady(self, s: float, speed: float, begin: float) -> "TimeLaw":
         """Return the law of a steady speed in [0, 1], which every verified motion admits."""

@@ -23,7 +23,7 @@ PLANNER = "trajopt"
 class PlanRequest(NamedTuple):
     """What is to be planned: from which state, in which scene, to the problem's goal.
 
-    `number` is that of the motion, `earlier` that of the one that the robot follows (0: the first one), `margin`, m,
+    `number` is that of the motion, `earlier` that of the one that the robot follows, `margin`, m,
     the clearance to aim at, and `seconds` the budget.
     """
 
@@ -47,33 +47,42 @@ class PlanRequest(NamedTuple):
 class PlanReply(NamedTuple):
     """The motion to a request, with the report on it among the obstacles that stand still; or why there is none.
 
-    `seconds`: of processor time.
+    `number`: of the request. `seconds`: of processor time.
     """
 
-    motion: Trajectory | None
-    report: Report | None
+    number: int
+    motion: Trajectory | None = None
+    report: Report | None = None
     words: str = ""
     seconds: float = 0.0
 
 
-def serve(pipe: Connection, problem: Problem, motion: Trajectory) -> None:
-    """Plan what is asked for, until the other end is closed; say `None` when the first motion has been planned."""
+class FirstMotion(NamedTuple):
+    """The motion that a robot begins to follow, of which problem."""
+
+    number: int
+    problem: Problem
+    motion: Trajectory
+
+
+def serve(pipe: Connection) -> None:
+    """Plan what is asked for, until the other end is closed."""
     os.environ["OMP_NUM_THREADS"] = "1"
-    motions = {0: motion}
+    first, motions = None, dict[int, Trajectory]()
     with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
-        for k in (0.1, 0.2):  # what is loaded and kept is there afterwards
-            start = motion.state(k * motion.duration)
-            answer(PlanRequest(0, 0, start, problem.scene, 0.01, 2.0), problem, motions)
-        pipe.send(None)
         while True:
-            request: PlanRequest = pipe.recv()
-            motions = {number: one for number, one in motions.items() if number >= request.earlier}
+            asked: FirstMotion | PlanRequest = pipe.recv()
             began = time.process_time()
-            reply = answer(request, problem, motions)
-            reply = reply._replace(seconds=time.process_time() - began)
-            if reply.motion is not None:
-                motions[request.number] = reply.motion
-            pipe.send(reply)
+            if isinstance(asked, FirstMotion):
+                first, motions = asked.problem, {asked.number: asked.motion}
+                reply = _warmed_up(asked)
+            else:
+                assert first is not None
+                motions = {number: one for number, one in motions.items() if number >= asked.earlier}
+                reply = answer(asked, first, motions)
+                if reply.motion is not None:
+                    motions[asked.number] = reply.motion
+            pipe.send(reply._replace(number=asked.number, seconds=time.process_time() - began))
 
 
 def answer(request: PlanRequest, first: Problem, motions: dict[int, Trajectory]) -> PlanReply:
@@ -83,8 +92,18 @@ def answer(request: PlanRequest, first: Problem, motions: dict[int, Trajectory])
         problem, budget = request.problem(first), Budget(request.seconds)
         found = plan_through(planner, problem, budget, lambda stage, share: None, motions.get(request.earlier))
         if found.trajectory is None:
-            return PlanReply(None, None, "" if found.failure is None else found.failure.detail)
+            return PlanReply(request.number, words="" if found.failure is None else found.failure.detail)
         report = verify(request.standing(first), found.trajectory)
-        return PlanReply(found.trajectory, report, "" if report.verified else "the motion that was found is refused")
+        words = "" if report.verified else "the motion that was found is refused"
+        return PlanReply(request.number, found.trajectory, report, words)
     except Exception as error:
-        return PlanReply(None, None, f"{type(error).__name__}: {error}")
+        return PlanReply(request.number, words=f"{type(error).__name__}: {error}")
+
+
+def _warmed_up(first: FirstMotion) -> PlanReply:
+    """Plan on the way, so that what is loaded and kept is there; the reply is empty."""
+    problem, motion = first.problem, first.motion
+    for share in (0.1, 0.2):
+        start = motion.state(share * motion.duration)
+        answer(PlanRequest(0, 0, start, problem.scene, 0.01, 2.0), problem, {0: motion})
+    return PlanReply(first.number)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from optiplan.arrays import is_finite
 from optiplan.errors import described, wrong_argument
 from optiplan.execution.path_laws import PathLaws, PathPlace
+from optiplan.execution.separation import Separation
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
@@ -59,39 +60,54 @@ class Policy:
             raise wrong_argument("Policy", "linger", described(self.linger), "seconds >= 0")
 
     @classmethod
-    def of(cls, policy: Any) -> "Policy":
-        """Return a policy, or that of a name.
+    def of(cls, policy: Any, separation: Any = None) -> "Policy":
+        """Return a policy, or that of a name, which goes with a `Separation`, where there is one.
 
         Raises:
-            InputError: it is neither.
+            InputError: it is neither, or does not.
         """
-        if isinstance(policy, Policy):
-            return policy
-        if isinstance(policy, str) and policy in get_args(Reaction):
-            return WAIT if policy == "wait" else cls(policy)
-        choices = ", ".join(get_args(Reaction))
-        raise wrong_argument("Executor", "policy", described(policy), f"an op.Policy, or one of: {choices}")
+        choices: tuple[Reaction, ...] = get_args(Reaction)
+        named = [one for one in choices if isinstance(policy, str) and one == policy]
+        found = policy if isinstance(policy, Policy) else WAIT if named == ["wait"] else None
+        if found is None and not named:
+            raise wrong_argument(
+                "Executor", "policy", described(policy), f"an op.Policy, or one of: {', '.join(choices)}"
+            )
+        found = cls(named[0]) if found is None else found
+        if separation is not None and not isinstance(separation, Separation):
+            raise wrong_argument("Executor", "separation", described(separation), "an op.Separation(…), or None")
+        if separation is not None and found.goes_on:
+            raise wrong_argument("Executor", "policy", f"'{found.reaction}' beside people", "wait or stop")
+        return found
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the robot goes on where its path is blocked, as far as that is clear."""
+        return self.reaction in ("slow", "replan")
 
     def law(
-        self, laws: PathLaws, law: "TimeLaw", now: float, wanted: float, blocked: Callable[["TimeLaw"], bool]
+        self, laws: PathLaws, law: "TimeLaw", now: float, wanted: float, blocked: Callable[["TimeLaw"], object]
     ) -> "TimeLaw | None":
-        """Return the law of a robot whose path is blocked, clear until it stands still; None: it is to stop now.
+        """Return the law of a robot that goes on where its path is blocked, clear until it stands still, or the stop.
+
+        None where neither can begin now, or the robot stands still.
 
         Args:
             laws: along the path.
             law: the present one.
             now: s.
             wanted: the speed that is wanted.
-            blocked: whether anything blocks the way of a law.
+            blocked: what blocks the way of a law; None: nothing.
         """
-        if self.reaction == "replan":
-            later = laws.then_stop(law, now + self.latency)
-            return None if blocked(later) else later
+        place = PathPlace(*law.at(now))
+        if self.reaction == "replan" and blocked(later := laws.then_stop(law, now + self.latency)) is None:
+            return later
         for share in SPEEDS if self.reaction == "slow" else ():
-            slower = laws.change(PathPlace(*law.at(now)), now, share * wanted)
-            if slower is not None and not blocked(later := laws.then_stop(slower, now + self.period)):
+            slower = laws.change(place, now, share * wanted)
+            if slower is not None and blocked(later := laws.then_stop(slower, now + self.period)) is None:
                 return later
-        return None
+        stands = law.target == 0.0 and law.settled <= now
+        return None if stands else laws.change(place, now, 0.0)
 
 
 WAIT = Policy("wait", linger=0.0)

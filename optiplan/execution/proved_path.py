@@ -1,14 +1,13 @@
 """The path of a verified run, from which stretch to which it may be run forwards and backwards, and its laws."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.errors import wrong_argument
-from optiplan.execution.path_laws import Load, PathLaws, PathPlace
-from optiplan.execution.status import Stopping
+from optiplan.execution.path_laws import Load, PathLaws
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolAcceleration
 from optiplan.problem.problem import Problem
@@ -16,6 +15,9 @@ from optiplan.problem.task.timeline import scene_parts
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import EVENTS, Segment
 from optiplan.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import TimeLaw
 
 TIMED_CONSTRAINTS = (ToolAcceleration, Expression)
 """Path constraints that a slower run of the same path may violate."""
@@ -43,6 +45,14 @@ class PathStretch:
     def place(self, s: float) -> float:
         """Return the place on the whole path."""
         return self.start + self.direction * s
+
+
+class Turned(NamedTuple):
+    """A stretch that begins at rest, and the law along it; whether it was found `clear` of obstacles."""
+
+    stretch: PathStretch
+    law: "TimeLaw"
+    clear: bool = False
 
 
 class ProvedPath:
@@ -94,16 +104,6 @@ class ProvedPath:
         assert self.run.trajectory is not None
         return self.run.trajectory
 
-    def stopping(self, places: Array) -> Stopping:
-        """Return the stop along the path from full speed, at places (K,), s."""
-        laws, T = self.forwards.laws, self.motion.duration
-        time, travel = np.zeros(len(places)), np.zeros(len(places))
-        for k, s in enumerate(places.tolist()):
-            law = laws.change(PathPlace(s, 1.0, 0.0), 0.0, 0.0)
-            time[k] = T - s if law is None else law.settled
-            travel[k] = T - s if law is None else min(law.at(law.settled)[0], T) - s
-        return Stopping(places, time, travel)
-
     def backwards(self, place: float, done: float) -> PathStretch | None:
         """Return the way back from a place to the last event, or to the start; None where there is none.
 
@@ -113,6 +113,15 @@ class ProvedPath:
         if place <= last:
             return None
         return self._ways_back[last]
+
+    def turned(self, place: float, then: float, backwards: bool, done: float, speed: float) -> Turned | None:
+        """Return the way from rest at a place, from time `then`, s, on; None where there is none. See `backwards`."""
+        stretch = self.backwards(place, done) if backwards else self.forwards
+        if stretch is None:
+            return None
+        at_rest = stretch.laws.steady((place - stretch.start) * stretch.direction, 0.0, then)
+        law = stretch.laws.change_along(at_rest, then, speed) if speed > 0.0 else None
+        return Turned(stretch, at_rest if law is None else law)
 
     def _way_back(self, laws: PathLaws, stop: float) -> PathStretch | None:
         """Return the stretch from the end back to a place; None where the robot does not stand still there."""

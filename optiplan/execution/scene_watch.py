@@ -7,12 +7,13 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel, standing_body
 from optiplan.execution.proved_path import PathStretch, ProvedPath
-from optiplan.geometry.scene import Scene
+from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.trajectory import Trajectory
@@ -50,6 +51,14 @@ class BlockedPlace(NamedTuple):
 
     place: float
     pair: tuple[str, str]
+
+
+class NearestPlace(NamedTuple):
+    """The place of a path that leaves the least of a distance, s, the two bodies, and how much it leaves, m."""
+
+    place: float
+    pair: tuple[str, str]
+    slack: float
 
 
 class SceneWatch:
@@ -98,6 +107,29 @@ class SceneWatch:
         known = part.problem.scene.obstacles
         return [SeenObstacle(one.name, one.shape, one.X_WO, np.zeros(3), 0.0, now) for one in known]
 
+    def nearest(
+        self, stretch: PathStretch, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], most: float
+    ) -> NearestPlace | None:
+        """Return what comes nearest on the way that a law leads from `now` until the robot stands still.
+
+        The slack is the distance less the margin and what an obstacle may have moved since it was seen, at that time.
+        The first body of the pair is the obstacle. None where the slack exceeds `most`, m, everywhere.
+        """
+        least = None
+        for part in self._parts(stretch):
+            found = part.nearest(law, now, seen, self.margin, most if least is None else least.slack)
+            if found is not None:
+                least = NearestPlace(stretch.place(found.place), found.pair, found.slack)
+        return least
+
+    def unwatched(self, stretch: PathStretch, names: Sequence[str]) -> str:
+        """Return the first of some obstacles whose distance from the robot is not computed; "" if there is none."""
+        for part in self._parts(stretch):
+            for name in names:
+                if not part.watches(name):
+                    return name
+        return ""
+
     def over(self, path: ProvedPath) -> "SceneWatch":
         """Return the same of another path."""
         return SceneWatch(path, self.margin, self._linger)
@@ -129,7 +161,7 @@ class _PartWatch:
 
     def __init__(self, model: NativeCollisionModel, motion: Trajectory, begin: float) -> None:
         self.begin, self.end, self._model = begin, begin + motion.duration, model
-        bodies = (*model.scene.obstacles, *model.scene.attached)
+        bodies: list[Obstacle | Attachment] = [*model.scene.obstacles, *model.scene.attached]
         places = {name: k for k, name in enumerate(model.names)}
         self._known = {body.name: (body.shape, places[body.name]) for body in bodies}
         self._added: list[tuple[str, Shape, int | None]] = []  # the body of each; None: the core does not know it
@@ -141,25 +173,37 @@ class _PartWatch:
         self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float, linger: float
     ) -> BlockedPlace | None:
         """See `SceneWatch.blocked`; a scene that the core does not know is blocked everywhere."""
-        unknown = "" if self._core is not None else self._model.unknown[0]
-        bodies = [] if self._core is None else [self._body(one, seen) for one in seen]
-        if None in bodies:
-            unknown = seen[bodies.index(None)].name
+        bodies, unknown = self._bodies(seen)
         if self._core is None or unknown:
             return BlockedPlace(max(law.at(now)[0], self.begin), (unknown, "the robot"))
-        found = self._core.blocked(
-            law,
-            now,
-            np.array(bodies, dtype=np.int64),
-            np.array([one.X_WO.homogeneous for one in seen]),
-            np.array([[*one.velocity, one.spread, one.time] for one in seen]),
-            margin,
-            linger,
-        )
+        found = self._core.blocked(law, now, bodies, *_arrays(seen), margin, linger)
+        return None if found is None else BlockedPlace(found[0], (self._name(found[1]), self._name(found[2])))
+
+    def watches(self, name: str) -> bool:
+        """Whether distances of the robot from an obstacle are computed."""
+        return self._core is not None and any(name in (pair.name_a, pair.name_b) for pair in self._model.pairs)
+
+    def nearest(
+        self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float, most: float
+    ) -> NearestPlace | None:
+        """See `SceneWatch.nearest`; what the core does not know is as near as can be."""
+        bodies, unknown = self._bodies(seen)
+        if self._core is None or unknown:
+            return NearestPlace(max(law.at(now)[0], self.begin), (unknown, "the robot"), -np.inf)
+        found = self._core.nearest(law, now, bodies, *_arrays(seen), margin, most)
         if found is None:
             return None
-        place, a, b = found
-        return BlockedPlace(place, (self._name(a), self._name(b)))
+        place, a, b, slack = found
+        first, second = (a, b) if a in bodies else (b, a)
+        return NearestPlace(place, (self._name(first), self._name(second)), slack)
+
+    def _bodies(self, seen: Sequence[SeenObstacle]) -> tuple[NDArray[np.int64], str]:
+        """Return the bodies of obstacles, (k,), and the name of one that the core does not know, or nothing."""
+        if self._core is None:
+            return np.empty(0, dtype=np.int64), self._model.unknown[0]
+        bodies = [self._body(one, seen) for one in seen]
+        known = [body for body in bodies if body is not None]
+        return np.array(known, dtype=np.int64), "" if len(known) == len(seen) else seen[bodies.index(None)].name
 
     def _body(self, one: SeenObstacle, seen: Sequence[SeenObstacle]) -> int | None:
         """Return the body of an obstacle, added where there is none of its shape yet; None: the core does not know it.
@@ -186,3 +230,9 @@ class _PartWatch:
 
 def _same(one: Shape, other: Shape) -> bool:
     return one is other or (type(one) is type(other) and one.same_body(other))
+
+
+def _arrays(seen: Sequence[SeenObstacle]) -> tuple[Array, Array]:
+    """Return poses (k, 4, 4), and velocity, spread and time (k, 5)."""
+    X, motions = [one.X_WO.homogeneous for one in seen], [[*one.velocity, one.spread, one.time] for one in seen]
+    return np.array(X).reshape(-1, 4, 4), np.array(motions).reshape(-1, 5)

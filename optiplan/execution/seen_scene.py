@@ -8,8 +8,10 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite
 from optiplan.execution.arguments import numbers, told
+from optiplan.execution.next_path import NextPath
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
+from optiplan.execution.separation import Separation
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
 
@@ -25,33 +27,49 @@ class SeenScene:
 
     Args:
         watch: of the path; its run gives the robot and the obstacles that are known.
+        rule: how people are kept apart, if they are.
     """
 
-    def __init__(self, watch: SceneWatch) -> None:
-        self._watch = watch
+    def __init__(self, watch: SceneWatch, rule: Separation | None = None) -> None:
+        self._watch, self._rule = watch, rule
         self._obstacles: dict[str, SeenObstacle] = {}
+        self._people: dict[str, SeenObstacle] = {}
         self._gone: set[str] = set()
 
-    def see(self, poses: SceneUpdate, velocities: Mapping[str, Values], spread: float, time: float) -> str:
-        """Remember where obstacles are at a time, s; return why that is not possible, or nothing."""
+    @property
+    def people(self) -> list[SeenObstacle]:
+        """Where people were measured last."""
+        return list(self._people.values())
+
+    def see(
+        self, poses: SceneUpdate, velocities: Mapping[str, Values], spread: float, now: float, age: float = 0.0
+    ) -> str:
+        """Remember where obstacles were `age` s ago; return why that is not possible, or nothing."""
         if not isinstance(poses, Mapping):
             return f"update_scene: found {told(poses)}; expected poses by name"
-        if not is_finite(spread) or spread < 0.0:
-            return f"update_scene: found a spread of {told(spread)}; expected a speed >= 0, m/s"
         if not isinstance(velocities, Mapping):
             return f"update_scene: found {told(velocities)}; expected velocities by name"
+        for value, word, unit in ((spread, "a spread", "a speed >= 0, m/s"), (age, "an age", "seconds >= 0")):
+            if not is_finite(value) or value < 0.0:
+                return f"update_scene: found {word} of {told(value)}; expected {unit}"
         for name, place in poses.items():
             velocity = numbers(velocities.get(name, np.zeros(3)))
             if velocity.shape != (3,) or not np.isfinite(velocity).all():
                 found = told(velocities[name])
                 return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
-            reason = self._see(name, place, velocity, float(spread), time)
+            if self._rule is not None and name in self._rule.people:
+                if name in velocities:
+                    return f"update_scene: found a velocity of '{name}'; expected none: people's course is not known"
+                reason = self._see_person(name, place, self._rule.human_speed, now - float(age))
+            else:
+                reason = self._see(name, place, velocity, float(spread), now - float(age))
             if reason:
                 return reason
         return ""
 
     def _see(self, name: str, place: Pose | Obstacle | None, velocity: Array, spread: float, time: float) -> str:
-        known = {one.name: one.shape for one in (*self._watch.scene.obstacles, *self._obstacles.values())}
+        known = {one.name: one.shape for one in self._watch.scene.obstacles}
+        known |= {one.name: one.shape for one in self._obstacles.values()}
         if not isinstance(place, Pose | Obstacle | None):
             return f"update_scene: found {told(place)} as '{name}'; expected poses by name, obstacles, or None"
         if isinstance(place, Obstacle) and isinstance(name, str) and place.motion is None:
@@ -70,6 +88,15 @@ class SeenScene:
         self._obstacles[name] = SeenObstacle(name, shape, X_WO, velocity, spread, time)
         return ""
 
+    def _see_person(self, name: str, place: Pose | Obstacle | None, speed: float, time: float) -> str:
+        if not isinstance(place, Pose):
+            return f"update_scene: found {told(place)} as '{name}'; expected a pose: people stay watched"
+        if name not in self._people or self._people[name].time <= time:  # data may come out of order
+            shape = next(one.shape for one in self._watch.scene.obstacles if one.name == name)
+            X_WO = pin.SE3(place.matrix)
+            self._people[name] = SeenObstacle(name, shape, X_WO, np.zeros(3), float(speed), time)
+        return ""
+
     def blocked(self, stretch: PathStretch, law: "TimeLaw", now: float, known: bool = False) -> BlockedPlace | None:
         """Return what is blocked of the way that a law leads from `now` on; None if nothing is.
 
@@ -80,6 +107,13 @@ class SeenScene:
             skipped = {*self._obstacles, *self._gone}
             seen += [one for one in self._watch.standing(stretch.start, now) if one.name not in skipped]
         return self._watch.blocked(stretch, law, now, seen)
+
+    def watch_over(self, path: ProvedPath) -> SceneWatch:
+        """Return the watch of another path, prepared if anything was seen."""
+        watch = self._watch.over(path)
+        if self._obstacles:
+            watch.prepare(path.forwards)
+        return watch
 
     def at(self, then: float) -> Scene:
         """Return the scene as it will be at a time, s, from which obstacles with a velocity move on."""
@@ -92,15 +126,16 @@ class SeenScene:
         """The largest spread that was seen, m/s."""
         return max((one.spread for one in self._obstacles.values()), default=0.0)
 
-    def over(self, path: ProvedPath, since: float, watch: SceneWatch | None = None) -> "SeenScene":
-        """Return the same about a path that was planned when the scene was as it was until `since`, s.
+    def over(self, coming: NextPath) -> "SeenScene":
+        """Return the same about the path that takes over.
 
-        Obstacles that the path was proved against where they stood are forgotten, unless they move.
+        Obstacles that it was proved against where they stood are forgotten, unless they move.
         """
-        other = SeenScene(self._watch.over(path) if watch is None else watch)
-        known = {obstacle.name for obstacle in path.run.problem.scene.obstacles}
+        other = SeenScene(self._watch.over(coming.path) if coming.watch is None else coming.watch, self._rule)
+        known = {obstacle.name for obstacle in coming.path.run.problem.scene.obstacles}
+        other._people = self._people
         for name, one in self._obstacles.items():
-            if one.time >= since or name not in known or one.spread > 0.0 or one.velocity.any():
+            if one.time >= coming.since or name not in known or one.spread > 0.0 or one.velocity.any():
                 other._obstacles[name] = one
         return other
 

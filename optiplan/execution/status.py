@@ -8,6 +8,23 @@ from optiplan.trajectory.segments import Segment
 
 Phase = Literal["running", "changing", "paused", "waiting", "stopping", "stopped", "done"]
 
+Held = Literal["", "paused", "waiting", "stopped"]
+"""What keeps a robot from going on; empty where nothing does."""
+
+
+class KeptSeparation(NamedTuple):
+    """The separation from people at the last data about them, of those that are within 10 m.
+
+    `separation` is the distance of the pair, m, and `distance` what the law asks that is commanded: the protective
+    distance, 0 where the robot stands still. `allowed` is the speed that it leads to, 0 to 1.
+    `pair` names the person and the part of the robot.
+    """
+
+    separation: float
+    distance: float
+    pair: tuple[str, str]
+    allowed: float
+
 
 @dataclass(frozen=True)
 class Status:
@@ -23,6 +40,7 @@ class Status:
         reason: why it stopped by itself; empty where it did not.
         deviation: (n,) distance of the measured joints from their set-points at most so far, rad or m; None without
             measurements.
+        separation: from people, where `Executor` was given what to keep and somebody is near.
         off_path: whether the robot left the path at `place` to stop, and is not back.
     """
 
@@ -33,6 +51,7 @@ class Status:
     override: float
     reason: str = ""
     deviation: float | None = None
+    separation: KeptSeparation | None = None
     off_path: bool = False
 
 
@@ -66,3 +85,14 @@ class Stopping(NamedTuple):
     place: Array
     time: Array
     travel: Array
+
+
+def phase_of(held: Held, resting: bool, changes: bool) -> Phase:
+    """Return the phase of a robot that is not at its end, which stands still or not, and changes its speed or not."""
+    if held == "stopped":
+        return "stopped" if resting else "stopping"
+    if held and resting:
+        return held
+    if changes:
+        return "changing"
+    return "paused" if resting else "running"

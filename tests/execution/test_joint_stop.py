@@ -10,6 +10,8 @@ from optiplan.collision.model import CollisionModel
 from optiplan.execution.joint_stop import JointStops, quickest_stop, within_limits
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.proved_path import ProvedPath
+from optiplan.execution.scene_watch import SceneWatch
+from optiplan.execution.seen_scene import SeenScene
 from optiplan.problem.problem import derived
 
 DT = 1e-3
@@ -159,8 +161,8 @@ def test_stops_beyond_the_limits_of_torque_are_refused(run_of):
     run = run_of("01_reach")
     path = ProvedPath(run, "test")
     law = path.forwards.laws.steady(0.4, 1.0, 0.0)
-    assert JointStops(path).leave(path.forwards, law, 0.0, np.inf) is not None
+    assert JointStops(path).leave(path.forwards, law, 0.0, SeenScene(SceneWatch(path, 0.0))) is not None
     weak = np.abs(path.forwards.laws.set_point(law, 0.0).torque) * 1.001
     limits = replace(run.problem.limits, torque=weak)
     path.run = replace(run, problem=derived(run.problem, limits=limits))
-    assert JointStops(path).leave(path.forwards, law, 0.0, np.inf) is None
+    assert JointStops(path).leave(path.forwards, law, 0.0, SeenScene(SceneWatch(path, 0.0))) is None
