@@ -1,6 +1,5 @@
 """The fastest stop: each joint brakes as hard as it can, off the path, where that is proved clear; and the way back."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +33,6 @@ SWEEP = np.array([0.1, 2.0 * DISTANCE_ERROR, 1e-6, 12.0])
 """rad or m, m, s, parts: see `SweepRules` of the core."""
 
 
-@dataclass(frozen=True, eq=False)
 class Detour:
     """A stop off the path, and the way back to where it left it.
 
@@ -42,29 +40,43 @@ class Detour:
         stop: from the path to rest.
         law: of the stop.
         back: the same way in the other direction; its end is on the path.
-        left: the stretch of the path that was left.
-        s: place of that stretch.
+        left: the stretch of the path that was left, at `s` of its laws.
     """
 
-    stop: PathStretch
-    law: "TimeLaw"
-    back: PathStretch
-    left: PathStretch
-    s: float
+    def __init__(self, stop: PathStretch, law: "TimeLaw", left: PathStretch, s: float) -> None:
+        self.stop, self.law, self.left, self.s = stop, law, left, s
+        self.back = PathStretch(stop.laws.mirrored(rests=False), stop.start, 0.0, stop.model)
+        self._legs: list[tuple[PathStretch, TimeLaw]] = []
 
-    def steer(self, stretch: PathStretch, law: "TimeLaw", time: float, go: bool) -> "tuple[PathStretch, TimeLaw]":
-        """Return where the robot goes on from a stretch and law of the detour, if it is to `go` on: to the path.
+    def steer(self, stretch: PathStretch, law: "TimeLaw", time: float, speed: float) -> "tuple[PathStretch, TimeLaw]":
+        """Return the stretch and law that follow those of the detour, to the path and on at a speed; 0.0: stay.
 
-        The stop is not changed; on the way back the robot may stop.
+        The stop is not changed; on the way back the robot may stop. What follows a law is found before it ends.
         """
-        s = law.at(time)[0]
         if law.settled > time:
-            stop = None if go or stretch is self.stop else stretch.laws.change_along(law, time, 0.0)
+            self._legs = self._onward(stretch, law, law.settled, speed)
+            keeps = speed > 0.0 or stretch is self.stop
+            stop = None if keeps else stretch.laws.change_along(law, time, 0.0)
             return stretch, law if stop is None else stop
-        if go and stretch is self.back and s >= stretch.laws.length:
-            return self.left, self.left.laws.steady(self.s, 0.0, time)
-        onward = self.back.laws.rest_to_rest(s if stretch is self.back else 0.0, time) if go else None
-        return (stretch, law) if onward is None else (self.back, onward)
+        if not self._legs or self._legs[0][1].pieces()[0, 0] != law.settled:
+            self._legs = self._onward(stretch, law, time, speed)
+        return self._legs.pop(0) if self._legs else (stretch, law)
+
+    def _onward(
+        self, stretch: PathStretch, law: "TimeLaw", then: float, speed: float
+    ) -> "list[tuple[PathStretch, TimeLaw]]":
+        """Return what follows a law that ends at `then`, s: the way back, and the path."""
+        s, legs = law.at(then)[0], list[tuple[PathStretch, "TimeLaw"]]()
+        if speed == 0.0:
+            return legs
+        if stretch is self.stop or s < stretch.laws.length:
+            onward = self.back.laws.rest_to_rest(s if stretch is self.back else 0.0, then)
+            if onward is None:
+                return legs
+            legs.append((self.back, onward))
+            then = onward.settled
+        rest = self.left.laws.steady(self.s, 0.0, then)
+        return [*legs, (self.left, self.left.laws.change_along(rest, then, speed) or rest)]
 
 
 class JointStops:
@@ -114,7 +126,7 @@ class JointStops:
         stop = laws.steady(0.0, 1.0, time).then(laws.steady(T, 0.0, time + T))
         if seen.blocked(off, stop, time, known=True) is not None:
             return None
-        return Detour(off, stop, PathStretch(laws.mirrored(rests=False), place, 0.0, model), stretch, point.place.s)
+        return Detour(off, stop, stretch, point.place.s)
 
     def _part_at(self, place: float) -> int:
         ends = [part.end for part in self._path.parts[:-1]]

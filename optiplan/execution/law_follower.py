@@ -83,8 +83,10 @@ class LawFollower:
 
     def _steer(self, detour: Detour) -> bool:
         """See `_lead`, off the path."""
-        before, go = self._law, not self._held and self._override > 0.0
-        self._stretch, self._law = detour.steer(self._stretch, before, self.time, go)
+        before, speed = self._law, 0.0 if self._held else self._override
+        if speed > 0.0:
+            self._scene.prepare(detour.back)
+        self._stretch, self._law = detour.steer(self._stretch, before, self.time, speed)
         self._pending = False
         if self._stretch is detour.left:
             self._detour = None

@@ -115,6 +115,11 @@ class SeenScene:
             watch.prepare(path.forwards)
         return watch
 
+    def prepare(self, stretch: PathStretch) -> None:
+        """Make what a stretch needs, if anything was seen."""
+        if self._obstacles:
+            self._watch.prepare(stretch)
+
     def at(self, then: float) -> Scene:
         """Return the scene as it will be at a time, s, from which obstacles with a velocity move on."""
         scene = self._watch.scene
