@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -78,7 +79,7 @@ class SceneWatch:
 
     def __init__(self, path: ProvedPath, margin: float, linger: float = 0.0) -> None:
         self._path, self.margin, self._linger = path, margin, linger
-        self._watches: dict[int, list[_PartWatch]] = {}
+        self._watches: WeakKeyDictionary[PathStretch, list[_PartWatch]] = WeakKeyDictionary()
 
     @property
     def scene(self) -> Scene:
@@ -99,6 +100,12 @@ class SceneWatch:
             if found is not None:
                 return BlockedPlace(stretch.place(found.place), found.pair)
         return None
+
+    def standing(self, place: float, now: float) -> list[SeenObstacle]:
+        """Return the obstacles of the run as they stand when the robot is at a place of the path, s."""
+        part = next(part for part in reversed(self._path.parts) if part.begin <= place or part is self._path.parts[0])
+        known = part.problem.scene.obstacles
+        return [SeenObstacle(one.name, one.shape, one.X_WO, np.zeros(3), 0.0, now) for one in known]
 
     def nearest(
         self,
@@ -134,9 +141,10 @@ class SceneWatch:
 
     def _parts(self, stretch: PathStretch) -> "list[_PartWatch]":
         """Return a watch of each part of a stretch with a scene of its own, in the order in which they are passed."""
-        key = id(stretch)
-        if key not in self._watches:
+        if stretch not in self._watches:
             motion, found = stretch.laws.motion, list[_PartWatch]()
+            if stretch.model is not None:
+                found.append(_PartWatch(stretch.model, motion, 0.0))
             for part in self._path.parts:
                 begin, end = sorted(stretch.direction * (place - stretch.start) for place in (part.begin, part.end))
                 begin, end = max(begin, 0.0), min(end, motion.duration)
@@ -145,8 +153,8 @@ class SceneWatch:
                     cut = motion if whole else cut_trajectory(motion, begin, end)
                     model = NativeCollisionModel(part.problem.robot, part.problem.scene)
                     found.append(_PartWatch(model, cut, begin))
-            self._watches[key] = sorted(found, key=lambda part: part.begin)
-        return self._watches[key]
+            self._watches[stretch] = sorted(found, key=lambda part: part.begin)
+        return self._watches[stretch]
 
 
 class _PartWatch:
