@@ -55,6 +55,9 @@ if TYPE_CHECKING:
     from optiplan.execution.measurement import Measurement
     from optiplan.execution.status import Status, Stopping, Tick
     from optiplan.execution.tracking_monitor import TrackingPolicy
+    from optiplan.execution.policy import Policy
+    from optiplan.execution.separation import Separation
+    from optiplan.execution.status import KeptSeparation, Status, Stopping, Tick
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
@@ -128,6 +131,9 @@ _ROOMS = {
     "execution.measurement": ("Measurement",),
     "execution.status": ("Status", "Stopping", "Tick"),
     "execution.tracking_monitor": ("TrackingPolicy",),
+    "execution.policy": ("Policy",),
+    "execution.separation": ("Separation",),
+    "execution.status": ("KeptSeparation", "Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "planners.trajopt.program.nlp": ("TrajectoryNlp",),
@@ -196,6 +202,7 @@ __all__ = [
     "JointCoupling",
     "JointCouplingTask",
     "JointGoal",
+    "KeptSeparation",
     "Log",
     "LookAt",
     "LookAtTask",
@@ -219,6 +226,7 @@ __all__ = [
     "PlanResult",
     "Planner",
     "PointCloud",
+    "Policy",
     "Pose",
     "PoseGoal",
     "PoseTask",
@@ -238,6 +246,7 @@ __all__ = [
     "Run",
     "Samples",
     "Scene",
+    "Separation",
     "Simulation",
     "Sphere",
     "State",

@@ -36,6 +36,7 @@ SAYS = {
     "17": "the new motion takes over",
     "18": "0 touched",
     "19": "the process of the simulation ended by signal 9",
+    "17": "behind the ball in",
 }
 """A part of what each prints, by its number."""
 

@@ -15,9 +15,12 @@ from optiplan.collision.model import CollisionModel
 from optiplan.collision.passing_neighbours import apart_neighbours, passing_neighbours
 from optiplan.geometry.convex import hull_of_mesh, mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Scene
+from optiplan.geometry.shape import Shape as Solid
+from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
+from optiplan.robot.self_collision.pair_bounds import local_box
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import Body, Shape, World
@@ -173,6 +176,15 @@ def _body(model: CollisionModel, body: int, shapes: "list[Shape]") -> "Body | No
     found, bounds = model.geometry.geometryObjects[body], model.bounds
     box = np.concatenate([bounds.centre[body], bounds.half[body]])
     return core.Body.of(int(found.parentJoint), found.placement.homogeneous, shapes, box, float(bounds.radius[body]))
+
+
+def standing_body(shape: Solid) -> "Body | None":
+    """Return a shape at the world's origin as a body of the core; None for an unsupported shape."""
+    solid = build_geometry(shape)
+    shapes, box = _shapes_of(solid), local_box(solid)
+    if not shapes:
+        return None
+    return core.Body.of(0, np.eye(4), shapes, np.concatenate([box.centre, box.half]), float(box.radius))
 
 
 def _world(model: CollisionModel, bodies: "list[Body]", never: frozenset[tuple[int, int]]) -> "World":

@@ -6,11 +6,16 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array, is_finite
-from optiplan.errors import described
+from optiplan.errors import described, wrong_argument
+from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
 
 SAME_STATE = 1e-8
 """rad or m, and the same per s and s²: how far apart two states may be where one motion takes over."""
+
+
+LONGEST_TICK = 0.1
+"""s: after a longer one the robot had no set-points for too long, and stops."""
 
 
 def is_share(value: Any) -> bool:
@@ -39,3 +44,28 @@ def told(value: Any) -> str:
 def same_state(a: State, b: State) -> bool:
     """Whether two states are one, but for rounding."""
     return all(np.allclose(x, y, rtol=0.0, atol=SAME_STATE) for x, y in ((a.q, b.q), (a.v, b.v), (a.a, b.a)))
+
+
+def checked_arguments(run: Any, override: Any, deviation: Any, clearance: Any) -> None:
+    """Refuse arguments of `Executor` that do not fit.
+
+    Raises:
+        InputError: the first one.
+    """
+    if not isinstance(run, Run):
+        raise wrong_argument("Executor", "run", told(run), "a verified run of op.plan(…)")
+    if not is_share(override):
+        raise wrong_argument("Executor", "override", told(override), "a speed from 0 to 1")
+    if deviation is not None and not (is_finite(deviation) and deviation > 0.0):
+        raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
+    if not (is_finite(clearance) and clearance >= 0.0):
+        raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
+
+
+def checked_step(dt: Any) -> tuple[float, str]:
+    """Return the length of a tick, s; where it cannot be, 0 or the longest, and why the robot must stop."""
+    if not is_finite(dt) or dt < 0.0:
+        return 0.0, f"tick: found a step of {told(dt)}; expected seconds >= 0"
+    if dt > LONGEST_TICK:
+        return LONGEST_TICK, f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s"
+    return float(dt), ""

@@ -1,32 +1,34 @@
 """`Executor`: the set-points of a verified run, one a tick, at a speed that changes on the way."""
 
 import math
+import weakref
 from collections import deque
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from optiplan.arrays import is_finite
-from optiplan.errors import OptiPlanError, wrong_argument
-from optiplan.execution.arguments import is_share, same_state, told
+from optiplan.errors import wrong_argument
+from optiplan.execution.arguments import checked_arguments, checked_step, is_share, told
+from optiplan.execution.due_events import DueEvents
+from optiplan.execution.joint_stop import Detour, JointStops
+from optiplan.execution.law_follower import LawFollower
+from optiplan.execution.next_path import NextPath, spliced_path
 from optiplan.execution.path_laws import PathPlace, SetPoint
-from optiplan.execution.proved_path import PathStretch, ProvedPath
-from optiplan.execution.scene_watch import BlockedPlace
-from optiplan.execution.seen_scene import SeenScene
-from optiplan.execution.status import Ahead, Phase, Status, Stopping, Tick
+from optiplan.execution.planning_process import PlanningProcess
+from optiplan.execution.policy import Policy, Reaction
+from optiplan.execution.proved_path import PathStretch, ProvedPath, Turned
+from optiplan.execution.scene_watch import BlockedPlace, SceneWatch
+from optiplan.execution.seen_scene import SceneUpdate, SeenScene
+from optiplan.execution.separation import Separation, SeparationMonitor
+from optiplan.execution.status import Ahead, Held, Status, Stopping, Tick, phase_of
 from optiplan.execution.stop_ahead import way_ahead
 from optiplan.execution.tracking_monitor import TrackingMonitor, TrackingPolicy
-from optiplan.geometry.pose import Pose, Values
+from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
-from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.state import State
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
-
-LONGEST_TICK = 0.1
-"""s: after a longer one the robot had no set-points for too long, and stops."""
 
 TOO_LATE = "the stop comes too late"
 """What a reason says where the robot would not stand still in time."""
@@ -38,7 +40,7 @@ STOP_PLACES = 200
 """Places of a motion for which `stopping` gives the stop."""
 
 
-class Executor:
+class Executor(LawFollower):
     """Run a verified motion without leaving what was proved.
 
     Every set-point lies on the verified path. Its speed is a law s(t) that keeps the joints' limits of velocity,
@@ -53,13 +55,16 @@ class Executor:
             tracking error of the run is a bound of its own.
         clearance: distance to keep from obstacles that `update_scene` moves, m.
         tracking: how far a measured robot may lag behind, and how old its states may be.
+        policy: what is done where they block the path: an `op.Policy`, or the name of its reaction.
+        separation: people to keep apart from: the robot then moves only as fast, and as long, as `update_scene` reports
+            them.
 
     Attributes:
         run: the run that is being executed.
         time: since the first tick, s.
 
     Raises:
-        InputError: the run is not verified, or its proof holds for its own timing alone.
+        InputError: the run is not verified, or its proof holds for its own timing alone; `replan` of a task or vias.
 
     Example:
         >>> import optiplan as op
@@ -79,30 +84,38 @@ class Executor:
         deviation: float | None = None,
         clearance: float = 0.0,
         tracking: TrackingPolicy | None = None,
+        policy: Policy | Reaction = "wait",
+        separation: Separation | None = None,
     ) -> None:
-        if not is_share(override):
-            raise wrong_argument("Executor", "override", told(override), "a speed from 0 to 1")
-        if deviation is not None and not (is_finite(deviation) and deviation > 0.0):
-            raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
-        if not (is_finite(clearance) and clearance >= 0.0):
-            raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
+        checked_arguments(run, override, deviation, clearance)
         if tracking is not None and not isinstance(tracking, TrackingPolicy):
             raise wrong_argument("Executor", "tracking", told(tracking), "an op.TrackingPolicy(…), or None")
         self._path = ProvedPath(run, "Executor")
-        self._scene = SeenScene(self._path, float(clearance))
+        self._policy = Policy.of(policy, separation)
+        watch = SceneWatch(self._path, float(clearance), self._policy.linger)
+        people = None if separation is None else SeparationMonitor(self._path, watch, separation)
+        self._scene = SeenScene(watch, people)
+        self._planning: PlanningProcess | None = None
+        if self._policy.reaction != "wait":
+            watch.prepare(self._path.forwards)
+        if self._policy.reaction == "replan":
+            self._planning = PlanningProcess.of(run, watch, self._policy)
+            self._leave = weakref.finalize(self, self._planning.leave)  # is called once
         self._tracking = TrackingMonitor(self._path, deviation, tracking or TrackingPolicy())
         self._stretch: PathStretch = self._path.forwards
+        self._stops = JointStops(self._path)
+        self._detour: Detour | None = None
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
-        self._law: TimeLaw = self._start_law(self._path, float(override))
-        self._held: Literal["", "paused", "waiting", "stopped"] = "" if override > 0.0 else "paused"
+        self._law: TimeLaw = self._start_law(self._path, float(override), 0.0)
+        self._held: Held = "" if override > 0.0 else "paused"
         self._reason = ""
-        self._seen = -math.inf  # the place up to which events are done
+        self._events = DueEvents(self._path)
+        self._turned: Turned | None = None  # what follows the law, if the robot is to turn
         self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
-        self._next: tuple[float, ProvedPath, float] | None = None  # when it takes over, and when it was handed over
+        self._next: NextPath | None = None
         self._pending = False
         self._backwards = False
-        self._missed: tuple[Segment, ...] = ()
         if self._law.target != override:  # it begins in motion
             self._aim()
 
@@ -130,10 +143,22 @@ class Executor:
             self._held, self._reason = "paused", ""
             self._aim()
 
-    def stop(self, reason: str = "asked to stop") -> None:
-        """Stop along the path, for the given reason; `resume` goes on."""
-        self._held, self._reason, self._next = "stopped", reason, None
+    def stop(self, reason: str = "asked to stop", how: str = "path") -> None:
+        """Stop, for the given reason; `resume` goes on.
+
+        Args:
+            reason: for `status`.
+            how: `path`: along the path. `joints`: each joint as fast as its limits allow, off the path, where that is
+                proved clear and faster; `clearance` is kept from all obstacles. `resume` then leads back to the path.
+        """
+        known = how in ("path", "joints")
+        self._held, self._next = "stopped", None
+        self._reason = reason if known else f"stop: found {told(how)}; expected 'path' or 'joints'"
         self._aim()
+        if how == "joints" and self._detour is None and self._people is None and not self._rests:
+            self._detour = self._stops.leave(self._stretch, self._law, self.time, self._scene)
+            if self._detour is not None:
+                self._stretch, self._law, self._pending = self._detour.stop, self._detour.law, False
 
     def resume(self) -> None:
         """Go on with the speed of `override`, forwards."""
@@ -146,24 +171,33 @@ class Executor:
         self._aim()
 
     def update_scene(
-        self, poses: Mapping[str, Pose], velocities: Mapping[str, Values] | None = None, spread: float = 0.0
+        self, poses: SceneUpdate, velocities: Mapping[str, Values] | None = None, spread: float = 0.0, age: float = 0.0
     ) -> None:
-        """Obstacles of the scene have moved: check the rest of the path against them, now.
+        """Obstacles have moved, appeared or vanished: check the rest of the path against them, now.
 
-        Where they block it, the robot stops along the path and waits; a later update that leaves the path clear lets it
-        go on. Nothing raises here: an update that cannot be used ends in a stop.
+        Where they block it, the policy decides: by default the robot stops along the path and waits; a later update
+        that leaves the path clear lets it go on. Beside people of `separation` it goes on as fast as the separation
+        allows, now. Nothing raises here: an update that cannot be used ends in a stop.
 
         Args:
-            poses: of obstacles of the scene, by name.
+            poses: by name: the pose of a known obstacle, another one (`op.Sphere(…)` …), or None for one that is gone.
             velocities: (3,) m/s, of the frames of some of them; the others stand still.
             spread: m/s; how fast they may depart from that course, in any direction.
+            age: s since they were there.
         """
-        reason = self._scene.see(poses, {} if velocities is None else velocities, spread, self.time)
+        reason = self._scene.see(poses, {} if velocities is None else velocities, spread, self.time, age)
         if reason:
             self.stop(reason)
             return
+        if self._scene.people is not None:
+            self._lead()
+        self._turned = None  # it was checked before
+        if self._next is not None and self._next.number and self._blocked_next(self._next):
+            self._next = None
         if self._held == "waiting" and self._next is None:
-            ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
+            ahead: TimeLaw | None = self._law
+            if self._detour is None:
+                ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
             if ahead is not None and self._blocked(ahead) is None:
                 self._held, self._reason = "", ""
                 self._aim()
@@ -173,18 +207,45 @@ class Executor:
     def _blocked(self, law: "TimeLaw") -> BlockedPlace | None:
         return self._scene.blocked(self._stretch, law, self.time)
 
+    def _blocked_next(self, coming: NextPath) -> bool:
+        law = self._start_law(coming.path, self._override, coming.then)
+        return self._scene.over(coming).blocked(coming.path.forwards, law, coming.then) is not None
+
     def _yield(self) -> None:
-        """Wait, where obstacles that were seen block the way of the law."""
-        found = self._blocked(self._law)
-        if found is None:
-            return
-        if not self._held:
-            self._held, self._next = "waiting", None
+        """Do as the policy says, where obstacles that were seen block the way of the law."""
+        found = self._blocked(self._way)
+        begins = found is not None and not self._held
+        if found is not None and begins:
+            self._held, self._next = "stopped" if self._policy.reaction == "stop" else "waiting", None
             self._reason = f"'{found.pair[0]}' would meet '{found.pair[1]}' at {found.place:.3f} s of the path"
-            self._lead()
-            found = self._blocked(self._law)
+        again = self._held == "waiting" and self._next is None and (found or self._policy.reaction == "slow")
+        if begins or again:
+            self._avoid()
+            found = self._blocked(self._way)
         if found is not None and TOO_LATE not in self._reason:
             self._reason += f"; {TOO_LATE}" if self._reason else TOO_LATE
+        if self._held == "waiting" and self._next is None and self._planning is not None and not self._backwards:
+            self._planning.seek(self._law, self.time, self.state_in, self._scene)
+
+    def _avoid(self) -> None:
+        """Follow a law that is clear until the robot stands still, or stop now."""
+        clear = None
+        if self._policy.goes_on:
+            clear = self._policy.law(self._stretch.laws, self._law, self.time, self._override, self._blocked)
+        if clear is None:
+            self._lead()
+        else:
+            self._law, self._wanted, self._pending = clear, 0.0, False
+
+    def _accept(self, planning: PlanningProcess) -> None:
+        """Let a path of the policy take over, if it came in time and is clear."""
+        if planning.lost:
+            self._planning = None
+            self.stop("the planning process has ended")
+            return
+        coming = planning.answer(self._law, self.time)
+        if coming is not None and self._held == "waiting" and self._next is None and not self._blocked_next(coming):
+            self._next = coming
 
     def state_in(self, latency: float) -> State:
         """Return the state of the robot `latency` s from now, if nothing is changed until then.
@@ -225,30 +286,15 @@ class Executor:
         Returns:
             Whether the run takes over.
         """
-        reason = self._splice(run)
-        if reason:
-            self.stop(reason)
-        return not reason
-
-    def _splice(self, given: Run | ProvedPath) -> str:
-        try:
-            path = given if isinstance(given, ProvedPath) else ProvedPath(given, "Executor.splice")
-        except OptiPlanError as error:
-            return f"the motion that was to take over: {error}"
-        run = path.run
-        if run.problem.robot.joint_names != self.run.problem.robot.joint_names:
-            return "the motion that was to take over is of another robot"
-        start = run.problem.start_state
-        found = [then for then, state, law in self._predicted if law is self._law and same_state(state, start)]
-        if not found:
-            return "the motion that was to take over begins in a state that is not on the way"
-        stands = self._law.target == 0.0 and self._law.settled <= found[-1]  # and from then on is in that state
-        then = max(found[-1], self.time) if stands else found[-1]
-        if then < self.time:
-            return f"the motion that was to take over came {self.time - then:.3f} s late"
-        self._tracking.prepare(path)
-        self._next = then, path, self.time
-        return ""
+        states = [(then, state) for then, state, law in self._predicted if law is self._law]
+        rests = self._law.settled if self._law.target == 0.0 else math.inf
+        found = spliced_path(run, self.run, states, rests, self.time, at_rest_only=self._scene.people is not None)
+        if isinstance(found, str):
+            self.stop(found)
+            return False
+        self._tracking.prepare(found.path)
+        self._next = found._replace(watch=self._scene.watch_over(found.path))
+        return True
 
     def tick(self, dt: float, measured: object = None) -> Tick:
         """Return the set-point `dt` s after the last one.
@@ -259,140 +305,70 @@ class Executor:
             dt: s since the last tick.
             measured: positions of the joints (n,), rad or m, a `State` or a `Measurement`; None: not measured.
         """
-        step = self._checked_step(dt)
-        if self._next is not None and self.time + step >= self._next[0]:
-            self._take_over()
+        step, reason = checked_step(dt)
+        if reason:
+            self.stop(reason)
+        if self._planning is not None:
+            self._accept(self._planning)
+        if self._next is not None and self.time + step >= self._next.then:
+            self._take_over(self._next)
         now = self.time
         self.time += step
         if self._pending and self._replace_law():
             self._yield()
-        if self._law.target == 0.0 and self.time >= self._law.settled:
+        if self._rests:
             self._turn()
         point = self._point()
         place = self._stretch.place(point.place.s)
-        reason = self._tracking.tick(measured, now, self.time, point.q, place)
+        reason = self._tracking.tick(measured, now, self.time, point.q, place, on_path=self._detour is None)
         if reason and self._held != "stopped":
             self.stop(reason)
-        events = self._due(place)
-        speed = self._stretch.direction * point.place.speed
-        return Tick(self.time, point.q, point.v, point.a, point.torque, events, self._status(place, speed))
+        return Tick(self.time, point.q, point.v, point.a, point.torque, self._events.by(place), self._status(point))
+
+    def close(self) -> None:
+        """Leave the process that plans, if the policy has one, to the next run; else it ends with the executor."""
+        if self._planning is not None:
+            self._planning = None
+            self._leave()
 
     @property
     def status(self) -> Status:
         """What the executor is doing at the last tick."""
-        point = self._point()
-        return self._status(self._stretch.place(point.place.s), self._stretch.direction * point.place.speed)
+        return self._status(self._point())
 
     def stopping(self, places: int = STOP_PLACES) -> Stopping:
         """Return the stop along the path from full speed, at equally spaced places of the motion."""
-        laws, T = self._path.forwards.laws, self._path.motion.duration
-        place = np.linspace(0.0, T, places)
-        time, travel = np.zeros(places), np.zeros(places)
-        for k, s in enumerate(place):
-            law = laws.change(PathPlace(float(s), 1.0, 0.0), 0.0, 0.0)
-            time[k] = T - s if law is None else law.settled
-            travel[k] = T - s if law is None else min(law.at(law.settled)[0], T) - s
-        return Stopping(place, time, travel)
+        return self._path.forwards.laws.stopping(places)
 
-    def _start_law(self, path: ProvedPath, speed: float) -> "TimeLaw":
-        """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan."""
-        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, self.time)
-
-    def _aim(self) -> None:
-        """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
-        if self._lead():
-            self._yield()
-
-    def _lead(self) -> bool:
-        """See `_aim`; return whether there is another law."""
-        turns = self._backwards != (self._stretch.direction < 0.0)
-        self._wanted = 0.0 if self._held or turns else self._override
-        replaced = self._replace_law()
-        if turns and self._law.target == 0.0 and self._law.settled <= self.time:
-            self._turn()
-        return replaced
-
-    def _replace_law(self) -> bool:
-        """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
-        s, speed, acceleration = self._law.at(self.time)
-        length = self._stretch.laws.motion.duration
-        if s >= length:  # at its end the robot stands still, whatever the law
-            self._law, self._pending = self._stretch.laws.steady(length, 0.0, self.time), False
-            return False
-        if self._law.target == self._wanted:  # it is on its way there
-            self._pending = False
-            return False
-        self._pending = True
-        law = self._stretch.laws.change(PathPlace(s, speed, acceleration), self.time, self._wanted)
-        if law is None:
-            return False
-        self._law = law
-        self._pending = law.target != self._wanted and law.at(law.settled)[0] < length
-        if self._next is not None:  # it was to begin in a state that the robot does not come to any more
-            self._next = None
-            self.stop("the speed was changed before another motion could take over")
-        return True
-
-    def _turn(self) -> None:
-        """Change the direction of a robot that stands still, if that is wanted."""
-        if self._held or self._backwards == (self._stretch.direction < 0.0):
-            return
-        place = self._stretch.place(self._law.at(self.time)[0])
-        stretch = self._path.backwards(place, self._seen) if self._backwards else self._path.forwards
-        if stretch is None:
-            return
-        s = (place - stretch.start) * stretch.direction
-        self._stretch, self._law = stretch, stretch.laws.steady(s, 0.0, self.time)
-        self._aim()
-
-    def _take_over(self) -> None:
-        assert self._next is not None
-        then, path, since = self._next
-        self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
-        self._path, self._stretch, self._next = path, path.forwards, None
-        self._scene = self._scene.over(path, since)
+    def _take_over(self, coming: NextPath) -> None:
+        self._next = None
+        if coming.number and self._planning is not None:
+            if self._held != "waiting":
+                return
+            self._held, self._reason, self._planning.number = "", "", coming.number
+        path, then = coming.path, coming.then
+        place = self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s)
+        self._events = self._events.then(path, place)
+        self._path, self._stretch = path, path.forwards
+        self._scene, self._stops, self._detour = self._scene.over(coming), JointStops(path), None
         self._tracking.take_over(path)
-        self._seen, self._backwards = -math.inf, False
+        self._backwards = False
         self._wanted = 0.0 if self._held else self._override
-        self._law = path.forwards.laws.steady(0.0, self._wanted if path.starts_at_rest else 1.0, then)
+        self._law = self._start_law(path, self._wanted, then)
         self._pending = self._wanted != self._law.target
         if not self._pending:
             self._yield()
 
-    def _point(self) -> SetPoint:
-        return self._stretch.laws.set_point(self._law, self.time)
-
-    def _checked_step(self, dt: float) -> float:
-        """Return the tick's length, s; where that cannot be, 0 or the longest, and the robot stops."""
-        if not is_finite(dt) or dt < 0.0:
-            self.stop(f"tick: found a step of {told(dt)}; expected seconds >= 0")
-            return 0.0
-        if dt > LONGEST_TICK:
-            self.stop(f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s")
-            return LONGEST_TICK
-        return float(dt)
-
-    def _due(self, place: float) -> tuple[Segment, ...]:
-        """Return the events that have become due by a place of the path."""
-        due = tuple(event for event in self._path.events if self._seen < event.begin <= place)
-        self._seen = max(self._seen, place)
-        due, self._missed = self._missed + due, ()
-        return due
-
-    def _status(self, place: float, speed: float) -> Status:
-        T = self._path.motion.duration
-        resting = speed == 0.0
-        phase: Phase = "running"
-        if place >= T:
-            phase = "done"
-        elif self._held == "stopped":
-            phase = "stopped" if resting else "stopping"
-        elif self._held in ("paused", "waiting") and resting:
-            phase = self._held
-        elif self.time < self._law.settled or self._pending:
-            phase = "changing"
-        elif resting:
-            phase = "paused"
+    def _status(self, point: SetPoint) -> Status:
+        place, T = self._stretch.place(point.place.s), self._path.motion.duration
+        speed, people = self._stretch.direction * point.place.speed, self._scene.people
+        reason = self._reason or ("" if people is None or place >= T else people.reason(self.time))
+        changes = self.time < self._way.settled or self._pending
+        phase = "done" if place >= T else phase_of(self._held, point.place.speed == 0.0, changes)
+        if not self._held and people is not None and speed == 0.0 and self._wanted > 0.0 and place < T:
+            phase = "waiting"
         off = self._tracking
         seen = off.deviation, off.lag, off.clearance
-        return Status(phase, place, place / T, speed, self._override, self._reason, *seen)
+        kept = None if people is None else people.kept
+        detour = self._detour is not None
+        return Status(phase, place, place / T, speed, self._override, reason, *seen, kept, detour)

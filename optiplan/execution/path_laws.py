@@ -11,6 +11,7 @@ the path, and the torque limits by values and a bound on |tau''|.
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,11 +20,12 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
+from optiplan.execution.status import Stopping
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory import polynomial
+from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.intervals import derivative_bounds
 from optiplan.verify.continuous.torque import bounds_of
 from optiplan.verify.report import VerifyPolicy
 
@@ -31,8 +33,8 @@ if TYPE_CHECKING:
     from optiplan._core._core_base import PathLaws as CoreLaws
     from optiplan._core._core_base import TimeLaw
 
-SHORTEST_STEP, LONGEST_STEP, STEPS = 1e-3, 2e-3, 1000
-"""s: pieces of a law, and cells of the path; as many as this where the bounds allow it."""
+STEP = 2e-3
+"""s: pieces of a law, and cells of the path. With 1 ms stops would be 1 % shorter, and searched twice as long."""
 
 MOST_CELLS = 20_000
 """Cells of a path at most: those of long motions are wider than a step."""
@@ -43,8 +45,11 @@ LOOK = 4
 MOST_RATE, MOST_JERK = 50.0, 5e3
 """|s''|, 1/s, and |s'''|, 1/s²: bounds of a law where the path stands still, and no joint bounds it."""
 
-LEVELS = np.array([0.02, 0.06, 0.2, 0.5, 1.0])
-"""Shares of these bounds for which the curvature of torques is bounded in advance."""
+PROBES = np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0], [0.0, 1000.0]])
+"""|s''|, 1/s, and |s'''|, 1/s², at which torques' curvature is bounded: its factors follow from four values."""
+
+ROUNDED = 1e-9
+"""Share of torques' curvature by which the differences of bounds may be rounded."""
 
 RESERVES = (0.0, 0.02, 0.1)
 """Shares of the torque limits that searches leave to the proof, tried in this order."""
@@ -85,7 +90,7 @@ class Load:
 
 
 class PathLaws:
-    """Laws along a motion.
+    """Laws along a motion, forwards, or from its end back to a place at which the robot rests.
 
     Args:
         motion: verified with these limits and loads.
@@ -94,7 +99,7 @@ class PathLaws:
         tolerance: share by which the motion's report lets these limits be passed.
 
     Attributes:
-        overloaded: the first s at which gravity alone takes more torque than allowed; None where it nowhere does.
+        length: s of a law at the end of its path.
 
     Raises:
         OptiPlanError: the native core is not built.
@@ -109,8 +114,8 @@ class PathLaws:
     ) -> None:
         if core is None:
             raise OptiPlanError("execution needs the native core of optiplan, which is not built: make core")
-        self.motion = motion
-        step = float(np.clip(motion.duration / STEPS, SHORTEST_STEP, LONGEST_STEP))
+        self._forwards, self.length = motion, motion.duration
+        self._back, self._rests = False, True
         share = 1.0 + tolerance
         rates = np.array([limits.acceleration * share, limits.jerk * share, limits.torque * share])
         self._core: CoreLaws = core.PathLaws.of(
@@ -119,14 +124,40 @@ class PathLaws:
             rates,
             np.array([load.end for load in loads]),
             [native_tree(load.robot.model) for load in loads],
-            max(step, motion.duration / MOST_CELLS),
-            np.array([step, LOOK * step, MOST_RATE, MOST_JERK]),
+            max(STEP, motion.duration / MOST_CELLS),
+            np.array([STEP, LOOK * STEP, MOST_RATE, MOST_JERK]),
         )
         if np.isfinite(rates[2]).any():
-            bounds = _curvature(motion, loads, self._core.coarse_cells)
-            self._core.set_curvature(bounds, LEVELS * MOST_RATE, LEVELS * MOST_JERK)
-        overloaded = self._core.overloaded  # computed at each access
-        self.overloaded = None if overloaded < 0.0 else overloaded
+            self._core.set_curvature(_curvature(self._core.sizes(), motion.duration, loads))
+
+    @property
+    def motion(self) -> Trajectory:
+        """The path, in the direction of the laws, up to where they end."""
+        T = self._forwards.duration
+        if self._back:
+            return reversed_motion(cut_trajectory(self._forwards, T - self.length, T))
+        return self._forwards if self.length == T else cut_trajectory(self._forwards, 0.0, self.length)
+
+    @property
+    def overloaded(self) -> float | None:
+        """The first s at which gravity alone takes more torque than allowed; None where it nowhere does."""
+        found = self._core.overloaded
+        return None if found < 0.0 else found
+
+    def mirrored(self, rests: bool = True) -> "PathLaws":
+        """Return the laws from the end of the motion to its start, without computing anything again.
+
+        Where the motion does not begin at rest (`rests`), only those are laws that stop before, and `rest_to_rest`.
+        """
+        back = copy(self)
+        back._core, back._back, back._rests = self._core.mirrored(), True, rests
+        return back
+
+    def until(self, length: float) -> "PathLaws":
+        """Return the same laws along a path that ends at s = `length`, where the robot rests."""
+        shorter = copy(self)
+        shorter._core, shorter.length = self._core.until(length), length
+        return shorter
 
     def change(self, place: PathPlace, begin: float, target: float) -> "TimeLaw | None":
         """Return the law from a place at time `begin`, s, to a steady speed; None where it cannot begin there.
@@ -136,8 +167,61 @@ class PathLaws:
         for reserve in RESERVES:
             law = self._core.change(*place, begin, target, reserve)
             if law is not None:
-                return law
+                return self._resting(law)
         return None
+
+    def change_along(self, law: "TimeLaw", now: float, target: float) -> "TimeLaw | None":
+        """Return the law that goes on as this one until limits leave room for a change to a steady speed.
+
+        That is at once almost everywhere. None where no change is found until the law itself is steady.
+
+        Holds at: as `change`.
+        """
+        for reserve in RESERVES:
+            found = self._core.change_along(law, now, target, reserve)
+            if found is not None:
+                return self._resting(found)
+        return None
+
+    def _resting(self, law: "TimeLaw") -> "TimeLaw | None":
+        """Return the law, unless it leads to an end at which the path is in motion."""
+        stops = law.target == 0.0 and law.at(law.settled)[0] < self.length
+        return law if self._rests or stops else None
+
+    def then_stop(self, law: "TimeLaw", t: float) -> "TimeLaw":
+        """Return a law as it is until time t, s, and from there the stop, which begins as soon as limits leave room.
+
+        It is one law until the robot stands still: `SceneWatch.blocked` checks all of it.
+
+        Holds at: all times, where it does for the law.
+        """
+        if law.at(t)[0] >= self.length:  # at rest there, whatever the law
+            return law
+        stop = self.change_along(law, t, 0.0)
+        return law if stop is None else law.then(stop)
+
+    def rest_to_rest(self, s: float, begin: float) -> "TimeLaw | None":
+        """Return the law from rest at s to rest at the end, also where the path is in motion there.
+
+        Holds at: as `change`.
+        """
+        return self._core.rest_to_rest(s, begin)
+
+    @property
+    def keeps_torque(self) -> bool:
+        """Whether a motion that was not verified keeps the limits of torque, at all times."""
+        return self._core.keeps_torque
+
+    def stopping(self, places: int) -> Stopping:
+        """Return the stop along the path from full speed, at equally spaced places of the motion."""
+        T = self.motion.duration
+        place = np.linspace(0.0, T, places)
+        time, travel = np.zeros(places), np.zeros(places)
+        for k, s in enumerate(place):
+            law = self.change(PathPlace(float(s), 1.0, 0.0), 0.0, 0.0)
+            time[k] = T - s if law is None else law.settled
+            travel[k] = T - s if law is None else min(law.at(law.settled)[0], T) - s
+        return Stopping(place, time, travel)
 
     def steady(self, s: float, speed: float, begin: float) -> "TimeLaw":
         """Return the law of a steady speed in [0, 1], which every verified motion admits."""
@@ -149,38 +233,35 @@ class PathLaws:
         return SetPoint(values[0], values[1], values[2], values[3], PathPlace(s, speed, acceleration))
 
 
-def _curvature(motion: Trajectory, loads: Sequence[Load], cells: int) -> Array:
-    """Bounds on |tau''| in time, (levels, cells, n), of laws with |s''| <= c2 and |s'''| <= c3 of each level.
+def _curvature(sizes: Array, duration: float, loads: Sequence[Load]) -> Array:
+    """Factors (cells, 4, n) of s'^2, |s''|, s''^2 and s' |s'''|, whose sum bounds |tau''| in time.
 
-    |q^(k)| for k from 1 to 4 is at most |p'|, |p''| + |p'| c2, |p'''| + 3 |p''| c2 + |p'| c3, and
-    |p''''| + 6 |p'''| c2 + 3 |p''| c2² + 4 |p''| c3.
+    With |s''| <= c2 and |s'''| <= c3, |q^(k)| for k from 1 to 4 is at most |p'|, |p''| + |p'| c2,
+    |p'''| + 3 |p''| c2 + |p'| c3, and |p''''| + 6 |p'''| c2 + 3 |p''| c2² + 4 |p''| c3. The bound that follows from
+    these is k0 + k1 c2 + k2 c2² + k3 c3: the terms of inertia are of fourth order in time, those of gravity of second,
+    so that k0 has at least the factor s'^2 and k3 the factor s'.
+
+    Args:
+        sizes: (5, cells, n) bounds on |p^(k)|, k from 0 to 4, in equal cells of the path.
+        duration: of the path, s.
+        loads: on it.
     """
-    edges: Array = motion.duration / cells * np.arange(cells + 1.0)
-    q, first, second, third, fourth = _sizes(motion, edges)
-    found = np.zeros((len(LEVELS), cells, motion.n))
-    for k, (c2, c3) in enumerate(zip(LEVELS * MOST_RATE, LEVELS * MOST_JERK, strict=True)):
-        jerk, snap = 3.0 * second * c2 + first * c3, 6.0 * third * c2 + 3.0 * second * c2**2 + 4.0 * second * c3
-        rates = np.array([q, first, second + first * c2, third + jerk, fourth + snap])
-        for load in loads:
-            inside = (edges[1:] >= load.begin) & (edges[:-1] <= load.end)
-            found[k, inside] = np.maximum(found[k, inside], bounds_of(load.robot).over(rates[:, inside])[1])
-    return found
-
-
-def _sizes(motion: Trajectory, edges: Array) -> Array:
-    """Bounds on |p^(k)|, k from 0 to 4, between neighbouring edges (cells + 1,), s: (5, cells, n)."""
-    piece_of = np.searchsorted(motion.breakpoints[1:-1], edges, side="right")
-    size = np.zeros((5, len(edges) - 1, motion.n))
-    for later in range(int(np.diff(piece_of).max(initial=0)) + 1):
-        piece = np.minimum(piece_of[:-1] + later, piece_of[1:])
-        begin, end = (
-            np.maximum(edges[:-1], motion.breakpoints[piece]),
-            np.minimum(edges[1:], motion.breakpoints[piece + 1]),
-        )
-        half = (np.maximum(0.5 * (end - begin), 0.0) * (1.0 + 1e-6))[:, None]
-        middle = (0.5 * (begin + end) - motion.breakpoints[piece])[:, None]
-        size = np.maximum(size, derivative_bounds(motion.coefficients[piece], middle, half, 5))
-    return size
+    probes, (cells, n) = len(PROBES), sizes.shape[1:]
+    edges = duration / cells * np.arange(cells + 1.0)
+    c2, c3 = PROBES.T[:, :, None, None]
+    q, first, second, third, fourth = (np.broadcast_to(size, (probes, cells, n)) for size in sizes)
+    jerk, snap = 3.0 * second * c2 + first * c3, 6.0 * third * c2 + 3.0 * second * c2**2 + 4.0 * second * c3
+    rates = np.array([q, first, second + first * c2, third + jerk, fourth + snap])
+    found = np.zeros((probes, cells, n))
+    for load in loads:
+        inside = (edges[1:] >= load.begin) & (edges[:-1] <= load.end)
+        bounds = bounds_of(load.robot).over(rates[:, :, inside].reshape(5, -1, n))[1].reshape(probes, -1, n)
+        still, slow, fast, jerky = bounds
+        slow, fast, jerky = slow - still, fast - still, jerky - still
+        factors = np.array([still, 2.0 * slow - 0.5 * fast, 0.5 * fast - slow, jerky])
+        factors /= np.array([1.0, PROBES[1, 0], PROBES[1, 0] ** 2, PROBES[3, 1]])[:, None, None]
+        found[:, inside] = np.maximum(found[:, inside], factors)
+    return np.ascontiguousarray(found.transpose(1, 0, 2)) * (1.0 + ROUNDED)
 
 
 def reversed_motion(motion: Trajectory) -> Trajectory:

@@ -2,21 +2,25 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import told
 from optiplan.execution.clearance_left import ClearanceLeft
-from optiplan.execution.path_laws import Load, PathLaws, reversed_motion
+from optiplan.execution.path_laws import Load, PathLaws
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolAcceleration
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import scene_parts
 from optiplan.runs.run import Run
-from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.segments import EVENTS, Segment
 from optiplan.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import TimeLaw
 
 TIMED_CONSTRAINTS = (ToolAcceleration, Expression)
 """Path constraints that a slower run of the same path may violate."""
@@ -32,16 +36,26 @@ class PathStretch:
     Attributes:
         laws: along it.
         start: on the path, s.
-        direction: 1.0 or -1.0.
+        direction: 1.0 or -1.0; 0.0 off the path, which was left at `start`.
+        model: off the path: the robot with what it carries, in the scene of the run.
     """
 
     laws: PathLaws
     start: float
     direction: float
+    model: NativeCollisionModel | None = None
 
     def place(self, s: float) -> float:
         """Return the place on the whole path."""
         return self.start + self.direction * s
+
+
+class Turned(NamedTuple):
+    """A stretch that begins at rest, and the law along it; whether it was found `clear` of obstacles."""
+
+    stretch: PathStretch
+    law: "TimeLaw"
+    clear: bool = False
 
 
 class ProvedPath:
@@ -49,6 +63,7 @@ class ProvedPath:
 
     Attributes:
         run: the run.
+        constrained: whether a path constraint holds anywhere.
         events: what is done on the way, in order.
         parts: stretches of the path in which the scene stays the same, in order.
         forwards: the whole path.
@@ -67,23 +82,24 @@ class ProvedPath:
         if any(obstacle.motion is not None for obstacle in problem.scene.obstacles):
             found = "a run among obstacles that move by the clock, proved for its own timing alone"
             raise wrong_argument(called, "run", found, "a run among obstacles that stand still")
-        for constraint in _constraints(problem):
+        constraints = _constraints(problem)
+        for constraint in constraints:
             if isinstance(constraint, TIMED_CONSTRAINTS):
                 found = f"a run with the path constraint `{constraint.KEY}`, which depends on accelerations"
                 raise wrong_argument(called, "run", found, "path constraints of poses, positions and speeds")
-        self.run = run
+        self.run, self.constrained = run, bool(constraints)
         if not self._rests(self.motion.duration):
             found = "a run that ends in motion"
             raise wrong_argument(called, "run", found, "a motion at whose end the robot stands still")
         self.parts = scene_parts(problem, self.motion)
-        self._loads = [Load(part.begin, part.end, part.problem.robot) for part in self.parts]
+        loads = [Load(part.begin, part.end, part.problem.robot) for part in self.parts]
         self.events: tuple[Segment, ...] = tuple(one for one in self.motion.segments if one.kind in EVENTS)
         assert run.report is not None
-        self._tolerance = run.report.policy.limit_tolerance
-        self.forwards = PathStretch(PathLaws(self.motion, problem.limits, self._loads, self._tolerance), 0.0, 1.0)
+        tolerance = run.report.policy.limit_tolerance
+        self.forwards = PathStretch(PathLaws(self.motion, problem.limits, loads, tolerance), 0.0, 1.0)
         self._stops = sorted({0.0, *(t for event in self.events for t in (event.begin, event.end))})
-        ends = (*self._stops[1:], self.motion.duration)
-        self._ways_back = [self._way_back(*both) for both in zip(self._stops, ends, strict=True) if both[0] < both[1]]
+        back = self.forwards.laws.mirrored()
+        self._ways_back = {stop: self._way_back(back, stop) for stop in self._stops}
         overloaded = self.forwards.laws.overloaded
         if overloaded is not None:
             found = f"a run in which gravity alone takes more torque than allowed at {overloaded:.3f} s"
@@ -108,19 +124,21 @@ class ProvedPath:
         last = self._stops[int(np.searchsorted(self._stops, max(place, done), side="right")) - 1]
         if place <= last:
             return None
-        return self._ways_back[self._stops.index(last)]
+        return self._ways_back[last]
 
-    def _way_back(self, begin: float, end: float) -> PathStretch | None:
-        """Return the stretch from `end` back to `begin`; None where the robot does not stand still there."""
-        if not self._rests(begin):
+    def turned(self, place: float, then: float, backwards: bool, done: float, speed: float) -> Turned | None:
+        """Return the way from rest at a place, from time `then`, s, on; None where there is none. See `backwards`."""
+        stretch = self.backwards(place, done) if backwards else self.forwards
+        if stretch is None:
             return None
-        part = reversed_motion(cut_trajectory(self.motion, begin, end))
-        loads = [
-            Load(end - min(load.end, end), end - max(load.begin, begin), load.robot)
-            for load in reversed(self._loads)
-            if load.end > begin and load.begin < end
-        ]
-        return PathStretch(PathLaws(part, self.run.problem.limits, loads, self._tolerance), end, -1.0)
+        at_rest = stretch.laws.steady((place - stretch.start) * stretch.direction, 0.0, then)
+        law = stretch.laws.change_along(at_rest, then, speed) if speed > 0.0 else None
+        return Turned(stretch, at_rest if law is None else law)
+
+    def _way_back(self, laws: PathLaws, stop: float) -> PathStretch | None:
+        """Return the stretch from the end back to a place; None where the robot does not stand still there."""
+        T = self.motion.duration
+        return PathStretch(laws.until(T - stop), T, -1.0) if self._rests(stop) else None
 
     @property
     def starts_at_rest(self) -> bool:

@@ -3,15 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from optiplan._core import core
 from optiplan.arrays import Array
-from optiplan.collision.native_model import NativeCollisionModel
+from optiplan.collision.native_model import NativeCollisionModel, standing_body
 from optiplan.execution.proved_path import PathStretch, ProvedPath
-from optiplan.geometry.scene import Scene
+from optiplan.geometry.scene import Attachment, Obstacle, Scene
+from optiplan.geometry.shape import Shape
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -27,7 +30,8 @@ class SeenObstacle:
     """An obstacle as it was seen at a time of the executor.
 
     Attributes:
-        name: in the scene.
+        name: of the obstacle.
+        shape: in its own frame.
         X_WO: pose of its frame in the world.
         velocity: (3,), of that frame, m/s.
         spread: m/s; it may be anywhere within this speed times the time since, around where its velocity leads.
@@ -35,6 +39,7 @@ class SeenObstacle:
     """
 
     name: str
+    shape: Shape
     X_WO: pin.SE3
     velocity: Array
     spread: float
@@ -48,22 +53,33 @@ class BlockedPlace(NamedTuple):
     pair: tuple[str, str]
 
 
+class NearestPlace(NamedTuple):
+    """The place of a path that leaves the least of a distance, s, the two bodies, and how much it leaves, m."""
+
+    place: float
+    pair: tuple[str, str]
+    slack: float
+
+
 class SceneWatch:
     """The rest of a proved path among obstacles that move.
 
     In cells of 4 ms of the path, a pair is clear if its distance in the middle exceeds what the robot and the obstacle
-    travel until the cell is left. Distances are those of the native core. Only obstacles that were seen are queried.
+    travel until the cell is left. Distances are those of the native core. Only obstacles that were seen are queried,
+    those of the run's scene and others.
 
-    Holds at: all times of a law until the robot stands still.
+    Holds at: all times of a law until the robot stands still, and `linger` s after that for obstacles that keep their
+    velocity.
 
     Args:
         path: its run gives robot and scene.
-        margin: distance to keep from the obstacles that moved, m.
+        margin: distance to keep from the obstacles that were seen, m.
+        linger: s, for which obstacles are followed where the robot stands still.
     """
 
-    def __init__(self, path: ProvedPath, margin: float) -> None:
-        self._path, self._margin = path, margin
-        self._watches: dict[int, list[_PartWatch]] = {}
+    def __init__(self, path: ProvedPath, margin: float, linger: float = 0.0) -> None:
+        self._path, self.margin, self._linger = path, margin, linger
+        self._watches: WeakKeyDictionary[PathStretch, list[_PartWatch]] = WeakKeyDictionary()
 
     @property
     def scene(self) -> Scene:
@@ -76,17 +92,59 @@ class SceneWatch:
         """Return what is blocked of the way that a law leads from `now` on, first in time; None if nothing is."""
         if not seen:
             return None
-        for part in self._parts(stretch):
-            found = part.blocked(law, now, seen, self._margin)
+        parts = self._parts(stretch)
+        rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
+        for part in parts:
+            last = part is parts[-1] or part.begin <= rest <= part.end
+            found = part.blocked(law, now, seen, self.margin, self._linger if last else 0.0)
             if found is not None:
                 return BlockedPlace(stretch.place(found.place), found.pair)
         return None
 
+    def standing(self, place: float, now: float) -> list[SeenObstacle]:
+        """Return the obstacles of the run as they stand when the robot is at a place of the path, s."""
+        part = next(part for part in reversed(self._path.parts) if part.begin <= place or part is self._path.parts[0])
+        known = part.problem.scene.obstacles
+        return [SeenObstacle(one.name, one.shape, one.X_WO, np.zeros(3), 0.0, now) for one in known]
+
+    def nearest(
+        self,
+        stretch: PathStretch,
+        law: "TimeLaw",
+        now: float,
+        seen: Sequence[SeenObstacle],
+        margin: float,
+        most: float,
+    ) -> NearestPlace | None:
+        """Return what comes nearest on the way that a law leads from `now` until the robot stands still.
+
+        The slack is the distance less `margin`, m, and what an obstacle may have moved since it was seen, at that time.
+        The first body of the pair is the obstacle. None where the slack exceeds `most`, m, everywhere.
+        """
+        least, here = None, law.at(now)[0]
+        rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
+        for part in self._parts(stretch) if seen else ():
+            if part.begin > rest or part.end < here:
+                continue
+            found = part.nearest(law, now, seen, margin, most if least is None else least.slack)
+            if found is not None:
+                least = NearestPlace(stretch.place(found.place), found.pair, found.slack)
+        return least
+
+    def over(self, path: ProvedPath) -> "SceneWatch":
+        """Return the same of another path."""
+        return SceneWatch(path, self.margin, self._linger)
+
+    def prepare(self, stretch: PathStretch) -> None:
+        """Make what a stretch needs, which takes milliseconds, before the first question about it."""
+        self._parts(stretch)
+
     def _parts(self, stretch: PathStretch) -> "list[_PartWatch]":
         """Return a watch of each part of a stretch with a scene of its own, in the order in which they are passed."""
-        key = id(stretch)
-        if key not in self._watches:
+        if stretch not in self._watches:
             motion, found = stretch.laws.motion, list[_PartWatch]()
+            if stretch.model is not None:
+                found.append(_PartWatch(stretch.model, motion, 0.0))
             for part in self._path.parts:
                 begin, end = sorted(stretch.direction * (place - stretch.start) for place in (part.begin, part.end))
                 begin, end = max(begin, 0.0), min(end, motion.duration)
@@ -95,37 +153,86 @@ class SceneWatch:
                     cut = motion if whole else cut_trajectory(motion, begin, end)
                     model = NativeCollisionModel(part.problem.robot, part.problem.scene)
                     found.append(_PartWatch(model, cut, begin, part.problem.tracking_error.tolist()))
-            self._watches[key] = sorted(found, key=lambda part: part.begin)
-        return self._watches[key]
+            self._watches[stretch] = sorted(found, key=lambda part: part.begin)
+        return self._watches[stretch]
 
 
 class _PartWatch:
     """A part of a path in which what is held stays the same."""
 
     def __init__(self, model: NativeCollisionModel, motion: Trajectory, begin: float, error: list[float]) -> None:
-        self.begin, self._model = begin, model
-        self._names = {name: k for k, name in enumerate(model.names)}
+        self.begin, self.end, self._model = begin, begin + motion.duration, model
+        bodies: list[Obstacle | Attachment] = [*model.scene.obstacles, *model.scene.attached]
+        places = {name: k for k, name in enumerate(model.names)}
+        self._known = {body.name: (body.shape, places[body.name]) for body in bodies}
+        self._added: list[tuple[str, Shape, int | None]] = []  # the body of each; None: the core does not know it
         self._core: PathWatch | None = None
         if model.world is not None:
             self._core = core.PathWatch.of(model.world, motion.breakpoints, motion.coefficients, CELL, begin, error)
 
-    def blocked(self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float) -> BlockedPlace | None:
+    def blocked(
+        self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float, linger: float
+    ) -> BlockedPlace | None:
         """See `SceneWatch.blocked`; a scene that the core does not know is blocked everywhere."""
-        if self._core is None:
-            return BlockedPlace(max(law.at(now)[0], self.begin), (self._model.unknown[0], "the robot"))
-        here = [one for one in seen if one.name in self._names]
-        if not here:
-            return None
-        found = self._core.blocked(
-            law,
-            now,
-            np.array([self._names[one.name] for one in here], dtype=np.int64),
-            np.array([one.X_WO.homogeneous for one in here]),
-            np.array([[*one.velocity, one.spread, one.time] for one in here]),
-            margin,
-        )
+        bodies, unknown = self._bodies(seen)
+        if self._core is None or unknown:
+            return BlockedPlace(max(law.at(now)[0], self.begin), (unknown, "the robot"))
+        found = self._core.blocked(law, now, bodies, *_arrays(seen), margin, linger)
         if found is None:
             return None
-        place, index = found
-        pair = self._model.pairs[index]
-        return BlockedPlace(place, (self._model.names[pair.a], self._model.names[pair.b]))
+        place, a, b = found
+        return BlockedPlace(place, (self._name(a), self._name(b)))
+
+    def nearest(
+        self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float, most: float
+    ) -> NearestPlace | None:
+        """See `SceneWatch.nearest`; what the core does not know is as near as can be."""
+        bodies, unknown = self._bodies(seen)
+        if self._core is None or unknown:
+            return NearestPlace(max(law.at(now)[0], self.begin), (unknown, "the robot"), -np.inf)
+        found = self._core.nearest(law, now, bodies, *_arrays(seen), margin, most)
+        if found is None:
+            return None
+        place, a, b, slack = found
+        pair = (a, b) if a in bodies else (b, a)
+        return NearestPlace(place, (self._name(pair[0]), self._name(pair[1])), slack)
+
+    def _bodies(self, seen: Sequence[SeenObstacle]) -> tuple[NDArray[np.int64], str]:
+        """Return the bodies of obstacles (k,), and the name of one that the core does not know, if any."""
+        found = [] if self._core is None else [self._body(one, seen) for one in seen]
+        unknown = self._model.unknown[0] if self._core is None else ""
+        if None in found:
+            unknown = seen[found.index(None)].name
+        return np.array([] if unknown else found, dtype=np.int64), unknown
+
+    def _body(self, one: SeenObstacle, seen: Sequence[SeenObstacle]) -> int | None:
+        """Return the body of an obstacle, added where there is none of its shape yet; None: the core does not know it.
+
+        Bodies of obstacles that are not seen any more are taken again.
+        """
+        shape, known = self._known.get(one.name, (None, 0))
+        if shape is not None and _same(shape, one.shape):
+            return known
+        for k, (name, shape, body) in enumerate(self._added):
+            if _same(shape, one.shape) and (name == one.name or all(other.name != name for other in seen)):
+                self._added[k] = one.name, shape, body
+                return body
+        made = standing_body(one.shape)
+        assert self._core is not None
+        self._added.append((one.name, one.shape, None if made is None else self._core.add(made)))
+        return self._added[-1][2]
+
+    def _name(self, body: int) -> str:
+        if body < len(self._model.names):
+            return self._model.names[body]
+        return next(name for name, _, added in self._added if added == body)
+
+
+def _arrays(seen: Sequence[SeenObstacle]) -> tuple[Array, Array]:
+    """Return poses (k, 4, 4), and velocity, spread and time (k, 5)."""
+    motions = np.array([[*one.velocity, one.spread, one.time] for one in seen])
+    return np.array([one.X_WO.homogeneous for one in seen]), motions
+
+
+def _same(one: Shape, other: Shape) -> bool:
+    return one is other or (type(one) is type(other) and one.same_body(other))

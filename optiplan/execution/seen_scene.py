@@ -6,54 +6,140 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import is_finite
+from optiplan.arrays import Array, is_finite
 from optiplan.execution.arguments import numbers, told
+from optiplan.execution.next_path import NextPath
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
+from optiplan.execution.separation import SeparationMonitor
 from optiplan.geometry.pose import Pose, Values
+from optiplan.geometry.scene import Obstacle, Scene
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
+
+SceneUpdate = Mapping[str, Pose | Obstacle | None]
+"""What is where, by name: the pose of a known obstacle, one that appears, or None for one that is gone."""
 
 
 class SeenScene:
     """What `Executor.update_scene` was told, about one path.
 
     Args:
-        path: its run gives the robot and the obstacles that are known.
-        clearance: distance to keep from obstacles that moved, m.
+        watch: of the path; its run gives the robot and the obstacles that are known.
+        people: what keeps people apart, if they are.
     """
 
-    def __init__(self, path: ProvedPath, clearance: float) -> None:
-        self._watch, self._clearance = SceneWatch(path, clearance), clearance
+    def __init__(self, watch: SceneWatch, people: SeparationMonitor | None = None) -> None:
+        self._watch, self.people = watch, people
         self._obstacles: dict[str, SeenObstacle] = {}
+        self._gone: set[str] = set()
 
-    def see(self, poses: Mapping[str, Pose], velocities: Mapping[str, Values], spread: float, time: float) -> str:
-        """Remember where obstacles are at a time, s; return why that is not possible, or nothing."""
-        known = {obstacle.name for obstacle in self._watch.scene.obstacles}
-        if not isinstance(poses, Mapping) or not all(isinstance(pose, Pose) for pose in poses.values()):
+    def see(
+        self, poses: SceneUpdate, velocities: Mapping[str, Values], spread: float, now: float, age: float = 0.0
+    ) -> str:
+        """Remember where obstacles were `age` s ago; return why that is not possible, or nothing."""
+        if not isinstance(poses, Mapping):
             return f"update_scene: found {told(poses)}; expected poses by name"
-        if not is_finite(spread) or spread < 0.0:
-            return f"update_scene: found a spread of {told(spread)}; expected a speed >= 0, m/s"
+        for value, word, unit in ((spread, "a spread", "a speed >= 0, m/s"), (age, "an age", "seconds >= 0")):
+            if not is_finite(value) or value < 0.0:
+                return f"update_scene: found {word} of {told(value)}; expected {unit}"
         if not isinstance(velocities, Mapping):
             return f"update_scene: found {told(velocities)}; expected velocities by name"
-        for name, pose in poses.items():
-            if name not in known:
-                return f"update_scene: found an obstacle '{name}'; expected one of: {', '.join(sorted(known))}"
+        for name, place in poses.items():
             velocity = numbers(velocities.get(name, np.zeros(3)))
             if velocity.shape != (3,) or not np.isfinite(velocity).all():
                 found = told(velocities[name])
                 return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
-            self._obstacles[name] = SeenObstacle(name, pin.SE3(pose.matrix), velocity, float(spread), time)
+            if name in velocities and self._is_person(name):
+                return f"update_scene: found a velocity of '{name}'; expected none: the course of people is not known"
+            reason = self._see(name, place, velocity, float(spread), now - float(age))
+            if reason:
+                return reason
         return ""
 
-    def blocked(self, stretch: PathStretch, law: "TimeLaw", now: float) -> BlockedPlace | None:
-        """Return what is blocked of the way that a law leads from `now` on; None if nothing is."""
-        return self._watch.blocked(stretch, law, now, list(self._obstacles.values()))
+    def _see(self, name: str, place: Pose | Obstacle | None, velocity: Array, spread: float, time: float) -> str:
+        known = {one.name: one.shape for one in self._watch.scene.obstacles}
+        known |= {one.name: one.shape for one in self._obstacles.values()}
+        known |= {} if self.people is None else self.people.shapes
+        if not isinstance(place, Pose | Obstacle | None):
+            return f"update_scene: found {told(place)} as '{name}'; expected poses by name, obstacles, or None"
+        if isinstance(place, Obstacle) and isinstance(name, str) and place.motion is None:
+            shape, X_WO = place.shape, place.X_WO
+        elif isinstance(place, Obstacle):
+            return f"update_scene: found {told(place)} as {told(name)}; expected one that stands, and a name"
+        elif place is None and self.people is not None and self._is_person(name):
+            self.people.see(name, None, time)
+            return ""
+        elif name not in known:
+            return f"update_scene: found an obstacle {told(name)}; expected one of: {', '.join(sorted(known))}"
+        elif place is None:
+            self._obstacles.pop(name, None)
+            self._gone.add(name)
+            return ""
+        else:
+            shape, X_WO = known[name], pin.SE3(place.matrix)
+        self._gone.discard(name)
+        if self.people is not None and self._is_person(name):
+            self.people.see(name, SeenObstacle(name, shape, X_WO, velocity, self.people.rule.human_speed, time), time)
+        else:
+            self._obstacles[name] = SeenObstacle(name, shape, X_WO, velocity, spread, time)
+        return ""
 
-    def over(self, path: ProvedPath, since: float) -> "SeenScene":
-        """Return the same about a path that was planned when the scene was as it was until `since`, s."""
-        other = SeenScene(path, self._clearance)
+    def _is_person(self, name: str) -> bool:
+        return self.people is not None and name in self.people.rule.people
+
+    def blocked(self, stretch: PathStretch, law: "TimeLaw", now: float, known: bool = False) -> BlockedPlace | None:
+        """Return what is blocked of the way that a law leads from `now` on; None if nothing is.
+
+        By obstacles that were seen; by those that are `known` from the run, too, where the way is not its path.
+        """
+        seen = list(self._obstacles.values())
+        if known:
+            skipped = {*self._obstacles, *self._gone}
+            seen += [one for one in self._watch.standing(stretch.start, now) if one.name not in skipped]
+        return self._watch.blocked(stretch, law, now, seen)
+
+    def watch_over(self, path: ProvedPath) -> SceneWatch:
+        """Return the watch of another path, prepared if anything was seen."""
+        watch = self._watch.over(path)
+        if self._obstacles:
+            watch.prepare(path.forwards)
+        return watch
+
+    def prepare(self, stretch: PathStretch) -> None:
+        """Make what a stretch needs, if anything was seen."""
+        if self._obstacles:
+            self._watch.prepare(stretch)
+
+    def at(self, then: float) -> Scene:
+        """Return the scene as it will be at a time, s, from which obstacles with a velocity move on."""
+        scene = self._watch.scene
+        scene = scene.without(*(self._gone & {one.name for one in scene.obstacles}))
+        return scene.with_(*(_later(one, then) for one in self._obstacles.values()))
+
+    @property
+    def spread(self) -> float:
+        """The largest spread that was seen, m/s."""
+        return max((one.spread for one in self._obstacles.values()), default=0.0)
+
+    def over(self, coming: NextPath) -> "SeenScene":
+        """Return the same about the path that takes over.
+
+        Obstacles that it was proved against where they stood are forgotten, unless they move.
+        """
+        path, since = coming.path, coming.since
+        watch = self._watch.over(path) if coming.watch is None else coming.watch
+        other = SeenScene(watch, None if self.people is None else self.people.over(path, watch))
         known = {obstacle.name for obstacle in path.run.problem.scene.obstacles}
-        other._obstacles = {k: one for k, one in self._obstacles.items() if one.time >= since and k in known}
+        for name, one in self._obstacles.items():
+            if one.time >= since or name not in known or one.spread > 0.0 or one.velocity.any():
+                other._obstacles[name] = one
         return other
+
+
+def _later(one: SeenObstacle, then: float) -> Obstacle:
+    if not one.velocity.any():
+        return Obstacle(one.name, one.shape, one.X_WO)
+    X = pin.SE3(one.X_WO.rotation, one.X_WO.translation + (then - one.time) * one.velocity)
+    return Obstacle(one.name, one.shape, X).moving([[0.0, rate] for rate in one.velocity])

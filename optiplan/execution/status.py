@@ -11,6 +11,23 @@ if TYPE_CHECKING:
 
 Phase = Literal["running", "changing", "paused", "waiting", "stopping", "stopped", "done"]
 
+Held = Literal["", "paused", "waiting", "stopped"]
+"""What keeps a robot from going on; empty where nothing does."""
+
+
+class KeptSeparation(NamedTuple):
+    """The separation from people at the last data about them, of those that are within 10 m.
+
+    `separation` is the distance of the pair, m, and `distance` what the law asks that is commanded: the protective
+    distance, 0 where the robot stands still. `allowed` is the speed that it leads to, 0 to 1.
+    `pair` names the person and the part of the robot.
+    """
+
+    separation: float
+    distance: float
+    pair: tuple[str, str]
+    allowed: float
+
 
 @dataclass(frozen=True)
 class Status:
@@ -28,6 +45,8 @@ class Status:
         lag: how far the robot was behind its set-point when it was last measured, s of the planned motion; below 0
             ahead of it.
         clearance: what was left then of the proved clearance, m; None where `TrackingPolicy` does not ask for it.
+        separation: from people, where `Executor` was given what to keep and somebody is near.
+        off_path: whether the robot left the path at `place` to stop, and is not back.
     """
 
     phase: Phase
@@ -39,6 +58,8 @@ class Status:
     deviation: float | None = None
     lag: float | None = None
     clearance: float | None = None
+    separation: KeptSeparation | None = None
+    off_path: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,3 +114,14 @@ class Stopping(NamedTuple):
     place: Array
     time: Array
     travel: Array
+
+
+def phase_of(held: Held, resting: bool, changes: bool) -> Phase:
+    """Return the phase of a robot that is not at its end, which stands still or not, and changes its speed or not."""
+    if held == "stopped":
+        return "stopped" if resting else "stopping"
+    if held and resting:
+        return held
+    if changes:
+        return "changing"
+    return "paused" if resting else "running"

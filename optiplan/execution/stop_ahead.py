@@ -28,7 +28,7 @@ def way_ahead(laws: PathLaws, law: "TimeLaw", now: float, lead: float) -> Ahead:
     Holds at: all times, for the limits of joints; between samples up to their interpolation.
     """
     turn, stop = now + lead, law if law.target == 0.0 else None
-    while stop is None and law.at(turn)[0] < laws.motion.duration:
+    while stop is None and law.at(turn)[0] < laws.length:
         stop = laws.change(PathPlace(*law.at(turn)), turn, 0.0)
         turn += 0.0 if stop is not None else LATER
     stop = law if stop is None else stop

@@ -119,9 +119,9 @@ class TrackingMonitor:
         self._fastest = FAST * problem.limits.velocity
         self._endless = problem.robot.endless if problem.robot.endless.any() else None
 
-    def tick(self, measured: Any, now: float, time: float, q: Array, place: float) -> str:
+    def tick(self, measured: Any, now: float, time: float, q: Array, place: float, *, on_path: bool = True) -> str:
         """Take a set-point q (n,) at `time`, s, and what was measured `now`; return why to stop, or nothing."""
-        self._history.note(time, q, place, len(self._proved) - 1)
+        self._history.note(time, q, place, 2 * len(self._proved) - (2 if on_path else 1))
         if measured is None:
             silent = now - self._seen
             late = self.deviation is not None and silent > self._policy.oldest and place < self._path.motion.duration
@@ -177,7 +177,7 @@ class TrackingMonitor:
     def _compare(self, q: Array, time: float) -> str:
         """Return why the robot, which was at q (n,) at a time, s, is not where the motion is proved, or nothing."""
         off, place, progress, epoch = self._history.nearest(q, self._weights)
-        stated, limit, left = self._proved[epoch]
+        stated, limit, left = self._proved[epoch // 2]
         self.deviation = max(self.deviation or 0.0, float(off.max()))
         self.lag = self._history.progress_at(time) - progress
         beyond = off - limit
@@ -186,7 +186,8 @@ class TrackingMonitor:
             return f"{self._name(j)} is {off[j]:.4g} off the path, farther than {stated[j]:g}"
         if self.lag > self._policy.most_lag:
             return f"the robot is {self.lag:.3f} s behind on the path, more than {self._policy.most_lag:g} s"
-        if left is not None:
+        self.clearance = None
+        if left is not None and epoch % 2 == 0:  # a joint stop that left the path has a clearance of its own
             self.clearance = left.least(place, off)
             least = self._policy.least_clearance or 0.0
             if self.clearance < least or self.clearance <= 0.0:

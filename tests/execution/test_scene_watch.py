@@ -24,7 +24,7 @@ def run():
 
 def seen(position, velocity=(0.0, 0.0, 0.0), spread=0.0):
     X = pin.SE3(np.eye(3), np.array(position, float))
-    return SeenObstacle("ball0", X, np.array(velocity, float), spread, 0.0)
+    return SeenObstacle("ball0", op.Sphere("ball0", radius=0.06).shape, X, np.array(velocity, float), spread, 0.0)
 
 
 def clearances(run, position, places):

@@ -17,13 +17,11 @@ using namespace nb::literals;
 
 namespace {
 
-// A path with the search of laws along it.
+// A path with the search of laws along it, up to `end`.
 struct PathLaws {
-    PathTables tables;
+    std::shared_ptr<PathTables> tables;
     LawRules rules;
-
-    PathLaws(PathTables made, LawRules given) : tables(std::move(made)), rules(given) {}
-    PathLaws(const PathLaws &) = delete;
+    double end;
 };
 
 std::unique_ptr<PathLaws> make_laws(Vector breakpoints, Stack coefficients, Matrix limits, Vector ends,
@@ -39,33 +37,57 @@ std::unique_ptr<PathLaws> make_laws(Vector breakpoints, Stack coefficients, Matr
                static_cast<int>(n)};
     const double *l = limits.data(), *r = rules.data();
     JointRates rates{{l, l + n}, {l + n, l + 2 * n}, {l + 2 * n, l + 3 * n}};
-    return std::make_unique<PathLaws>(PathTables(std::move(path), std::move(rates), std::move(loads), width),
-                                      LawRules{r[0], r[1], r[2], r[3], 0.0});
+    const nb::gil_scoped_release release;
+    auto tables = std::make_shared<PathTables>(std::move(path), std::move(rates), std::move(loads), width);
+    const double end = tables->length();
+    return std::make_unique<PathLaws>(PathLaws{std::move(tables), LawRules{r[0], r[1], r[2], r[3], 0.0}, end});
 }
 
-std::optional<TimeLaw> change(PathLaws &self, double s, double ds, double dds, double begin, double target,
-                              double reserve) {
-    TimeLaw law;
+LawSearch search_of(const PathLaws &self, double reserve) {
     LawRules rules = self.rules;
     rules.reserve = reserve;
-    const LawSearch search(self.tables, rules);
+    return {*self.tables, rules, self.end};
+}
+
+std::optional<TimeLaw> change(const PathLaws &self, double s, double ds, double dds, double begin, double target,
+                              double reserve) {
+    TimeLaw law;
+    const LawSearch search = search_of(self, reserve);
     if (!search.change({s, ds, dds}, begin, target, law) || !search.holds(law, begin)) return std::nullopt;
     return law;
 }
 
+std::optional<TimeLaw> change_along(const PathLaws &self, const TimeLaw &old, double now, double target,
+                                    double reserve) {
+    TimeLaw law;
+    if (!search_of(self, reserve).change_along(old, now, target, law)) return std::nullopt;
+    return law;
+}
+
+std::optional<TimeLaw> rest_to_rest(const PathLaws &self, double s, double begin) {
+    TimeLaw law;
+    if (!search_of(self, 0.0).rest_to_rest(s, begin, law)) return std::nullopt;
+    return law;
+}
+
+// Whether the motion itself, which was not planned, keeps the limits of torque.
+bool keeps_torque(const PathLaws &self) {
+    const TimeLaw as_it_is{{{0.0, {0.0, 1.0, 0.0}, 0.0}, {self.end, {self.end, 1.0, 0.0}, 0.0}}};
+    return search_of(self, 0.0).holds(as_it_is, 0.0, false);
+}
+
 // q, v, a and tau (4, n), and s, ds, dds, at time t of a law.
 nb::tuple set_point(const PathLaws &self, const TimeLaw &law, double t) {
-    const std::size_t n = self.tables.joints();
+    const std::size_t n = self.tables->joints();
     LawState state = law.at(t);
-    const double T = self.tables.length();
-    if (state.s >= T) state = {T, 0.0, 0.0};
+    if (state.s >= self.end) state = {self.end, 0.0, 0.0};
     std::vector<double> at(4 * n);
-    self.tables.derivatives(state.s, at.data());
+    self.tables->derivatives(state.s, at.data());
     for (std::size_t j = 0; j < n; ++j) {
         at[2 * n + j] = at[2 * n + j] * state.ds * state.ds + at[n + j] * state.dds;
         at[n + j] *= state.ds;
     }
-    self.tables.torques(state.s, false, at.data(), at.data() + n, at.data() + 2 * n, at.data() + 3 * n);
+    self.tables->torques(state.s, false, at.data(), at.data() + n, at.data() + 2 * n, at.data() + 3 * n);
     return nb::make_tuple(to_numpy(std::move(at), {4, n}), state.s, state.ds, state.dds);
 }
 
@@ -82,7 +104,7 @@ nb::tuple nearest_place(const SetPointHistory &self, Vector q, Vector weights) {
     return nb::make_tuple(to_numpy(std::move(off), {n}), found.place, found.progress, found.epoch);
 }
 
-std::unique_ptr<PathWatch> make_watch(const World &world, Vector breakpoints, Stack coefficients, double width,
+std::unique_ptr<PathWatch> make_watch(World &world, Vector breakpoints, Stack coefficients, double width,
                                       double begin, const std::vector<double> &error) {
     const std::size_t n = coefficients.shape(2);
     expect(error.empty() || error.size() == n, "an error of each joint");
@@ -90,12 +112,12 @@ std::unique_ptr<PathWatch> make_watch(const World &world, Vector breakpoints, St
     expect(static_cast<int>(n) == world.tree().planned, "a path of the world's joints");
     const Curve path{to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1,
                      static_cast<int>(n)};
+    const nb::gil_scoped_release release;
     return std::make_unique<PathWatch>(world, path, width, begin, error);
 }
 
-// `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time. The place and the pair; None where nothing blocks.
-std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now, Indices bodies, Stack poses,
-                                 Matrix motions, double margin) {
+// `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time.
+std::vector<Seen> seen_of(const PathWatch &self, Indices bodies, Stack poses, Matrix motions) {
     const std::size_t count = bodies.size();
     expect(poses.shape(0) == count && poses.shape(1) == 4 && poses.shape(2) == 4, "poses (k, 4, 4)");
     expect(motions.shape(0) == count && motions.shape(1) == 5, "velocity, spread and time (k, 5)");
@@ -105,9 +127,25 @@ std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now
         expect(bodies.data()[k] >= 0 && bodies.data()[k] < self.bodies(), "bodies of the world");
         seen.push_back({static_cast<int>(bodies.data()[k]), pose_at(poses.data() + 16 * k), vec3_at(m), m[3], m[4]});
     }
-    const Blocked found = self.blocked(law, now, seen, margin);
+    return seen;
+}
+
+// The place and both bodies; None where nothing blocks.
+std::optional<nb::tuple> blocked(PathWatch &self, const TimeLaw &law, double now, Indices bodies, Stack poses,
+                                 Matrix motions, double margin, double linger) {
+    const Blocked found = self.blocked(law, now, seen_of(self, bodies, poses, motions), margin, linger);
     if (found.pair < 0) return std::nullopt;
-    return nb::make_tuple(found.s, found.pair);
+    const Pair &pair = self.pair(found.pair);
+    return nb::make_tuple(found.s, pair.a, pair.b);
+}
+
+// The place, both bodies and the slack, m; None where all are farther apart.
+std::optional<nb::tuple> nearest(PathWatch &self, const TimeLaw &law, double now, Indices bodies, Stack poses,
+                                 Matrix motions, double margin, double most) {
+    const Blocked found = self.nearest(law, now, seen_of(self, bodies, poses, motions), margin, most);
+    if (found.pair < 0) return std::nullopt;
+    const Pair &pair = self.pair(found.pair);
+    return nb::make_tuple(found.s, pair.a, pair.b, found.slack);
 }
 
 }  // namespace
@@ -126,6 +164,7 @@ void bind_execution(nb::module_ &m) {
                 return nb::make_tuple(state.s, state.ds, state.dds);
             },
             "t"_a)
+        .def("then", &TimeLaw::then, "next"_a)
         .def("pieces", [](const TimeLaw &self) {  // begin, s, ds, dds, ddds
             std::vector<double> rows;
             for (const LawPiece &piece : self.pieces)
@@ -135,24 +174,44 @@ void bind_execution(nb::module_ &m) {
     nb::class_<PathLaws>(m, "PathLaws")
         .def_static("of", &make_laws, "breakpoints"_a, "coefficients"_a, "limits"_a, "ends"_a, "trees"_a, "width"_a,
                     "rules"_a)
-        .def_prop_ro("coarse_cells", [](const PathLaws &self) { return self.tables.coarse().count; })
-        .def_prop_ro("overloaded", [](const PathLaws &self) { return self.tables.overloaded(); })
+        .def("mirrored",
+             [](const PathLaws &self) {
+                 return PathLaws{std::make_shared<PathTables>(self.tables->mirrored()), self.rules, self.end};
+             })
+        .def(
+            "until", [](const PathLaws &self, double end) { return PathLaws{self.tables, self.rules, end}; }, "end"_a)
+        .def("sizes",
+             [](const PathLaws &self) {
+                 return to_numpy(self.tables->sizes(),
+                                 {5, static_cast<std::size_t>(self.tables->coarse().count), self.tables->joints()});
+             })
+        .def_prop_ro("overloaded", [](const PathLaws &self) { return self.tables->overloaded(); })
         .def(
             "set_curvature",
-            [](PathLaws &self, Stack bounds, Vector rates, Vector jerks) {
-                expect(bounds.shape(0) == rates.size() && jerks.size() == rates.size() &&
-                           bounds.shape(1) == static_cast<std::size_t>(self.tables.coarse().count) &&
-                           bounds.shape(2) == self.tables.joints(),
-                       "bounds (levels, coarse cells, n)");
-                self.tables.set_curvature(to_vector(bounds), to_vector(rates), to_vector(jerks));
+            [](PathLaws &self, Stack factors) {
+                expect(factors.shape(0) == static_cast<std::size_t>(self.tables->coarse().count) &&
+                           factors.shape(1) == 4 && factors.shape(2) == self.tables->joints(),
+                       "factors (coarse cells, 4, n)");
+                self.tables->set_curvature(to_vector(factors));
             },
-            "bounds"_a, "rates"_a, "jerks"_a)
-        .def("change", &change, "s"_a, "ds"_a, "dds"_a, "begin"_a, "target"_a, "reserve"_a = 0.0)
+            "factors"_a)
+        .def("change", &change, "s"_a, "ds"_a, "dds"_a, "begin"_a, "target"_a, "reserve"_a)
+        .def("change_along", &change_along, "old"_a, "now"_a, "target"_a, "reserve"_a)
+        .def("rest_to_rest", &rest_to_rest, "s"_a, "begin"_a)
+        .def_prop_ro("keeps_torque", &keeps_torque)
         .def("set_point", &set_point, "law"_a, "t"_a);
     nb::class_<PathWatch>(m, "PathWatch")
         .def_static("of", &make_watch, "world"_a, "breakpoints"_a, "coefficients"_a, "width"_a, "begin"_a,
                     "error"_a = std::vector<double>(), nb::keep_alive<0, 1>())
-        .def("blocked", &blocked, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a);
+        .def(
+            "add",
+            [](PathWatch &self, const Body &body) {
+                expect(body.joint == 0, "a body that no joint carries");
+                return self.add(body);
+            },
+            "body"_a)
+        .def("blocked", &blocked, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a, "linger"_a = 0.0)
+        .def("nearest", &nearest, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a, "most"_a);
     nb::class_<SetPointHistory>(m, "SetPointHistory")
         .def(nb::init<int, double, double>(), "joints"_a, "kept"_a, "spacing"_a)
         .def("note", &note, "time"_a, "q"_a, "place"_a, "epoch"_a)

@@ -13,6 +13,7 @@ from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.nonzero_end_optimiser import (
     EXACT,
+    LONGEST,
     STRETCHES,
     EndStates,
     NonzeroEndOptimiser,
@@ -46,9 +47,9 @@ class TimedOptimiser(NonzeroEndOptimiser):
             ratio = max(speed_ratio(curve, limits), torque_ratio(self.problem, curve))
             if ratio <= 1.0 + EXACT:
                 return curve
-            if not np.isfinite(ratio):
-                return None
             T *= ratio * (1.0 + 1e-9)
+            if not T <= LONGEST * duration:
+                return None
         return None
 
 

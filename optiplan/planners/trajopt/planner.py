@@ -80,8 +80,6 @@ class TrajOpt(Planner[TrajOptOptions]):
 
     def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
         """Plan from an earlier motion; search for another way where the result is worse. See `warm`."""
-        if problem.scene.dynamic_obstacles:
-            return self.plan(problem, budget, progress)
         warm = WarmStart(problem, earlier, self.options, budget, progress)
         if warm.good or (warm.best is not None and budget.over):
             return warm.result()

@@ -15,6 +15,7 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser, torque_ratio, with_reserve
+from optiplan.planners.trajopt.optimise_in_time import TimedOptimiser
 from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
@@ -68,7 +69,8 @@ class WarmStart:
         began = clock()
         self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
         self.model = kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
-        stated = with_reserve(problem) if problem.nonzero_ends else problem
+        self.in_time = bool(problem.scene.dynamic_obstacles)
+        stated = with_reserve(problem) if problem.nonzero_ends or self.in_time else problem
         few = replace(options, iterations=min(MOST_STEPS, options.iterations))
         self.optimiser = Optimiser(stated, self.model, few)
         self.attempt: Attempt | None = None
@@ -77,7 +79,7 @@ class WarmStart:
         self.good = end is not None and self.ahead is not None and self._at_bound(end)
         if end is not None and not self.good:
             progress("optimisation from the earlier motion", 0.0)
-            for share in CLOSE:
+            for share in CLOSE[::-1] if self.in_time else CLOSE:  # what moves is met at another time, too
                 found = self._optimised(end, share * options.margin)
                 if found is not None and found.free:
                     self.attempt = found
@@ -124,12 +126,13 @@ class WarmStart:
         """Optimise the earlier motion, shifted by its start's shift and, increasingly, by its end's."""
         start, earlier, basis = self.problem.start_state, self.earlier, self.optimiser.basis
         u = np.linspace(0.0, 1.0, _SAMPLES)
-        curves = NonzeroEndOptimiser(self.problem, self.optimiser, EndStates(start, end))
+        kind = TimedOptimiser if self.in_time else NonzeroEndOptimiser
+        curves = kind(self.problem, self.optimiser, EndStates(start, end))
         points, done = earlier(u * earlier.duration), _progress(earlier, u, self.problem.limits.velocity)[:, None]
         points = points + (1.0 - done) * (start.q - earlier.start) + done * (end.q - earlier.end)
         ends = EndStates(replace(earlier.state(0.0), q=start.q), replace(earlier.state(earlier.duration), q=end.q))
         control = basis.fit(u, points, basis.ends(*ends.by_share(earlier.duration)))
-        if any(rate.any() for rate in (start.v, start.a, end.v, end.a)):
+        if self.in_time or any(rate.any() for rate in (start.v, start.a, end.v, end.a)):
             return curves.run(control, earlier.duration, self.budget, margin)
         control = curves.ends.held(basis, control, earlier.duration)
         return self.optimiser.run(control, self.budget, AttemptOptions(margin))
@@ -152,7 +155,7 @@ class WarmStart:
     def _at_bound(self, end: State) -> bool:
         """Return whether the rest of the earlier motion is near the lower bound to this end."""
         problem = self.problem
-        if problem.nonzero_ends or not problem.objective.plain:
+        if problem.nonzero_ends or self.in_time or not problem.objective.plain:
             return False
         return self.earlier.duration <= AT_BOUND * lower_bound(problem.start, end.q, problem.limits)
 

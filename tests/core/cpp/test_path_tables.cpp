@@ -15,8 +15,8 @@ Curve path() {
             2};
 }
 
-PathTables tables(double torque = 100.0) {
-    return {path(), {{100.0, 100.0}, {100.0, 100.0}, {torque, torque}}, {{0.4, arm()}, {0.8, arm()}}, 0.01};
+PathTables tables(double torque = 100.0, double width = 0.01) {
+    return {path(), {{100.0, 100.0}, {100.0, 100.0}, {torque, torque}}, {{0.4, arm()}, {0.8, arm()}}, width};
 }
 
 }  // namespace
@@ -53,7 +53,7 @@ TEST(ranges_of_cells_hold_every_value) {
 }
 
 TEST(torque_terms_add_up_to_the_torque) {
-    const PathTables made = tables();
+    const PathTables made = tables(100.0, 0.0025);
     for (double s : {0.1, 0.35, 0.77}) {
         double terms[6], at[8], v[2], a[2], tau[2];
         const double speed = 0.7, rate = -1.3;
@@ -75,16 +75,58 @@ TEST(gravity_beyond_the_limit_is_found) {
     CHECK(tables().overloaded() < 0.0);
     CHECK(tables(20.0).overloaded() >= 0.0);
     PathTables bent = tables();  // between the ends of a cell gravity may take more than there
-    bent.set_curvature(std::vector<double>(bent.coarse().count * 2, 8.0 * 100.0 / (0.01 * 0.01)), {1.0}, {1.0});
-    CHECK(bent.overloaded() >= 0.0);
+    const auto overloaded = [&bent](double curvature) {
+        bent.set_curvature(std::vector<double>(bent.coarse().count * 8, curvature));
+        return bent.overloaded();
+    };
+    CHECK(overloaded(1e12) >= 0.0);
+    CHECK(overloaded(8.0 * 100.0 / (0.01 * 0.01)) < 0.0);  // proved in shorter parts of it
 }
 
-TEST(curvature_is_of_the_lowest_level_that_bounds_the_law) {
+TEST(a_mirrored_path_is_the_same_path) {
+    const PathTables made = tables(100.0, 0.0025), back = made.mirrored();
+    CHECK(back.length() == made.length() && back.fine().count == made.fine().count);
+    for (int k = 0; k < 200; ++k) {
+        const double s = uniform(0.0, 0.8);
+        double at[8], there[8], terms[6], v[2], a[2], tau[2];
+        made.derivatives(0.8 - s, at);
+        back.derivatives(s, there);
+        for (int i = 0; i < 8; ++i) NEAR(there[i], (i / 2) % 2 ? -at[i] : at[i], 1e-12);
+        const int cell = back.fine().at(s);
+        for (int order = 1; order <= 3; ++order)
+            for (int j = 0; j < 2; ++j) {
+                CHECK(back.fine().low[order - 1][cell * 2 + j] <= there[order * 2 + j] + 1e-12);
+                CHECK(back.fine().high[order - 1][cell * 2 + j] >= there[order * 2 + j] - 1e-12);
+            }
+        for (int j = 0; j < 2; ++j) v[j] = 0.7 * there[2 + j], a[j] = 0.49 * there[4 + j] - 1.3 * there[2 + j];
+        back.torque_terms(s, terms, terms + 2, terms + 4);
+        back.torques(s, false, there, v, a, tau);
+        if (std::fabs(s - 0.3) > 0.01)  // it jumps there
+            for (int j = 0; j < 2; ++j) NEAR(-1.3 * terms[j] + 0.49 * terms[2 + j] + terms[4 + j], tau[j], 0.05);
+    }
+    CHECK(back.load_at(0.2, false) == 0 && back.load_at(0.6, false) == 1 && back.load_at(0.4, true) == 0);
+}
+
+TEST(sizes_bound_every_value) {
+    const PathTables made = tables();
+    const std::vector<double> sizes = made.sizes();
+    for (int k = 0; k < 200; ++k) {
+        const double s = uniform(0.0, 0.8);
+        double at[8];
+        made.derivatives(s, at);
+        for (int i = 0; i < 8; ++i)
+            CHECK(sizes[(i / 2 * made.coarse().count + made.coarse().at(s)) * 2 + i % 2] >= std::fabs(at[i]));
+    }
+    for (double most : std::vector<double>(sizes.end() - 2 * made.coarse().count, sizes.end())) CHECK(most == 0.0);
+}
+
+TEST(curvature_adds_up_from_its_factors) {
     PathTables made = tables();
-    std::vector<double> bounds(2 * 20 * 2, 1.0);
-    std::fill(bounds.begin() + 40, bounds.end(), 9.0);
-    made.set_curvature(bounds, {1.0, 5.0}, {10.0, 50.0});
-    CHECK(made.curvature(3, 0.5, 9.0)[1] == 1.0);
-    CHECK(made.curvature(3, 0.5, 11.0)[0] == 9.0);
-    CHECK(made.curvature(3, 2.0, 1.0)[0] == 9.0);
+    CHECK(made.curvature(3, 1, {1.0, 2.0, 3.0}) == 0.0);  // nothing is known of it
+    std::vector<double> factors(20 * 4 * 2, 0.0);
+    for (int k = 0; k < 4; ++k) factors[(3 * 4 + k) * 2 + 1] = std::pow(10.0, k);
+    made.set_curvature(factors);
+    NEAR(made.curvature(3, 1, {0.5, 2.0, 3.0}), 0.25 + 10.0 * 2.0 + 100.0 * 4.0 + 1000.0 * 1.5, 1e-9);
+    CHECK(made.curvature(3, 0, {0.5, 2.0, 3.0}) == 0.0 && made.curvature(4, 1, {0.5, 2.0, 3.0}) == 0.0);
+    CHECK(made.mirrored().curvature(16, 1, {0.5, 2.0, 3.0}) == made.curvature(3, 1, {0.5, 2.0, 3.0}));
 }

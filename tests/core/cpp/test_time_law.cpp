@@ -12,12 +12,20 @@ namespace {
 const double ACCELERATION = 6.0, JERK = 40.0, TORQUE = 90.0;
 const LawRules RULES{2e-3, 8e-3, 50.0, 5e3, 0.0};
 
+// The same bound on |tau''| for every law that is no slower than it may be.
+void set_curvature(PathTables &made, double bound) {
+    std::vector<double> factors(made.coarse().count * 8, 0.0);
+    for (std::size_t i = 0; i < factors.size(); ++i)
+        if (i % 8 < 4) factors[i] = bound;  // of ds^2 and of |dds|
+    made.set_curvature(factors);
+}
+
 // A quintic from rest to rest, 1 rad and -0.5 rad in 1 s: it takes 5.78 rad/s^2 and, at its ends, 60 rad/s^3 of 62.
 PathTables tables(double torque = TORQUE) {
     Curve path{{0.0, 1.0}, {}, 5, 2};
     for (double c : {0.0, 0.0, 0.0, 10.0, -15.0, 6.0}) path.coefficients.insert(path.coefficients.end(), {c, -0.5 * c});
     PathTables made(path, {{ACCELERATION, ACCELERATION}, {62.0, JERK}, {torque, torque}}, {{1.0, arm()}}, 2e-3);
-    made.set_curvature(std::vector<double>(made.coarse().count * 2, 4e3), {50.0}, {5e3});
+    set_curvature(made, 4e3);
     return made;
 }
 
@@ -73,6 +81,15 @@ TEST(every_law_reaches_its_speed_within_the_limits) {
                 if (next.at.s < made.length()) NEAR(there.dds, next.at.dds, 1e-6);
             }
         }
+}
+
+TEST(one_law_follows_another) {
+    const TimeLaw first{{{0.0, {0.0, 1.0, 0.0}, 0.0}, {1.0, {1.0, 1.0, 0.0}, -1.0}}};
+    const TimeLaw next{{{1.0, {1.0, 1.0, 0.0}, 0.0}, {2.0, {2.0, 0.0, 0.0}, 0.0}}};
+    const TimeLaw both = first.then(next);
+    CHECK(both.pieces.size() == 3 && both.settled() == 2.0 && both.target() == 0.0);
+    NEAR(both.at(0.5).s, 0.5, 0.0);
+    NEAR(both.at(1.5).s, 1.5, 0.0);
 }
 
 TEST(a_law_begins_while_the_last_one_still_changes) {
@@ -138,7 +155,7 @@ TEST(torques_that_turn_at_a_breakpoint_are_not_missed) {
     const TimeLaw law{{piece, {2e-3, piece.at.after(2e-3, 0.0), 0.0}}};
     const auto made = [&path](double torque) {
         PathTables found(path, {{1e3, 1e3}, {1e9, 1e9}, {torque, torque}}, {{0.2, arm()}}, 2e-3);
-        found.set_curvature(std::vector<double>(found.coarse().count * 2, 0.0), {50.0}, {5e3});
+        set_curvature(found, 0.0);
         return found;
     };
     const PathTables loose = made(1e9);
@@ -163,7 +180,7 @@ TEST(torques_up_to_another_load_are_not_missed) {
     for (auto &joint : light.joints) joint.mass *= 0.5, joint.inertia = {};
     const auto made = [&](double torque) {
         PathTables found(path, {{1e3, 1e3}, {1e9, 1e9}, {torque, torque}}, {{0.0995, arm()}, {0.2, light}}, 2e-3);
-        found.set_curvature(std::vector<double>(found.coarse().count * 2, 0.0), {50.0}, {5e3});
+        set_curvature(found, 0.0);
         return found;
     };
     const PathTables loose = made(1e9);
@@ -189,4 +206,43 @@ TEST(small_speeds_are_met_exactly_and_at_once) {
             CHECK(search.change({s, target, 0.0}, 0.0, 0.0, law));
             CHECK(law.target() == 0.0 && law.settled() < 0.1 && law.pieces.size() < 60);
         }
+}
+
+TEST(a_change_goes_on_as_before_until_there_is_room) {
+    const PathTables made = tables();
+    const LawSearch search(made, RULES);
+    TimeLaw down, law;
+    CHECK(search.change({0.2, 1.0, 0.0}, 1.0, 0.0, down));
+    for (double t = 1.0; t < down.settled(); t += 0.01) {
+        CHECK(search.change_along(down, t, 1.0, law));
+        NEAR(law.at(t).s, down.at(t).s, 1e-12);
+        CHECK(law.pieces.front().begin <= t && (law.target() == 1.0 || law.at(law.settled()).s >= made.length()));
+        double torque = 0.0;
+        CHECK(worst(made, law, torque) <= 1.0 + 1e-9 && torque <= 1.0);
+    }
+    CHECK(search.change_along({{{0.0, {0.3, 1.0, 0.0}, 0.0}}}, 0.1, 0.5, law));
+    NEAR(law.pieces.front().at.s, 0.4, 1e-12);
+}
+
+// In the middle the path is in motion: the law itself rests there.
+TEST(a_way_from_rest_to_rest_ends_where_the_path_does_not_rest) {
+    const PathTables made = tables();
+    const LawSearch search(made, RULES, 0.5);
+    TimeLaw law;
+    CHECK(search.rest_to_rest(0.1, 2.0, law));
+    CHECK(law.pieces.size() == 4 && law.target() == 0.0 && law.at(law.settled()).s == 0.5);
+    const LawState end = law.pieces[2].at.after(law.settled() - law.pieces[2].begin, law.pieces[2].ddds);
+    NEAR(end.s, 0.5, 1e-9);
+    NEAR(end.ds, 0.0, 1e-9);
+    NEAR(end.dds, 0.0, 1e-7);
+    double torque = 0.0;
+    CHECK(worst(made, law, torque) <= 1.0 + 1e-9 && torque <= 1.0);
+    CHECK(!search.rest_to_rest(0.5, 2.0, law));
+}
+
+TEST(a_motion_that_was_not_planned_is_checked_at_its_own_speed) {
+    const PathTables made = tables(), weak = tables(10.0);
+    const TimeLaw as_it_is{{{0.0, {0.0, 1.0, 0.0}, 0.0}, {1.0, {1.0, 1.0, 0.0}, 0.0}}};
+    CHECK(LawSearch(made, RULES).holds(as_it_is, 0.0, false) && LawSearch(weak, RULES).holds(as_it_is, 0.0));
+    CHECK(!LawSearch(weak, RULES).holds(as_it_is, 0.0, false));
 }

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.execution.next_path import NextPath
 from optiplan.execution.path_laws import PathPlace
 from optiplan.execution.proved_path import ProvedPath
 
@@ -119,7 +120,7 @@ def test_the_way_back_ends_at_the_last_event(run_of):
     assert path.backwards(attach.begin, attach.begin) is None  # it was just done
     assert path.backwards(attach.begin - 1e-13, attach.begin) is None
     back = path.backwards(grip.end + 0.2, grip.end + 0.2)
-    assert back.start - back.laws.motion.duration == pytest.approx(grip.end, abs=1e-12)  # the gripper stays closed
+    assert back.start - back.laws.length == pytest.approx(grip.end, abs=1e-12)  # the gripper stays closed
     assert path.backwards(run.duration, run.duration).start == run.duration
 
 
@@ -147,7 +148,7 @@ def test_events_before_another_run_takes_over_are_handed_out(run_of):
     while executor.time < attach.begin - 0.03:
         executor.tick(0.01)
     second = op.Executor(run)._path
-    executor._next = attach.begin + 0.005, second, executor.time
+    executor._next = NextPath(attach.begin + 0.005, second, executor.time)
     done = [event for tick in (executor.tick(0.1) for _ in range(3)) for event in tick.events]
     assert attach in done
 

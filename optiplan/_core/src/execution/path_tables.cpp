@@ -7,6 +7,21 @@
 namespace optiplan {
 
 static constexpr int FINE_IN_COARSE = 4;
+static constexpr int MOST_CUTS = 8;  // halvings of a cell in which the robot must be able to stand still
+
+// Polynomials c (degree + 1, n) of x become those of x - by: repeated Horner steps.
+static void shift(double *c, std::size_t degree, std::size_t n, double by) {
+    for (std::size_t i = 0; i < degree; ++i)
+        for (std::size_t k = degree; k-- > i;)
+            for (std::size_t j = 0; j < n; ++j) c[k * n + j] += by * c[(k + 1) * n + j];
+}
+
+// k! / (k - order)!
+static double falling(std::size_t k, std::size_t order) {
+    double product = 1.0;
+    for (std::size_t f = 0; f < order; ++f) product *= static_cast<double>(k - f);
+    return product;
+}
 
 int Cells::at(double s) const { return std::clamp(static_cast<int>(s / width), 0, count - 1); }
 
@@ -14,7 +29,7 @@ PathTables::PathTables(Curve path, JointRates limits, std::vector<Load> loads, d
     : path_(std::move(path)), limits_(std::move(limits)) {
     for (Load &load : loads) {
         load_ends_.push_back(load.end);
-        dynamics_.push_back(std::make_unique<InverseDynamics>(load.tree));
+        dynamics_.push_back(std::make_shared<InverseDynamics>(load.tree));
     }
     for (double limit : limits_.torque) torque_ |= std::isfinite(limit);
     const int count = std::max(1, static_cast<int>(std::ceil(length() / width)));
@@ -22,16 +37,80 @@ PathTables::PathTables(Curve path, JointRates limits, std::vector<Load> loads, d
     coarse_ = cells_of(length() / std::max(1, (count + FINE_IN_COARSE - 1) / FINE_IN_COARSE));
     if (!torque_) return;
     const std::size_t n = joints();
-    terms_.resize((fine_.count + 1) * 3 * n);
+    terms_.resize((coarse_.count + 1) * 3 * n);
     std::vector<double> at(4 * n), zero(n, 0.0);
-    for (int i = 0; i <= fine_.count; ++i) {
-        const double s = std::min(i * fine_.width, length());
+    for (int i = 0; i <= coarse_.count; ++i) {
+        const double s = std::min(i * coarse_.width, length());
         double *a = terms_.data() + i * 3 * n, *b = a + n, *g = b + n;
         derivatives(s, at.data());
-        torques(s, false, at.data(), zero.data(), zero.data(), g);
-        torques(s, false, at.data(), zero.data(), at.data() + n, a);
         torques(s, false, at.data(), at.data() + n, at.data() + 2 * n, b);
+        dynamics_[load_at(s, false)]->at_rest(g);
+        torques(s, false, at.data(), zero.data(), at.data() + n, a);
         for (std::size_t j = 0; j < n; ++j) a[j] -= g[j], b[j] -= g[j];
+    }
+}
+
+PathTables PathTables::mirrored() const {
+    PathTables other = *this;
+    const std::size_t n = joints(), degree = static_cast<std::size_t>(path_.degree), pieces = path_.breakpoints.size() - 1;
+    for (std::size_t piece = 0; piece <= pieces; ++piece)
+        other.path_.breakpoints[piece] = length() - path_.breakpoints[pieces - piece];
+    for (std::size_t piece = 0; piece < pieces; ++piece) {
+        const double width = path_.breakpoints[piece + 1] - path_.breakpoints[piece];
+        const double *from = path_.coefficients.data() + piece * (degree + 1) * n;
+        double *to = other.path_.coefficients.data() + (pieces - 1 - piece) * (degree + 1) * n;
+        std::copy_n(from, (degree + 1) * n, to);
+        shift(to, degree, n, width);
+        for (std::size_t k = 1; k <= degree; k += 2)
+            for (std::size_t j = 0; j < n; ++j) to[k * n + j] = -to[k * n + j];
+    }
+    const std::size_t loads = load_ends_.size();
+    for (std::size_t k = 0; k < loads; ++k) {
+        other.dynamics_[k] = dynamics_[loads - 1 - k];
+        other.load_ends_[k] = k + 1 < loads ? length() - load_ends_[loads - 2 - k] : length();
+    }
+    const auto turned = [n](const std::vector<double> &rows, std::vector<double> &out, double sign) {
+        const std::size_t count = rows.size() / n;  // rows of n, in the opposite order
+        for (std::size_t i = 0; i < count; ++i)
+            for (std::size_t j = 0; j < n; ++j) out[i * n + j] = sign * rows[(count - 1 - i) * n + j];
+    };
+    const Cells *from[2] = {&fine_, &coarse_};
+    Cells *to[2] = {&other.fine_, &other.coarse_};
+    for (int grid = 0; grid < 2; ++grid)
+        for (int order = 0; order < 3; ++order) {  // odd derivatives change their signs
+            const bool turns = order != 1;
+            turned(turns ? from[grid]->high[order] : from[grid]->low[order], to[grid]->low[order], turns ? -1.0 : 1.0);
+            turned(turns ? from[grid]->low[order] : from[grid]->high[order], to[grid]->high[order], turns ? -1.0 : 1.0);
+        }
+    for (std::size_t i = 0; i < curvature_.size(); ++i) {
+        const std::size_t cell = i / (4 * n);
+        other.curvature_[i] = curvature_[(coarse_.count - 1 - cell) * 4 * n + i % (4 * n)];
+    }
+    if (!torque_) return other;
+    for (int i = 0; i <= coarse_.count; ++i) {
+        const double *row = terms_.data() + (coarse_.count - i) * 3 * n;
+        double *out = other.terms_.data() + i * 3 * n;
+        for (std::size_t j = 0; j < 3 * n; ++j) out[j] = j < n ? -row[j] : row[j];
+    }
+    return other;
+}
+
+// Each part of a piece within a cell, with the Taylor coefficients (degree + 1, n) about its middle.
+template <class Use> void PathTables::each_part(const Cells &cells, Use use) const {
+    const std::size_t n = joints(), degree = static_cast<std::size_t>(path_.degree);
+    std::vector<double> c((degree + 1) * n);
+    for (std::size_t piece = 0; piece + 1 < path_.breakpoints.size(); ++piece) {
+        const double begin = path_.breakpoints[piece], end = path_.breakpoints[piece + 1];
+        for (int cell = cells.at(begin); cell < cells.count && cell * cells.width < end; ++cell) {
+            // the ends of a cell reach a little into its neighbours: rounding of s must not leave it
+            const double spare = 1e-9 * cells.width;
+            const double low = std::max(begin, cell * cells.width - spare);
+            const double high = std::min(end, (cell + 1) * cells.width + spare);
+            if (high < low) continue;
+            std::copy_n(path_.coefficients.data() + piece * (degree + 1) * n, c.size(), c.data());
+            shift(c.data(), degree, n, 0.5 * (low + high) - begin);
+            use(cell, 0.5 * (high - low), c);
+        }
     }
 }
 
@@ -44,35 +123,19 @@ Cells PathTables::cells_of(double width) const {
         cells.low[order].assign(cells.count * n, std::numeric_limits<double>::infinity());
         cells.high[order].assign(cells.count * n, -std::numeric_limits<double>::infinity());
     }
-    std::vector<double> c(degree + 1);
-    for (std::size_t piece = 0; piece + 1 < path_.breakpoints.size(); ++piece) {
-        const double begin = path_.breakpoints[piece], end = path_.breakpoints[piece + 1];
-        for (int cell = cells.at(begin); cell < cells.count && cell * width < end; ++cell) {
-            // the ends of a cell reach a little into its neighbours: rounding of s must not leave it
-            const double spare = 1e-9 * width;
-            const double low = std::max(begin, cell * width - spare), high = std::min(end, (cell + 1) * width + spare);
-            if (high < low) continue;
-            const double middle = 0.5 * (low + high) - begin, half = 0.5 * (high - low);
+    each_part(cells, [&](int cell, double half, const std::vector<double> &c) {
+        for (std::size_t order = 1; order <= std::min<std::size_t>(3, degree); ++order)
             for (std::size_t j = 0; j < n; ++j) {
-                for (std::size_t k = 0; k <= degree; ++k) c[k] = path_.coefficients[(piece * (degree + 1) + k) * n + j];
-                for (std::size_t i = 0; i < degree; ++i)  // Taylor shift by repeated Horner steps
-                    for (std::size_t k = degree; k-- > i;) c[k] += middle * c[k + 1];
-                for (std::size_t order = 1; order <= 3; ++order) {
-                    double value = 0.0, reach = 0.0, power = 1.0;
-                    for (std::size_t k = order; k <= degree; ++k, power *= half) {
-                        double term = c[k];
-                        for (std::size_t f = 0; f < order; ++f) term *= static_cast<double>(k - f);
-                        if (k == order)
-                            value = term;
-                        else
-                            reach += std::fabs(term) * power;
-                    }
-                    double &least = cells.low[order - 1][cell * n + j], &most = cells.high[order - 1][cell * n + j];
-                    least = std::min(least, value - reach), most = std::max(most, value + reach);
-                }
+                double reach = 0.0, power = half;
+                for (std::size_t k = order + 1; k <= degree; ++k, power *= half)
+                    reach += falling(k, order) * std::fabs(c[k * n + j]) * power;
+                const double value = falling(order, order) * c[order * n + j];
+                double &least = cells.low[order - 1][cell * n + j], &most = cells.high[order - 1][cell * n + j];
+                least = std::min(least, value - reach), most = std::max(most, value + reach);
             }
-        }
-    }
+        for (std::size_t order = degree + 1; order <= 3; ++order)
+            std::fill_n(&cells.low[order - 1][cell * n], n, 0.0), std::fill_n(&cells.high[order - 1][cell * n], n, 0.0);
+    });
     // The path itself was proved: what a cell's range exceeds of a limit, no point of it does.
     for (std::size_t i = 0; i < cells.count * n; ++i)
         for (int order = 1; order < 3; ++order) {
@@ -83,20 +146,27 @@ Cells PathTables::cells_of(double width) const {
     return cells;
 }
 
-void PathTables::set_curvature(std::vector<double> bounds, std::vector<double> rates, std::vector<double> jerks) {
-    curvature_ = std::move(bounds), level_rates_ = std::move(rates), level_jerks_ = std::move(jerks);
-}
-
-const double *PathTables::curvature(int coarse_cell, double rate, double jerk) const {
-    std::size_t level = 0;
-    while (level + 1 < level_rates_.size() && (level_rates_[level] < rate || level_jerks_[level] < jerk)) ++level;
-    return curvature_.data() + (level * coarse_.count + coarse_cell) * joints();
+std::vector<double> PathTables::sizes() const {
+    const std::size_t n = joints(), degree = static_cast<std::size_t>(path_.degree);
+    std::vector<double> size(5 * coarse_.count * n, 0.0);
+    each_part(coarse_, [&](int cell, double half, const std::vector<double> &c) {
+        half *= 1.0 + 1e-6;
+        for (std::size_t order = 0; order <= std::min<std::size_t>(4, degree); ++order)
+            for (std::size_t j = 0; j < n; ++j) {
+                double sum = 0.0, power = 1.0;
+                for (std::size_t k = order; k <= degree; ++k, power *= half)
+                    sum += falling(k, order) * std::fabs(c[k * n + j]) * power;
+                double &most = size[(order * coarse_.count + cell) * n + j];
+                most = std::max(most, sum);
+            }
+    });
+    return size;
 }
 
 void PathTables::torque_terms(double s, double *a, double *b, double *g) const {
     const std::size_t n = joints();
-    const int cell = fine_.at(s);
-    const double share = std::clamp(s / fine_.width - cell, 0.0, 1.0);
+    const int cell = coarse_.at(s);
+    const double share = std::clamp(s / coarse_.width - cell, 0.0, 1.0);
     const double *left = terms_.data() + cell * 3 * n, *right = left + 3 * n;
     double *const out[3] = {a, b, g};
     for (int term = 0; term < 3; ++term)
@@ -141,28 +211,44 @@ void PathTables::torques(double s, bool before, const double *q, const double *v
     dynamics_[load_at(s, before)]->torques(q, v, a, tau);
 }
 
-// Within a cell |g| is at most the larger value of its ends plus width^2 / 8 max |g''|. Of the terms that add up to the
-// bound on |tau''| of the motion, those of |g''| are some.
 double PathTables::overloaded() const {
     if (!torque_) return -1.0;
     const std::size_t n = joints();
-    std::vector<double> at(4 * n), zero(n, 0.0), g(n), most(n);
-    for (int i = 0; i < fine_.count; ++i) {
-        const double begin = i * fine_.width, end = std::min((i + 1) * fine_.width, length());
-        std::fill(most.begin(), most.end(), 0.0);
-        for (int load = load_at(begin, false); load <= load_at(end, true); ++load)
-            for (double s : {begin, end}) {
-                derivatives(s, at.data());
-                dynamics_[load]->torques(at.data(), zero.data(), zero.data(), g.data());
-                for (std::size_t j = 0; j < n; ++j) most[j] = std::max(most[j], std::fabs(g[j]));
-            }
-        for (int cell = coarse_.at(begin); cell <= coarse_.at(end); ++cell)
-            for (std::size_t j = 0; j < n; ++j) {
-                const double curved = curvature_.empty() ? 0.0 : curvature(cell, 0.0, 0.0)[j];
-                if (most[j] + 0.125 * fine_.width * fine_.width * curved > limits_.torque[j]) return begin;
-            }
+    for (int cell = 0; cell < coarse_.count; ++cell) {
+        const double begin = cell * coarse_.width, end = std::min((cell + 1) * coarse_.width, length());
+        const auto change = std::lower_bound(load_ends_.begin(), load_ends_.end(), begin);
+        bool clear = !curvature_.empty() && (change == load_ends_.end() || *change > end || *change >= length());
+        const double *g = terms_.data() + cell * 3 * n + 2 * n, *next = g + 3 * n;
+        for (std::size_t j = 0; j < n && clear; ++j) {
+            const double sagitta = 0.125 * coarse_.width * coarse_.width * curvature(cell, j, {1.0, 0.0, 0.0});
+            clear = std::max(std::fabs(g[j]), std::fabs(next[j])) + sagitta <= limits_.torque[j];
+        }
+        if (!clear && !stands(begin, end, MOST_CUTS)) return begin;
     }
     return -1.0;
+}
+
+// Whether gravity keeps the limits between two places. |g| is at most the larger value of its ends plus
+// width^2 / 8 max |g''|. Of the terms that add up to the bound on |tau''| of the motion, those of |g''| are some.
+bool PathTables::stands(double begin, double end, int cuts) const {
+    const std::size_t n = joints();
+    std::vector<double> at(4 * n), zero(n, 0.0), g(n), most(n, 0.0);
+    for (int load = load_at(begin, false); load <= load_at(end, true); ++load)
+        for (double s : {begin, end}) {
+            derivatives(s, at.data());
+            dynamics_[load]->torques(at.data(), zero.data(), zero.data(), g.data());
+            for (std::size_t j = 0; j < n; ++j) most[j] = std::max(most[j], std::fabs(g[j]));
+        }
+    bool within = true, proved = true;
+    for (int cell = coarse_.at(begin); cell <= coarse_.at(end); ++cell)
+        for (std::size_t j = 0; j < n; ++j) {
+            const double curved = curvature(cell, j, {1.0, 0.0, 0.0});
+            within &= most[j] <= limits_.torque[j];
+            proved &= most[j] + 0.125 * (end - begin) * (end - begin) * curved <= limits_.torque[j];
+        }
+    const double middle = 0.5 * (begin + end);
+    return proved || (cuts > 0 && (within || load_at(begin, false) != load_at(end, true)) &&
+                      stands(begin, middle, cuts - 1) && stands(middle, end, cuts - 1));
 }
 
 }  // namespace optiplan

@@ -29,6 +29,13 @@ struct Cells {
     int at(double s) const;
 };
 
+// Sizes of a law that bound |tau''|: ds^2, |dds|, dds^2 and ds |ddds|.
+struct LawSizes {
+    double of[4];
+
+    LawSizes(double speed, double rate, double jerk) : of{speed * speed, rate, rate * rate, speed * jerk} {}
+};
+
 // What a path asks of the joints. With speed ds = s', dds = s'' and ddds = s''' of a law s(t) (Verscheure et al. 2009):
 //     q'   = p' ds,      q'' = p'' ds^2 + p' dds,      q''' = p''' ds^3 + 3 p'' ds dds + p' ddds,
 //     tau  = a dds + b ds^2 + g,      a = M p',   b = M p'' + c(p, p'),   g gravity.
@@ -37,6 +44,9 @@ class PathTables {
   public:
     PathTables(Curve path, JointRates limits, std::vector<Load> loads, double width);
 
+    // Of the same path from its end to its start, p(length - s): what is known in this direction, with other signs.
+    PathTables mirrored() const;
+
     std::size_t joints() const { return static_cast<std::size_t>(path_.joints); }
     double length() const { return path_.breakpoints.back(); }
     const Cells &fine() const { return fine_; }
@@ -44,12 +54,18 @@ class PathTables {
     const JointRates &limits() const { return limits_; }
     bool limits_torque() const { return torque_; }
 
-    // Bounds (levels, coarse cells, n) on |tau''| in time, N m/s^2, of laws with |s''| <= rates[k], |s'''| <= jerks[k];
-    // levels rise.
-    void set_curvature(std::vector<double> bounds, std::vector<double> rates, std::vector<double> jerks);
-    const double *curvature(int coarse_cell, double rate, double jerk) const;
+    // Factors (coarse cells, 4, n) of the sizes of a law that add up to a bound on |tau''| in time, N m/s^2.
+    void set_curvature(std::vector<double> factors) { curvature_ = std::move(factors); }
+    double curvature(int coarse_cell, std::size_t joint, const LawSizes &law) const {
+        if (curvature_.empty()) return 0.0;
+        const double *at = curvature_.data() + coarse_cell * 4 * joints() + joint;
+        return law.of[0] * at[0] + law.of[1] * at[joints()] + law.of[2] * at[2 * joints()] + law.of[3] * at[3 * joints()];
+    }
 
-    // a, b and g, (n,) each, at s, between their values at the ends of its cell; of the load there.
+    // Bounds on |p^(k)|, k from 0 to 4, in coarse cells: (5, coarse cells, n).
+    std::vector<double> sizes() const;
+
+    // a, b and g, (n,) each, at s, between their values at the ends of its coarse cell; of the load there.
     void torque_terms(double s, double *a, double *b, double *g) const;
 
     // Position and its first three derivatives in s, (4, n), of the piece before s if `before`, else of that after it;
@@ -68,14 +84,16 @@ class PathTables {
 
   private:
     Cells cells_of(double width) const;
+    template <class Use> void each_part(const Cells &cells, Use use) const;
+    bool stands(double begin, double end, int cuts) const;
 
     Curve path_;
     JointRates limits_;
     std::vector<double> load_ends_;
-    std::vector<std::unique_ptr<InverseDynamics>> dynamics_;
+    std::vector<std::shared_ptr<InverseDynamics>> dynamics_;
     Cells fine_, coarse_;
-    std::vector<double> terms_;  // (fine cells + 1, 3, n): a, b, g
-    std::vector<double> curvature_, level_rates_, level_jerks_;
+    std::vector<double> terms_;  // (coarse cells + 1, 3, n): a, b, g
+    std::vector<double> curvature_;
     bool torque_ = false;
 };
 

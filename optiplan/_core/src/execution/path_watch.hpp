@@ -18,10 +18,12 @@ struct Seen {
     double spread, time;  // time: of the law's clock, s
 };
 
-// The first place of the path at which a body may come too near, with the pair; pair -1: none does.
+// A place of the path at which a body may come too near, with the pair, and by how much their distance exceeds what is
+// needed there, m; pair -1: none does.
 struct Blocked {
     double s;
     int pair;
+    double slack;
 };
 
 // In each cell of the path the robot's bodies stand where they are in its middle, and no pair's distance changes by
@@ -30,26 +32,46 @@ struct Blocked {
 class PathWatch {
   public:
     // The joints may be off the path by up to `error` (n,), rad or m; none: they are on it.
-    PathWatch(const World &world, const Curve &path, double width, double begin, const std::vector<double> &error = {});
+    PathWatch(World &world, const Curve &path, double width, double begin, const std::vector<double> &error = {});
 
+    const Pair &pair(int index) const { return world_.pairs()[index]; }
     std::int64_t bodies() const { return static_cast<std::int64_t>(of_body_.size()); }
 
+    // Adds an obstacle that the path was not proved against, and returns its index.
+    int add(Body body);
+
     // What blocks the path from the law's place at `now` on to where it ends; the path begins at s = `begin` of the
-    // law.
-    Blocked blocked(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin);
+    // law. Where the robot stands still, obstacles go on as they are seen to for `linger` s; what they stray does not
+    // grow then: a robot that stands still has done what it can.
+    Blocked blocked(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin,
+                    double linger = 0.0);
+
+    // Where on this way the least is left of the distance, of what is below `most`, m.
+    Blocked nearest(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin, double most) {
+        return search(law, now, obstacles, margin, most, false);
+    }
 
   private:
     struct Cell {
         double begin, end;           // of the law's s
         std::vector<Pose> bodies;    // of `moving_`
         std::vector<Vec3> centres;
-        std::vector<double> travel;  // of `pairs_`
+        std::vector<double> travel;  // beside what stands
+    };
+    struct Watched {
+        int pair, mover;  // of the world; place in `moving_`
     };
 
-    const World &world_;
-    std::vector<int> moving_;               // bodies that joints carry
-    std::vector<int> pairs_;                // pairs of one of them with one that none carries
-    std::vector<std::vector<int>> of_body_;  // of each body: places in `pairs_`
+    // The first place, or that of the least, at which no more than `most` is left.
+    Blocked search(const TimeLaw &law, double now, const std::vector<Seen> &obstacles, double margin, double most,
+                   bool first);
+    void watch(int pair);
+    void put(const Seen &seen, double t);
+    int struck(double here, double from, const Seen &seen, double margin, double linger);
+
+    World &world_;
+    std::vector<int> moving_;                    // bodies that joints carry
+    std::vector<std::vector<Watched>> of_body_;  // of each body that none carries: its pairs with them
     std::vector<Cell> cells_;
     Placement at_;
 };

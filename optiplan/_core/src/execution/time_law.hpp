@@ -1,6 +1,8 @@
 // Time laws s(t) along a proved path: the fastest admissible change from one speed to another.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "execution/path_tables.hpp"
@@ -27,6 +29,7 @@ struct TimeLaw {
 
     const LawPiece &piece_at(double t) const;
     LawState at(double t) const;
+    TimeLaw then(const TimeLaw &next) const;  // this law until the next one begins
     double settled() const { return pieces.back().begin; }  // from when on the speed stays
     double target() const { return pieces.back().at.ds; }
 };
@@ -44,13 +47,24 @@ struct LawRules {
 // limits of torque are kept where they are sampled; `holds` proves them.
 class LawSearch {
   public:
-    LawSearch(const PathTables &tables, LawRules rules) : tables_(tables), rules_(rules) {}
+    // The robot rests at the path's end, and at `end` if that is before.
+    LawSearch(const PathTables &tables, LawRules rules, double end = HUGE_VAL)
+        : tables_(tables), rules_(rules), end_(std::min(end, tables.length())) {}
 
     // From a state to a steady speed, in [0, 1]. False where the first step is not possible yet.
     bool change(const LawState &from, double begin, double target, TimeLaw &law) const;
 
-    // Whether torques hold at all times from t on, by their values and the bounds on their curvature.
-    bool holds(const TimeLaw &law, double from) const;
+    // The same from where a law is at a time, or as soon after that as limits leave room for it: up to then as before.
+    // It holds torques, too.
+    bool change_along(const TimeLaw &old, double now, double target, TimeLaw &law) const;
+
+    // From rest at s to rest at the end, whatever the path does there: three pieces of one size of jerk, as short as
+    // limits allow.
+    bool rest_to_rest(double s, double begin, TimeLaw &law) const;
+
+    // Whether torques hold at all times from t on, by their values and the bounds on their curvature; steady speeds
+    // are known to, if the path is `planned`.
+    bool holds(const TimeLaw &law, double from, bool planned = true) const;
 
   private:
     bool allowed(const LawState &at, double ddds, double lasting, const Cells &cells, bool torque) const;
@@ -58,10 +72,12 @@ class LawSearch {
     bool holds_between(const LawState &begin, const LawState &end, double ddds, double width,
                        const std::vector<double> (&ends)[2]) const;
     double strongest(const LawState &at, double direction) const;
+    bool begins(const LawState &at, double target, double &direction, double &off) const;
     bool levels_off(const LawState &at, double direction, double target, double &ddds) const;
 
     const PathTables &tables_;
     LawRules rules_;
+    double end_;
     mutable std::vector<double> terms_;  // of torque
     mutable std::size_t gentle_ = 0;     // the share of the strongest jerk that led to a steady speed last
 };

@@ -12,7 +12,8 @@ static constexpr double ROUNDING = 2e-6;  // m; what a hull's distance may excee
 
 World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
              const std::vector<Cluster> &clusters, const std::vector<int> &never, TubeError tube)
-    : tree_(std::move(tree)), bodies_(std::move(bodies)), tube_(std::move(tube)) {
+    : tree_(std::move(tree)), bodies_(std::move(bodies)), tube_(std::move(tube)),
+      hulls_(static_cast<int>(bodies_.size())) {
     for (std::size_t j = 1; j < tree_.joints.size() && !tube_.error.empty(); ++j)
         if (tree_.joints[j].revolute)
             spread_ += 2.0 * std::fabs(tree_.joints[j].multiplier) * tube_.error[tree_.joints[j].leader];
@@ -39,7 +40,24 @@ World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<in
     }
     std::vector<char> left_out(pairs_.size());
     for (int pair : never) left_out[pair] = 1;
-    gather(static_cast<int>(bodies_.size() - clusters.size()), left_out);
+    gather(hulls_, left_out);
+}
+
+int World::add(Body body) {
+    const int added = static_cast<int>(bodies_.size());
+    still_.push_back(body.X_JB);
+    cluster_of_.push_back(-1);
+    waiting_.push_back(1);
+    bodies_.push_back(std::move(body));
+    for (int k = 0; k < hulls_; ++k) {
+        if (bodies_[k].joint == 0) continue;
+        const bool plane = bodies_[k].half_space || bodies_[added].half_space;
+        pairs_.push_back({k, added, (bodies_[k].mesh() || bodies_[added].mesh()) && !plane});
+        common_.push_back(0);
+        clustered_.push_back(cluster_of_[k] >= 0);
+        group_of_.push_back(-1);
+    }
+    return added;
 }
 
 int World::common_joint(int a, int b) const {

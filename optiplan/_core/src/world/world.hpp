@@ -96,9 +96,13 @@ class World {
     World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
           const std::vector<Cluster> &clusters = {}, const std::vector<int> &never = {}, TubeError tube = {});
 
+    // Adds a body that no joint carries, with a pair with each body of the robot that a joint carries; returns its index.
+    // Only those who name its pairs ask for them: no search, sweep or `near` does.
+    int add(Body body);
+
     const Tree &tree() const { return tree_; }
     const std::vector<Pair> &pairs() const { return pairs_; }
-    const std::vector<Body> &bodies() const { return bodies_; }  // hulls of clusters last
+    const std::vector<Body> &bodies() const { return bodies_; }  // then hulls of clusters, then what was added
     const std::vector<Together> &groups() const { return groups_; }
     const std::vector<int> &alone() const { return alone_; }           // pairs without a group that are asked
     int group_of(int pair) const { return group_of_[pair]; }           // -1: none
@@ -203,6 +207,9 @@ class World {
 
     // Bound, m, on the change of a pair's distance while |q_j - Q_j| <= D_j (n,): see `PairBounds.travel_of`.
     double travel(const std::vector<double> &reaches, const double *D, int pair) const;
+    double body_travel(const std::vector<double> &reaches, const double *D, int body) const {  // beside what stands
+        return travel_of(reaches, D, body, 0);
+    }
     double group_travel(const std::vector<double> &reaches, const double *D, int group) const;
 
     // A lower bound of a pair's distance: that itself, unless it exceeds the cutoff, or the hulls of a mesh are farther
@@ -255,6 +262,7 @@ class World {
     std::vector<int> alone_;              // pairs without a group that are asked
     TubeError tube_;
     double spread_ = 1.0;                 // by which points in the tube travel farther, a little
+    int hulls_ = 0;                       // the first hull of a cluster
     int first_ = -1;                      // the first pair that is asked; -1: none is
 };
 

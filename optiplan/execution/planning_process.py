@@ -1,0 +1,195 @@
+"""Other motions to the goal of a run, planned in a process of their own while the run is executed."""
+
+import contextlib
+import multiprocessing
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from threading import Event, Lock, Thread
+from typing import TYPE_CHECKING
+
+from optiplan.errors import OptiPlanError, wrong_argument
+from optiplan.execution.next_path import NextPath
+from optiplan.execution.planning_worker import PLANNER, FirstMotion, ReplanReply, ReplanRequest, serve
+from optiplan.execution.policy import Policy
+from optiplan.execution.proved_path import ProvedPath
+from optiplan.execution.scene_watch import SceneWatch
+from optiplan.execution.seen_scene import SeenScene
+from optiplan.runs.run import Run
+from optiplan.trajectory.state import State
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import TimeLaw
+
+WARM_UP = 60.0
+"""s, within which the process must have planned for the first time."""
+
+MARGIN = 0.02
+"""m, that motions keep from obstacles where there is room, beyond what is demanded: bodies are watched in cells."""
+
+IN_TIME, AT_REST = 0.6, 0.5
+"""Budget of planning: share of the latency while the robot moves; s, where it stands still and may wait."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedPath:
+    """Another path to the goal, ready to take over.
+
+    Attributes:
+        then: when it begins, s.
+        law: from whose state at that time.
+        since: when it was asked for, s.
+        number: of its request.
+        path: None where there is none; `words` say why.
+        watch: of that path.
+        seconds: of processor time, of planning, proving and preparing it.
+    """
+
+    then: float
+    law: "TimeLaw"
+    since: float
+    number: int
+    path: ProvedPath | None = None
+    watch: SceneWatch | None = None
+    words: str = ""
+    seconds: float = 0.0
+
+
+class PlanningProcess:
+    """Plan from states of a robot on its way, one at a time.
+
+    A process plans among the obstacles as they will move, and proves the motion among those that stand still. A thread
+    makes the laws of the new path. Whether that is clear of what moves is checked by the executor, where it takes over.
+    `PlanningProcess.of` takes one that is left over from an earlier run.
+
+    Attributes:
+        lost: whether the process ended.
+        number: of the motion that the robot follows.
+    """
+
+    def __init__(self) -> None:
+        self._done: deque[PlannedPath] = deque()
+        self._asked: tuple[PlannedPath, ReplanRequest] | None = None
+        self._ready, self.lost, self.number, self._last = Event(), False, 0, 0
+        context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=serve, args=(theirs,), daemon=True)
+        self._process.start()
+        theirs.close()
+        Thread(target=self._listen, daemon=True).start()
+
+    @classmethod
+    def of(cls, run: Run, watch: SceneWatch, policy: Policy) -> "PlanningProcess":
+        """Return a process that knows a run and has planned on its way.
+
+        Args:
+            run: that is executed, of a problem without a task or vias.
+            watch: of its path.
+            policy: with the latency.
+
+        Raises:
+            InputError: the run has a task or vias.
+            OptiPlanError: the process ended, or does not answer.
+        """
+        problem = run.problem
+        if problem.task or problem.vias or not problem.source:
+            found = "a task" if problem.task else "vias" if problem.vias else "a problem that was put together by hand"
+            raise wrong_argument("Executor", "policy", f"replan, with a run of {found}", "wait, stop or slow")
+        with _lock:
+            found_idle = [one for one in _idle if not one.lost]
+            _idle[:] = found_idle[1:]
+        one = found_idle[0] if found_idle else cls()
+        one._begin(run, watch, policy)
+        return one
+
+    def _begin(self, run: Run, watch: SceneWatch, policy: Policy) -> None:
+        assert run.trajectory is not None
+        self._problem, self._watch, self._policy = run.problem, watch, policy
+        self._duration, self._asked = run.trajectory.duration, None
+        self._done.clear()
+        self._ready.clear()
+        self._last += 1
+        self.number = self._first = self._last
+        with contextlib.suppress(OSError):
+            self._pipe.send(FirstMotion(self._last, run.problem, run.trajectory))
+        if not self._ready.wait(WARM_UP) or self.lost:
+            self.close()
+            raise OptiPlanError("the planning process of Executor ended at once, or does not answer")
+
+    def seek(self, law: "TimeLaw", now: float, state_in: Callable[[float], State], scene: SeenScene) -> None:
+        """Ask for a path from the state in which a law will be after the latency, unless an answer is still to come."""
+        if self._asked is not None:
+            return
+        latency = self._policy.latency
+        then, rests = now + latency, law.target == 0.0 and law.settled <= now + latency
+        self._last += 1
+        margin = MARGIN + self._watch.margin + scene.spread * self._duration
+        seconds = AT_REST if rests else IN_TIME * latency
+        request = ReplanRequest(self._last, self.number, state_in(latency), scene.at(then), margin, seconds)
+        self._asked = PlannedPath(then, law, now, self._last), request
+        try:
+            self._pipe.send(request)
+        except Exception:  # whatever it is, the robot must not wait for an answer
+            self.lost = True
+
+    def answer(self, law: "TimeLaw", now: float) -> NextPath | None:
+        """Return the path that was asked for, once it is there, if the robot can still take it from the law."""
+        if not self._done:
+            return None
+        self._asked, found = None, self._done.popleft()
+        if found.path is None or found.law is not law:
+            return None
+        rests = law.target == 0.0 and law.settled <= now and found.path.starts_at_rest
+        then = max(found.then, now) if rests else found.then
+        return None if then < now else NextPath(then, found.path, found.since, found.watch, found.number)
+
+    def close(self) -> None:
+        """End the process."""
+        self.lost = True
+        self._process.kill()
+        self._process.join()
+
+    def leave(self) -> None:
+        """Leave the process to another run."""
+        with _lock:
+            if not self.lost and not _idle:
+                _idle.append(self)
+                return
+        self.close()
+
+    def _listen(self) -> None:
+        """Receive motions and prepare their paths, until the process ends."""
+        try:
+            while True:
+                reply: ReplanReply = self._pipe.recv()
+                asked = self._asked
+                if asked is not None and asked[0].number == reply.number:
+                    self._done.append(self._prepared(*asked, reply))
+                elif reply.number == self._first:
+                    self._ready.set()
+        except (EOFError, OSError):  # the process has ended
+            pass
+        finally:
+            self.lost = True
+            self._ready.set()
+
+    def _prepared(self, asked: PlannedPath, request: ReplanRequest, reply: ReplanReply) -> PlannedPath:
+        began = time.thread_time() - reply.seconds
+        if reply.motion is None or reply.report is None or not reply.report.verified:
+            return replace(asked, words=reply.words, seconds=reply.seconds)
+        problem = request.standing(self._problem)
+        run = Run(problem, PLANNER, {}, reply.motion, None, reply.report, None, None, {}, {})
+        try:
+            path = ProvedPath(run, "Executor")
+        except OptiPlanError as error:
+            return replace(asked, words=str(error))
+        watch = self._watch.over(path)
+        watch.prepare(path.forwards)
+        return replace(asked, path=path, watch=watch, seconds=time.thread_time() - began)
+
+
+_idle: list[PlanningProcess] = []
+"""A process that is left over from an earlier run: the next one need not wait for its start."""
+
+_lock = Lock()

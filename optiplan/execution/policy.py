@@ -1,0 +1,114 @@
+"""Policies: what a robot does where obstacles block its path."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+from optiplan.arrays import is_finite
+from optiplan.errors import described, wrong_argument
+from optiplan.execution.path_laws import PathLaws, PathPlace
+from optiplan.execution.separation import Separation
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import TimeLaw
+
+Reaction = Literal["wait", "stop", "slow", "replan"]
+"""What is done: see `Policy`."""
+
+SPEEDS = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)
+"""Shares of the wanted speed at which a robot slows down."""
+
+
+@dataclass(frozen=True)
+class Policy:
+    """What an executor does where obstacles that were seen block the path, with the times that it may take.
+
+    Whatever it is, the robot follows a law that is clear until it stands still; where there is none, it stops at once.
+
+    Attributes:
+        reaction: `wait`: stop along the path, go on when an update leaves it clear. `stop`: stop, go on at `resume`.
+            `slow`: the largest speed from which a stop after `period` is clear, and `wait` where there is none.
+            `replan`: go on as far as a stop after `latency` is clear, while another motion to the goal is planned; it
+            takes over without a stop if it comes in time, else from rest.
+        period: s, between two updates of the scene at most.
+        latency: s, from a blocked path to the motion that replaces it.
+        linger: s, for which obstacles must not strike the robot where it stands still, if they keep their velocity.
+
+    Raises:
+        InputError: another reaction, or times that are not above 0 (`linger`: not at least 0).
+
+    Example:
+        >>> import optiplan as op
+        >>> op.Policy("replan", latency=0.08)
+        Policy(reaction='replan', period=0.05, latency=0.08, linger=2.0)
+    """
+
+    reaction: Reaction
+    period: float = 0.05
+    latency: float = 0.05
+    linger: float = 2.0
+
+    def __post_init__(self) -> None:
+        if self.reaction not in get_args(Reaction):
+            choices = ", ".join(get_args(Reaction))
+            raise wrong_argument("Policy", "reaction", described(self.reaction), f"one of: {choices}")
+        for name in ("period", "latency"):
+            value = getattr(self, name)
+            if not (is_finite(value) and value > 0.0):
+                raise wrong_argument("Policy", name, described(value), "seconds > 0")
+        if not (is_finite(self.linger) and self.linger >= 0.0):
+            raise wrong_argument("Policy", "linger", described(self.linger), "seconds >= 0")
+
+    @classmethod
+    def of(cls, policy: Any, separation: Any = None) -> "Policy":
+        """Return a policy, or that of a name, which goes with a `Separation`, where there is one.
+
+        Raises:
+            InputError: it is neither, or does not.
+        """
+        choices: tuple[Reaction, ...] = get_args(Reaction)
+        named = [one for one in choices if isinstance(policy, str) and one == policy]
+        found = policy if isinstance(policy, Policy) else WAIT if named == ["wait"] else None
+        if found is None and not named:
+            raise wrong_argument(
+                "Executor", "policy", described(policy), f"an op.Policy, or one of: {', '.join(choices)}"
+            )
+        found = cls(named[0]) if found is None else found
+        if separation is not None and not isinstance(separation, Separation):
+            raise wrong_argument("Executor", "separation", described(separation), "an op.Separation(…), or None")
+        if separation is not None and found.goes_on:
+            raise wrong_argument("Executor", "policy", f"'{found.reaction}' beside people", "wait or stop")
+        return found
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the robot goes on where its path is blocked, as far as that is clear."""
+        return self.reaction in ("slow", "replan")
+
+    def law(
+        self, laws: PathLaws, law: "TimeLaw", now: float, wanted: float, blocked: Callable[["TimeLaw"], object]
+    ) -> "TimeLaw | None":
+        """Return the law of a robot that goes on where its path is blocked, clear until it stands still, or the stop.
+
+        None where neither can begin now, or the robot stands still.
+
+        Args:
+            laws: along the path.
+            law: the present one.
+            now: s.
+            wanted: the speed that is wanted.
+            blocked: what blocks the way of a law; None: nothing.
+        """
+        place = PathPlace(*law.at(now))
+        if self.reaction == "replan" and blocked(later := laws.then_stop(law, now + self.latency)) is None:
+            return later
+        for share in SPEEDS if self.reaction == "slow" else ():
+            slower = laws.change(place, now, share * wanted)
+            if slower is not None and blocked(later := laws.then_stop(slower, now + self.period)) is None:
+                return later
+        stands = law.target == 0.0 and law.settled <= now
+        return None if stands else laws.change(place, now, 0.0)
+
+
+WAIT = Policy("wait", linger=0.0)
+"""What an executor does without a policy."""
