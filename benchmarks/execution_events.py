@@ -343,7 +343,7 @@ def main() -> None:
     parser = table_parser(__doc__)
     parser.add_argument("--events", type=int, default=1000, help="on each run")
     parser.add_argument("--runs", nargs="+", default=list(RUNS), help="names of shipped problems")
-    parser.add_argument("--budget", type=float, default=20.0, help="seconds of planning")
+    parser.add_argument("--budget", type=float, default=60.0, help="seconds of planning")
     options = parser.parse_args()
     rows, data = [], {}
     for name in options.runs:
