@@ -20,13 +20,14 @@ import itertools
 import sys
 import time
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
 
 import optiplan as op
 from optiplan.collision.model import CollisionModel
-from optiplan.problem.task.timeline import scene_parts
+from optiplan.problem.task.timeline import ScenePart, scene_parts
 
 RUNS = (
     "01_reach",
@@ -217,9 +218,14 @@ def _stretches(runs: list[op.Run]) -> list[tuple[int, int]]:
     return list(itertools.pairwise(edges))
 
 
+@cache
+def _parts(run: op.Run) -> list[ScenePart]:
+    return scene_parts(run.problem, run.trajectory)
+
+
 def _torques(run: op.Run, ticks: list[op.Tick], q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
     places, torque = np.array([tick.status.place for tick in ticks]), np.zeros_like(q)
-    for part in scene_parts(run.problem, run.trajectory):
+    for part in _parts(run):
         model = part.problem.robot.model
         data = model.createData()
         for k in np.flatnonzero((places >= part.begin) & (places < part.end)):
@@ -279,7 +285,7 @@ def once(run: op.Run, joins: list[tuple[float, op.Run]], events: int, rng: np.ra
 
 def _own(own: dict[int, Bodies], executor: op.Executor, tick: op.Tick) -> Bodies:
     """The robot beside itself and what stands, off the path."""
-    parts = scene_parts(executor.run.problem, executor.run.trajectory)
+    parts = _parts(executor.run)
     k = next(k for k, part in enumerate(parts) if tick.status.place < part.end or k == len(parts) - 1)
     if (id(executor.run), k) not in own:
         own[id(executor.run), k] = Bodies(parts[k].problem.robot, parts[k].problem.scene)
@@ -337,7 +343,7 @@ def main() -> None:
     parser = table_parser(__doc__)
     parser.add_argument("--events", type=int, default=1000, help="on each run")
     parser.add_argument("--runs", nargs="+", default=list(RUNS), help="names of shipped problems")
-    parser.add_argument("--budget", type=float, default=20.0, help="seconds of planning")
+    parser.add_argument("--budget", type=float, default=60.0, help="seconds of planning")
     options = parser.parse_args()
     rows, data = [], {}
     for name in options.runs:

@@ -104,6 +104,7 @@ class Executor(LawFollower):
         self._tracking = TrackingMonitor(self._path, deviation, tracking or TrackingPolicy())
         self._stretch: PathStretch = self._path.forwards
         self._stops = JointStops(self._path)
+        self._stops.prepare()
         self._detour: Detour | None = None
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
