@@ -30,6 +30,7 @@ from optiplan.simulation.log import Log
 
 BAR = 1e-3  # m, tool error RMS
 RATE, LEAST, LASTING = 2.0, 0.1, 0.3  # changes a second; least speed; s of a pause or a way back
+FINGERS, PADS = 30.0, {"srra": 200.0, "baxter": 200.0}  # N, of each finger; of pads, where no fingers are modelled
 CALM = 60.0  # s after which nothing changes any more
 HEADINGS = (
     "problem",
@@ -68,6 +69,9 @@ def main() -> None:
             print(f"{file.stem}: {verdict} ({time.perf_counter() - began:.1f} s)", flush=True)
     rows, bad = [cells(row) for row in found], [row["problem"] for row in found if row["bad"]]
     remarks = [f"{len(found) - len(bad)} of {len(found)} within 1 mm RMS, without contact, objects within 2 mm."]
+    remarks += [
+        f"Grips: fingers press with {FINGERS:g} N, pads of a model (SRRA, Baxter, which are welded) with 200 N."
+    ]
     remarks += [f"Left out: {'; '.join(left)}."] if left else []
     print_table(HEADINGS, rows)
     write_markdown(options.markdown, HEADINGS, rows, remarks)
@@ -82,7 +86,7 @@ def executed(file: Path, budget: float, seed: int) -> dict[str, Any] | str:
         return "no verified motion"
     speed, ways = "at random", {"own": {}, "mujoco": {}}
     if run.problem.task:
-        ways["friction"] = {"engine": "mujoco", "grip": "friction"}
+        ways["friction"] = {"engine": "mujoco", "grip": op.FrictionGrip(PADS.get(run.problem.robot.name, FINGERS))}
     if run.problem.robot.mecanum is not None:
         ways["wheels"] = {"engine": "mujoco", "wheels": True}
     try:

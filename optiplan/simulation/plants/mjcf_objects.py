@@ -123,12 +123,11 @@ class TaskObjects:
         ]
         return list(dict.fromkeys(found))
 
-    def pad_axis(self, link: str) -> tuple[str, Array]:
-        """Return the body of MuJoCo that carries a link, and y of the tool frame in it, or of the link; (3,)."""
+    def pads(self, link: str) -> tuple[str, pin.SE3]:
+        """Return the body of MuJoCo that carries a link, and the tool frame in it, or the link's own."""
         model = self.robot.model
         tool, own = (model.frames[self.robot.frame_id(name)] for name in (self.robot.tool_frame, link))
-        frame = tool if tool.parentJoint == own.parentJoint else own
-        return _carrier(self.robot, link), np.array(frame.placement.rotation[:, 1])
+        return _carrier(self.robot, link), (tool if tool.parentJoint == own.parentJoint else own).placement
 
     def finger_links(self, stage: TaskStage, name: str) -> set[str]:
         """Return the links whose friction holds an object in a stage."""

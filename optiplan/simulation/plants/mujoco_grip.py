@@ -13,16 +13,24 @@ CLOSED = 0.5
 """Share of the force of all fingers from which on a grip counts as closed."""
 
 
+PAD_RADIUS = 0.015
+"""m; of pads that stand for fingers."""
+
+
 class FingerGrip:
     """The fingers of a robot that hold the objects of a task by friction.
 
     Where a task closes fingers on an object, each presses with a constant force, coupled as by one drive, and contacts
     of MuJoCo hold it. Where it closes none, a weld holds, and two pads stand for fingers in the figures: they press
-    along y of the tool frame, or of the link that holds.
+    along y at the tool frame, or at the link that holds.
 
-    The load is the share of friction that is needed, |f_t| / (mu f_n), without moments. Of an object's fingers, f_t is
-    the sum of their forces along their surfaces and f_n that of the normal ones; of two pads, f_t is m (a - g) without
-    its part along y, and f_n = 2 F.
+    The load is the share of what can be held that is needed. Of an object's fingers it is |f_t| / (mu f_n), f_t the sum
+    of their forces along their surfaces and f_n that of the normal ones. Of two pads of radius R it is, with the force
+    f and the moment m about the tool frame that the object's acceleration and weight need and P = 2 F,
+
+        |f_xz| / (mu P) + |m_y| / (2/3 mu R P) + |m_xz| / (R P).
+
+    Gyroscopic moments are left out.
     """
 
     def __init__(self, mujoco: Any, model: Any, data: Any, objects: TaskObjects) -> None:
@@ -85,11 +93,19 @@ class FingerGrip:
             self._most = max(self._most, self._pad_load(name, link))
 
     def _pad_load(self, name: str, link: str) -> float:
-        body, first = self._model.body(name), int(self._model.joint(name).dofadr[0])
-        force = float(body.mass[0]) * (self._data.qacc[first : first + 3] - self._model.opt.gravity)
-        carrier, axis = self._objects.pad_axis(link)
-        y = self._data.body(carrier).xmat.reshape(3, 3) @ axis
-        return float(np.linalg.norm(force - (force @ y) * y) / (2.0 * self._grip.friction * self._grip.force))
+        """Share of what two pads can hold that a welded object needs by its motion and weight."""
+        body, first = self._data.body(name), int(self._model.joint(name).dofadr[0])
+        model, carrier = self._model.body(name), self._objects.pads(link)
+        X = self._data.body(carrier[0])
+        R_pads = X.xmat.reshape(3, 3) @ carrier[1].rotation
+        here = X.xpos + X.xmat.reshape(3, 3) @ carrier[1].translation
+        acceleration, R = self._data.qacc[first : first + 6], body.ximat.reshape(3, 3)
+        force = float(model.mass[0]) * (acceleration[:3] - self._model.opt.gravity)
+        turning = R @ (model.inertia * (R.T @ body.xmat.reshape(3, 3) @ acceleration[3:]))
+        f, m = R_pads.T @ force, R_pads.T @ (np.cross(body.xipos - here, force) + turning)
+        press, friction = 2.0 * self._grip.force, self._grip.friction
+        along, across = np.hypot(f[0], f[2]) / (friction * press), np.hypot(m[0], m[2]) / (PAD_RADIUS * press)
+        return float(along + across + abs(m[1]) / (2.0 / 3.0 * friction * PAD_RADIUS * press))
 
     def load(self) -> float:
         """Return the largest load since the last call."""
