@@ -1,10 +1,23 @@
-"""The processor cores that this process is given."""
+"""The processor cores that this process is given, and how its threads share them."""
 
 import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 _GROUP = Path("/sys/fs/cgroup")
 """Where Linux, and within a container its runtime, shows the limits of this process's group."""
+
+PREFERRED = -10
+"""Nice value of threads that keep time."""
+
+QUICK = 5e-4
+"""s after which a thread of Python gives way, where one keeps time; of Python itself 5 ms, five ticks of 1 kHz."""
+
+_switching = threading.Lock()
+_before: list[float] = []
 
 
 def cores(group: Path = _GROUP) -> int:
@@ -29,3 +42,24 @@ def _share(group: Path) -> float | None:
     except (OSError, ValueError, ZeroDivisionError):  # `max`: no limit
         return None
     return share if share > 0.0 else None
+
+
+@contextmanager
+def keeping_time() -> Iterator[None]:
+    """Let this thread, meanwhile, run soon after it wakes: before those of other programs, as far as the system allows.
+
+    Other threads of Python give way to it after 0.5 ms.
+    """
+    with suppress(OSError, AttributeError):  # only root may; elsewhere than on Linux it is another call
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), PREFERRED)
+    with _switching:
+        _before.append(sys.getswitchinterval())
+        sys.setswitchinterval(min(QUICK, _before[0]))
+    try:
+        yield
+    finally:
+        with _switching:
+            first = _before[0]
+            _before.pop()
+            if not _before:
+                sys.setswitchinterval(first)

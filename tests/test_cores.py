@@ -1,10 +1,11 @@
 """The cores that a process is given: of a container with a share of the machine, that share."""
 
 import os
+import sys
 
 import pytest
 
-from optiplan.cores import cores
+from optiplan.cores import QUICK, cores, keeping_time
 
 ALL = len(os.sched_getaffinity(0))
 
@@ -28,3 +29,13 @@ def test_groups_of_the_first_version_say_it_in_two_files(tmp_path, quota, given)
 
 def test_without_a_group_all_cores_are_given(tmp_path):
     assert cores(tmp_path) == ALL
+
+
+def test_threads_of_python_give_way_where_one_keeps_time():
+    before = sys.getswitchinterval()
+    with keeping_time():
+        assert sys.getswitchinterval() == pytest.approx(min(before, QUICK))
+        with keeping_time():
+            assert sys.getswitchinterval() == pytest.approx(min(before, QUICK))
+        assert sys.getswitchinterval() == pytest.approx(min(before, QUICK))
+    assert sys.getswitchinterval() == pytest.approx(before)

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from optiplan.execution.state_watch import JUMP, OLDEST, StateWatch
 
 from optiplan.execution.measurement import Measurement
-from optiplan.execution.state_watch import JUMP, OLDEST, StateWatch
 from tests.execution.in_process import FollowingRobot, executed, steps_within_limits
 
 
