@@ -16,6 +16,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
+from optiplan.execution.real_time import in_time
 from optiplan.problem.problem import Problem
 from optiplan.simulation.controllers.base import JointTarget
 from optiplan.simulation.controllers.joints import ComputedTorque, VelocityTracking
@@ -183,7 +184,8 @@ def main() -> None:
         loop = RealTime(end, setup)
         gc.freeze()  # imported modules are not looked through for garbage on the way
         end.send(Packet.READY.value)
-        loop.run()
+        with in_time():
+            loop.run()
         end.send(data_packet(Packet.REPORT, loop.report()))
     except ConnectionError:
         pass
