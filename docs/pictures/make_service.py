@@ -107,7 +107,7 @@ def live(page: Page, name: str) -> None:
 def execution(page: Page, name: str) -> None:
     """A ball that is dragged into the way of an arm."""
     page.wait_for_function("optiplanExecution.ready && optiplanExecution.scene.data")
-    page.evaluate(TURN, 6)
+    page.evaluate(TURN, 3)
     page.click("#begin")
     page.wait_for_function("optiplanExecution.live.states > 60")
     page.evaluate("document.getElementById('pane').scrollIntoView()")

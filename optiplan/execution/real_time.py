@@ -18,7 +18,7 @@ RESPITE = 3.0
 
 @contextmanager
 def in_time() -> Iterator[bool]:
-    """Run this thread, and those and the processes that it starts, before others; collect no garbage meanwhile.
+    """Run this thread, and the threads that it starts, before others; collect no garbage meanwhile.
 
     Yields:
         Whether this user may run before others; where not, a busy machine may be late.
@@ -27,19 +27,22 @@ def in_time() -> Iterator[bool]:
     sys.setswitchinterval(SWITCH)
     gc.collect()
     gc.disable()  # looking through all that is loaded takes 50 ms
-    first = _round_robin(True)
     try:
-        yield first
+        yield _run(before_others=True)
     finally:
-        if first:
-            _round_robin(False)
+        in_turn()
         gc.enable()
         sys.setswitchinterval(before)
 
 
-def _round_robin(first: bool) -> bool:
-    """Return whether this thread now runs before others, or as they do."""
-    policy, priority = (os.SCHED_RR, 1) if first else (os.SCHED_OTHER, 0)
+def in_turn() -> None:
+    """Run this thread as others do: one that computes for long would take the machine from them."""
+    _run(before_others=False)
+
+
+def _run(before_others: bool) -> bool:
+    """Return whether this thread now runs so."""
+    policy, priority = (os.SCHED_RR, 1) if before_others else (os.SCHED_OTHER, 0)
     try:
         os.sched_setscheduler(0, policy, os.sched_param(priority))
     except (AttributeError, OSError):  # not on this system, or not for this user

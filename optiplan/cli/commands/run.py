@@ -101,15 +101,15 @@ def _executed(
     from optiplan.execution.real_time import in_time
 
     executor = Executor(motion, override=steering["override"], deviation=steering["deviation"])
-    with stdout_is_ours(), in_time():
+    with stdout_is_ours():
         made = driver_of(driver, motion, **options)
         try:
             execution = Execution(executor, made, patience=steering["patience"])
         except OptiPlanError:
             made.stop("not started")
             raise
-        execution.start()
-        with ProgressLine() as progress, _stopping(execution.stop) as pressed:
+        with in_time(), ProgressLine() as progress, _stopping(execution.stop) as pressed:
+            execution.start()
             while not execution.over:
                 seen = execution.wait(0.1)
                 progress(f"{seen['phase']} at {seen['speed']:.0%} of the planned speed", seen["progress"])

@@ -14,7 +14,7 @@ from optiplan.api.driving import driver
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.execution.execution import Execution
 from optiplan.execution.executor import Executor
-from optiplan.execution.real_time import RESPITE
+from optiplan.execution.real_time import RESPITE, in_turn
 from optiplan.execution.tick_loop import PATIENCE
 from optiplan.geometry.pose import Pose
 from optiplan.problem.problem import Problem
@@ -168,8 +168,12 @@ class Executing:
                 answer = {"error": f"internal error: {type(error).__name__}: {error}", "status": 500}
             self._replies.put({"reply": number, **answer})
 
+        def work_in_turn() -> None:
+            in_turn()
+            work()
+
         if message["do"] == "splice":  # it is verified first, which takes a moment
-            threading.Thread(target=work, name="splice", daemon=True).start()
+            threading.Thread(target=work_in_turn, name="splice", daemon=True).start()
         else:
             work()
 

@@ -123,8 +123,9 @@ class Tasks:
         from optiplan.execution.real_time import in_time
         from optiplan.service.execution.executing import Executing
 
+        executing = Executing(self._reader.read, request)
         with in_time():
-            return Executing(self._reader.read, request).run(progress), {}
+            return executing.run(progress), {}
 
     def bench_report(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """The report of a bench, of the texts of its runs."""

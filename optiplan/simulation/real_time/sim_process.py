@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.cores import keeping_time
 from optiplan.errors import OptiPlanError
+from optiplan.execution.real_time import in_time
 from optiplan.problem.problem import Problem
 from optiplan.simulation.controllers.base import JointTarget
 from optiplan.simulation.controllers.joints import ComputedTorque, VelocityTracking
@@ -214,7 +214,7 @@ def main() -> None:
         loop = RealTime(end, setup)
         gc.freeze()  # imported modules are not looked through for garbage on the way
         end.send(Packet.READY.value)
-        with keeping_time():
+        with in_time():
             loop.run()
         end.send(data_packet(Packet.REPORT, loop.report()))
     except ConnectionError:
