@@ -4,11 +4,11 @@
     python benchmarks/tracking_tube.py --count 3 --budget 2        # a minute
     python benchmarks/tracking_tube.py --markdown tube.md
 
-Each problem is planned with joints that may be off by 0, 0.002, 0.005 and 0.02 rad or m. In the table: s of planning and
-proof until the first proved motion, and the duration of the last one beside that without a tube. The judge puts the
-robot at random places of the motion, with random errors, half of them in the corners of the tube, and asks coal for
-contacts of all pairs of bodies, those proved once for a robot too; position limits as well. The exit code is 1 where
-anything touches or leaves its limits. The last line printed is JSON.
+Each problem is planned with joints that may be off by 0, 0.002, 0.005 and 0.02 rad or m. In the table: s of planning
+and proof until the first proved motion, and the duration of the last one beside that without a tube. The judge puts
+the robot at random places of the motion, with random errors, half of them in the corners of the tube, and asks coal
+for contacts of all pairs of bodies, those proved once for a robot too; position limits as well. The exit code is 1
+where anything touches or leaves its limits. The last line printed is JSON.
 """
 
 import os

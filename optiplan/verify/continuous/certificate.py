@@ -267,9 +267,11 @@ class _Search:
         nearest = self.nearest_measured(query.items.pair) if self.record is None else np.full(len(flat), np.inf)
         close = np.flatnonzero(~(flat - CLEARANCE_ROUNDING > nearest))
         along = self.motion.along_normals(at.joints, moving, travel, found.normals, close)
-        linear, loss, step = np.full(len(flat), -np.inf), np.zeros(len(flat)), np.zeros(len(flat))
-        linear[close], loss[close], step[close] = along.linear, along.loss, along.step
-        return Nearness(found.bound, travel.total, linear, loss, step)
+        linear, gap = np.full((2, len(flat)), -np.inf)
+        loss, step, any_way = np.zeros((3, len(flat)))
+        linear[close], loss[close], gap[close] = along.linear, along.loss, along.gap
+        step[close], any_way[close] = along.step, along.any_way
+        return Nearness(found.bound, travel.total, linear, loss, gap, step, any_way)
 
     def leaves_no_room(self, query: DistanceQuery, near: Nearness, at: Middles) -> bool:
         """Stop where the tracking error takes what is between two bodies, which no shorter interval can prove."""
@@ -282,7 +284,8 @@ class _Search:
         self.proof.met = (None, None)  # named is the pair that is too near for its tube, not the nearest
         k = own[np.argmin(near.least[own])]
         self.update_nearest(query, at, np.array([k]), measure=True)
-        self.stop(query.items, f"the tracking error takes {1e3 * near.step[k]:.3g} mm of the distance")
+        taken = 1e3 * (near.bound[k] - near.least[k])
+        self.stop(query.items, f"the tracking error takes {taken:.3g} mm of the distance")
         return True
 
     def expand_hulls(self, query: DistanceQuery, at: Middles) -> tuple[Intervals, Index]:

@@ -67,19 +67,21 @@ class DistanceQuery:
 class Nearness:
     """Of K pairs on their intervals, all (K,), m: the gap at the middle, and how much nearer they may come.
 
-    `travel` as of `Travel.total`, `linear`, `loss` and `step` as of `GapMotion`; -inf and 0 where nobody asked.
+    `travel` as of `Travel.total`, the others as of `GapMotion`; -inf and 0 where nobody asked.
     """
 
     bound: Array
     travel: Array
     linear: Array
     loss: Array
+    gap: Array
     step: Array
+    any_way: Array
 
     @cached_property
     def least(self) -> Array:
-        """What can be proved of the middles, m: the gap there, less `step`."""
-        return np.asarray(self.bound - self.step - CLEARANCE_ROUNDING)
+        """What can be proved of the middles, m, of which joints off their motion take `step` or `any_way`."""
+        return np.asarray(np.maximum(self.gap - self.step, self.bound - self.any_way) - CLEARANCE_ROUNDING)
 
     @cached_property
     def margin(self) -> Array:
@@ -89,8 +91,9 @@ class Nearness:
     def halvings(self, still: Index, target: Array) -> Index:
         """How often to halve `still` (K,): the least of 1 to 4 times after which scaled bounds reach `target`."""
         parts = 2.0 ** np.arange(1, 4)[:, None]
-        bound, linear = (self.bound - self.step)[still], np.maximum(self.linear - self.step, -1e9)[still]
-        loss, travel = (self.loss - self.step)[still], (self.travel - self.step)[still]
-        plane = bound + (linear - bound) / parts - loss / parts**2
-        enough: Flags = np.maximum(bound - travel / parts, plane) > 1.1 * target + CLEARANCE_ROUNDING
+        bound, step = self.bound[still], self.step[still]
+        linear, any_way = np.maximum(self.linear[still], -1e9), self.any_way[still]
+        plane = bound + (linear - bound) / parts - (self.loss[still] - step) / parts**2 - step
+        near = bound - any_way - (self.travel[still] - any_way) / parts
+        enough: Flags = np.maximum(near, plane) > 1.1 * target + CLEARANCE_ROUNDING
         return np.asarray(4 - enough.sum(axis=0), dtype=np.intp)

@@ -53,12 +53,14 @@ class Travel:
         total: (K,) bound on the change of distance, whatever the direction, m.
         item: (M,) of which of the K pairs a side is; `side` (M,): 0 for body a, 1 for b.
         lever: (J, M) the farthest that a point of the body gets from each joint's axis, m; 1 where a joint slides.
+        middle: (J, M) the same in the middle.
     """
 
     total: Array
     item: Index
     side: Index
     lever: Array
+    middle: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +70,16 @@ class GapMotion:
     Attributes:
         linear: lower bound of the gap along the normal, were every point to keep its velocity of the middle.
         loss: how far acceleration, and joints off their motion, can take the gap below that.
-        step: how far joints off their motion alone can take it below that in the middle; no shorter interval has less.
+        gap: the gap along the normal in the middle; less than the distance where bodies are not convex.
+        step: how far joints off their motion alone can take it below that there; no shorter interval has less.
+        any_way: how far they can move the bodies against each other there, whatever the direction.
     """
 
     linear: Array
     loss: Array
+    gap: Array
     step: Array
+    any_way: Array
 
 
 class Motion:
@@ -122,12 +128,13 @@ class Motion:
         lever += self._bodies.radius[bodies]
         slides = self._slides.tolist()
         lever[slides] = 1.0
+        middle = lever.copy()
         travelled = np.zeros(len(item))
         for j in reversed(range(len(lever))):
             if j not in slides:
                 lever[j] += travelled
             travelled += step[j] * lever[j]
-        return Travel(_sums(item, travelled, len(query.pairs)), item, side, lever)
+        return Travel(_sums(item, travelled, len(query.pairs)), item, side, lever, middle)
 
     def along_normals(
         self, boxes: Boxes, query: MotionQuery, travel: Travel, normals: Array, chosen: Index
@@ -151,8 +158,8 @@ class Motion:
         before = np.cumsum(speed, axis=0) - speed
         loss = 0.5 * half**2 * np.einsum("jm,jm->m", lever, acceleration + speed * (speed + 2.0 * before))
         w = normals[item].T * (1.0 - 2.0 * side)  # out of either body
-        off = _Off(_at(boxes.jump, rows) * moves, lever, w)
-        step = self._off_along(off, query, item, side)
+        off = _Off(_at(boxes.jump, rows) * moves, lever, travel.middle[:, kept], w)
+        step, any_way = self._off_along(off, query, item, side)
         loss += step + off.cross_terms((_at(boxes.reach, rows) - _at(boxes.jump, rows)) * moves)
         omega, u = self._twist(_at(boxes.v, rows) * moves, _at(query.direction, rows), _at(query.point, rows))
         turn, shift = half * _cross(w, omega), half * np.einsum("im,im->m", w, u)
@@ -168,10 +175,15 @@ class Motion:
         moved = np.maximum(*(_sums(at, end, len(chosen)) for end in (after + shift, before - shift)))
         linear = -(moved + _sums(fixed, standing, len(chosen)))
         linear[np.isnan(linear)] = -np.inf
-        return GapMotion(linear, _sums(at, loss, len(chosen)), _sums(at, step, len(chosen)))
+        gap = linear
+        if off.large:
+            own = self._bodies.support(bodies[:count], poses[:count], w.T)
+            gap = -(_sums(at, own, len(chosen)) + _sums(fixed, standing, len(chosen)))
+        loss, step, any_way = (_sums(at, part, len(chosen)) for part in (loss, step, any_way))
+        return GapMotion(linear, loss, gap, step, any_way)
 
-    def _off_along(self, off: "_Off", query: MotionQuery, item: Index, side: Index) -> Array:
-        """Bound how far bodies get along w (3, M) while joints are off their place by up to e (J, M): (M,), m.
+    def _off_along(self, off: "_Off", query: MotionQuery, item: Index, side: Index) -> tuple[Array, Array]:
+        """Bound how far bodies get along w (3, M), and in any direction, while joints are off by up to e (J, M): (M,).
 
         Joints are moved one after another, from the tip to the base. A joint with axis a through p that turns by
         delta <= e moves a point x, which the joints behind it have moved by u, along w by at most
@@ -179,21 +191,23 @@ class Motion:
         with L the distance from the axis; over the points of a body the first term is a support function.
         """
         if not off.large:
-            return np.asarray(np.einsum("jm,jm->m", off.lever, off.step))
+            moved = np.asarray(np.einsum("jm,jm->m", off.lever, off.step))
+            return moved, moved
         bodies, poses, rows = query.placed.bodies[item, side], query.placed.poses[item, side], query.rows[item]
         direction, point = _at(query.direction, rows), _at(query.point, rows)
         found, moved = np.zeros(len(item)), np.zeros(len(item))
         for j in reversed(range(len(off.step))):
-            step = off.step[j]
+            step, lever = off.step[j], off.middle[j]
             along = np.abs(np.einsum("im,im->m", off.w, direction[:, j]))
             if j not in self._slides:
                 d = _cross(off.w, direction[:, j])
                 level = np.einsum("im,im->m", d, point[:, j])
                 ends = (self._bodies.support(bodies, poses, sign * d.T) - sign * level for sign in (1.0, -1.0))
-                along = np.maximum(*ends) + np.linalg.norm(d, axis=0) * moved + 0.5 * step * off.lever[j]
-            found += step * np.minimum(along, off.lever[j])
-            moved += step * off.lever[j]
-        return found
+                lever = lever + moved
+                along = np.maximum(*ends) + np.linalg.norm(d, axis=0) * moved + 0.5 * step * lever
+            found += step * np.minimum(along, lever)
+            moved += step * lever
+        return found, moved
 
     def _moving(self, query: MotionQuery, item: Index, side: Index) -> Array:
         """Which joints move sides of pairs: (J, M), 1 or 0."""
@@ -215,10 +229,11 @@ _LARGE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class _Off:
-    """How far joints are off their motion, `step` (J, M), with the levers of bodies, (J, M), and normals w (3, M)."""
+    """How far joints are off their motion, `step` (J, M), with levers as of `Travel` (J, M), and normals w (3, M)."""
 
     step: Array
     lever: Array
+    middle: Array
     w: Array
 
     @property

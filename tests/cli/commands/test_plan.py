@@ -180,3 +180,16 @@ def test_out_is_tested_for_writing_before_planning(optiplan, free):
     code, out, err = optiplan("plan", free, "--out", "/proc/self/run")
     assert (code, out) == (2, "")
     assert "cannot be written" in err
+
+
+def test_a_tracking_error_is_planned_for_and_said(optiplan, optiplan_json, free):
+    code, data = optiplan_json("plan", free, "--tracking-error", "0.002")
+    assert code == 0
+    assert data["tracking_error"] == data["report"]["tracking_error"] == [0.002, 0.002]
+    assert "wherever the joints are within 0.002 rad" in " ".join(
+        optiplan("plan", free, "--tracking-error", 0.002)[1].split()
+    )
+    code, _, err = optiplan("plan", free, "--tracking-error", "9")
+    assert code == 2
+    assert "nearer to its limit than the tracking error" in err
+    assert optiplan("plan", free, "--tracking-error", "-1")[0] == 2

@@ -186,6 +186,17 @@ double World::tube_of(const Placement &at, int a, int b, int common) const {
     return of_a + travel_of(at.reaches, tube_.error.data(), b, common);
 }
 
+double World::ball_tube(const Placement &at, int body, int common) const {
+    double own = 0.0;
+    for (int j = bodies_[body].joint; j != common; j = tree_.joints[j].parent) {
+        const Joint &joint = tree_.joints[j];
+        const double step = std::fabs(joint.multiplier) * tube_.error[joint.leader];
+        const double lever = norm(cross(tree_.axis(at.joints.data(), j), at.centres[body] - at.joints[j].p));
+        own += joint.revolute ? step * (lever + bodies_[body].radius + own) : step;
+    }
+    return own;
+}
+
 double World::tube_along(const Placement &at, int pair, const Vec3 &normal) const {
     const auto [a, b, by_outline] = pairs_[pair];
     return tube_along_of(at, a, common_[pair], normal) + tube_along_of(at, b, common_[pair], normal);
@@ -218,10 +229,11 @@ double World::tube_along_of(const Placement &at, int body, int common, const Vec
 }
 
 // A witness of a pair whose distance was asked up to `cutoff` and the tube beyond, less what the tube takes of it.
-Witness World::in_tube(const Placement &at, int pair, Witness witness, double cutoff) const {
+Witness World::in_tube(const Placement &at, int pair, Witness witness, double cutoff, bool convex) const {
     if (tube_.error.empty() || tube_.most[pair] == 0.0) return witness;
     const double most = tube(at, pair);
-    witness.distance -= witness.distance > cutoff + most ? most : std::min(most, tube_along(at, pair, witness.normal));
+    const bool whatever = !convex || witness.distance > cutoff + most;
+    witness.distance -= whatever ? most : std::min(most, tube_along(at, pair, witness.normal));
     return witness;
 }
 
@@ -258,7 +270,8 @@ Witness World::distance(const Placement &at, int pair, double cutoff) const {
     const auto [a, b, by_outline] = pairs_[pair];
     const double wide = cutoff + tube(at, pair);
     return in_tube(at, pair,
-                   optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], wide), cutoff);
+                   optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], wide), cutoff,
+                   !by_outline);
 }
 
 Witness World::nearest_points(const Placement &at, int pair, double cutoff, Features *features, double gap) const {
@@ -269,7 +282,7 @@ Witness World::nearest_points(const Placement &at, int pair, double cutoff, Feat
     if (!by_outline || outer.distance > SETTLED + most) return in_tube(at, pair, outer, cutoff);
     const Witness nearer =
         optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff + most);
-    return in_tube(at, pair, nearer.distance > 0.0 ? nearer : outer, cutoff);
+    return in_tube(at, pair, nearer.distance > 0.0 ? nearer : outer, cutoff, !(nearer.distance > 0.0));
 }
 
 void World::near(Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail,

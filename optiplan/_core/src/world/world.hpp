@@ -222,16 +222,20 @@ class World {
     static constexpr char NEAR = 1, APART = 2;
 
     // What the tube takes of the distance of a pair, or of a group's hull, whatever the direction, m; and along the
-    // normal of a pair's nearest points, the bodies held in their boxes. 0 without a tube.
+    // normal of a pair's nearest points, the bodies held in their boxes. 0 without a tube. Of meshes, which are not
+    // convex, the verifier knows no normal: what takes of theirs whatever the direction is bounded as it does, by balls.
     double tube(const Placement &at, int pair) const {
         if (tube_.error.empty() || tube_.most[pair] == 0.0) return 0.0;
-        return tube_of(at, pairs_[pair].a, pairs_[pair].b, common_[pair]);
+        const auto [a, b, by_outline] = pairs_[pair];
+        if (!by_outline) return tube_of(at, a, b, common_[pair]);
+        return ball_tube(at, a, common_[pair]) + ball_tube(at, b, common_[pair]);
     }
+    double ball_tube(const Placement &at, int body, int common) const;
     double tube_of(const Placement &at, int a, int b, int common) const;
     double tube_along(const Placement &at, int pair, const Vec3 &normal) const;
     double tube_along_of(const Placement &at, int body, int common, const Vec3 &normal) const;
     const double *reached(const Placement &at, int body) const;
-    Witness in_tube(const Placement &at, int pair, Witness witness, double cutoff) const;
+    Witness in_tube(const Placement &at, int pair, Witness witness, double cutoff, bool convex = true) const;
     double travel_of(const std::vector<double> &reaches, const double *D, int body, int common) const;
     bool balls_apart_of(const Placement &at, int a, int b, double gap) const {
         const double reach = bodies_[a].radius + bodies_[b].radius + gap;
