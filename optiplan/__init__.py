@@ -53,11 +53,10 @@ if TYPE_CHECKING:
     from optiplan.execution.execution import Execution
     from optiplan.execution.executor import Executor
     from optiplan.execution.measurement import Measurement
-    from optiplan.execution.status import Status, Stopping, Tick
-    from optiplan.execution.tracking_monitor import TrackingPolicy
     from optiplan.execution.policy import Policy
     from optiplan.execution.separation import Separation
     from optiplan.execution.status import KeptSeparation, Status, Stopping, Tick
+    from optiplan.execution.tracking_monitor import TrackingPolicy
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
@@ -129,7 +128,6 @@ _ROOMS = {
     "execution.execution": ("Execution",),
     "execution.executor": ("Executor",),
     "execution.measurement": ("Measurement",),
-    "execution.status": ("Status", "Stopping", "Tick"),
     "execution.tracking_monitor": ("TrackingPolicy",),
     "execution.policy": ("Policy",),
     "execution.separation": ("Separation",),

@@ -293,9 +293,20 @@ class PathWatch:
         begin: float,
         error: Sequence[float] = (),
     ) -> PathWatch: ...
+    def add(self, body: Body) -> int: ...
     def blocked(
-        self, law: TimeLaw, now: float, bodies: _Indices, poses: _Array, motions: _Array, margin: float
-    ) -> tuple[float, int] | None: ...
+        self,
+        law: TimeLaw,
+        now: float,
+        bodies: _Indices,
+        poses: _Array,
+        motions: _Array,
+        margin: float,
+        linger: float = 0.0,
+    ) -> tuple[float, int, int] | None: ...
+    def nearest(
+        self, law: TimeLaw, now: float, bodies: _Indices, poses: _Array, motions: _Array, margin: float, most: float
+    ) -> tuple[float, int, int, float] | None: ...
 
 _Pieces = tuple[_Array, _Array]
 
@@ -337,18 +348,3 @@ class SetPointHistory:
     def note(self, time: float, q: _Array, place: float, epoch: int) -> None: ...
     def progress_at(self, time: float) -> float: ...
     def nearest(self, q: _Array, weights: _Array) -> tuple[_Array, float, float, int]: ...
-    def of(world: World, breakpoints: _Array, coefficients: _Array, width: float, begin: float) -> PathWatch: ...
-    def add(self, body: Body) -> int: ...
-    def blocked(
-        self,
-        law: TimeLaw,
-        now: float,
-        bodies: _Indices,
-        poses: _Array,
-        motions: _Array,
-        margin: float,
-        linger: float = 0.0,
-    ) -> tuple[float, int, int] | None: ...
-    def nearest(
-        self, law: TimeLaw, now: float, bodies: _Indices, poses: _Array, motions: _Array, margin: float, most: float
-    ) -> tuple[float, int, int, float] | None: ...
