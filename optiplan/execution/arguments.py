@@ -13,7 +13,6 @@ from optiplan.trajectory.state import State
 SAME_STATE = 1e-8
 """rad or m, and the same per s and s²: how far apart two states may be where one motion takes over."""
 
-
 LONGEST_TICK = 0.1
 """s: after a longer one the robot had no set-points for too long, and stops."""
 

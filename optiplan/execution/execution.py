@@ -15,9 +15,9 @@ import numpy as np
 from optiplan.arrays import is_finite
 from optiplan.cores import keeping_time
 from optiplan.errors import described, wrong_argument
-from optiplan.execution.arguments import numbers
+from optiplan.execution.arguments import LONGEST_TICK, numbers
 from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
-from optiplan.execution.executor import LONGEST_TICK, Executor
+from optiplan.execution.executor import Executor
 from optiplan.execution.proved_path import ProvedPath
 from optiplan.execution.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop, in_words
 from optiplan.geometry.pose import Pose, Values

@@ -9,8 +9,9 @@ from dataclasses import replace
 from typing import Protocol
 
 from optiplan.errors import OptiPlanError
+from optiplan.execution.arguments import LONGEST_TICK
 from optiplan.execution.drivers.base import Capabilities, Driver
-from optiplan.execution.executor import LONGEST_TICK, Executor
+from optiplan.execution.executor import Executor
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Ahead, Tick
 from optiplan.trajectory.segments import Segment

@@ -220,7 +220,7 @@ def _drivers(given: list[str] | None) -> tuple[Any, ...]:
     from optiplan.arrays import is_finite
     from optiplan.config.document import parse_yaml
     from optiplan.config.messages import choices
-    from optiplan.execution.executor import LONGEST_TICK
+    from optiplan.execution.arguments import LONGEST_TICK
     from optiplan.service.settings import DriverSetup
 
     found: dict[str, DriverSetup] = {}
