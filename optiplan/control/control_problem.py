@@ -1,13 +1,17 @@
 """`ControlProblem`: the quadratic program of one step, with a name for every row."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import qpsolvers
 
 from optiplan.arrays import Array
+from optiplan.control.limits.joint_box import JointBox
+from optiplan.control.objective import TaskObjective
 from optiplan.control.qp.program import Program
 from optiplan.control.qp.solvers import qpsolvers_problem
+from optiplan.control.row_stack import RowStack
+from optiplan.control.step_report import StepOutcome
 
 SHOWN_ROWS = 12
 """Rows of each kind that `repr` prints."""
@@ -99,3 +103,34 @@ def _listed(title: str, entries: list[str]) -> list[str]:
     """Return a title and at most SHOWN_ROWS entries as lines; nothing without entries."""
     more = [f"    … and {len(entries) - SHOWN_ROWS} more"] if len(entries) > SHOWN_ROWS else []
     return [f"  {title}:", *(f"    {entry}" for entry in entries[:SHOWN_ROWS]), *more] if entries else []
+
+
+def control_problem(
+    outcome: StepOutcome, objectives: Sequence[TaskObjective], box: JointBox, rows: RowStack, joint_names: Sequence[str]
+) -> ControlProblem:
+    """Return the last program of a step with copies of its arrays."""
+    program, level = outcome.program, outcome.level
+    assert program is not None
+    tasks = [objective.row_names(joint_names) for objective in objectives]
+    J, rates = objectives[level].weighted
+    lower_limits, upper_limits = box.owners()
+    return ControlProblem(
+        P=program.H,
+        q=program.g,
+        J=J.copy(),
+        rates=rates.copy(),
+        task_names=tasks[level],
+        C=program.C.copy(),
+        low=program.low.copy(),
+        high=program.high.copy(),
+        row_names=rows.names,
+        lower=program.box[0].copy(),
+        upper=program.box[1].copy(),
+        joint_names=tuple(joint_names),
+        lower_limits=lower_limits,
+        upper_limits=upper_limits,
+        A=program.A.copy(),
+        b=program.b.copy(),
+        equation_names=tuple(name for above in tasks[:level] for name in above),
+        slack=dict(outcome.slack),
+    )

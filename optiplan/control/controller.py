@@ -1,18 +1,26 @@
 """`Controller`: each step, the velocities that do the tasks best within the limits, and from which it can stop."""
 
-import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
-from typing import Any, Literal, get_args
 
 import numpy as np
 
 from optiplan.arrays import Array, is_finite
 from optiplan.control.configuration import Configuration
-from optiplan.control.control_problem import ControlProblem
+from optiplan.control.control_problem import ControlProblem, control_problem
+from optiplan.control.controller_arguments import (
+    Form,
+    all_of,
+    check_options,
+    check_step,
+    followed_motion,
+    relaxed_order,
+    seen,
+)
 from optiplan.control.defaults import LONGEST_STEP, ORDER, default_limits
 from optiplan.control.limits.base import ControlLimit
+from optiplan.control.limits.clearance import ClearanceLimit
 from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.limits.row_limit import KeptRowLimit, RowLimit
 from optiplan.control.limits.stop_limits import StopLimit
@@ -26,14 +34,19 @@ from optiplan.control.step_report import StepOutcome, StepReporter
 from optiplan.control.stopping_guard import StoppingGuard
 from optiplan.control.tasks.base import ControlTask
 from optiplan.control.tasks.frame_tasks import FrameTask
+from optiplan.control.tasks.motion_task import FOLLOW_GAIN, MotionTask
 from optiplan.control.tasks.tool_abilities import response_time
-from optiplan.errors import described, flag_argument, wrong_argument
+from optiplan.errors import described, wrong_argument
+from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.state import State
 
-Form = Literal["velocity", "acceleration"]
-"""What tasks ask for, and how positions follow: see `Controller`."""
+ON_MOTION = 1e-3
+"""rad/s or m/s: how far the velocity of a motion at its limits may be from what steps allow."""
+
+PLACES = 400
+"""Places of a motion at which it is asked how near bodies come to each other on it."""
 
 
 class Controller:
@@ -100,45 +113,96 @@ class Controller:
         guess: bool = True,
         longest_step: float = LONGEST_STEP,
     ) -> None:
-        _check_kinds(robot, scene, relax, guess)
+        check_options(robot, scene, form, damping, relax, guess, longest_step)
         self.robot = robot
-        self.tasks = _all(tasks, ControlTask, "tasks", "a task, such as op.PoseTask(…)")
+        self.tasks = all_of(tasks, ControlTask, "tasks", "a task, such as op.PoseTask(…)")
         wanted = default_limits(scene) if limits is None else limits
-        self.limits = _all(wanted, ControlLimit, "limits", "a limit, such as op.VelocityLimit()")
-        if form not in get_args(Form):
-            raise wrong_argument("Controller", "form", described(form), f"one of: {', '.join(get_args(Form))}")
-        if not is_finite(damping) or damping <= 0.0:
-            raise wrong_argument("Controller", "damping", described(damping), "a finite number > 0")
+        self.limits = all_of(wanted, ControlLimit, "limits", "a limit, such as op.VelocityLimit()")
         response = response_time(robot) if response is None else response
         if not is_finite(response) or response < 0.0:
             raise wrong_argument("Controller", "response", described(response), "a finite number of seconds >= 0")
-        if not is_finite(longest_step) or longest_step <= 0.0:
-            expected = "a finite number of seconds > 0"
-            raise wrong_argument("Controller", "longest_step", described(longest_step), expected)
         self._programs, self._longest = QpSequence(make_solver(solver), guess), float(longest_step)
         for part in (*self.tasks, *self.limits):
             part.bind(robot)
-        self._order = _order(relax, self.limits)
+        self._order = relaxed_order(relax, self.limits)
         self._damping, self._by_acceleration = float(damping), form == "acceleration"
-        n = robot.n
-        levels = sorted({task.priority for task in self.tasks})
-        self._objectives = [
-            TaskObjective([task for task in self.tasks if task.priority == level], n, self._by_acceleration, response)
-            for level in levels
-        ] or [TaskObjective([], n, self._by_acceleration, response)]
-        self._measured = next((k for k, t in enumerate(self._objectives[0].tasks) if isinstance(t, FrameTask)), None)
+        self._response, n = response, robot.n
+        self._motion: MotionTask | None = None
+        self._take_tasks()
         self._box = JointBox(self.limits, self._order, n, self._by_acceleration, self._longest)
+        self._watches = [limit for limit in self.limits if isinstance(limit, ClearanceLimit)]
         stop_limits = [limit for limit in self.limits if isinstance(limit, StopLimit)]
         kept_limits = [limit for limit in self.limits if isinstance(limit, KeptRowLimit)]
         self._guard = StoppingGuard(robot, stop_limits, kept_limits, self._box)
-        self._rows = RowStack([limit for limit in self.limits if isinstance(limit, RowLimit)], self._order, n)
-        for limit in self.limits:
-            if isinstance(limit, RowLimit):
-                limit.meet(self._box, self._by_acceleration)
+        row_limits = [limit for limit in self.limits if isinstance(limit, RowLimit)]
+        self._rows = RowStack(row_limits, self._order, n)
+        for limit in row_limits:
+            limit.meet(self._box, self._by_acceleration)
         self.time = 0.0
         self._configuration = Configuration(robot)
         self._report = StepReporter(robot, self._box, self._rows)
         self._no_equations = np.zeros((0, n)), np.zeros(0)
+
+    def _take_tasks(self) -> None:
+        """Group the tasks by priority."""
+        levels = sorted({task.priority for task in self.tasks})
+        groups = [[task for task in self.tasks if task.priority == level] for level in levels] or [[]]
+        made = self.robot.n, self._by_acceleration, self._response
+        self._objectives = [TaskObjective(group, *made) for group in groups]
+        self._measured = next((k for k, t in enumerate(groups[0]) if isinstance(t, FrameTask)), None)
+
+    def follow(self, run: object, gain: float = FOLLOW_GAIN) -> MotionTask:
+        """Follow the motion of a run from now on, in the place of all tasks: with its velocities as feed-forward.
+
+        Where limits hold the robot back, the motion waits: see `MotionTask`.
+
+        Args:
+            run: with a trajectory of the same joints, or that trajectory.
+            gain: 1/s; how quickly deviations fall.
+
+        Returns:
+            The task: `time`, s of the motion, and `done`.
+
+        Raises:
+            InputError: no motion, one of other joints, or a gain below 0.
+
+        Example:
+            >>> import optiplan as op
+            >>> run = op.plan(op.load_problem("01_reach"))
+            >>> controller = op.Controller(run.problem.robot, [], scene=run.problem.scene)
+            >>> state, motion = run.trajectory.state(0.0), controller.follow(run)
+            >>> while not motion.done:
+            ...     state = controller.step(state, 0.002).state
+            >>> float(abs(state.q - run.trajectory.end).max()) < 1e-3
+            True
+        """
+        trajectory = followed_motion(self.robot, run)
+        motion = MotionTask(trajectory, gain, self._by_acceleration)
+        motion.bind(self.robot)
+        for limit in self._watches:
+            limit.pass_along(trajectory(np.linspace(0.0, trajectory.duration, PLACES)))
+        self.tasks, self._motion = (motion,), motion
+        self._take_tasks()
+        return motion
+
+    def update_scene(self, poses: Mapping[str, Pose], velocities: Mapping[str, Values] | None = None) -> None:
+        """Take where obstacles of the scene are now, and how they move, in place.
+
+        An obstacle goes on with its velocity for 0.4 s, and is taken to stand still then, until it is seen again. The
+        first time one moves, the model is made anew, which takes some milliseconds: call it before the loop.
+
+        Args:
+            poses: of obstacles, by name.
+            velocities: (3,), m/s, of some of them; the others stand still.
+
+        Raises:
+            InputError: no limit of clearance knows an obstacle of that name, or a pose or velocity that cannot be.
+        """
+        X, v = seen({body.name for limit in self._watches for body in limit.scene.obstacles}, poses, velocities)
+        for limit in self._watches:
+            known = {body.name for body in limit.scene.obstacles}
+            if limit.see({name: pose for name, pose in X.items() if name in known}, v, self.time):
+                self._guard.forget()
 
     def step(self, state: State, dt: float) -> ControlStep:
         """What to do in the next dt seconds from a state.
@@ -151,7 +215,7 @@ class Controller:
             InputError: a state of another size or with NaN, a dt that is not > 0.
         """
         begin = time.perf_counter()
-        self._check(state, dt, "Controller.step")
+        check_step(self.robot, state, dt, "Controller.step")
         if dt > self._longest:
             return self._braking(
                 state, dt, begin, f"the step of {dt:g} s is longer than {self._longest:g} s, as stated"
@@ -160,8 +224,10 @@ class Controller:
         c.update(state.q, state.v)
         outcome = self._linearise(c, state, dt)
         self._programs.solve_seconds = 0.0
-        x = self._solve(c, state, dt, outcome)
-        accepted = None if x is None else self._accept(x, outcome) or self._way_out(outcome)
+        accepted = self._along_motion(c, outcome)
+        if accepted is None:
+            x = self._solve(c, state, dt, outcome)
+            accepted = None if x is None else self._accept(x, outcome) or self._way_out(outcome)
         outcome.solve_seconds = self._programs.solve_seconds
         if accepted is None:
             self._programs.reset()
@@ -192,7 +258,7 @@ class Controller:
             >>> problem.task_names[0], problem.upper_limits[0]
             ('posture: panda_joint1', 'jerk')
         """
-        self._check(state, dt, "Controller.build")
+        check_step(self.robot, state, dt, "Controller.build")
         if dt > self._longest:
             expected = f"at most longest_step = {self._longest:g} s; a longer step brakes"
             raise wrong_argument("Controller.build", "dt", f"{dt:g} s", expected)
@@ -202,41 +268,15 @@ class Controller:
         c = self.configuration(state)
         outcome = preview._linearise(c, state, dt)
         preview._solve(c, state, dt, outcome)
-        return preview._problem(outcome)
-
-    def _problem(self, outcome: StepOutcome) -> ControlProblem:
-        """Return the last program of a step with copies of its arrays."""
-        program, level, names = outcome.program, outcome.level, self.robot.joint_names
-        assert program is not None
-        tasks = [objective.row_names(names) for objective in self._objectives]
-        J, rates = self._objectives[level].weighted
-        lower_limits, upper_limits = self._box.owners()
-        return ControlProblem(
-            P=program.H,
-            q=program.g,
-            J=J.copy(),
-            rates=rates.copy(),
-            task_names=tasks[level],
-            C=program.C.copy(),
-            low=program.low.copy(),
-            high=program.high.copy(),
-            row_names=self._rows.names,
-            lower=program.box[0].copy(),
-            upper=program.box[1].copy(),
-            joint_names=tuple(names),
-            lower_limits=lower_limits,
-            upper_limits=upper_limits,
-            A=program.A.copy(),
-            b=program.b.copy(),
-            equation_names=tuple(name for above in tasks[:level] for name in above),
-            slack=dict(outcome.slack),
-        )
+        return control_problem(outcome, preview._objectives, preview._box, preview._rows, self.robot.joint_names)
 
     def _linearise(self, c: Configuration, state: State, dt: float) -> StepOutcome:
         """Set bounds and rows of a step from a state, at which `c` is; return its empty outcome."""
         self._box.update(state, dt)
         brake = self._box.brake(state, dt)
         self._rows.collect(c, state, dt, self._guard.rows(c, state, dt, self.time))
+        for objective in self._objectives:
+            objective.begin_step(state, dt)
         return StepOutcome(state, dt, brake)
 
     def stop(self, state: State, dt: float) -> ControlStep:
@@ -246,7 +286,7 @@ class Controller:
             InputError: a state of another size or with NaN, a dt that is not > 0.
         """
         begin = time.perf_counter()
-        self._check(state, dt, "Controller.stop")
+        check_step(self.robot, state, dt, "Controller.stop")
         return self._braking(state, dt, begin, "as asked")
 
     def _braking(self, state: State, dt: float, begin: float, why: str) -> ControlStep:
@@ -265,6 +305,19 @@ class Controller:
         c = Configuration(self.robot)
         c.update(state.q, state.v)
         return c
+
+    def _along_motion(self, c: Configuration, outcome: StepOutcome) -> State | None:
+        """The next state of a motion that is followed, where the robot is on it and can stop clear from there.
+
+        No row is asked: they slow down what comes near, which a planned motion does where it is clear.
+        """
+        if self._motion is None or not self._motion.is_met:
+            return None
+        x = self._box_clip(self._motion.velocity)
+        if (np.abs(x - self._motion.velocity) > ON_MOTION).any():
+            return None
+        outcome.demand = self._objectives[0].demand(c, outcome.state, outcome.dt)
+        return self._if_clear(x, outcome)
 
     def _solve(self, c: Configuration, state: State, dt: float, outcome: StepOutcome) -> Array | None:
         """The best velocities of all priorities; None where no answer can be accepted."""
@@ -362,53 +415,3 @@ class Controller:
         a = (x - state.v) / dt
         q = state.q + (0.5 * dt) * (state.v + x) if self._by_acceleration else state.q + dt * x
         return State.of(q, x, a)
-
-    def _check(self, state: State, dt: float, function: str) -> None:
-        if not isinstance(state, State):
-            raise wrong_argument(function, "state", described(state), "an op.State")
-        if not is_finite(dt) or dt <= 0.0:
-            raise wrong_argument(function, "dt", described(dt), "a finite number of seconds > 0")
-        if state.n != self.robot.n:
-            found = f"{state.n} joints"
-            raise wrong_argument(function, "state.q", found, f"{self.robot.n}, those of {self.robot.name}")
-        if not math.isfinite(state.q @ state.q + state.v @ state.v + state.a @ state.a):
-            raise wrong_argument(function, *_not_finite(state), "finite numbers")
-
-
-def _not_finite(state: State) -> tuple[str, str]:
-    """Field and value of the first number of a state that is not finite."""
-    for name in ("q", "v", "a"):
-        bad = np.flatnonzero(~np.isfinite(getattr(state, name)))
-        if len(bad):
-            return f"state.{name}[{bad[0]}]", str(getattr(state, name)[bad[0]])
-    return "state", "numbers whose squares overflow"
-
-
-def _check_kinds(robot: Any, scene: Any, relax: Any, guess: Any) -> None:
-    if not isinstance(robot, Robot):
-        raise wrong_argument("Controller", "robot", described(robot), "op.load_robot(…)")
-    if scene is not None and not isinstance(scene, Scene):
-        raise wrong_argument("Controller", "scene", described(scene), "op.Scene([…])")
-    if isinstance(relax, str) or not isinstance(relax, Sequence):
-        raise wrong_argument("Controller", "relax", described(relax), "a list of names of limits")
-    flag_argument("Controller", "guess", guess)
-
-
-def _all(parts: Iterable[object], kind: type, argument: str, expected: str) -> tuple:  # type: ignore[type-arg]
-    try:
-        found = tuple(parts)
-    except TypeError:
-        raise wrong_argument("Controller", argument, described(parts), f"a list of {argument}") from None
-    for k, part in enumerate(found):
-        if not isinstance(part, kind):
-            raise wrong_argument("Controller", f"{argument}[{k}]", described(part), expected)
-    return found
-
-
-def _order(relax: Sequence[str], limits: Iterable[ControlLimit]) -> tuple[str, ...]:
-    """Names of limits, the least important first."""
-    if isinstance(relax, str) or any(name not in ORDER for name in relax):
-        raise wrong_argument("Controller", "relax", f"{relax!r}", f"names among: {', '.join(ORDER)}")
-    own = dict.fromkeys(limit.name for limit in limits)
-    others = [name for name in own if name not in ORDER]
-    return (*others, *[name for name in ORDER if name not in relax], *relax)

@@ -85,6 +85,11 @@ class TaskObjective:
         """Return a name for each row of `Demand.A`, (k,)."""
         return tuple(name for task in self.tasks for name in task.row_names(joints))
 
+    def begin_step(self, state: State, dt: float) -> None:
+        """Tell the tasks that a step of dt s begins."""
+        for task in self.tasks:
+            task.begin_step(state, dt)
+
     def demand(self, c: Configuration, state: State, dt: float) -> Demand:
         """What the tasks ask for at a configuration; the arrays are overwritten by the next call."""
         A, b, e = self._A, self._b, self._e

@@ -45,6 +45,11 @@ class StoppingGuard:
         other._least = [least.copy() for least in self._least]
         return other
 
+    def forget(self) -> None:
+        """Measure everything again in the next step: what was near tells nothing any more."""
+        self._views, self._least, self._ahead, self._braked = [], [], {}, None
+        self._timed = not all(limit.still for limit in self._limits)
+
     def rows(self, c: Configuration, state: State, dt: float, t: float) -> list[tuple[str, LimitRows]]:
         """Rows of all limits for a step from a state, at which `c` is, at time t, s."""
         if not self._limits:

@@ -6,15 +6,16 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import is_finite
 from optiplan.errors import OptiPlanError, wrong_argument
-from optiplan.execution.arguments import is_share, numbers, same_state, told
+from optiplan.execution.arguments import is_share, same_state, told
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.proved_path import PathStretch, ProvedPath
-from optiplan.execution.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
+from optiplan.execution.scene_watch import BlockedPlace
+from optiplan.execution.seen_scene import SeenScene
 from optiplan.execution.status import Phase, Status, Stopping, Tick
+from optiplan.execution.tracking_monitor import TrackingMonitor
 from optiplan.geometry.pose import Pose, Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import Segment
@@ -78,16 +79,15 @@ class Executor:
             raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
         if not (is_finite(clearance) and clearance >= 0.0):
             raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
-        self._path, self._clearance = ProvedPath(run, "Executor"), float(clearance)
-        self._watch = SceneWatch(self._path, self._clearance)
-        self._obstacles: dict[str, SeenObstacle] = {}
+        self._path = ProvedPath(run, "Executor")
+        self._scene = SeenScene(self._path, float(clearance))
+        self._tracking = TrackingMonitor(deviation)
         self._stretch: PathStretch = self._path.forwards
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
         self._law: TimeLaw = self._start_law(self._path, float(override))
         self._held: Literal["", "paused", "waiting", "stopped"] = "" if override > 0.0 else "paused"
-        self._reason, self._most_deviation = "", deviation
-        self._deviation: float | None = None
+        self._reason = ""
         self._seen = -math.inf  # the place up to which events are done
         self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
         self._next: tuple[float, ProvedPath, float] | None = None  # when it takes over, and when it was handed over
@@ -149,7 +149,7 @@ class Executor:
             velocities: (3,) m/s, of the frames of some of them; the others stand still.
             spread: m/s; how fast they may depart from that course, in any direction.
         """
-        reason = self._see(poses, {} if velocities is None else velocities, spread)
+        reason = self._scene.see(poses, {} if velocities is None else velocities, spread, self.time)
         if reason:
             self.stop(reason)
             return
@@ -162,11 +162,11 @@ class Executor:
         self._yield()
 
     def _blocked(self, law: "TimeLaw") -> BlockedPlace | None:
-        return self._watch.blocked(self._stretch, law, self.time, list(self._obstacles.values()))
+        return self._scene.blocked(self._stretch, law, self.time)
 
     def _yield(self) -> None:
         """Wait, where obstacles that were seen block the way of the law."""
-        found = self._blocked(self._law) if self._obstacles else None
+        found = self._blocked(self._law)
         if found is None:
             return
         if not self._held:
@@ -176,25 +176,6 @@ class Executor:
             found = self._blocked(self._law)
         if found is not None and TOO_LATE not in self._reason:
             self._reason += f"; {TOO_LATE}" if self._reason else TOO_LATE
-
-    def _see(self, poses: Mapping[str, Pose], velocities: Mapping[str, Values], spread: float) -> str:
-        """Remember where obstacles are; return why that is not possible, or nothing."""
-        known = {obstacle.name for obstacle in self._watch.scene.obstacles}
-        if not isinstance(poses, Mapping) or not all(isinstance(pose, Pose) for pose in poses.values()):
-            return f"update_scene: found {told(poses)}; expected poses by name"
-        if not is_finite(spread) or spread < 0.0:
-            return f"update_scene: found a spread of {told(spread)}; expected a speed >= 0, m/s"
-        if not isinstance(velocities, Mapping):
-            return f"update_scene: found {told(velocities)}; expected velocities by name"
-        for name, pose in poses.items():
-            if name not in known:
-                return f"update_scene: found an obstacle '{name}'; expected one of: {', '.join(sorted(known))}"
-            velocity = numbers(velocities.get(name, np.zeros(3)))
-            if velocity.shape != (3,) or not np.isfinite(velocity).all():
-                found = told(velocities[name])
-                return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
-            self._obstacles[name] = SeenObstacle(name, pin.SE3(pose.matrix), velocity, float(spread), self.time)
-        return ""
 
     def state_in(self, latency: float) -> State:
         """Return the state of the robot `latency` s from now, if nothing is changed until then.
@@ -265,7 +246,9 @@ class Executor:
             self._turn()
         point = self._point()
         if measured is not None:
-            self._compare(measured, point)
+            reason = self._tracking.compare(measured, point, self.run.problem.robot.joint_names)
+            if reason and self._held != "stopped":
+                self.stop(reason)
         place = self._stretch.place(point.place.s)
         events = self._due(place)
         speed = self._stretch.direction * point.place.speed
@@ -344,8 +327,7 @@ class Executor:
         then, path, since = self._next
         self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
         self._path, self._stretch, self._next = path, path.forwards, None
-        self._watch, known = SceneWatch(path, self._clearance), {one.name for one in path.run.problem.scene.obstacles}
-        self._obstacles = {k: one for k, one in self._obstacles.items() if one.time >= since and k in known}
+        self._scene = self._scene.over(path, since)
         self._seen, self._backwards = -math.inf, False
         self._wanted = 0.0 if self._held else self._override
         self._law = path.forwards.laws.steady(0.0, self._wanted if path.starts_at_rest else 1.0, then)
@@ -365,19 +347,6 @@ class Executor:
             self.stop(f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s")
             return LONGEST_TICK
         return float(dt)
-
-    def _compare(self, measured: object, point: SetPoint) -> None:
-        """Compare measured positions with the set-point."""
-        values = measured.q if isinstance(measured, State) else measured
-        q = numbers(values)
-        if q.shape != point.q.shape or not np.isfinite(q).all():
-            self.stop(f"measured: found {told(measured)}; expected {len(point.q)} finite positions")
-            return
-        off = np.abs(q - point.q)
-        self._deviation = max(self._deviation or 0.0, float(off.max()))
-        if self._most_deviation is not None and off.max() > self._most_deviation and self._held != "stopped":
-            joint = self.run.problem.robot.joint_names[int(off.argmax())]
-            self.stop(f"{joint} is {off.max():.4g} from its set-point, farther than {self._most_deviation:g}")
 
     def _due(self, place: float) -> tuple[Segment, ...]:
         """Return the events that have become due by a place of the path."""
@@ -400,4 +369,4 @@ class Executor:
             phase = "changing"
         elif resting:
             phase = "paused"
-        return Status(phase, place, place / T, speed, self._override, self._reason, self._deviation)
+        return Status(phase, place, place / T, speed, self._override, self._reason, self._tracking.deviation)

@@ -115,9 +115,9 @@ def test_updates_that_cannot_be_used_end_in_a_stop(run, update, words):
     assert executor.status.phase == "stopping"
 
 
-def blocked_executor(run):
+def blocked_executor(run, **options):
     """An executor at 0.1 s, and where the tool will be."""
-    executor = op.Executor(run, clearance=0.01)
+    executor = op.Executor(run, clearance=0.01, **options)
     for _ in range(100):
         executor.tick(DT)
     return executor, op.Pose(tuple(run.problem.robot.fk(run.trajectory(0.7 * run.duration)).matrix[:3, 3]))
@@ -162,8 +162,7 @@ def test_that_a_stop_comes_too_late_is_said_once(run):
 
 
 def test_a_deviation_stops_a_waiting_robot(run):
-    executor, ahead = blocked_executor(run)
-    executor._most_deviation = 0.05
+    executor, ahead = blocked_executor(run, deviation=0.05)
     executor.update_scene({"ball0": ahead})
     executor.tick(DT, np.full(7, 9.0))
     assert executor.status.phase in ("stopping", "stopped")

@@ -273,7 +273,15 @@ void bind_world(nb::module_ &m) {
         .def("gradients", &gradients, "Q"_a, "rows"_a, "pairs"_a, "points"_a, "normals"_a)
         .def("collides", &collides, "q"_a)
         .def("lower_bounds", &lower_bounds, "Q"_a)
-        .def("travel", &travel, "Q"_a, "D"_a);
+        .def("travel", &travel, "Q"_a, "D"_a)
+        .def(
+            "move_body",
+            [](World &self, int body, const Matrix &placement) {
+                const bool known = body >= 0 && body < static_cast<int>(self.bodies().size());
+                expect(known && placement.size() == 16, "a body of the world, placement (4, 4)");
+                self.move_body(body, pose_at(placement.data()));
+            },
+            "body"_a, "placement"_a);
     nb::class_<Sweep>(m, "Sweep")
         .def("__init__", &make_sweep, "world"_a, "breakpoints"_a, "coefficients"_a, "rules"_a, nb::keep_alive<1, 2>())
         .def_prop_ro("intervals", &Sweep::intervals)

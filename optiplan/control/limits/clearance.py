@@ -1,8 +1,11 @@
 """`ClearanceLimit`: bodies of the robot, of what it holds and of the scene stay apart."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
+import pinocchio as pin
 
 from optiplan._core import core
 from optiplan.arrays import Array, Index
@@ -10,7 +13,7 @@ from optiplan.collision.native_model import NativeCollisionModel, planning_model
 from optiplan.control.arguments import checked_number
 from optiplan.control.braking_path import NativeBrakingPath
 from optiplan.control.configuration import Configuration
-from optiplan.control.limits.moving_obstacles import AHEAD, HORIZON, ObstacleJoints, PathAmongMoving
+from optiplan.control.limits.moving_obstacles import AHEAD, HORIZON, ObstacleJoints, PathAmongMoving, straight_on
 from optiplan.control.limits.stop_limits import KEPT, DistanceView, StopLimit, StopPath
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.scene import Scene
@@ -77,6 +80,7 @@ class ClearanceLimit(StopLimit):
         self._common = ((first & second) * np.arange(1, first.shape[1] + 1)).max(axis=1, initial=0)
         self._reaches = np.where(self._joints > 0, bounds.body_reaches()[bounds.pairs], 0.0)
         self.still = not self.model.motions
+        self._dynamic: dict[str, tuple[int, pin.SE3]] = {}
         if not self.still:
             self._among_moving(robot)
         self._watch = None
@@ -122,6 +126,54 @@ class ClearanceLimit(StopLimit):
         self._placed = Configuration(robot, self.model.model)
         self.moving = np.asarray(self.arms[:, robot.n :].sum(axis=1) > 0.0)
         self.comes_in = self.comes_in + AHEAD * self.moving
+        self._dynamic = {body.name: (k, body.X_WO) for k, body in enumerate(self.scene.dynamic_obstacles)}
+
+    def see(self, poses: Mapping[str, pin.SE3], velocities: Mapping[str, Array], t: float) -> bool:
+        """Take the poses X_WO of obstacles of the scene at time t, s, and their velocities (3,), m/s.
+
+        They go on with these for HORIZON, and stand still then. Obstacles that have not moved before are made anew.
+
+        Returns:
+            Whether what was measured before tells nothing any more.
+        """
+        turned = [name for name, X_WO in poses.items() if not self._has_turn(name, X_WO)]
+        if self.still or not poses.keys() <= self._dynamic.keys() or (turned and self._watch is None):
+            self._make_anew(poses, velocities, t)
+            return True
+        for name, X_WO in poses.items():
+            k, placed = self._dynamic[name]
+            self._obstacles.replace(k, straight_on(X_WO.translation - placed.translation, velocities[name], t))
+        for name in turned:
+            k, placed = self._dynamic[name]
+            self._dynamic[name] = k, pin.SE3(poses[name].rotation, placed.translation)
+            assert isinstance(self.model, NativeCollisionModel)
+            assert self.model.world is not None
+            self.model.world.move_body(self.model.names.index(name), self._dynamic[name][1].homogeneous)
+        return bool(turned)
+
+    def pass_along(self, Q: Array) -> None:
+        """Ask of pairs that are near at Q (N, n), places of a proved motion, half of their least distance there."""
+        found = self.model.near(self.model.at_times(Q, np.zeros(len(Q))), 2.0 * self.at_least)
+        least = np.full(len(self.labels), np.inf)
+        np.minimum.at(least, found.pairs, np.maximum(found.distance, 0.0))
+        self.least = np.minimum(self.least, 0.5 * least)
+        self.margin = np.minimum(self.margin, 0.6 * least)
+
+    def _has_turn(self, name: str, X_WO: pin.SE3) -> bool:
+        return name in self._dynamic and np.array_equal(self._dynamic[name][1].rotation, X_WO.rotation)
+
+    def _make_anew(self, poses: Mapping[str, pin.SE3], velocities: Mapping[str, Array], t: float) -> None:
+        """Make the model with these obstacles among those that move; others go on as they did."""
+        moving = {
+            body.name: replace(body, X_WO=self._dynamic[body.name][1], motion=motion)
+            for body, motion in zip(self.scene.dynamic_obstacles, self._obstacles.motions, strict=True)
+        }
+        for body in self.scene.obstacles:
+            if body.name in poses:
+                motion = straight_on(np.zeros(3), velocities[body.name], t)
+                moving[body.name] = replace(body, X_WO=poses[body.name], motion=motion)
+        self.scene = self.scene.with_(*moving.values())
+        self.bind(self.model.robot)
 
     def view(self, c: Configuration, before: DistanceView | None, t: float) -> DistanceView:
         """See `StopLimit.view`."""

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.moving_obstacles import displacements
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.stop_limits import StopPath
 from optiplan.geometry.obstacle_motion import ObstacleMotion
+from optiplan.trajectory.polynomial import shifted
 
 HORIZON = 0.4
 """s that moving obstacles are looked ahead at least, also where the robot stands sooner."""
@@ -25,23 +25,48 @@ class ObstacleJoints:
     """
 
     def __init__(self, motions: Sequence[ObstacleMotion]) -> None:
-        self._motions, self.size = tuple(motions), 3 * len(motions)
+        self.size, powers = 3 * len(motions), max([2, *(motion.coefficients.shape[1] for motion in motions)])
+        self._rows = np.zeros((len(motions), 3, powers))
+        for rows, motion in zip(self._rows, motions, strict=True):
+            rows[:, : motion.coefficients.shape[1]] = motion.coefficients
+        self._until = np.array([motion.until for motion in motions])
+        self._powers = np.arange(powers)
+
+    @property
+    def motions(self) -> list[ObstacleMotion]:
+        """The motions as they are by now, m."""
+        return [ObstacleMotion(rows.copy(), float(until)) for rows, until in zip(self._rows, self._until, strict=True)]
+
+    def replace(self, k: int, motion: ObstacleMotion) -> None:
+        """Let obstacle k move on a straight line from now on."""
+        self._rows[k] = 0.0
+        self._rows[k, :, : motion.coefficients.shape[1]] = motion.coefficients
+        self._until[k] = motion.until
 
     def at(self, t: float) -> Array:
         """Positions (3 m,), m."""
-        return np.asarray(displacements(self._motions, np.array([t]))[0])
+        powers = np.minimum(t, self._until)[:, None] ** self._powers
+        return np.asarray((self._rows * powers[:, None]).sum(axis=2).ravel())
 
     def rates(self, t: float) -> Array:
         """Velocities (3 m,), m/s."""
-        return np.asarray(displacements(self._motions, np.array([t]), 1)[0])
+        powers = self._powers * np.minimum(t, self._until)[:, None] ** np.maximum(self._powers - 1, 0)
+        return np.asarray(((self._rows * powers[:, None]).sum(axis=2) * (t <= self._until)[:, None]).ravel())
 
     def coefficients(self, t: float) -> tuple[Array, Array]:
         """Positions as polynomials of the time from t on (3 m, K), and how long these hold (3 m,), s."""
-        found = [motion.from_times(np.array([t]))[0] for motion in self._motions]
-        size = max(rows.shape[1] for rows in found)
-        C = np.vstack([np.pad(rows, ((0, 0), (0, size - rows.shape[1]))) for rows in found])
-        left = np.repeat([max(0.0, motion.until - t) for motion in self._motions], 3)
-        return np.ascontiguousarray(C), left
+        C = shifted(self._rows.swapaxes(1, 2), np.minimum(t, self._until)).swapaxes(1, 2)
+        C[t >= self._until, :, 1:] = 0.0
+        left = np.repeat(np.maximum(self._until - t, 0.0), 3)
+        return np.ascontiguousarray(C.reshape(self.size, -1)), left
+
+
+def straight_on(displacement: Array, velocity: Array, t: float) -> ObstacleMotion:
+    """Return the motion with a displacement (3,), m, and a velocity (3,), m/s, at time t, s, that ends HORIZON later.
+
+    Who is not seen again stands still there: nothing is known of a longer way.
+    """
+    return ObstacleMotion(np.column_stack([displacement - t * velocity, velocity]), t + HORIZON)
 
 
 class PathAmongMoving(StopPath):

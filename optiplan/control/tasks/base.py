@@ -12,6 +12,7 @@ from optiplan.control.configuration import Configuration
 from optiplan.control.tasks.tool_abilities import Ability, default_gain, tool_abilities
 from optiplan.errors import described, wrong_argument
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.state import State
 
 Weight = float | Sequence[float] | Array
 
@@ -78,6 +79,10 @@ class ControlTask(ABC):
     @abstractmethod
     def jacobian(self, c: Configuration) -> Array:
         """J (k, n) = de/dq."""
+
+    def begin_step(self, state: State, dt: float) -> None:
+        """Take note that a step of dt s begins in a state: for targets that move."""
+        return
 
     def evaluate(self, c: Configuration) -> tuple[Array, Array]:
         """Error (k,) and Jacobian (k, n) together, where that is cheaper."""

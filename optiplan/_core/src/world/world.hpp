@@ -96,6 +96,9 @@ class World {
     // The last joint that carries both bodies of a pair: it does not change their distance.
     int common(int pair) const { return common_[pair]; }
 
+    // Puts a body that a joint carries, and that is in no cluster, at another pose on it.
+    void move_body(int body, const Pose &X_JB) { bodies_[body].X_JB = X_JB; }
+
     Placement placement() const;
     Trail trail() const { return {pairs_.size(), groups_.size()}; }
     void place(const double *q, Placement &at) const;

@@ -1,0 +1,67 @@
+"""A run that is followed by the controller."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def run():
+    return op.plan(op.load_problem("01_reach"))
+
+
+def follow(run, controller, dt, start=None, most=3000):
+    """Follow a run to its end; return the states."""
+    motion = controller.follow(run)
+    states = [run.trajectory.state(0.0) if start is None else start]
+    while not motion.done and len(states) < most:
+        states.append(controller.step(states[-1], dt).state)
+    return motion, states
+
+
+@pytest.mark.parametrize(("name", "form"), [("02_shelf", "velocity"), ("01_reach", "acceleration")])
+def test_a_clear_run_is_followed_without_lag(name, form):
+    run, dt = op.plan(op.load_problem(name), budget=2.0), 0.002
+    controller = op.Controller(run.problem.robot, [], scene=run.problem.scene, form=form)
+    motion, states = follow(run, controller, dt)
+    assert motion.done
+    planned = run.trajectory(np.minimum(dt * np.arange(len(states)), run.duration))
+    assert np.abs(np.array([state.q for state in states]) - planned).max() < 1e-5
+
+
+def test_from_beside_the_path_the_robot_comes_back_to_it(run):
+    controller = op.Controller(run.problem.robot, [])
+    motion, states = follow(run, controller, 0.002, op.State(run.trajectory.start + 0.02))
+    assert motion.done
+    assert np.abs(states[-1].q - run.trajectory.end).max() < 2e-3
+
+
+def test_the_motion_waits_for_a_robot_that_an_obstacle_holds_back_and_is_finished_when_it_leaves(run):
+    robot = run.problem.robot
+    there = robot.fk(run.trajectory(0.6 * run.duration)).matrix[:3, 3]
+    ball = op.Sphere("ball", radius=0.05, position=(2.0, 0.0, 0.5))
+    controller = op.Controller(robot, [], scene=run.problem.scene.with_(ball))
+    motion, state = controller.follow(run), run.trajectory.state(0.0)
+    for k in range(1500):
+        if k == 50:
+            controller.update_scene({"ball": op.Pose(tuple(there))})
+        state = controller.step(state, 0.002).state
+    assert motion.time < 0.8 * run.duration, "it waits"
+    for _ in range(3000):
+        controller.update_scene({"ball": op.Pose((2.0, 0.0, 0.5))})
+        state = controller.step(state, 0.002).state
+    assert motion.done
+    assert np.abs(state.q - run.trajectory.end).max() < 1e-4
+
+
+@pytest.mark.parametrize("given", [None, "a path", object()])
+def test_what_is_no_motion_is_refused(run, given):
+    with pytest.raises(InputError, match=r"Controller\.follow.*run.*op\.Trajectory"):
+        op.Controller(run.problem.robot, []).follow(given)
+
+
+def test_a_motion_of_other_joints_is_refused(run):
+    with pytest.raises(InputError, match=r"Controller\.follow.*panda_joint1.*shoulder_pan_joint"):
+        op.Controller(op.load_robot("ur5"), []).follow(run)
