@@ -52,6 +52,12 @@ def test_friction_holds_with_a_margin_that_its_force_gives(fetch):
     assert any(check["name"] == "grip" and check["passed"] for check in log.report["checks"])
 
 
+def test_fingers_press_with_no_more_than_their_drive_gives(fetch):
+    """One drive of 70 N moves both fingers of the Panda."""
+    with pytest.raises(op.InputError, match=r"execute.*grip.*36 N each.*at most 35 N.*panda_finger_joint1"):
+        op.execute(fetch, "mujoco", grip=op.FrictionGrip(force=36.0))
+
+
 def test_what_friction_cannot_hold_is_left_behind(fetch):
     log = op.execute(fetch, "mujoco", grip=op.FrictionGrip(force=1.0, friction=0.3))
     assert log.slip_margin <= 0.0
