@@ -75,8 +75,8 @@ def execute(
         The log: `tracking` (errors of joints and tool), `contacts`, `objects`, `wheels`, `report`, arrays over time.
 
     Raises:
-        InputError: a run without a motion, a robot whose joints move no inertia, a run that the executor refuses, an
-            argument that cannot be.
+        InputError: a run without a motion, a robot whose joints move no inertia, a run that the executor refuses,
+            fingers that would press with more than their drives give, an argument that cannot be.
         OptiPlanError: MuJoCo is not installed.
 
     Example:

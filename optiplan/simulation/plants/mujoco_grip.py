@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array, Index
+from optiplan.errors import wrong_argument
 from optiplan.simulation.plants.mjcf_objects import TaskObjects, coupling_name
 from optiplan.simulation.tasks.stages import TaskStage
 
@@ -41,10 +42,21 @@ class FingerGrip:
             int(model.joint(name).dofadr[0]): (robot.joint_names.index(mimic.source), float(np.sign(mimic.multiplier)))
             for name, mimic in robot.followers.items()
         }
+        self._check_drives()
         self._pressing: dict[int, float] = {}
         self._holding: dict[str, tuple[set[int], float]] = {}
         self._closed: set[str] = set()
         self._most, self._wrench = 0.0, np.zeros(6)
+
+    def _check_drives(self) -> None:
+        """Raise InputError where fingers would press with more than their drives give."""
+        robot, stages = self._objects.robot, self._objects.stages
+        for j in {j for stage in stages for joints in stage.fingers.values() for j in joints}:
+            fingers = 1 + sum(leader == j for leader, _ in self._following.values())
+            most = float(robot.limits.torque[j]) / fingers
+            if self._grip.force > most:
+                found = f"fingers that press with {self._grip.force:g} N each"
+                raise wrong_argument("execute", "grip", found, f"at most {most:g} N, what {robot.joint_names[j]} gives")
 
     def enter(self, stage: TaskStage, q: Array) -> None:
         """Press on what a stage says, with the joints at q (n,), rad or m."""

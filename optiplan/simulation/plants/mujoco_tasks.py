@@ -43,6 +43,7 @@ class MujocoTaskPlant(MujocoPlant):
         self._objects, self._stage = found, -1
         super().__init__(found.robot, found.scene, found.start, step, options, wheels)
         self._robot, self._options = problem.robot, options
+        self._carry(problem.scene)
         names = [self.model.geom(k).name for k in range(self.model.ngeom)]
         count = len(found.bodies)  # which stands for geoms of wheels, whose meetings are -1
         self._body = np.array(
@@ -80,8 +81,11 @@ class MujocoTaskPlant(MujocoPlant):
         if self._grip is not None:
             self._grip.enter(stage, self.q)
         if actions:
-            loaded = carrying(self._robot, stage.problem.scene)
-            self.dynamics = RigidBodyDynamics(loaded, self._options.mass, self._options.centre)
+            self._carry(stage.problem.scene)
+
+    def _carry(self, scene: Scene) -> None:
+        """Take over the loads of a scene into the model of the robot, which is for holding it and for pushes."""
+        self.dynamics = RigidBodyDynamics(carrying(self._robot, scene), self._options.mass, self._options.centre)
 
     def _weld_id(self, name: str, link: str) -> int:
         return int(self.model.equality(weld_name(name, link)).id)

@@ -7,7 +7,10 @@ import optiplan as op
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import derived
 from optiplan.simulation.execution import ExecutionOptions, execute
+from optiplan.simulation.plants.mjcf_objects import TaskObjects
+from optiplan.simulation.plants.mujoco_tasks import MujocoTaskPlant
 from optiplan.simulation.plants.task_plant import FrictionGrip
+from optiplan.simulation.tasks.stages import stages_of
 
 pytest.importorskip("mujoco")
 GAP = 1.5e-3  # m; the plan releases the cube as high above the table
@@ -49,6 +52,12 @@ def test_friction_holds_with_a_margin_that_its_force_gives(fetch):
     assert any(check["name"] == "grip" and check["passed"] for check in log.report["checks"])
 
 
+def test_fingers_press_with_no_more_than_their_drive_gives(fetch):
+    """One drive of 70 N moves both fingers of the Panda."""
+    with pytest.raises(op.InputError, match=r"execute.*grip.*36 N each.*at most 35 N.*panda_finger_joint1"):
+        op.execute(fetch, "mujoco", grip=op.FrictionGrip(force=36.0))
+
+
 def test_what_friction_cannot_hold_is_left_behind(fetch):
     log = op.execute(fetch, "mujoco", grip=op.FrictionGrip(force=1.0, friction=0.3))
     assert log.slip_margin <= 0.0
@@ -65,17 +74,36 @@ def test_an_object_that_meets_what_the_plan_did_not_know_is_a_contact(fetch):
     assert not log.report["executed"]
 
 
-def test_an_object_that_is_held_at_first_is_released():
-    held = op.Box("cube", size=(0.04, 0.04, 0.04), position=(0, 0, 0.16)).attached_to("panda_hand", mass=0.2)
+@pytest.fixture(scope="module")
+def carried():
+    """A verified run: the Panda holds a cube 3 cm beside its tool frame from the start, turns and lets it fall."""
+    held = op.Box("cube", size=(0.04, 0.04, 0.04), position=(0.03, 0, 0.16)).attached_to("panda_hand", mass=0.2)
     table = op.Box("table", size=(0.2, 0.4, 0.04), position=(0.35, 0.0, 0.36))
     task = op.Task().move((0.2, -0.785, 0, -2.356, 0, 1.571, 0.785)).detach("cube").dwell(0.3)
-    problem = op.Problem("panda", "ready", task=task, scene=Scene([table], [held]))
-    run = op.plan(problem, budget=20.0)
-    log = op.execute(run, "mujoco")
-    fallen = log.objects["cube"]
+    run = op.plan(op.Problem("panda", "ready", task=task, scene=Scene([table], [held])), budget=20.0)
+    assert run.verified, run
+    return run
+
+
+def test_an_object_that_is_held_at_first_is_released(carried):
+    fallen = op.execute(carried, "mujoco").objects["cube"]
     assert fallen.slip < 1e-4
     assert fallen.poses[-1, 2] == pytest.approx(0.40, abs=1e-4)
-    assert op.execute(run).objects["cube"].error < 1e-4  # in our plant nothing falls
+    assert op.execute(carried).objects["cube"].error < 1e-4  # in our plant nothing falls
+
+
+def test_pads_stand_for_fingers_that_do_not_move(carried):
+    """At rest: the weight across the pads, and its moment about y, on their friction; P = 2 F, R = 15 mm."""
+    grip, weight = FrictionGrip(force=30.0, friction=0.6), 0.2 * 9.81
+    stages = stages_of(carried.problem, carried.trajectory)
+    objects = TaskObjects(carried.problem, carried.trajectory, stages, grip)
+    plant = MujocoTaskPlant(carried.problem, objects, 2.5e-4)
+    plant.enter(stages[0], ())
+    for _ in range(30):
+        plant.advance(plant.holding(), 4)
+        load = plant.grip_load()
+    expected = weight / (0.6 * 60.0) + 0.03 * weight / (2.0 / 3.0 * 0.6 * 0.015 * 60.0)
+    assert load == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.parametrize("key", ["force", "friction"])
