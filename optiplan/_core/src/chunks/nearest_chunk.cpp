@@ -10,8 +10,9 @@ namespace optiplan {
 static constexpr double SCALE = 0.05;     // rad or m: unit of the program's variables
 static constexpr double RADIUS = 0.6;     // rad or m: change of a control point at most
 static constexpr double UNIT = 0.01;      // m: unit of the program's distances
-static constexpr double PRICE = 100.0;  // of a unit of distance that lacks, and of limits passed by their own size
-static constexpr double TIGHT = 1e-3;  // share of the limits that is kept free, times their order
+static constexpr double PRICE = 100.0;  // of a unit of distance that lacks
+static constexpr double HOPELESS = 0.05;  // m that lack: more steps seldom help
+static constexpr double TIGHT = 1e-3;  // share of the limits that is kept free at most, times their order
 static constexpr double REGULAR = 1e-3;  // cost of the change of a control point beside that of set-points
 static constexpr double LIKELY =
     0.3;  // rad or m: where this change of each joint does not bring a pair near enough, it has no row
@@ -87,7 +88,7 @@ void NearestChunk::base() {
     p.points = variables(), p.joints = padded(n_);
     const std::size_t wide = p.joints, size = p.points * wide, derivatives = 3 * spline_.points() - 6;
     p.hessian.assign(size * REACH, 0.0), p.gradient.assign(size, 0.0);
-    p.gradient_t = PRICE, p.low_t = -TIGHT, p.high_t = 1e3;
+    p.gradient_t = PRICE, p.low_t = -TIGHT, p.high_t = 0.0;
     p.regularisation = REGULAR, p.regularisation_t = p.regularisation_slack = 1e-6;
     for (std::size_t i = 0; i < count_; ++i) {
         const Stencil s = free_part_of(spline_.at(spline_.knots()[spline_.knot_of(i)]));
@@ -205,7 +206,9 @@ bool NearestChunk::step(const std::vector<NearPlace> &near, double distance) {
     ArrowSettings settings;
     settings.gap = GAP, settings.iterations = ITERATIONS;
     const ArrowSolution found = qp_.solve(program_, settings);
-    if (!found.solved || found.t > 1e-5) return false;
+    if (!found.solved) return false;
+    for (double lacking : found.slack)
+        if (lacking * UNIT > HOPELESS) return false;
     for (std::size_t i = 3; i < spline_.points(); ++i) {
         const std::size_t variable = std::min(i - 3, program_.points - 1);
         for (std::size_t j = 0; j < n_; ++j)

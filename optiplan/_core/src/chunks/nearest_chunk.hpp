@@ -27,7 +27,7 @@ class NearestChunk {
     // Of the present control points, with the stop.
     Curve curve(double share) const;
 
-    // False where the program has no solution within the limits.
+    // False where the program has no solution within the limits, or none near enough to the distance.
     bool step(const std::vector<NearPlace> &near, double distance);
 
     Vec set_points() const;  // (k, n)
