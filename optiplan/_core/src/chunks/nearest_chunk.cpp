@@ -8,7 +8,6 @@
 namespace optiplan {
 
 static constexpr double SCALE = 0.05;     // rad or m: unit of the program's variables
-static constexpr double RADIUS = 0.6;     // rad or m: change of a control point at most
 static constexpr double UNIT = 0.01;      // m: unit of the program's distances
 static constexpr double PRICE = 100.0;  // of a unit of distance that lacks
 static constexpr double HOPELESS = 0.05;  // m that lack: more steps seldom help
@@ -19,16 +18,20 @@ static constexpr double LIKELY =
 static constexpr int ITERATIONS = 30;  // a program that takes more has no solution within the limits, as a rule
 static constexpr double GAP = 2e-4;  // of the program, in half the squared changes, rad or m, over SCALE squared
 static constexpr std::size_t FEW = 4;  // rows at one time: of the nearest pairs
+static constexpr double MOST_PLACES = 200.0;  // at which pairs are queried, beside one a piece
+static constexpr int MOST_QUERIES = 1000;     // after which the rest of a curve is left to the next step
 static constexpr int BLOCK = 8;  // pieces in a row of which near pairs are found together
 
 std::vector<NearPlace> near_places(const World &world, Placement &at, const Curve &curve, double window, double width) {
     const std::size_t n = static_cast<std::size_t>(curve.joints);
     const int pieces = static_cast<int>(curve.breakpoints.size()) - 1;
     std::vector<NearPlace> found, here;
+    width = std::max(width, curve.breakpoints.back() / MOST_PLACES);
     Vec q(n), reach(n), low(n), high(n), reaches;
     std::vector<int> near;
     std::vector<Features> features(world.pairs().size());
-    for (int first = 0; first < pieces; first += BLOCK) {
+    int queries = 0;
+    for (int first = 0; first < pieces && queries < MOST_QUERIES; first += BLOCK) {
         const int last = std::min(first + BLOCK, pieces);
         std::fill(low.begin(), low.end(), HUGE_VAL), std::fill(high.begin(), high.end(), -HUGE_VAL);
         for (int i = first; i < last; ++i) {
@@ -43,7 +46,7 @@ std::vector<NearPlace> near_places(const World &world, Placement &at, const Curv
         near.clear();
         for (int pair = 0; pair < static_cast<int>(world.pairs().size()); ++pair)
             if (!world.boxes_apart(at, pair, window + world.travel(reaches, reach.data(), pair))) near.push_back(pair);
-        for (int i = first; i < last && !near.empty(); ++i) {
+        for (int i = first; i < last && !near.empty() && queries < MOST_QUERIES; ++i) {
             const double begin = curve.breakpoints[i], length = curve.breakpoints[i + 1] - begin;
             const int parts = std::max(1, static_cast<int>(std::ceil(length / width)));
             for (int k = 0; k < parts; ++k) {
@@ -53,6 +56,7 @@ std::vector<NearPlace> near_places(const World &world, Placement &at, const Curv
                 here.clear();
                 for (int pair : near) {
                     if (world.boxes_apart(at, pair, window)) continue;
+                    ++queries;
                     const Witness w = world.nearest_points(at, pair, window, &features[pair]);
                     if (w.distance >= window) continue;
                     NearPlace place{time, w.distance, Vec(n), pair};
@@ -70,9 +74,9 @@ std::vector<NearPlace> near_places(const World &world, Placement &at, const Curv
 }
 
 NearestChunk::NearestChunk(const ChunkSpline &spline, const JointState &start, const double *Q,
-                           const JointLimits &limits)
-    : spline_(spline), limits_(limits), n_(start.q.size()), count_(spline.knots().size() - (spline.rests() ? 3 : 2)),
-      first_(spline.through(start, Q)), control_(first_) {
+                           const JointLimits &limits, double radius)
+    : spline_(spline), limits_(limits), radius_(radius), n_(start.q.size()),
+      count_(spline.knots().size() - (spline.rests() ? 3 : 2)), first_(spline.through(start, Q)), control_(first_) {
     base();
 }
 
@@ -101,7 +105,7 @@ void NearestChunk::base() {
     for (std::size_t i = 0; i < p.points; ++i)
         for (std::size_t j = 0; j < n_; ++j) {
             const double here = first_[(i + 3) * n_ + j];
-            double low = std::max(limits_.lower[j] - here, -RADIUS), high = std::min(limits_.upper[j] - here, RADIUS);
+            double low = std::max(limits_.lower[j] - here, -radius_), high = std::min(limits_.upper[j] - here, radius_);
             if (low > -1e-3) high = std::max(high, low + 1e-3);  // some room, also where the chunk is beyond its limits
             if (high < 1e-3) low = std::min(low, high - 1e-3);
             p.low[i * wide + j] = low / SCALE, p.high[i * wide + j] = high / SCALE;
