@@ -35,8 +35,8 @@ SHARE = 0.5
 CONTINUITY = 1e-10
 """rad or m: sum of steps of position at breakpoints; the bodies move by less than the proof's own rounding, 1e-9 m."""
 
-MOST_JOINTS = 64
-"""Planned joints that the core's buffers hold."""
+MOST_JOINTS, MOST_DEGREE = 64, 15
+"""Planned joints, and degree of polynomials, that the core's buffers hold."""
 
 
 class Polynomials(NamedTuple):
@@ -191,12 +191,16 @@ class WarmProof:
             limit = float(self._limits.torque[joint])
             name, unit = self._robot.joint_names[joint], self._robot.unit("torque", joint)
             found = f"'{name}' needs {value:.4g} {unit} at {time:.3f} s; its limit of torque is {limit:.4g} {unit}"
+            if value <= limit:
+                found = f"the torque of '{name}' is not proved from {time:.3f} s on"
             return MotionVerdict(found, time, torque=True)
         return MotionVerdict(clearance=(own, scene))
 
-    def nearest(self, state: Array, Q: Array, times: Array, rests: bool, limits: Array) -> "NearestChunk":
+    def nearest(
+        self, state: Array, Q: Array, times: Array, rests: bool, limits: Array, radius: float
+    ) -> "NearestChunk":
         """Return the search for the nearest chunk among the same bodies; nothing of it is proved."""
-        return core.NearestChunk.of(self._core, state, Q, times, rests, limits)
+        return core.NearestChunk.of(self._core, state, Q, times, rests, limits, radius)
 
     def _inside(self, q: Array) -> str:
         """Return which body is inside another, a mesh, or nothing: surfaces that stay apart do not tell."""

@@ -176,12 +176,14 @@ struct Nearest {
 };
 
 std::unique_ptr<Nearest> make_nearest(MotionProof &proof, const Matrix &state, const Matrix &Q, const Vector &times,
-                                      bool rests, const Matrix &limits) {
+                                      bool rests, const Matrix &limits, double radius) {
     expect_chunk(state, Q, limits);
     expect(times.size() == Q.shape(0) && times.data()[0] > 0.0, "times (k,) > 0");
     expect(static_cast<int>(Q.shape(1)) == proof.joints(), "the joints of the robot");
-    return std::unique_ptr<Nearest>(new Nearest{
-        proof, {ChunkSpline(to_vector(times), rests), state_of(state), Q.data(), limits_of(limits)}, Q.shape(0)});
+    return std::unique_ptr<Nearest>(
+        new Nearest{proof,
+                    {ChunkSpline(to_vector(times), rests), state_of(state), Q.data(), limits_of(limits), radius},
+                    Q.shape(0)});
 }
 
 // One step towards keeping `distance` from the robot's own bodies, and `clearance` more from obstacles; the curve then,
@@ -210,7 +212,7 @@ void bind_chunks(nb::module_ &m) {
         .def("torques", &prove_torques, "breakpoints"_a, "coefficients"_a)
         .def("apart", &prove_apart, "breakpoints"_a, "coefficients"_a, "clearance"_a);
     nb::class_<Nearest>(m, "NearestChunk")
-        .def_static("of", &make_nearest, "proof"_a, "state"_a, "Q"_a, "times"_a, "rests"_a, "limits"_a,
+        .def_static("of", &make_nearest, "proof"_a, "state"_a, "Q"_a, "times"_a, "rests"_a, "limits"_a, "radius"_a,
                     nb::keep_alive<0, 1>())
         .def("step", &nearest_step, "distance"_a, "clearance"_a, "window"_a, "width"_a)
         .def("set_points", [](const Nearest &self) {

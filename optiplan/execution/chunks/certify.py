@@ -17,7 +17,7 @@ from optiplan.geometry.pose import Pose
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.state import State
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.warm_proof import MOST_JOINTS, WarmProof
+from optiplan.verify.warm_proof import MOST_DEGREE, MOST_JOINTS, WarmProof
 
 MOST_SET_POINTS = 1000
 """In one chunk."""
@@ -144,6 +144,9 @@ def _state(problem: Problem, start: State | Trajectory | None) -> Array:
     if isinstance(state, Trajectory):
         if state.joint_names != problem.robot.joint_names:
             raise wrong_argument("certify", "start", "a motion of other joints", "a motion of the problem's robot")
+        if state.coefficients.shape[1] > MOST_DEGREE + 1:
+            found = f"a motion of degree {state.coefficients.shape[1] - 1}"
+            raise wrong_argument("certify", "start", found, f"at most {MOST_DEGREE}")
         c = state.coefficients[0]
         rows = [c[k] * math.factorial(k) if k < len(c) else np.zeros(state.n) for k in range(3)]
         return _still(np.array(rows))

@@ -29,6 +29,9 @@ HUGE = 1e5
 DISTANCES = (1e-3, 2e-3, 4e-3)
 """m, beyond the clearance: what the nearest chunk keeps between samples, tried in this order."""
 
+FARTHEST = 0.6
+"""rad or m: the nearest chunk changes no set-point by more in one joint."""
+
 WINDOW, WIDTH = 0.02, 0.02
 """Pairs nearer than this, m, in the middles of parts of the motion no longer than this, s, are kept apart."""
 
@@ -130,7 +133,9 @@ class ChunkSearch:
     def _nearest(self, wanted: Array, times: Array, rests: bool, used: Flags, reason: str) -> Chunk | None:
         """Return the nearest chunk that is proved, or None."""
         proof, limits = self.prepared.proof, self.prepared.limits
-        search = proof.nearest(self.state, wanted, times, rests, limits)
+        if self._too_far(wanted, times):
+            return None
+        search = proof.nearest(self.state, wanted, times, rests, limits, FARTHEST)
         gentle = False
         for distance in DISTANCES:
             found = search.step(distance, self.clearance, WINDOW, WIDTH)
@@ -145,8 +150,15 @@ class ChunkSearch:
                 return self._answer("nearest", sent, reason)
             if verdict.torque and not gentle:
                 gentle, limits = True, limits * np.array([1.0, 1.0, 1.0, GENTLER, 1.0])[:, None]
-                search = proof.nearest(self.state, wanted, times, rests, limits)
+                search = proof.nearest(self.state, wanted, times, rests, limits, FARTHEST)
         return None
+
+    def _too_far(self, wanted: Array, times: Array) -> bool:
+        """Whether limits of position or velocity alone ask for larger changes of set-points than `FARTHEST`."""
+        lower, upper, velocity = self.prepared.limits[:3]
+        steps = np.abs(np.diff(np.vstack([self.state[:1], wanted]), axis=0))
+        reach = velocity * np.diff(times, prepend=0.0)[:, None] + 2.0 * FARTHEST
+        return bool((steps > reach).any() or ((wanted < lower - FARTHEST) | (wanted > upper + FARTHEST)).any())
 
     def _stop(self, reason: str, motion: Polynomials | None = None, verdict: MotionVerdict | None = None) -> Chunk:
         """Follow the chunk as far as it is proved, and stop; else stop at once."""

@@ -39,7 +39,7 @@ double largest(const Curve &curve, int order) {
 
 TEST(a_chunk_within_its_limits_stays) {
     const Vec Q = turn(20);
-    NearestChunk chunk(ChunkSpline(every(20, 0.05), false), START, Q.data(), limits());
+    NearestChunk chunk(ChunkSpline(every(20, 0.05), false), START, Q.data(), limits(), 0.6);
     CHECK(chunk.step({}, 0.0));
     const Vec found = chunk.set_points();
     for (std::size_t i = 0; i < Q.size(); ++i) NEAR(found[i], Q[i], 1e-3);
@@ -49,7 +49,7 @@ TEST(noise_beyond_the_limits_is_taken_out_and_no_more) {
     const Vec Q = turn(20, 0.02);
     const ChunkSpline spline(every(20, 0.05), false);
     const Curve plain = spline.curve(spline.through(START, Q.data()), 2);
-    NearestChunk chunk(spline, START, Q.data(), limits());
+    NearestChunk chunk(spline, START, Q.data(), limits(), 0.6);
     CHECK(chunk.step({}, 0.0));
     const Curve curve = chunk.curve(1.0);
     CHECK(2.0 * largest(plain, 2) > 10.0);
@@ -65,7 +65,8 @@ TEST(set_points_are_moved_out_of_a_box) {
     Placement at = world.placement();
     Vec Q = turn(20);
     for (std::size_t i = 1; i < Q.size(); i += 2) Q[i] = 0.5;  // where it is stretched, no joint takes the tip away
-    NearestChunk chunk(ChunkSpline(every(20, 0.05), false), {{0.0, 0.5}, {0.0, 0.0}, {0.0, 0.0}}, Q.data(), limits());
+    NearestChunk chunk(ChunkSpline(every(20, 0.05), false), {{0.0, 0.5}, {0.0, 0.0}, {0.0, 0.0}}, Q.data(), limits(),
+                       0.6);
     double least = HUGE_VAL;
     for (const NearPlace &place : near_places(world, at, chunk.curve(1.0), 0.05, 0.02))
         least = std::min(least, place.distance);
@@ -80,6 +81,7 @@ TEST(set_points_are_moved_out_of_a_box) {
 
 TEST(what_no_motion_can_do_has_no_solution) {
     const Vec Q{2.5, 0.0, -2.5, 0.0};
-    NearestChunk chunk(ChunkSpline({0.01, 0.02}, false), {{0.0, 0.0}, {1.9, 0.0}, {11.0, 0.0}}, Q.data(), limits());
+    NearestChunk chunk(ChunkSpline({0.01, 0.02}, false), {{0.0, 0.0}, {1.9, 0.0}, {11.0, 0.0}}, Q.data(), limits(),
+                       0.6);
     CHECK(!chunk.step({}, 0.0));
 }

@@ -20,6 +20,8 @@ TEST(a_polynomial_stays_between_its_extremes_and_no_less) {
     CHECK(stays_between(bump, 3, -1e-9, 1.0));
     const double nothing[2] = {std::nan(""), 0.0};
     CHECK(!stays_between(nothing, 2, -1.0, 1.0));
+    const double later[3] = {0.0, std::nan(""), 0.0};
+    CHECK(!stays_between(later, 3, -1.0, 1.0));
 }
 
 TEST(each_order_has_its_limit) {

@@ -44,6 +44,12 @@ TEST(torques_are_proved_up_to_their_largest_value) {
     }
 }
 
+TEST(a_motion_that_takes_too_many_intervals_is_given_up) {
+    TorqueProof proof(arm(), {0.0, 0.0});
+    const Curve endless{{0.0, 1e5}, {0.0, 0.0, 1e-3, 1e-3}, 1, 2};
+    CHECK(proof.overload(endless, {35.0, 20.0}).joint >= 0);
+}
+
 TEST(the_bound_on_curvature_holds) {
     TorqueProof proof(arm(), {0.0, 0.0});
     InverseDynamics dynamics(arm());

@@ -119,10 +119,11 @@ def test_a_chunk_into_a_box_is_moved_out_of_it(problem):
 
 
 def test_where_nothing_else_is_proved_the_robot_stops_on_the_chunk(problem):
-    q, t = reach(problem, turn(1.5), 50)
+    q, t = reach(problem, turn(0.2), 50)
+    q[25:, 1] += 2.0  # a jump
     found = op.certify(problem, q, t)
     assert found.outcome == "stopped"
-    assert 10 < found.reached < 50
+    assert 15 < found.reached < 25
     np.testing.assert_allclose(found.trajectory(t[: found.reached]), q[: found.reached], atol=1e-9)
     assert is_verified(found)
 

@@ -8,26 +8,30 @@
 namespace optiplan {
 
 static constexpr double SCALE = 0.05;     // rad or m: unit of the program's variables
-static constexpr double RADIUS = 0.6;     // rad or m: change of a control point at most
 static constexpr double UNIT = 0.01;      // m: unit of the program's distances
-static constexpr double PRICE = 100.0;  // of a unit of distance that lacks, and of limits passed by their own size
-static constexpr double TIGHT = 1e-3;  // share of the limits that is kept free, times their order
+static constexpr double PRICE = 100.0;  // of a unit of distance that lacks
+static constexpr double HOPELESS = 0.05;  // m that lack: more steps seldom help
+static constexpr double TIGHT = 1e-3;  // share of the limits that is kept free at most, times their order
 static constexpr double REGULAR = 1e-3;  // cost of the change of a control point beside that of set-points
 static constexpr double LIKELY =
     0.3;  // rad or m: where this change of each joint does not bring a pair near enough, it has no row
 static constexpr int ITERATIONS = 30;  // a program that takes more has no solution within the limits, as a rule
 static constexpr double GAP = 2e-4;  // of the program, in half the squared changes, rad or m, over SCALE squared
 static constexpr std::size_t FEW = 4;  // rows at one time: of the nearest pairs
+static constexpr double MOST_PLACES = 200.0;  // at which pairs are queried, beside one a piece
+static constexpr int MOST_QUERIES = 1000;     // after which the rest of a curve is left to the next step
 static constexpr int BLOCK = 8;  // pieces in a row of which near pairs are found together
 
 std::vector<NearPlace> near_places(const World &world, Placement &at, const Curve &curve, double window, double width) {
     const std::size_t n = static_cast<std::size_t>(curve.joints);
     const int pieces = static_cast<int>(curve.breakpoints.size()) - 1;
     std::vector<NearPlace> found, here;
+    width = std::max(width, curve.breakpoints.back() / MOST_PLACES);
     Vec q(n), reach(n), low(n), high(n), reaches;
     std::vector<int> near;
     std::vector<Features> features(world.pairs().size());
-    for (int first = 0; first < pieces; first += BLOCK) {
+    int queries = 0;
+    for (int first = 0; first < pieces && queries < MOST_QUERIES; first += BLOCK) {
         const int last = std::min(first + BLOCK, pieces);
         std::fill(low.begin(), low.end(), HUGE_VAL), std::fill(high.begin(), high.end(), -HUGE_VAL);
         for (int i = first; i < last; ++i) {
@@ -42,7 +46,7 @@ std::vector<NearPlace> near_places(const World &world, Placement &at, const Curv
         near.clear();
         for (int pair = 0; pair < static_cast<int>(world.pairs().size()); ++pair)
             if (!world.boxes_apart(at, pair, window + world.travel(reaches, reach.data(), pair))) near.push_back(pair);
-        for (int i = first; i < last && !near.empty(); ++i) {
+        for (int i = first; i < last && !near.empty() && queries < MOST_QUERIES; ++i) {
             const double begin = curve.breakpoints[i], length = curve.breakpoints[i + 1] - begin;
             const int parts = std::max(1, static_cast<int>(std::ceil(length / width)));
             for (int k = 0; k < parts; ++k) {
@@ -52,6 +56,7 @@ std::vector<NearPlace> near_places(const World &world, Placement &at, const Curv
                 here.clear();
                 for (int pair : near) {
                     if (world.boxes_apart(at, pair, window)) continue;
+                    ++queries;
                     const Witness w = world.nearest_points(at, pair, window, &features[pair]);
                     if (w.distance >= window) continue;
                     NearPlace place{time, w.distance, Vec(n), pair};
@@ -69,9 +74,9 @@ std::vector<NearPlace> near_places(const World &world, Placement &at, const Curv
 }
 
 NearestChunk::NearestChunk(const ChunkSpline &spline, const JointState &start, const double *Q,
-                           const JointLimits &limits)
-    : spline_(spline), limits_(limits), n_(start.q.size()), count_(spline.knots().size() - (spline.rests() ? 3 : 2)),
-      first_(spline.through(start, Q)), control_(first_) {
+                           const JointLimits &limits, double radius)
+    : spline_(spline), limits_(limits), radius_(radius), n_(start.q.size()),
+      count_(spline.knots().size() - (spline.rests() ? 3 : 2)), first_(spline.through(start, Q)), control_(first_) {
     base();
 }
 
@@ -87,7 +92,7 @@ void NearestChunk::base() {
     p.points = variables(), p.joints = padded(n_);
     const std::size_t wide = p.joints, size = p.points * wide, derivatives = 3 * spline_.points() - 6;
     p.hessian.assign(size * REACH, 0.0), p.gradient.assign(size, 0.0);
-    p.gradient_t = PRICE, p.low_t = -TIGHT, p.high_t = 1e3;
+    p.gradient_t = PRICE, p.low_t = -TIGHT, p.high_t = 0.0;
     p.regularisation = REGULAR, p.regularisation_t = p.regularisation_slack = 1e-6;
     for (std::size_t i = 0; i < count_; ++i) {
         const Stencil s = free_part_of(spline_.at(spline_.knots()[spline_.knot_of(i)]));
@@ -100,7 +105,7 @@ void NearestChunk::base() {
     for (std::size_t i = 0; i < p.points; ++i)
         for (std::size_t j = 0; j < n_; ++j) {
             const double here = first_[(i + 3) * n_ + j];
-            double low = std::max(limits_.lower[j] - here, -RADIUS), high = std::min(limits_.upper[j] - here, RADIUS);
+            double low = std::max(limits_.lower[j] - here, -radius_), high = std::min(limits_.upper[j] - here, radius_);
             if (low > -1e-3) high = std::max(high, low + 1e-3);  // some room, also where the chunk is beyond its limits
             if (high < 1e-3) low = std::min(low, high - 1e-3);
             p.low[i * wide + j] = low / SCALE, p.high[i * wide + j] = high / SCALE;
@@ -205,7 +210,9 @@ bool NearestChunk::step(const std::vector<NearPlace> &near, double distance) {
     ArrowSettings settings;
     settings.gap = GAP, settings.iterations = ITERATIONS;
     const ArrowSolution found = qp_.solve(program_, settings);
-    if (!found.solved || found.t > 1e-5) return false;
+    if (!found.solved) return false;
+    for (double lacking : found.slack)
+        if (lacking * UNIT > HOPELESS) return false;
     for (std::size_t i = 3; i < spline_.points(); ++i) {
         const std::size_t variable = std::min(i - 3, program_.points - 1);
         for (std::size_t j = 0; j < n_; ++j)

@@ -22,12 +22,14 @@ std::vector<NearPlace> near_places(const World &world, Placement &at, const Curv
 // about the spline of the step before.
 class NearestChunk {
   public:
-    NearestChunk(const ChunkSpline &spline, const JointState &start, const double *Q, const JointLimits &limits);
+    // `radius`, rad or m: no control point changes by more.
+    NearestChunk(const ChunkSpline &spline, const JointState &start, const double *Q, const JointLimits &limits,
+                 double radius);
 
     // Of the present control points, with the stop.
     Curve curve(double share) const;
 
-    // False where the program has no solution within the limits.
+    // False where the program has no solution within the limits, or none near enough to the distance.
     bool step(const std::vector<NearPlace> &near, double distance);
 
     Vec set_points() const;  // (k, n)
@@ -41,6 +43,7 @@ class NearestChunk {
 
     ChunkSpline spline_;
     JointLimits limits_;
+    double radius_;
     std::size_t n_, count_;
     Vec first_, control_;  // of the chunk as it is, and of the last step
     ArrowProgram program_;

@@ -23,7 +23,7 @@ struct IntervalRules {
     double worth = 5e-3;      // m, beyond `clearance`: more is not proved
     double share = 0.5;       // of the distance in the middle beyond `clearance`: more is not proved
     double narrowest = 1e-7;  // s: on shorter intervals the proof is given up
-    int most = 6000;          // intervals
+    int most = 2000;          // intervals
 };
 
 // What stopped a proof: everything before `time` is proved. pair -1: nothing did.

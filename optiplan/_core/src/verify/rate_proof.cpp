@@ -9,10 +9,8 @@ static constexpr int MOST = 16;          // coefficients of a polynomial
 static constexpr double UNIT = 0x1p-53;  // rounding of one operation
 
 bool stays_between(const double *b, int size, double low, double high, int halvings) {
-    double least = b[0], most = b[0];
-    for (int i = 1; i < size; ++i) least = std::min(least, b[i]), most = std::max(most, b[i]);
-    if (least >= low && most <= high) return true;  // NaN never is
-    const auto out = [&](double x) { return !(x >= low && x <= high); };
+    const auto out = [&](double x) { return !(x >= low && x <= high); };  // NaN always is
+    if (std::none_of(b, b + size, out)) return true;
     if (halvings == 0 || out(b[0]) || out(b[size - 1])) return false;
     double left[MOST], right[MOST];
     std::copy_n(b, size, right);

@@ -7,6 +7,7 @@ namespace optiplan {
 
 static constexpr double ROUNDING = 1e-12;  // share of the sum of all that adds up to a torque
 static constexpr int ORDERS = 5, DEPTH = 24;
+static constexpr int MOST = 5000;  // intervals, after which a proof is given up
 static constexpr double FACTORIALS[ORDERS] = {1.0, 1.0, 2.0, 6.0, 24.0};
 
 TorqueProof::TorqueProof(const Tree &tree, std::vector<double> armature)
@@ -133,8 +134,8 @@ bool TorqueProof::part(const Curve &curve, int piece, double begin, double width
     bool proved = true;
     for (std::size_t j = 0; j < n && proved; ++j) {
         const double ends = std::max(std::fabs(left[j]), std::fabs(right[j])), spare = ROUNDING * size[j];
-        if (!(ends + spare <= limits[j]) ||
-            (depth == 0 && !(ends + spare + 0.125 * width * width * curvature[j] <= limits[j]))) {
+        if (!(ends + spare <= limits[j]) || ((depth == 0 || ++intervals_ > MOST) &&
+                                             !(ends + spare + 0.125 * width * width * curvature[j] <= limits[j]))) {
             found = {static_cast<int>(j), curve.breakpoints[piece] + begin, ends};
             return false;
         }
@@ -149,6 +150,7 @@ bool TorqueProof::part(const Curve &curve, int piece, double begin, double width
 
 TorqueProof::Overload TorqueProof::overload(const Curve &curve, const std::vector<double> &limits) {
     Overload found;
+    intervals_ = 0;
     const std::size_t n = static_cast<std::size_t>(curve.joints);
     std::vector<double> left(n), right(n);
     for (std::size_t piece = 0; piece + 1 < curve.breakpoints.size(); ++piece) {

@@ -28,10 +28,6 @@ class TorqueProof {
     void bounds(const double *motion, double *size, double *curvature);
 
   private:
-    struct State {
-        std::vector<double> tau, size, curvature;
-    };
-
     bool part(const Curve &curve, int piece, double begin, double width, const double *left, const double *right,
               const std::vector<double> &limits, int depth, Overload &found);
     void torques(const Curve &curve, int piece, double local, double *tau);
@@ -40,6 +36,7 @@ class TorqueProof {
     InverseDynamics dynamics_;
     std::vector<double> armature_, offset_, lever_, inertia_;
     double gravity_;
+    int intervals_ = 0;
     std::vector<double> q_, turn_, fixed_, axis_, origin_, force_, moment_;  // (orders, joints)
 };
 
