@@ -17,7 +17,7 @@ SPACING = 4e-3
 MOST_SAMPLES = 256
 
 LATER = 4e-3
-"""s: where limits leave no room for a stop, it is tried this much later."""
+"""s: where limits leave no room for a stop, it is tried this much later, and then after twice as long each time."""
 
 
 def way_ahead(laws: PathLaws, law: "TimeLaw", now: float, lead: float) -> Ahead:
@@ -27,11 +27,14 @@ def way_ahead(laws: PathLaws, law: "TimeLaw", now: float, lead: float) -> Ahead:
 
     Holds at: all times, for the limits of joints; between samples up to their interpolation.
     """
-    turn, stop = now + lead, law if law.target == 0.0 else None
+    turn, later, stop = now + lead, LATER, law if law.target == 0.0 else None
     while stop is None and law.at(turn)[0] < laws.motion.duration:
-        stop = laws.change(PathPlace(*law.at(turn)), turn, 0.0)
-        turn += 0.0 if stop is not None else LATER
-    stop = law if stop is None else stop
+        found = laws.change(PathPlace(*law.at(turn)), turn, 0.0)
+        if found is not None and found.target == 0.0:
+            stop = found
+        else:
+            turn, later = turn + later, 2.0 * later
+    stop = law if stop is None else stop  # which ends at rest with the motion
     end = max(turn, stop.settled) if stop.target == 0.0 else turn
     count = int(np.clip(np.ceil((end - now) / SPACING), 2, MOST_SAMPLES))
     t: Array = np.linspace(now, end, count + 1)

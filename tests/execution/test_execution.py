@@ -85,7 +85,7 @@ def test_another_motion_takes_over(run, slow):
 
 def test_a_run_that_cannot_take_over_ends_in_a_stop(slow):
     assert not slow.splice(None)
-    assert "not verified" in slow.wait(20.0)["reason"]
+    assert "that was to take over: " in slow.wait(20.0)["reason"]
 
 
 def test_subscribers_get_states_and_the_end(run):
