@@ -86,7 +86,7 @@ def test_another_motion_takes_over(run, slow):
 
 def test_a_run_that_cannot_take_over_ends_in_a_stop(slow):
     assert not slow.splice(None)
-    assert "not verified" in slow.wait(20.0)["reason"]
+    assert "that was to take over: " in slow.wait(20.0)["reason"]
 
 
 def test_subscribers_get_states_and_the_end(run):
@@ -162,19 +162,6 @@ def test_a_driver_that_loses_its_state_stops_along_the_path(run):
     assert steps_within_limits(robot.ticks, 1e-3, run.problem.limits)
 
 
-@pytest.mark.parametrize("q", [np.full(7, np.nan), np.zeros(3), None, "home"])
-def test_a_state_that_cannot_be_ends_in_a_stop(run, q):
-    class Confused(FollowingRobot):
-        def state(self):
-            return super().state() if len(self.ticks) < FAILS_AT else Measurement(q, np.zeros(7), self.clock.now())
-
-    robot = Confused(run)
-    found = executed(run, robot).snapshot()
-    assert found["phase"] == "stopped"
-    assert "measured" in found["reason"] or "state" in found["reason"]
-    assert steps_within_limits(robot.ticks, 1e-3, run.problem.limits)
-
-
 def test_a_call_that_does_not_return_is_the_end_of_the_driver(run):
     class Hanging(FollowingRobot):
         def send(self, tick):
@@ -219,6 +206,17 @@ def test_a_robot_that_stands_elsewhere_is_not_started(run):
     assert execution.over
     assert robot.ticks == []
     assert robot.stopped == ["not started"]
+
+
+@pytest.mark.parametrize("age", [None, 1.0])
+def test_a_robot_whose_state_is_not_known_is_not_started(run, monkeypatch, age):
+    class Silent(FollowingRobot):
+        def state(self):
+            return None if age is None else Measurement(self.q, 0.0 * self.q, 0.0, age)
+
+    monkeypatch.setattr("optiplan.execution.execution.FIRST_STATE", 0.05)
+    with pytest.raises(DriverError, match="no new state"):
+        op.Execution(op.Executor(run), Silent(run)).start()
 
 
 def test_wrong_arguments_are_named(run):
