@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from optiplan.execution.executor import Executor
     from optiplan.execution.measurement import Measurement
     from optiplan.execution.status import Status, Stopping, Tick
+    from optiplan.execution.tracking_monitor import TrackingPolicy
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
@@ -122,6 +123,7 @@ _ROOMS = {
     "execution.executor": ("Executor",),
     "execution.measurement": ("Measurement",),
     "execution.status": ("Status", "Stopping", "Tick"),
+    "execution.tracking_monitor": ("TrackingPolicy",),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "planners.trajopt.program.nlp": ("TrajectoryNlp",),
@@ -242,6 +244,7 @@ __all__ = [
     "ToolSpeed",
     "ToolSpeedLimit",
     "TorqueLimit",
+    "TrackingPolicy",
     "Trajectory",
     "TrajectoryNlp",
     "VelocityLimit",

@@ -25,6 +25,7 @@ from optiplan.planners.base import Budget, Planner, PlanResult, Progress
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.third_party import planner_object
 from optiplan.problem.problem import JointGoal, Problem, Via
+from optiplan.problem.tracking_error import TrackingError, error_argument
 from optiplan.robot.given_configurations import configuration, is_by_name
 from optiplan.runs import pipeline
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
@@ -44,7 +45,7 @@ _STRAIGHT = 1e-9  # rad or m: a waypoint that is nearer than this to the line be
 _HIT = 1e-6  # rad or m: tolerance of waypoints
 
 
-def plan(
+def plan(  # noqa: PLR0913  # one keyword for each thing that may differ from the problem's own
     problem: Problem,
     planner: str | Planner[Any] | None = None,
     options: Mapping[str, Any] | None = None,
@@ -52,6 +53,7 @@ def plan(
     seed: int | None = None,
     progress: Progress | None = None,
     warm_start: Run | Trajectory | None = None,
+    tracking_error: TrackingError | Array | None = None,
 ) -> Run:
     """Plan a motion, prove it and measure it.
 
@@ -75,6 +77,9 @@ def plan(
             (see `Objective`) than what is found, it is verified on *this* problem, after the planning, and is the
             answer if it holds. `Run.info["warm_start"]` says what became of it: `kept`, `beaten` (the answer costs no
             more) or `refused`.
+        tracking_error: how far the joints may be from the motion, rad or m: a number, (n,) or `{joint: value}`; None:
+            the problem's own. Clearance, position limits and path constraints of poses, pairs and couplings are proved
+            for every configuration with |q_j - q_j(t)| <= tracking_error_j at any time; `Report.scope` says so.
 
     Returns:
         The run: `verified`, `trajectory`, `report`, `failure`, `duration`, `ratio`, `metrics`, `improvements`.
@@ -95,6 +100,8 @@ def plan(
     told = progress or _silent
     if seed is not None:
         problem = problem.with_seed(seed_argument("plan", seed))
+    if tracking_error is not None:
+        problem = with_tracking_error(problem, tracking_error)
     known = _known(warm_start)
     try:
         if warm_start is None:
@@ -103,6 +110,15 @@ def plan(
     except UnknownChoiceError as error:
         argument = "planner" if error.kind == "planner" else "options"
         raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None
+
+
+def with_tracking_error(problem: Problem, error: TrackingError | Array) -> Problem:
+    """Return the problem with the argument `tracking_error` of `op.plan`."""
+    each = error_argument("plan", problem.robot, error)
+    try:
+        return problem.with_parts(tracking_error=float(each[0]) if np.ptp(each) == 0.0 else each)
+    except InputError as issue:
+        raise issue.about("op.Problem", "op.plan") from None
 
 
 def verify(problem: Problem, motion: Trajectory | Samples | Run | Path | str | Sequence[Array]) -> Report:

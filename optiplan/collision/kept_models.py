@@ -2,6 +2,9 @@
 
 import threading
 
+import numpy as np
+
+from optiplan.arrays import Array
 from optiplan.collision.bodies_and_pairs import same_scene
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.scene import Scene
@@ -31,7 +34,7 @@ def collision_model(robot: Robot, scene: Scene) -> CollisionModel:
     return found
 
 
-def kept_planning_model(robot: Robot, scene: Scene) -> CollisionModel:
+def kept_planning_model(robot: Robot, scene: Scene, error: Array | None = None) -> CollisionModel:
     """Return the `planning_model` of this robot in this scene, for this thread alone: a recent one or a new one.
 
     Another start or goal, or another planner, needs no new model. Its results do not depend on earlier queries; the
@@ -40,11 +43,16 @@ def kept_planning_model(robot: Robot, scene: Scene) -> CollisionModel:
     from optiplan.collision.native_model import planning_model  # here: the verifier must not load the core
 
     models: list[CollisionModel] = getattr(_kept, "planning", [])
-    found = next((model for model in models if _is_of(model, robot, scene)), None)
+    asked = error if error is not None and error.any() else None
+    found = next((model for model in models if _is_of(model, robot, scene) and _same(model.error, asked)), None)
     if found is None:
-        found = planning_model(robot, scene, collision_model(robot, scene))
+        found = planning_model(robot, scene, collision_model(robot, scene), error=asked)
         _kept.planning = [found, *models][:_MOST] if len(found.pairs) <= _LARGE else []
     return found
+
+
+def _same(one: Array | None, other: Array | None) -> bool:
+    return np.array_equal(one, other) if one is not None and other is not None else one is other
 
 
 def _is_of(model: CollisionModel, robot: Robot, scene: Scene) -> bool:

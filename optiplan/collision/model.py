@@ -42,6 +42,9 @@ class CollisionModel:
             configuration (n,) of the robot alone, obstacles are at their initial positions.
     """
 
+    error: Array | None = None
+    """How far joints may be off; None where queries are about the very configuration: see `NativeCollisionModel`."""
+
     def __init__(self, robot: Robot, scene: Scene) -> None:
         self.robot, self.scene, self.same_bodies = robot, scene, SameBodies()
         self.motions = tuple(body.motion for body in scene.obstacles if body.motion is not None)

@@ -12,7 +12,7 @@ from optiplan.cache import MostRecent, digest
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.contacts import Contact, Contacts
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.passing_neighbours import passing_neighbours
+from optiplan.collision.passing_neighbours import apart_neighbours, passing_neighbours
 from optiplan.geometry.convex import hull_of_mesh, mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Scene
 from optiplan.robot.loaded_robots import once_for_each_robot
@@ -27,12 +27,20 @@ _links: "WeakKeyDictionary[Robot, list[Body | None]]" = WeakKeyDictionary()
 _made: "MostRecent[Shape]" = MostRecent(512)
 """Hulls and meshes by content: the index of their vertices takes milliseconds to make."""
 
+_SPARE, _UNBOUNDED = 0.02, 1e6
+"""Share by which planners take joints to be farther off than the verifier does; m, stroke of a joint without bounds."""
+
 _SLACK = 1e-9
 """m; the box and the ball around a hull are larger than it by this slack."""
 
 
 def planning_model(
-    robot: Robot, scene: Scene, known: CollisionModel | None = None, *, passing: bool = False
+    robot: Robot,
+    scene: Scene,
+    known: CollisionModel | None = None,
+    *,
+    passing: bool = False,
+    error: Array | None = None,
 ) -> CollisionModel:
     """Return a model for planners; the verifier uses `CollisionModel` itself, which never calls the core.
 
@@ -41,10 +49,11 @@ def planning_model(
         scene: the scene.
         known: a model of the same robot in the same scene, whose bodies and pairs are reused.
         passing: whether the core also checks `passing_neighbours`: for motions that no verifier checks.
+        error: see `NativeCollisionModel`; without the core it is not known.
     """
     if core is None:
         return CollisionModel(robot, scene)
-    return NativeCollisionModel(robot, scene, known, passing=passing)
+    return NativeCollisionModel(robot, scene, known, passing=passing, error=error)
 
 
 def not_in_core(model: CollisionModel) -> dict[str, list[str]]:
@@ -62,10 +71,18 @@ class NativeCollisionModel(CollisionModel):
     Attributes:
         world: the bodies and pairs in the core; None if the core does not support a shape.
         unknown: names of the bodies with such shapes; if there are any, coal answers all queries.
+        error: (n,) rad or m, how far joints may be off a configuration: the core's distances are less by what that
+            takes of them, and what touches somewhere in this tube collides. None: they are where they are put.
     """
 
     def __init__(
-        self, robot: Robot, scene: Scene, known: CollisionModel | None = None, *, passing: bool = False
+        self,
+        robot: Robot,
+        scene: Scene,
+        known: CollisionModel | None = None,
+        *,
+        passing: bool = False,
+        error: Array | None = None,
     ) -> None:
         if known is None:
             super().__init__(robot, scene)
@@ -75,6 +92,7 @@ class NativeCollisionModel(CollisionModel):
         bodies = [*links, *(_body(self, k, _shapes_of(placed[k].geometry)) for k in range(len(links), len(placed)))]
         self.unknown = tuple(name for name, found in zip(self.names, bodies, strict=True) if found is None)
         never = frozenset() if passing or self.unknown else passing_neighbours(robot)
+        self.error = error if error is not None and error.any() else None
         self.world = None if self.unknown else _world(self, [found for found in bodies if found is not None], never)
 
     def collides(self, q: Array) -> bool:
@@ -160,7 +178,25 @@ def _body(model: CollisionModel, body: int, shapes: "list[Shape]") -> "Body | No
 def _world(model: CollisionModel, bodies: "list[Body]", never: frozenset[tuple[int, int]]) -> "World":
     pairs = model.bounds.pairs.astype(np.int64)
     left_out = [pair.index for pair in model.pairs if (pair.a, pair.b) in never]
-    return core.World.of(native_tree(model.model), bodies, pairs, _clusters(model.robot), left_out)
+    error = _tube_error(model)
+    return core.World.of(native_tree(model.model), bodies, pairs, _clusters(model.robot), left_out, *error)
+
+
+def _tube_error(model: CollisionModel) -> tuple[list[float], list[float]]:
+    """Return how far each joint may be off, and the most that it takes of each pair's distance, m; nothing of none.
+
+    Of neighbours that are apart wherever their joint stands it takes nothing.
+    """
+    if model.error is None:
+        return [], []
+    lower, upper = model.robot.limits.lower, model.robot.limits.upper
+    still = np.zeros(model.model.nq - len(lower))
+    stroke = np.minimum(np.maximum(np.abs(lower), np.abs(upper)), _UNBOUNDED)
+    error = np.append(model.error * (1.0 + _SPARE), still)
+    arms = model.bounds.moment_arms(np.append(stroke, still + _UNBOUNDED))
+    most, apart = arms[:, : len(lower)] @ error[: len(lower)], apart_neighbours(model.robot)
+    most[[pair.index for pair in model.pairs if (pair.a, pair.b) in apart]] = 0.0
+    return error.tolist(), most.tolist()
 
 
 @once_for_each_robot

@@ -11,17 +11,26 @@ from optiplan.robot.urdf.srdf import link_pair
 
 @once_for_each_robot
 def passing_neighbours(robot: Robot) -> frozenset[tuple[int, int]]:
+    """Return those of `apart_neighbours` with a mesh.
+
+    Flanges tenths of a millimetre apart take hundreds of times as long as two convex bodies, at every configuration.
+    """
+    meshes = [isinstance(body.geometry, coal.BVHModelBase) for body in robot.geometry.geometryObjects]
+    if not any(meshes):
+        return frozenset()
+    return frozenset((a, b) for a, b in apart_neighbours(robot) if meshes[a] or meshes[b])
+
+
+@once_for_each_robot
+def apart_neighbours(robot: Robot) -> frozenset[tuple[int, int]]:
     """Return the pairs of bodies that the survey found apart over the whole range of the one joint that moves them.
 
-    Their distance is a function of that joint alone. Only pairs with a mesh: flanges tenths of a millimetre apart take
-    hundreds of times as long as two convex bodies, at every configuration. This is no proof; the verifier checks these
-    pairs along every motion.
+    Their distance is a function of that joint alone, so that they are apart in any tube about a motion, too. This is no
+    proof; the verifier checks these pairs along every motion.
     """
     if robot.held:  # a robot with held joints is not surveyed
         return frozenset()
-    meshes = [isinstance(body.geometry, coal.BVHModelBase) for body in robot.geometry.geometryObjects]
     pairs = [(int(pair.first), int(pair.second)) for pair in robot.geometry.collisionPairs]
-    pairs = [(a, b) for a, b in pairs if meshes[a] or meshes[b]]
     if not pairs:
         return frozenset()
     depends = PairBounds(robot.kinematics, robot.geometry, pairs, robot.link_boxes).depends

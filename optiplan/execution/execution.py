@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from optiplan.arrays import is_finite
+from optiplan.cores import keeping_time
 from optiplan.errors import described, wrong_argument
 from optiplan.execution.arguments import numbers
 from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
@@ -289,7 +290,8 @@ class Execution:
     def _run(self) -> None:
         """The thread of the set-points."""
         try:
-            refused = self._loop.run()
+            with keeping_time():
+                refused = self._loop.run()
         except Exception as error:  # a bug of ours: the robot is to stand still, and it is to be seen
             log.exception("the loop of an execution failed")
             refused = f"the loop failed: {in_words(error)}"

@@ -16,7 +16,7 @@ from optiplan.execution.scene_watch import BlockedPlace
 from optiplan.execution.seen_scene import SeenScene
 from optiplan.execution.status import Ahead, Phase, Status, Stopping, Tick
 from optiplan.execution.stop_ahead import way_ahead
-from optiplan.execution.tracking_monitor import TrackingMonitor
+from optiplan.execution.tracking_monitor import TrackingMonitor, TrackingPolicy
 from optiplan.geometry.pose import Pose, Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import Segment
@@ -49,8 +49,10 @@ class Executor:
     Args:
         run: a verified run of `op.plan`, among obstacles that stand still.
         override: speed at the start, 0 to 1.
-        deviation: how far a measured joint may be from its set-point, rad or m, before the robot stops; None: anything.
+        deviation: how far a measured joint may be from the path, rad or m, before the robot stops; None: anything. The
+            tracking error of the run is a bound of its own.
         clearance: distance to keep from obstacles that `update_scene` moves, m.
+        tracking: how far a measured robot may lag behind, and how old its states may be.
 
     Attributes:
         run: the run that is being executed.
@@ -70,19 +72,25 @@ class Executor:
     """
 
     def __init__(
-        self, run: Run, *, override: float = 1.0, deviation: float | None = None, clearance: float = 0.0
+        self,
+        run: Run,
+        *,
+        override: float = 1.0,
+        deviation: float | None = None,
+        clearance: float = 0.0,
+        tracking: TrackingPolicy | None = None,
     ) -> None:
-        if not isinstance(run, Run):
-            raise wrong_argument("Executor", "run", told(run), "a verified run of op.plan(…)")
         if not is_share(override):
             raise wrong_argument("Executor", "override", told(override), "a speed from 0 to 1")
         if deviation is not None and not (is_finite(deviation) and deviation > 0.0):
             raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
         if not (is_finite(clearance) and clearance >= 0.0):
             raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
+        if tracking is not None and not isinstance(tracking, TrackingPolicy):
+            raise wrong_argument("Executor", "tracking", told(tracking), "an op.TrackingPolicy(…), or None")
         self._path = ProvedPath(run, "Executor")
         self._scene = SeenScene(self._path, float(clearance))
-        self._tracking = TrackingMonitor(deviation)
+        self._tracking = TrackingMonitor(self._path, deviation, tracking or TrackingPolicy())
         self._stretch: PathStretch = self._path.forwards
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
@@ -223,9 +231,11 @@ class Executor:
         return not reason
 
     def _splice(self, given: Run | ProvedPath) -> str:
-        run = given.run if isinstance(given, ProvedPath) else given
-        if not isinstance(run, Run) or not run.verified:
-            return "the motion that was to take over is not verified"
+        try:
+            path = given if isinstance(given, ProvedPath) else ProvedPath(given, "Executor.splice")
+        except OptiPlanError as error:
+            return f"the motion that was to take over: {error}"
+        run = path.run
         if run.problem.robot.joint_names != self.run.problem.robot.joint_names:
             return "the motion that was to take over is of another robot"
         start = run.problem.start_state
@@ -236,11 +246,8 @@ class Executor:
         then = max(found[-1], self.time) if stands else found[-1]
         if then < self.time:
             return f"the motion that was to take over came {self.time - then:.3f} s late"
-        try:
-            path = given if isinstance(given, ProvedPath) else ProvedPath(run, "Executor.splice")
-            self._next = then, path, self.time
-        except OptiPlanError as error:
-            return f"the motion that was to take over: {error}"
+        self._tracking.prepare(path)
+        self._next = then, path, self.time
         return ""
 
     def tick(self, dt: float, measured: object = None) -> Tick:
@@ -255,17 +262,17 @@ class Executor:
         step = self._checked_step(dt)
         if self._next is not None and self.time + step >= self._next[0]:
             self._take_over()
+        now = self.time
         self.time += step
         if self._pending and self._replace_law():
             self._yield()
         if self._law.target == 0.0 and self.time >= self._law.settled:
             self._turn()
         point = self._point()
-        if measured is not None:
-            reason = self._tracking.compare(measured, point, self.run.problem.robot.joint_names)
-            if reason and self._held != "stopped":
-                self.stop(reason)
         place = self._stretch.place(point.place.s)
+        reason = self._tracking.tick(measured, now, self.time, point.q, place)
+        if reason and self._held != "stopped":
+            self.stop(reason)
         events = self._due(place)
         speed = self._stretch.direction * point.place.speed
         return Tick(self.time, point.q, point.v, point.a, point.torque, events, self._status(place, speed))
@@ -344,6 +351,7 @@ class Executor:
         self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
         self._path, self._stretch, self._next = path, path.forwards, None
         self._scene = self._scene.over(path, since)
+        self._tracking.take_over(path)
         self._seen, self._backwards = -math.inf, False
         self._wanted = 0.0 if self._held else self._override
         self._law = path.forwards.laws.steady(0.0, self._wanted if path.starts_at_rest else 1.0, then)
@@ -385,4 +393,6 @@ class Executor:
             phase = "changing"
         elif resting:
             phase = "paused"
-        return Status(phase, place, place / T, speed, self._override, self._reason, self._tracking.deviation)
+        off = self._tracking
+        seen = off.deviation, off.lag, off.clearance
+        return Status(phase, place, place / T, speed, self._override, self._reason, *seen)

@@ -91,6 +91,7 @@ class PathLaws:
         motion: verified with these limits and loads.
         limits: of the joints.
         loads: of all its stretches, in order.
+        tolerance: share by which the motion's report lets these limits be passed.
 
     Attributes:
         overloaded: the first s at which gravity alone takes more torque than allowed; None where it nowhere does.
@@ -99,12 +100,18 @@ class PathLaws:
         OptiPlanError: the native core is not built.
     """
 
-    def __init__(self, motion: Trajectory, limits: Limits, loads: Sequence[Load]) -> None:
+    def __init__(
+        self,
+        motion: Trajectory,
+        limits: Limits,
+        loads: Sequence[Load],
+        tolerance: float = VerifyPolicy().limit_tolerance,
+    ) -> None:
         if core is None:
             raise OptiPlanError("execution needs the native core of optiplan, which is not built: make core")
         self.motion = motion
         step = float(np.clip(motion.duration / STEPS, SHORTEST_STEP, LONGEST_STEP))
-        share = 1.0 + VerifyPolicy().limit_tolerance
+        share = 1.0 + tolerance
         rates = np.array([limits.acceleration * share, limits.jerk * share, limits.torque * share])
         self._core: CoreLaws = core.PathLaws.of(
             motion.breakpoints,

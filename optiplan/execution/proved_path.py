@@ -1,10 +1,13 @@
 """The path of a verified run, from which stretch to which it may be run forwards and backwards, and its laws."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from optiplan.errors import wrong_argument
+from optiplan.execution.arguments import told
+from optiplan.execution.clearance_left import ClearanceLeft
 from optiplan.execution.path_laws import Load, PathLaws, reversed_motion
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolAcceleration
@@ -56,6 +59,8 @@ class ProvedPath:
     """
 
     def __init__(self, run: Run, called: str) -> None:
+        if not isinstance(run, Run):
+            raise wrong_argument(called, "run", told(run), "a verified run of op.plan(…)")
         if run.trajectory is None or not run.verified:
             raise wrong_argument(called, "run", "a run that is not verified", "a verified run of op.plan(…)")
         problem = run.problem
@@ -73,7 +78,9 @@ class ProvedPath:
         self.parts = scene_parts(problem, self.motion)
         self._loads = [Load(part.begin, part.end, part.problem.robot) for part in self.parts]
         self.events: tuple[Segment, ...] = tuple(one for one in self.motion.segments if one.kind in EVENTS)
-        self.forwards = PathStretch(PathLaws(self.motion, problem.limits, self._loads), 0.0, 1.0)
+        assert run.report is not None
+        self._tolerance = run.report.policy.limit_tolerance
+        self.forwards = PathStretch(PathLaws(self.motion, problem.limits, self._loads, self._tolerance), 0.0, 1.0)
         self._stops = sorted({0.0, *(t for event in self.events for t in (event.begin, event.end))})
         ends = (*self._stops[1:], self.motion.duration)
         self._ways_back = [self._way_back(*both) for both in zip(self._stops, ends, strict=True) if both[0] < both[1]]
@@ -81,6 +88,11 @@ class ProvedPath:
         if overloaded is not None:
             found = f"a run in which gravity alone takes more torque than allowed at {overloaded:.3f} s"
             raise wrong_argument(called, "run", found, "a motion along which the robot can stand still anywhere")
+
+    @cached_property
+    def clearance_left(self) -> ClearanceLeft:
+        """What is left of the clearance with the joints off the path; it is proved again for this, once."""
+        return ClearanceLeft(self.parts, self.motion)
 
     @property
     def motion(self) -> Trajectory:
@@ -108,7 +120,7 @@ class ProvedPath:
             for load in reversed(self._loads)
             if load.end > begin and load.begin < end
         ]
-        return PathStretch(PathLaws(part, self.run.problem.limits, loads), end, -1.0)
+        return PathStretch(PathLaws(part, self.run.problem.limits, loads, self._tolerance), end, -1.0)
 
     @property
     def starts_at_rest(self) -> bool:

@@ -94,7 +94,7 @@ class SceneWatch:
                     whole = (begin, end) == (0.0, motion.duration)
                     cut = motion if whole else cut_trajectory(motion, begin, end)
                     model = NativeCollisionModel(part.problem.robot, part.problem.scene)
-                    found.append(_PartWatch(model, cut, begin))
+                    found.append(_PartWatch(model, cut, begin, part.problem.tracking_error.tolist()))
             self._watches[key] = sorted(found, key=lambda part: part.begin)
         return self._watches[key]
 
@@ -102,12 +102,12 @@ class SceneWatch:
 class _PartWatch:
     """A part of a path in which what is held stays the same."""
 
-    def __init__(self, model: NativeCollisionModel, motion: Trajectory, begin: float) -> None:
+    def __init__(self, model: NativeCollisionModel, motion: Trajectory, begin: float, error: list[float]) -> None:
         self.begin, self._model = begin, model
         self._names = {name: k for k, name in enumerate(model.names)}
         self._core: PathWatch | None = None
         if model.world is not None:
-            self._core = core.PathWatch.of(model.world, motion.breakpoints, motion.coefficients, CELL, begin)
+            self._core = core.PathWatch.of(model.world, motion.breakpoints, motion.coefficients, CELL, begin, error)
 
     def blocked(self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float) -> BlockedPlace | None:
         """See `SceneWatch.blocked`; a scene that the core does not know is blocked everywhere."""

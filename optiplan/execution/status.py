@@ -24,8 +24,10 @@ class Status:
         speed: rate of the planned motion, 1 as planned; negative backwards.
         override: the speed that is wanted.
         reason: why it stopped by itself; empty where it did not.
-        deviation: (n,) distance of the measured joints from their set-points at most so far, rad or m; None without
-            measurements.
+        deviation: distance of a measured joint from the path at most so far, rad or m; None without measurements.
+        lag: how far the robot was behind its set-point when it was last measured, s of the planned motion; below 0
+            ahead of it.
+        clearance: what was left then of the proved clearance, m; None where `TrackingPolicy` does not ask for it.
     """
 
     phase: Phase
@@ -35,6 +37,8 @@ class Status:
     override: float
     reason: str = ""
     deviation: float | None = None
+    lag: float | None = None
+    clearance: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

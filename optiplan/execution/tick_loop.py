@@ -12,7 +12,6 @@ from optiplan.errors import OptiPlanError
 from optiplan.execution.drivers.base import Capabilities, Driver
 from optiplan.execution.executor import LONGEST_TICK, Executor
 from optiplan.execution.measurement import Measurement
-from optiplan.execution.state_watch import StateWatch
 from optiplan.execution.status import Ahead, Tick
 from optiplan.trajectory.segments import Segment
 
@@ -21,9 +20,6 @@ PATIENCE = 0.01
 
 SETTLE = 0.1
 """s: for so long the last set-point is sent again before the driver is let go."""
-
-WITHOUT_STATE = 0.2
-"""s: for so long a driver that measures may have no state."""
 
 KEPT_LATENESS = 100_000
 """Ticks whose lateness is kept, the last ones."""
@@ -87,11 +83,9 @@ class TickLoop:
         self._executor, self._driver, self._commands = executor, driver, commands
         self._clock, self._period, self._lead = clock, 1.0 / capabilities.rate, capabilities.lead
         self._reads, self._latency = capabilities.measures, capabilities.latency
-        self._watch = StateWatch(capabilities.joint_names, executor.run.problem.limits.velocity)
         self._ahead: Ahead | None = None
         self._fresh: Ahead | None = None  # not sent yet
         self._still = 0.0  # s that the robot has stood at the end
-        self._unseen = 0.0  # s without a state
         self.tick: Tick | None = None
         self.measured: Measurement | None = None
         self.events: list[Segment] = []
@@ -174,18 +168,11 @@ class TickLoop:
         if not self._reads:
             return None
         try:
-            found = self._driver.state()
+            return self._driver.state()
         except Exception as error:  # set-points can still be sent: the robot stops along the path
             self._reads = False
             self._stop(f"the driver has no state: {in_words(error)}")
             return None
-        self._unseen = 0.0 if found is not None else self._unseen + self._period
-        if self._unseen > WITHOUT_STATE:
-            self._stop(f"the driver has had no state for {self._unseen:.2f} s")
-        fault = "" if found is None else self._watch.fault(found)
-        if fault:
-            self._stop(fault)
-        return found
 
     def _stop(self, reason: str) -> None:
         """Stop along the path, for the first reason that there is."""

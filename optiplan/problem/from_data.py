@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.config.document import Document, validate
 from optiplan.config.messages import field_name
@@ -24,7 +25,9 @@ from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
+from optiplan.problem.tracking_error import error_of_joints, nearer_than_error
 from optiplan.robot.given_configurations import wrong_names
+from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot, load_robot, robot_names
 
 DECIDES_COLLISIONS = (("robot",), ("group",), ("locked",), ("scene", "allowed_collisions"), ("scene", "attached"))
@@ -100,15 +103,17 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     parts = None if robot is None else _parts(compiler, compiler.mounted(robot, scene), scene)
     issues += [] if any(issue.field == "file" for issue in issues) else goal_or_task(document)
     issues += compiler.issues
-    limits = None
+    limits = error = None
     if parts is not None:
         limits = parts.robot.limits.scaled(**({} if spec is None else spec.limits.model_dump()))
         issues += _moving_first(document, parts)
         issues += _constraints(document, parts, len(compiler.goal_specs))
+        error, wrong = error_of_joints(document, parts.robot, None if spec is None else spec.tracking_error)
+        issues += wrong + _near_limits(document, parts, limits, error, len(compiler.goal_specs))
         issues += impossible_states(document, parts.robot, limits, _states(parts))
         if not any(issue.path[: len(place)] == place for issue in issues for place in DECIDES_COLLISIONS):
             issues += _collisions(document, parts, compiler)
-    if issues or spec is None or parts is None or limits is None or parts.start is None:
+    if issues or spec is None or parts is None or limits is None or error is None or parts.start is None:
         raise _error(issues)
     source, digest = source_of(spec, document.path.stem.strip("<>"), base, parts.robot)
     return {
@@ -120,6 +125,7 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
         "start_acceleration": parts.start.state.a,
         "goal": tuple(part.value for part in parts.goal),
         "limits": limits,
+        "tracking_error": error,
         "vias": tuple(part.value for part in parts.vias),
         "task": tuple(part.value for part in parts.task),
         "objective": Objective(**spec.objective.model_dump(exclude_none=True)),
@@ -231,6 +237,19 @@ def _constraints(document: Document, parts: _ProblemParts, alternatives: int) ->
         if high == 1.0 and found and len(found) == alternatives:
             issues += [document.issue(place, f"a goal that is {words}", expected) for place, words in found]
     return issues
+
+
+def _near_limits(
+    document: Document, parts: _ProblemParts, limits: Limits, error: Array, alternatives: int
+) -> list[Issue]:
+    """Report a start, or a goal with all alternatives, nearer to a limit of position than the tracking error."""
+    start = [] if parts.start is None else [(("start",), parts.start.state.q)]
+    issues = nearer_than_error(document, parts.robot, limits, error, start)
+    goals = [
+        nearer_than_error(document, parts.robot, limits, error, [(end.place, end.value.q)]) for end in parts.joint_goals
+    ]
+    every = len(goals) == alternatives and all(goals)
+    return issues + [issue for found in goals if every for issue in found]
 
 
 def _collisions(document: Document, parts: _ProblemParts, compiler: Compiler) -> list[Issue]:

@@ -27,6 +27,7 @@ ARGUMENT_WRITERS = {
     "limits": ("limits", to_data.limits_data),
     "objective": ("objective", to_data.objective_data),
     "path_constraints": ("path_constraints", to_data.path_constraint_data),
+    "tracking_error": ("tracking_error", plain),
     "base": ("base", to_data.base_data),
     "gravity": ("gravity", plain),
 }

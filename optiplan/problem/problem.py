@@ -27,6 +27,7 @@ from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.statement import End, ViaPoint
 from optiplan.problem.task.builder import Task
 from optiplan.problem.task.steps import TaskStep
+from optiplan.problem.tracking_error import TrackingError, error_argument
 from optiplan.problem.write import problem_text
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.state import State
@@ -57,6 +58,7 @@ class Problem(FreeSpace):
             `PairClearance`, `RelativePose`.
         base: pose of the robot's root in the world, a `Pose`; None: the identity.
         gravity: acceleration of free fall in the world (3,), m/s²; None: (0, 0, -9.81).
+        tracking_error: how far joints may be from the motion, rad or m: a number, (n,) or `{joint: value}`; None: 0.
         name: of the problem.
         planner: default of the argument of `op.plan`; None: `trajopt`. With options: `{"name": …, …}`.
         options: of that planner.
@@ -72,6 +74,7 @@ class Problem(FreeSpace):
         task: steps in order; none where there is a goal.
         vias: to be passed in this order.
         limits: the robot's limits times the given fractions.
+        tracking_error: (n,) rad or m; motions are proved for every configuration that is no farther from them.
         source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores; empty of
             one that was `derived`.
         hash: SHA-256 of `source` with the contents of the files of the robot and the meshes; likewise.
@@ -95,6 +98,7 @@ class Problem(FreeSpace):
     start_acceleration: Array
     goal: Goal
     limits: Limits
+    tracking_error: Array
     vias: tuple[Via, ...]
     task: tuple[TaskStep, ...]
     objective: Objective
@@ -119,6 +123,7 @@ class Problem(FreeSpace):
         path_constraints: Sequence[PathConstraint | Mapping[str, Any]] = (),
         base: Pose | Mapping[str, Any] | None = None,
         gravity: Values | None = None,
+        tracking_error: TrackingError | Array | None = None,
         name: str = "problem",
         planner: str | Mapping[str, Any] | None = None,
         options: Mapping[str, Any] | None = None,
@@ -131,6 +136,7 @@ class Problem(FreeSpace):
         in_file, expressions = split_expressions(path_constraints)
         given = {"start": start, "goal": goal, "task": task, "scene": scene, "vias": vias, "limits": limits}
         given |= {"objective": objective, "path_constraints": in_file, "base": base, "gravity": gravity}
+        given |= {"tracking_error": tracking_error}
         needed = {"start"} if task is not None else {"start", "goal"}
         chosen = to_data.planner_data("trajopt" if planner is None else planner, options)
         labels = {"name": name, "seed": seed, "planner": chosen}
@@ -141,16 +147,16 @@ class Problem(FreeSpace):
     def _set(self, parts: Mapping[str, Any]) -> None:
         for name, value in parts.items():
             object.__setattr__(self, name, value)
-        for name in {"start", "start_velocity", "start_acceleration"} & parts.keys():
+        for name in {"start", "start_velocity", "start_acceleration", "tracking_error"} & parts.keys():
             array = np.array(parts[name])
             array.flags.writeable = False  # nobody writes into what the hash is about
             object.__setattr__(self, name, array)
 
     @classmethod
     def of(cls, parts: Mapping[str, Any]) -> "Problem":
-        """Return the problem of these attributes, as they are."""
+        """Return the problem of these attributes, as they are; without a tracking error it is 0."""
         problem = object.__new__(cls)
-        problem._set(parts)
+        problem._set({"tracking_error": np.zeros(parts["robot"].n), **parts})
         return problem
 
     @property
@@ -355,6 +361,8 @@ class Problem(FreeSpace):
             changes["limits"] = self.robot.limits.scaled(**changes["limits"])
         if "goal" in changes and isinstance(changes["goal"], GoalEnd):
             changes["goal"] = (changes["goal"],)
+        if "tracking_error" in changes:
+            changes["tracking_error"] = error_argument("Problem", self.robot, changes["tracking_error"])
         return derived(self, **changes)
 
     def _add_expressions(self, expressions: Sequence[Expression]) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
 from optiplan.libraries import clock, time_loading
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
+from optiplan.planners.common.tracking_tube import planned_in_tube
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner
 from optiplan.planners.third_party import options_set
@@ -73,13 +74,13 @@ def run(
     budget.start()
     began, spent, loaded = clock(), processor_time(), time_loading()
     within = budget.leaving(reserve(budget.seconds))
-    proofs = ProofsOnTheWay(problem, progress, within)
+    proofs, asked = ProofsOnTheWay(problem, progress, within), planned_in_tube(problem)
     if problem.task or (problem.vias and chosen.joins_legs):
         from optiplan.planners.task.planner import plan_task
 
-        result = plan_task(chosen, problem, within, proofs)
+        result = plan_task(chosen, asked, within, proofs)
     else:
-        result = plan_through(chosen, problem, within, proofs, earlier)
+        result = plan_through(chosen, asked, within, proofs, earlier)
     timings = {**prepared, "plan": clock() - began - proofs.seconds}
     spent = processor_time() - spent - proofs.processor
     if time_loading() - loaded > _NOTHING:

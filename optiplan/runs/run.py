@@ -197,6 +197,7 @@ class Run:
             "lower_bound": self.lower_bound,
             "lower_bound_of": None if self.lower_bound is None else self.lower_bound_of,
             "ratio": self.ratio,
+            "tracking_error": self.problem.tracking_error.tolist(),
             "metrics": self.metrics and self.metrics.to_dict(),
             "failure": failure and {"kind": failure.kind, "detail": failure.detail, "witness": dict(failure.witness)},
             "report": self.report and self.report.to_dict(),

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
@@ -15,7 +16,7 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof
 from optiplan.verify.report import Check, VerifyPolicy
-from optiplan.verify.statements import body, motion
+from optiplan.verify.statements import body, motion, tube
 
 
 def checked_robot(problem: Problem, policy: VerifyPolicy) -> Robot:
@@ -38,7 +39,8 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     (`scene_clearance`), too.
     """
     model = collision_model(checked_robot(problem, policy), problem.scene)
-    proof = certify(model, with_obstacles(trajectory, model.motions), policy)
+    error = np.append(problem.tracking_error, np.zeros(3 * len(model.motions)))
+    proof = certify(model, with_obstacles(trajectory, model.motions), policy, error=error)
     near = _deepest(model, proof.nearest) if proof.nearest is not None and proof.contact else proof.nearest
     witness: dict[str, Any] = {
         "pairs": len(model.pairs),
@@ -52,11 +54,12 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
         "met_clearance": None if near is None else near.distance,
         "contact": proof.contact,
     }
-    verdict = Check("collision", "continuous", proof.proved, covers=_covered(model), witness=witness)
+    covers = (*_covered(model), *tube(problem, "clearance"))
+    verdict = Check("collision", "continuous", proof.proved, covers=covers, witness=witness)
     if proof.proved and not model.pairs:
         return replace(verdict, detail="no two bodies can meet")
     proved = witness["proved_clearance"]
-    verdict = replace(verdict, worst=proved, limit=policy.clearance, unit="m", detail=_words(proof))
+    verdict = replace(verdict, worst=proved, limit=policy.clearance, unit="m", detail=_words(proof, error))
     if near is None:
         return verdict
     witness |= near.witness(trajectory.n)
@@ -85,14 +88,15 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _words(proof: Proof) -> str:
+def _words(proof: Proof, error: Array) -> str:
     work = f"{proof.intervals} intervals, {proof.queries} distance queries"
     trust = f", {proof.gjk_only} of them of non-convex meshes, as measured less 1e-6 m" if proof.gjk_only else ""
     count = len(proof.kept)
     kept = f", {count} {'pair' if count == 1 else 'pairs'} of links proved once for this robot" if count else ""
     if proof.proved:
         met = "" if proof.nearest is None else f" (smallest met: {1e3 * proof.nearest.distance:.3g} mm)"
-        return f"proved clear by more than {_clearances(proof)} at all times{met}: {work}{trust}{kept}"
+        where = ", wherever the joints are within the tracking error" if error.any() else ""
+        return f"proved clear by more than {_clearances(proof)} at all times{where}{met}: {work}{trust}{kept}"
     return f"{proof.reason}: {work}{trust}{kept}"
 
 

@@ -85,11 +85,15 @@ class _TimeParts:
 
 @dataclass(frozen=True, eq=False)
 class _Values:
-    """Largest value met on K intervals (K,) with its time, s, and an upper bound of the value there."""
+    """Largest value met on K intervals (K,) with its time, s, and an upper bound of the value there.
+
+    `least`: the bound in the middle with joints off the motion by the error, below which no shorter interval comes.
+    """
 
     met: Array
     time: Array
     bound: Array
+    least: Array
 
 
 def path_constraints(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
@@ -100,6 +104,11 @@ def path_constraints(problem: Problem, trajectory: Trajectory, policy: VerifyPol
         checks = _checks_of(one)(problem, trajectory, policy, one) if 0.0 <= low <= high <= 1.0 else []
         found += [covering(check, constraint(k)) for check in checks or [_nothing(one)]]
     return found
+
+
+def in_tube(one: PathConstraint) -> bool:
+    """Return whether the check of a constraint holds wherever the joints are within the tracking error."""
+    return isinstance(one, PairClearance | JointCoupling) or bool(measures(one))
 
 
 def _nothing(one: PathConstraint) -> Check:
@@ -136,7 +145,7 @@ def _tool_speed(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, 
 def _poses(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: PathConstraint) -> list[Check]:
     base, frame = one.to if isinstance(one, RelativePose) else None, frame_of(one) or problem.robot.tool_frame
     at = frame if base is None else f"{frame} in {base}"
-    proof = _ConstraintProof(FrameMotion(problem.robot, frame, base), trajectory, policy)
+    proof = _ConstraintProof(FrameMotion(problem.robot, frame, base), trajectory, policy, problem.tracking_error)
     return [
         proof.check(one, _Limit(f"{at}: {each.quantity}", each.unit, each.allowed, _of_pose(each), each.shown))
         for each in measures(one)
@@ -160,9 +169,13 @@ class _Limit:
 class _ConstraintProof:
     """Halving of intervals until a quantity is proved to keep its limit on each of them."""
 
-    def __init__(self, motion: FrameMotion, trajectory: Trajectory, policy: VerifyPolicy) -> None:
+    def __init__(
+        self, motion: FrameMotion, trajectory: Trajectory, policy: VerifyPolicy, error: Array | float = 0.0
+    ) -> None:
+        """Prove it for every configuration within `error` (n,), rad or m, of the motion."""
         self.motion, self.trajectory, self.policy = motion, trajectory, policy
-        self._jump = step_sizes(trajectory, policy.jump_tolerance)
+        self._jump = step_sizes(trajectory, policy.jump_tolerance) + error
+        self.tubed = bool(np.any(error))
         self._pieces = [trajectory.derivatives(order) for order in range(2)]
 
     def state(self, spans: _TimeParts, share: float, order: int = 0) -> Array:
@@ -190,7 +203,7 @@ class _ConstraintProof:
     def check(self, one: PathConstraint, limit: _Limit) -> Check:
         """Prove a limit, or refuse it where it is exceeded, or cannot be proved."""
         spans, policy = _TimeParts.of(self.trajectory, one.during), self.policy
-        worst, when, evaluated, reason = -np.inf, 0.0, 0, ""
+        worst, beside, when, evaluated, reason = -np.inf, -np.inf, 0.0, 0, ""
         while len(spans.piece) and not reason:
             left = []
             for part in spans.chunks():
@@ -200,10 +213,13 @@ class _ConstraintProof:
                 if found.met[k] > worst:
                     worst, when = float(found.met[k]), float(found.time[k])
                 left.append(~np.asarray(found.bound <= limit.limit))  # NaN stays
+                beside = max(beside, float(found.least.max()))
             open_ = np.concatenate(left)
             finest = bool(open_.any()) and bool(spans.width[open_].min() < 2.0 * policy.min_interval)
             if worst > limit.limit:
                 reason = "beyond its limit"
+            elif beside > limit.limit:
+                reason = "not proved within the tracking error"
             elif not np.isfinite(worst):
                 reason = "not proved: numbers overflow"
             elif finest:
@@ -244,10 +260,11 @@ def _of_pose(measure: Measure) -> Evaluate:
         times = np.stack([proof.time(spans, share) for share in (0.0, 0.5, 1.0)])
         columns = np.arange(len(which))
         if measure.growth is None:
-            bound = np.minimum(chord, ends[1] + travel)
+            bound, least = np.minimum(chord, ends[1] + travel), ends[1] + step
         else:
             bound = ends[1] + measure.growth(poses[1], bounds.travel, bounds.turn)
-        return _Values(met[which, columns], times[which, columns], bound)
+            least = ends[1] + measure.growth(poses[1], bounds.step, bounds.turn_step)
+        return _Values(met[which, columns], times[which, columns], bound, least if proof.tubed else ends[1])
 
     return values
 
@@ -259,7 +276,7 @@ def _speeds(which: int) -> Evaluate:
         speed = np.linalg.norm(proof.motion.twists(proof.state(spans, 0.5), proof.state(spans, 0.5, 1))[which], axis=1)
         bounds = proof.bounds(spans)
         rate = (bounds.curvature, bounds.turn_curvature)[which]
-        return _Values(speed, proof.time(spans, 0.5), speed + 0.5 * spans.width * rate)
+        return _Values(speed, proof.time(spans, 0.5), speed + 0.5 * spans.width * rate, speed)
 
     return values
 
@@ -282,7 +299,7 @@ def _wheels(robot: Robot) -> Evaluate:
         speed, acceleration = proof.rates(spans)[..., place]
         change = np.hypot(acceleration[:, 0], acceleration[:, 1]) + speed[:, 2] * np.hypot(speed[:, 0], speed[:, 1])
         rate = (np.sqrt(2.0) * change + k * acceleration[:, 2]) / spec.radius
-        return _Values(rates, proof.time(spans, 0.5), rates + 0.5 * spans.width * rate)
+        return _Values(rates, proof.time(spans, 0.5), rates + 0.5 * spans.width * rate, rates)
 
     return values
 
@@ -291,7 +308,8 @@ def _clearance(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, o
     """Check that named pairs stay apart, by the certificate."""
     model = NamedPairs(problem.robot, problem.scene, one.pairs)
     part, begin = part_of(with_obstacles(trajectory, model.motions), one.during)
-    proof = certify(model, part, replace(policy, clearance=one.at_least))
+    error = np.append(problem.tracking_error, np.zeros(3 * len(model.motions)))
+    proof = certify(model, part, replace(policy, clearance=one.at_least), error=error)
     near = proof.nearest
     known = {frozenset((pair.name_a, pair.name_b)) for pair in model.pairs}
     missing = [" – ".join(pair) for pair in one.pairs if frozenset(pair) not in known]

@@ -14,7 +14,7 @@ from optiplan.trajectory.pieces import Defect, defect
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
 from optiplan.verify.report import Check, VerifyPolicy
-from optiplan.verify.statements import covering
+from optiplan.verify.statements import covering, tube
 from optiplan.verify.tolerances import POSITION_ROUNDING
 
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
@@ -139,7 +139,7 @@ def of_the_whole(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy)
     return [
         covering(rest(problem, trajectory, policy), "start_velocity", "start_acceleration"),
         continuity(problem, trajectory, policy),
-        covering(position(problem, trajectory, policy), "limits.lower", "limits.upper"),
+        covering(position(problem, trajectory, policy), "limits.lower", "limits.upper", *tube(problem, "limits")),
         *(covering(rate(problem, trajectory, policy, k), f"limits.{ORDERS[k]}") for k in (1, 2, 3)),
     ]
 
@@ -207,16 +207,21 @@ def _acceleration_step(problem: Problem, policy: VerifyPolicy) -> Array:
 
 
 def position(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
-    """Lower - tolerance <= q <= upper + tolerance at all times, by `prove_bounds`; reported are the extrema."""
-    e, limits = trajectory.extrema_at(0), problem.limits
-    beyond = np.stack([limits.lower - e.low, e.high - limits.upper])  # negative inside
+    """Lower - tolerance <= q <= upper + tolerance at all times, by `prove_bounds`; reported are the extrema.
+
+    With a tracking error e: lower + e - tolerance <= q <= upper - e + tolerance.
+    """
+    e, error = trajectory.extrema_at(0), problem.tracking_error
+    lower, upper = problem.limits.lower + error, problem.limits.upper - error
+    beyond = np.stack([lower - e.low, e.high - upper])  # negative inside
     side, j = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
-    worst, limit, time = [(e.low, limits.lower, e.t_low), (e.high, limits.upper, e.t_high)][side]
+    worst, limit, time = [(e.low, lower, e.t_low), (e.high, upper, e.t_high)][side]
     detail, name = f"nearest to its {('lower', 'upper')[side]} limit", problem.robot.joint_names[j]
+    detail += f", less the tracking error of {error[j]:.4g}" if error[j] else ""
     unit = problem.robot.unit("position", int(j))
     check = Check("position", "exact", True, float(worst[j]), float(limit[j]), unit, float(time[j]), name, detail)
     tolerance = policy.position_tolerance
-    between = _Between(0, limits.lower - tolerance, limits.upper + tolerance, np.full(trajectory.n, POSITION_ROUNDING))
+    between = _Between(0, lower - tolerance, upper + tolerance, np.full(trajectory.n, POSITION_ROUNDING))
     return _proved(check, problem, trajectory, between)
 
 

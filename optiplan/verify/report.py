@@ -81,6 +81,8 @@ class Report:
         unchecked_pairs: how many pairs of links went unchecked, by reason (see `robot.self_collision.pairs`).
         links_without_geometry: links that have no body, of which no contact was checked.
         over_cover: how far (m) `link_geometry` reaches beyond a link's meshes at most, measured.
+        tracking_error: how far joints may be from the motion, rad or m, in the robot's order; `scope` says what of the
+            verdict holds of all these configurations. Empty: the verdict is about the motion alone.
     """
 
     policy: VerifyPolicy
@@ -91,6 +93,7 @@ class Report:
     unchecked_pairs: Mapping[str, int] = field(default_factory=dict)
     links_without_geometry: tuple[str, ...] = ()
     over_cover: Mapping[str, float] = field(default_factory=dict)
+    tracking_error: tuple[float, ...] = ()
 
     @property
     def verified(self) -> bool:
@@ -136,6 +139,7 @@ class Report:
             "scope": list(self.scope),
             "unchecked_pairs": dict(self.unchecked_pairs),
             "links_without_geometry": list(self.links_without_geometry),
+            "tracking_error": list(self.tracking_error),
         }
 
 

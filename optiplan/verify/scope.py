@@ -12,6 +12,8 @@ from optiplan.problem.problem import Problem
 from optiplan.robot.mounting import GRAVITY
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import FILE, count_reasons, reasons_in_words
+from optiplan.verify.constraint_check import in_tube
+from optiplan.verify.joint_constraint_check import title
 from optiplan.verify.report import Check
 
 _told: WeakKeyDictionary[Robot, tuple[str, ...]] = WeakKeyDictionary()
@@ -27,6 +29,7 @@ def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str,
         _told[robot] = (*_unchecked(robot), *_shapes(robot), *_mounting(robot))
     return (
         *_pairs(checks),
+        *_tube(problem, checks),
         *_told[robot],
         *_moving(problem),
         *_torque(problem, checks),
@@ -37,6 +40,23 @@ def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str,
 def _pairs(checks: Sequence[Check]) -> list[str]:
     counts = [check.witness["pairs"] for check in checks if check.name == "collision"]
     return [f"collision: {count} {'pair' if count == 1 else 'pairs'} of bodies" for count in counts]
+
+
+def _tube(problem: Problem, checks: Sequence[Check]) -> list[str]:
+    """Say which checks hold wherever the joints are within the tracking error; the others are of the motion alone."""
+    error, revolute = problem.tracking_error, problem.robot.revolute
+    if not error.any():
+        return []
+    sizes = [
+        f"{values.min():.4g}{'' if values.min() == values.max() else f' to {values.max():.4g}'} {unit}"
+        for unit, values in (("rad", error[revolute]), ("m", error[~revolute]))
+        if values.any()
+    ]
+    stated = [*problem.path_constraints, *(one for step in problem.task for one in step.constraints)]
+    held = {"collision", "position", *(title(one) for one in stated if in_tube(one))}
+    names = list(dict.fromkeys(check.name for check in checks if check.name in held))
+    within = f"hold wherever the joints are within {' and '.join(sizes)} of the motion"
+    return [f"tracking error: {len(names)} checks ({', '.join(names)}) {within}; the others hold of the motion alone"]
 
 
 def _unchecked(robot: Robot) -> list[str]:

@@ -71,6 +71,11 @@ def motion(name: str) -> str:
     return f"scene.{name}.motion"
 
 
+def tube(problem: Problem, *of: str) -> list[str]:
+    """Return the statements that these hold wherever joints are within the tracking error; none where it is 0."""
+    return [f"tracking_error.{one}" for one in of] if problem.tracking_error.any() else []
+
+
 def masses(scene: Scene, robot: Robot) -> list[str]:
     """Return the statements of masses of attached objects that the robot carries."""
     return [_mass(held) for held in scene.attached if held.mass and _carried(held, robot)]
@@ -107,6 +112,7 @@ _OF_PROBLEM: Mapping[str, Callable[[Problem], Iterable[str]]] = {
     "start_velocity": lambda problem: ["start_velocity"],
     "start_acceleration": lambda problem: ["start_acceleration"],
     "goal": lambda problem: ["goal"] if problem.goal or not problem.task else [],
+    "tracking_error": lambda problem: tube(problem, "clearance", "limits"),
     "limits": lambda problem: [f"limits.{field.name}" for field in fields(Limits)],
     "vias": lambda problem: [f"vias[{k}]" for k in range(len(problem.vias))],
     "task": lambda problem: [one for k, step in enumerate(problem.task) for one in steps(k, step)],

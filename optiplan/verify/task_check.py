@@ -195,7 +195,8 @@ def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
         if part.way is None:
             continue
         lasting = part.lasting()
-        own = derived(part.problem, path_constraints=tuple(line_constraints(part.way, part.problem.robot, lasting)))
+        stated = tuple(line_constraints(part.way, part.problem.robot, lasting))
+        own = derived(part.problem, path_constraints=stated, tracking_error=np.zeros(lasting.n))
         for check in path_constraints(own, lasting, policy):
             known = replace(_of_part(check, part), name="line", covers=())
             yield covering(known, f"{step_place(k)}.line")

@@ -46,6 +46,7 @@ def verify(
         unchecked_pairs=count_reasons(robot.allowed),
         links_without_geometry=robot.bare_links,
         over_cover=dict(robot.over_cover),
+        tracking_error=tuple(problem.tracking_error.tolist()) if problem.tracking_error.any() else (),
     )
     if not all(check.passed for check in found):
         unread = "nothing else was checked: the trajectory cannot be read as a motion of this robot"

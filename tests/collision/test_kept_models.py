@@ -92,7 +92,9 @@ def test_planners_ask_the_kept_model(problem, planner, monkeypatch):
     kept_planning_model(problem.robot, problem.scene)
     made = []
     plain = native_model.planning_model  # answers, too: what is imported from here on keeps what stands there
-    monkeypatch.setattr(native_model, "planning_model", lambda *given: made.append(given) or plain(*given))
+    monkeypatch.setattr(
+        native_model, "planning_model", lambda *given, **more: made.append(given) or plain(*given, **more)
+    )
     op.plan(problem, planner, budget=0.5)
     assert not made
 

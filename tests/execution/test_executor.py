@@ -173,7 +173,7 @@ def test_a_splice_that_is_late_or_elsewhere_ends_in_a_stop(run_of):
         (lambda ex: ex.tick("soon"), "tick"),
         (lambda ex: ex.tick(DT, [0.0]), "measured"),
         (lambda ex: ex.tick(DT, np.full(7, np.nan)), "measured"),
-        (lambda ex: ex.tick(DT, np.full(7, 9.0)), "set-point"),
+        (lambda ex: ex.tick(DT, np.full(7, 9.0)), "off the path"),
         (lambda ex: setattr(ex, "override", 1.5), "override"),
         (lambda ex: setattr(ex, "override", float("nan")), "override"),
     ],

@@ -166,4 +166,4 @@ def test_a_deviation_stops_a_waiting_robot(run):
     executor.update_scene({"ball0": ahead})
     executor.tick(DT, np.full(7, 9.0))
     assert executor.status.phase in ("stopping", "stopped")
-    assert "set-point" in executor.status.reason
+    assert "off the path" in executor.status.reason

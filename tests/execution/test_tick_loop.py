@@ -104,16 +104,6 @@ def test_a_clock_that_runs_backwards_ends_in_a_stop(run):
     assert steps_within_limits(robot.ticks, PERIOD, run.problem.limits)
 
 
-def test_a_driver_without_a_state_ends_in_a_stop(run):
-    class Blind(FollowingRobot):
-        def state(self):
-            return super().state() if len(self.ticks) < AT else None
-
-    found = executed(run, Blind(run)).snapshot()
-    assert found["phase"] == "stopped"
-    assert "no state for 0.20 s" in found["reason"]
-
-
 def test_what_waits_gets_every_set_point_however_late(run):
     robot = FollowingRobot(run, clock=SetClock({AT: 5.0}))
     waiting = replace(robot.capabilities(), waits=True)

@@ -69,7 +69,7 @@ def test_a_contact_is_told_with_the_deepest_pair_of_its_moment(planar, swing, mo
     assert (met.pair.name_b, deepest.pair.name_b) == ("shallow", "deep")
     names, points = (met.pair.name_a, met.pair.name_b), np.array([met.point_a, met.point_b])
     first = Proof(False, "bodies touch", met=(None, Moment(met.distance, 0.5, names, points, q)), contact=True)
-    monkeypatch.setattr(collision_check, "certify", lambda *_: first)
+    monkeypatch.setattr(collision_check, "certify", lambda *_, **__: first)
     check = named(verify(problem, swing), "collision")
     assert check.place == f"{deepest.pair.name_a} – deep"
     assert check.worst == check.witness["met_clearance"] == deepest.distance

@@ -8,6 +8,7 @@
 
 #include "arrays.hpp"
 #include "execution/path_watch.hpp"
+#include "execution/set_point_history.hpp"
 #include "module.hpp"
 
 namespace optiplan {
@@ -68,14 +69,28 @@ nb::tuple set_point(const PathLaws &self, const TimeLaw &law, double t) {
     return nb::make_tuple(to_numpy(std::move(at), {4, n}), state.s, state.ds, state.dds);
 }
 
+void note(SetPointHistory &self, double time, Vector q, double place, int epoch) {
+    expect(static_cast<int>(q.size()) == self.joints(), "a set-point (n,)");
+    self.note(time, q.data(), place, epoch);
+}
+
+nb::tuple nearest_place(const SetPointHistory &self, Vector q, Vector weights) {
+    const std::size_t n = static_cast<std::size_t>(self.joints());
+    expect(q.size() == n && weights.size() == n, "a configuration (n,) and a weight of each joint");
+    std::vector<double> off(n);
+    const NearestPlace found = self.nearest(q.data(), weights.data(), off.data());
+    return nb::make_tuple(to_numpy(std::move(off), {n}), found.place, found.progress, found.epoch);
+}
+
 std::unique_ptr<PathWatch> make_watch(const World &world, Vector breakpoints, Stack coefficients, double width,
-                                      double begin) {
+                                      double begin, const std::vector<double> &error) {
     const std::size_t n = coefficients.shape(2);
+    expect(error.empty() || error.size() == n, "an error of each joint");
     expect(breakpoints.size() == coefficients.shape(0) + 1, "breakpoints (m + 1,), coefficients (m, degree + 1, n)");
     expect(static_cast<int>(n) == world.tree().planned, "a path of the world's joints");
     const Curve path{to_vector(breakpoints), to_vector(coefficients), static_cast<int>(coefficients.shape(1)) - 1,
                      static_cast<int>(n)};
-    return std::make_unique<PathWatch>(world, path, width, begin);
+    return std::make_unique<PathWatch>(world, path, width, begin, error);
 }
 
 // `poses` (k, 4, 4); `motions` (k, 5): velocity, spread, time. The place and the pair; None where nothing blocks.
@@ -136,8 +151,13 @@ void bind_execution(nb::module_ &m) {
         .def("set_point", &set_point, "law"_a, "t"_a);
     nb::class_<PathWatch>(m, "PathWatch")
         .def_static("of", &make_watch, "world"_a, "breakpoints"_a, "coefficients"_a, "width"_a, "begin"_a,
-                    nb::keep_alive<0, 1>())
+                    "error"_a = std::vector<double>(), nb::keep_alive<0, 1>())
         .def("blocked", &blocked, "law"_a, "now"_a, "bodies"_a, "poses"_a, "motions"_a, "margin"_a);
+    nb::class_<SetPointHistory>(m, "SetPointHistory")
+        .def(nb::init<int, double, double>(), "joints"_a, "kept"_a, "spacing"_a)
+        .def("note", &note, "time"_a, "q"_a, "place"_a, "epoch"_a)
+        .def("progress_at", &SetPointHistory::progress_at, "time"_a)
+        .def("nearest", &nearest_place, "q"_a, "weights"_a);
 }
 
 }  // namespace optiplan

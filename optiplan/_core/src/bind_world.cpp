@@ -61,7 +61,8 @@ static Body make_body(int joint, const Matrix &placement, std::vector<Shape> sha
 }
 
 static World make_world(const Tree &tree, const std::vector<Body> &bodies, const IndexPairs &pairs,
-                        const std::vector<std::pair<Body, std::vector<int>>> &clusters, const std::vector<int> &never) {
+                        const std::vector<std::pair<Body, std::vector<int>>> &clusters, const std::vector<int> &never,
+                        const std::vector<double> &error, const std::vector<double> &tubes) {
     std::vector<std::pair<int, int>> found;
     const auto count = static_cast<std::int64_t>(bodies.size());
     for (std::size_t k = 0; k < 2 * pairs.shape(0); ++k)
@@ -80,7 +81,10 @@ static World make_world(const Tree &tree, const std::vector<Body> &bodies, const
     }
     for (int pair : never)
         expect(pair >= 0 && pair < static_cast<int>(found.size()), "pairs that are never asked are pairs");
-    return World(tree, bodies, found, together, never);
+    expect(error.size() == 0 ||
+               (error.size() == static_cast<std::size_t>(tree.planned) && tubes.size() == found.size()),
+           "an error of each planned joint, and the tube of each pair");
+    return World(tree, bodies, found, together, never, {error, tubes});
 }
 
 static nb::ndarray<nb::numpy, double> poses(const Tree &tree, const Matrix &Q) {
@@ -267,7 +271,8 @@ void bind_world(nb::module_ &m) {
     nb::class_<Body>(m, "Body").def_static("of", &make_body, "joint"_a, "placement"_a, "shapes"_a, "box"_a, "radius"_a);
     nb::class_<World>(m, "World")
         .def_static("of", &make_world, "tree"_a, "bodies"_a, "pairs"_a,
-                    "clusters"_a = std::vector<std::pair<Body, std::vector<int>>>(), "never"_a = std::vector<int>())
+                    "clusters"_a = std::vector<std::pair<Body, std::vector<int>>>(), "never"_a = std::vector<int>(),
+                    "error"_a = std::vector<double>(), "tubes"_a = std::vector<double>())
         .def("near", &near, "Q"_a, "cutoff"_a)
         .def("nearest", &nearest, "Q"_a)
         .def("gradients", &gradients, "Q"_a, "rows"_a, "pairs"_a, "points"_a, "normals"_a)

@@ -21,6 +21,9 @@ BUDGET = 20.0
 PROBLEM = "a problem file, or the name of an example: 01_reach"
 SERVER = "have an `optiplan serve` plan (OPTIPLAN_TOKEN: its token)"
 WORKERS = "attempts of trajopt side by side, in threads: the same motion, sooner"
+TRACKING_ERROR = (
+    "rad or m that each joint may be off the motion, which is proved for all of that; instead of the file's"
+)
 PLANNER = "instead of the file's; see: planners. all, or NAME,NAME,…: compares these"
 
 
@@ -44,6 +47,7 @@ def plan(
     full: Full = False,
     workers: Annotated[int | None, typer.Option(min=1, max=64, metavar="N", help=WORKERS)] = None,
     server: Annotated[str, typer.Option(metavar="URL", help=SERVER)] = "",
+    tracking_error: Annotated[float | None, typer.Option(min=0.0, max=10.0, metavar="E", help=TRACKING_ERROR)] = None,
 ) -> int:
     """Plan a motion, prove it, and print the report.
 
@@ -55,6 +59,8 @@ def plan(
 
       optiplan plan cell.yaml --planner rrtconnect --seed 3 --budget 5 --json
 
+      optiplan plan cell.yaml --tracking-error 0.002     proved for joints that are up to 0.002 rad or m off
+
       optiplan plan cell.yaml --planner all --out runs   one table; runs/trajopt, runs/rrtconnect, …
 
       optiplan plan cell.yaml --server http://127.0.0.1:7100   planned there, verified here
@@ -64,6 +70,7 @@ def plan(
     Exit code: 0 verified · 2 bad input · 3 no plan within the budget · 4 found but not verified.
     Of several planners: 0 one is verified · 4 one was found, none verified · 3 none found.
     """
+    from optiplan.api.planning import with_tracking_error
     from optiplan.cli.commands import plan_comparison
     from optiplan.problem.load import load_problem
     from optiplan.runs.run_folder import check_folder
@@ -79,6 +86,7 @@ def plan(
     with stdout_is_ours():
         began = time.perf_counter()
         problem = load_problem(path) if seed is None else load_problem(path).with_seed(seed)
+        problem = problem if tracking_error is None else with_tracking_error(problem, tracking_error)
         loaded = time.perf_counter() - began
     if names:
         runs, unsaved = plan_comparison.run_all(path, problem, names, budget, out)

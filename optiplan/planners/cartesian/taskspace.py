@@ -146,7 +146,8 @@ class TaskSpace(Planner[TaskSpaceOptions]):
     def _path(self, work: PlanContext, goals: list[Array], room: float, seed: int) -> Array | Failure:
         """Waypoints (k, n) to one of the goals, among obstacles thicker by `room`, m."""
         problem = work.problem
-        model = planning_model(problem.robot, thinned(problem.scene, -room)) if room > 0.0 else work.model
+        error = problem.tracking_error
+        model = planning_model(problem.robot, thinned(problem.scene, -room), error=error) if room > 0.0 else work.model
         options = SamplingOptions(work.budget.share(_SEARCH), seed=seed)
         found = sample_path(path_check(model, problem.limits), problem.start, goals, options)
         return found if isinstance(found, Failure) else found.waypoints

@@ -51,4 +51,4 @@ class PlanContext:
     @classmethod
     def of(cls, problem: Problem, budget: Budget) -> "PlanContext":
         """Return the context of a call that begins now."""
-        return cls(problem, kept_planning_model(problem.robot, problem.scene), budget)
+        return cls(problem, kept_planning_model(problem.robot, problem.scene, problem.tracking_error), budget)

@@ -43,7 +43,9 @@ def wait_for_obstacles(planner: Planner[Any], problem: Problem, budget: Budget, 
     if found.trajectory is None:
         return found
     motions = [*(one.trajectory for one in reversed(found.earlier)), found.trajectory][::-1]
-    with_time = delayed(problem, motions, kept_planning_model(problem.robot, problem.scene), budget)
+    with_time = delayed(
+        problem, motions, kept_planning_model(problem.robot, problem.scene, problem.tracking_error), budget
+    )
     if isinstance(with_time, Failure):
         return PlanResult(None, with_time, found.timings, found.info)
     info = {**found.info, "waited": with_time.wait, "slower": with_time.slower}

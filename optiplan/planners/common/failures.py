@@ -34,6 +34,7 @@ def end_collides(model: CollisionModel, q: Array, end: Literal["start", "goal"])
         raise ValueError("a model without pairs does not collide")
     pair, depth = contact.pair, max(0.0, -contact.distance)
     detail = f"{end} configuration: '{pair.name_a}' and '{pair.name_b}' overlap by {depth * 1e3:.3g} mm"
+    detail += "" if model.error is None else ", where the joints may be within the tracking error"
     kind: FailureKind = "start-in-collision" if end == "start" else "goal-in-collision"
     return Failure(kind, detail, contact_witness(q, contact))
 

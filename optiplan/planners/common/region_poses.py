@@ -36,7 +36,7 @@ def single_ends(problem: Problem) -> list[JointGoal | PoseGoal]:
 def _poses(problem: Problem, goal: RegionGoal) -> list[PoseGoal]:
     robot, rng = problem.robot, np.random.default_rng(problem.seed)
     sampler = RegionSampler(robot, goal)
-    model = kept_planning_model(robot, problem.scene)
+    model = kept_planning_model(robot, problem.scene, problem.tracking_error)
     first = sampler.onto(problem.start)
     reached = [first[0]] if first[1] and not model.collides(first[0]) else []
     for seed in random_seeds(robot, problem.start, rng, _TRIED, goal.frame):

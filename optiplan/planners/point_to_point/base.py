@@ -96,7 +96,7 @@ class PointToPoint(Planner[Options]):
         """
         if problem.vias and not self.passes_vias:
             return
-        goals = self.targets(problem, kept_planning_model(problem.robot, problem.scene), budget)
+        goals = self.targets(problem, kept_planning_model(problem.robot, problem.scene, problem.tracking_error), budget)
         refused: list[InputError] = []
         for goal in [] if isinstance(goals, Failure) else goals:
             try:

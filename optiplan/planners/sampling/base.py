@@ -59,7 +59,7 @@ class SamplingPlanner(Planner[Options]):
         """Plan within the budget; see `planners.base.Planner`."""
         options, setup, watch = self.options, self.setup(), Stopwatch()
         with watch.stage("set-up"):
-            model = kept_planning_model(problem.robot, problem.scene)
+            model = kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
         progress("goals", 0.0)
         with watch.stage("goals"):
             sampler = goal_sampler(problem, model, budget, options.goals)

@@ -53,7 +53,7 @@ def through_thinner(repair: Callable[[Array], Array | None]) -> Searcher:
 
     def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
         model = check.model
-        thinner = check.among(planning_model(model.robot, thinned(model.scene)))
+        thinner = check.among(planning_model(model.robot, thinned(model.scene), error=model.error))
         if thinner.native is None:
             found = kpiece(thinner, ends, budget, seed, patience=patience)
         else:

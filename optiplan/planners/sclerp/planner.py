@@ -36,7 +36,7 @@ class Sclerp(Planner[SclerpOptions]):
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         problem = with_poses(problem)
-        watch, model = Stopwatch(), kept_planning_model(problem.robot, problem.scene)
+        watch, model = Stopwatch(), kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
         with watch.stage("goals"):
             goals = ranked_goals(problem, model, budget, self.options.goals, nearer=False)
         if isinstance(goals, Failure) and goals.kind != "goal-unreachable":

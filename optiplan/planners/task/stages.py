@@ -88,10 +88,11 @@ class Stages:
             start_acceleration=np.zeros(len(own)),
             goal=(),
             limits=self.problem.limits.of_joints(own),
+            tracking_error=self.problem.tracking_error[own],
             vias=(),
             task=(),
             path_constraints=(*self.problem.path_constraints, *step.constraints),
         )
-        stage = Stage(problem, planning_model(robot, scene), own)
+        stage = Stage(problem, planning_model(robot, scene, error=problem.tracking_error), own)
         self._known = [*self._known[-30:], (key, others, state.scene, stage)]
         return stage

@@ -41,13 +41,13 @@ def _passing(problem: Problem, part: TaskPart, budget: Budget) -> TaskPart | Fai
     scene = Scene(moving, first.before.scene.attached, allowed)
     if isinstance(part, Stretch):
         own = derived(part.steps[0].stage.problem, scene=scene, goal=())
-        passing = delayed(own, [part.motion], planning_model(own.robot, scene), budget)
+        passing = delayed(own, [part.motion], planning_model(own.robot, scene, error=own.tracking_error), budget)
         if isinstance(passing, Failure):
             return passing
         slower = (passing.motion.duration - passing.wait) / part.motion.duration
         return replace(part, motion=passing.motion, ends=tuple(passing.wait + slower * end for end in part.ends))
     still = standstill(problem.robot.joint_names, first.before.q, part.duration)
-    met = first_contact(planning_model(problem.robot, scene), still, lambda: budget.over)
+    met = first_contact(planning_model(problem.robot, scene, error=problem.tracking_error), still, lambda: budget.over)
     if met is None:
         return part
     return Failure("collision", f"{met.words}, which moves", met.witness(still))

@@ -54,7 +54,7 @@ class _NonzeroEndRun:
         self.curve: tuple[Attempt, NonzeroEndOptimiser] | None = None
         self.patience = Patience(budget, self.options.good_enough)
         with self.watch.stage("set-up"):
-            self.model = kept_planning_model(problem.robot, problem.scene)
+            self.model = kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
             self.optimiser = Optimiser(with_reserve(problem), self.model, self.options)
 
     def result(self) -> PlanResult:

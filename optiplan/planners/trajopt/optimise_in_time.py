@@ -63,7 +63,7 @@ def optimise_in_time(
     static = planner.plan(without_dynamic_obstacles(problem), budget.share(_STATIC), stages_of(progress))
     if static.trajectory is None:
         return static
-    model = kept_planning_model(problem.robot, problem.scene)
+    model = kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
     waiting = delayed(problem, [static.trajectory], model, budget.share(_DELAYS))
     info: dict[str, Any] = {"attempts": [*static.info.get("attempts", ())], "cut_short": False}
     if not isinstance(waiting, Failure):

@@ -206,7 +206,7 @@ class PathSearch:
         """Return the path check between obstacles thinner by `depth`, m."""
         if depth not in self._checks:
             robot, scene = self.problem.robot, self.problem.scene
-            model = planning_model(robot, thinned(scene, depth)) if depth else self.model
+            model = planning_model(robot, thinned(scene, depth), error=self.model.error) if depth else self.model
             self._checks[depth] = path_check(model, self.problem.limits)
         return self._checks[depth]
 

@@ -99,7 +99,7 @@ class _Run:
         self.repaired: tuple[Attempt, float] | None = None  # what the last path lies on, and that path's cost, s
         self.patience = Patience(budget, options.good_enough)
         with self.watch.stage("set-up"):
-            self.model = kept_planning_model(problem.robot, problem.scene)
+            self.model = kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
             self.info.update(not_in_core(self.model))
             self.optimiser = Optimiser(problem, self.model, options)
         self.incumbent = CurveIncumbent(

@@ -121,7 +121,8 @@ class SpeculativeAttempts:
         """Run an attempt in a thread, which has a collision model of its own."""
         optimiser: Optimiser | None = getattr(self._own, "optimiser", None)
         if optimiser is None:
-            model = planning_model(self._problem.robot, self._problem.scene)
+            error = self._problem.tracking_error
+            model = planning_model(self._problem.robot, self._problem.scene, error=error)
             optimiser = self._own.optimiser = Optimiser(self._problem, model, self._options)
         free, late = list[Attempt](), list[bool]()
         budget = Budget(self._budget.remaining, cancel)

@@ -67,7 +67,7 @@ class WarmStart:
     ) -> None:
         began = clock()
         self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
-        self.model = kept_planning_model(problem.robot, problem.scene)
+        self.model = kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
         stated = with_reserve(problem) if problem.nonzero_ends else problem
         few = replace(options, iterations=min(MOST_STEPS, options.iterations))
         self.optimiser = Optimiser(stated, self.model, few)

@@ -75,7 +75,8 @@ class ProblemSpec(Strict):
     `group` names the planned joints among the robot file's `groups`; `locked` holds values of joints that are not
     planned (fingers), over those of the robot file. `base` is the pose of the robot's root in the world, the identity
     without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one. There is
-    either a `goal` or a `task` of several steps.
+    either a `goal` or a `task` of several steps. `tracking_error` says how far joints may be from the motion, rad or m:
+    one number, a list, or values by joint.
     """
 
     version: FileVersion
@@ -91,6 +92,7 @@ class ProblemSpec(Strict):
     scene: SceneSpec = SceneSpec()
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()
+    tracking_error: NotNegative | tuple[NotNegative, ...] | dict[Name, NotNegative] | None = None
     limits: LimitScalesSpec = LimitScalesSpec()
     objective: ObjectiveSpec = ObjectiveSpec()
     planner: Annotated[PlannerSpec, BeforeValidator(_named, json_schema_input_type=str | PlannerSpec)] = PlannerSpec()

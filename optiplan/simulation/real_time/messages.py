@@ -1,7 +1,6 @@
-"""What the driver `sim` and its process say to each other: packets of a kind and float64 numbers, JSON or a pickle."""
+"""What the driver `sim` and its process say to each other: packets of a kind and float64 numbers or JSON."""
 
 import json
-import pickle
 import socket
 import time
 from enum import Enum
@@ -22,13 +21,11 @@ LONGEST = 1 << 18
 class Packet(Enum):
     """Kinds of packets; the comment says what follows the first byte."""
 
-    SETUP = b"P"  # pickle of a `Setup`
-    TICK = b"T"  # time.monotonic, t, q, v, a
+    TICK = b"T"  # time.monotonic, t, place on the path, q, v, a
     AHEAD = b"A"  # turn, t (K,), q (K, n), v (K, n), a (K, n)
-    EVENT = b"E"  # JSON: the number of an event's step
     STOP = b"S"
     READY = b"R"
-    STATE = b"X"  # time simulated, time.monotonic, q, v
+    STATE = b"X"  # time simulated, and by time.monotonic, q, v
     FAILED = b"F"  # JSON: why
     REPORT = b"C"  # JSON: what came of it
 
@@ -70,7 +67,7 @@ def numbers_packet(kind: Packet, *values: Array | float) -> bytes:
 
 def tick_packet(tick: Tick) -> bytes:
     """Return a set-point as a packet."""
-    return numbers_packet(Packet.TICK, time.monotonic(), tick.t, tick.q, tick.v, tick.a)
+    return numbers_packet(Packet.TICK, time.monotonic(), tick.t, tick.status.place, tick.q, tick.v, tick.a)
 
 
 def ahead_packet(ahead: Ahead) -> bytes:
@@ -86,8 +83,3 @@ def data_packet(kind: Packet, data: Any) -> bytes:
 def data_of(content: bytes) -> Any:
     """Return the data of a packet of JSON."""
     return json.loads(content)
-
-
-def pickled_packet(kind: Packet, data: Any) -> bytes:
-    """Return a packet of a pickle, from a process to the one that it started."""
-    return kind.value + pickle.dumps(data)

@@ -1,5 +1,7 @@
 """The reference of a simulated drive: set-points as they come, and the way ahead when they do not."""
 
+from collections import deque
+
 import numpy as np
 
 from optiplan.arrays import Array
@@ -8,6 +10,9 @@ from optiplan.execution.clock_offset import ClockOffset
 RATE = 0.02
 """By which share the reference may run faster or slower than time, to come in step with the sender's clock."""
 
+KEPT = 16
+"""Ways ahead that are kept."""
+
 
 class ReceivedSetPoints:
     """Where the joints are wanted at a time, of set-points with a delay that varies.
@@ -15,7 +20,7 @@ class ReceivedSetPoints:
     A set-point for time t of the sender that was sent at t' of this machine shows t' - t, the clocks' distance and its
     delay. The reference follows the smallest, so that late set-points do not slow it, without jumps. Between
     set-points, and for `silence` s after the last, the reference goes on with its acceleration; later it is that of the
-    way ahead. A simulation that is late itself finds its own time in the way before.
+    way ahead. A simulation that is late itself finds its own time in the ways before.
 
     Args:
         q: (n,) where the robot stands.
@@ -25,8 +30,7 @@ class ReceivedSetPoints:
     def __init__(self, q: Array, silence: float) -> None:
         still = np.zeros(len(q))
         self._point, self._silence = (0.0, np.array(q), still, still), silence
-        self._ahead: tuple[Array, Array, Array, Array] | None = None
-        self._before: tuple[Array, Array, Array, Array] | None = None
+        self._ahead: deque[tuple[Array, Array, Array, Array]] = deque(maxlen=KEPT)
         self._offset: float | None = None
         self._clocks = ClockOffset()
         self.stopping = False
@@ -42,7 +46,7 @@ class ReceivedSetPoints:
 
     def take_ahead(self, t: Array, q: Array, v: Array, a: Array) -> None:
         """Take the way of a robot without further set-points: (K,) and (K, n)."""
-        self._before, self._ahead = self._ahead, (t, q, v, a)
+        self._ahead.append((t, q, v, a))
 
     def at(self, now: float) -> tuple[Array, Array, Array]:
         """Return q, v, a (n,) at `now`, s."""
@@ -51,18 +55,18 @@ class ReceivedSetPoints:
             return q, v, a
         time = now - self._offset
         h = time - t
-        if self._ahead is not None and (self.stopping or abs(h) > self._silence):
-            late = self._before is not None and time < self._ahead[0][0]
-            return between(*(self._before if late and self._before else self._ahead), time)
-        if self._ahead is None:  # nothing is known beyond the set-point
+        if self._ahead and (self.stopping or abs(h) > self._silence):
+            way = next((one for one in reversed(self._ahead) if one[0][0] <= time), self._ahead[0])
+            return between(*way, time)
+        if not self._ahead:  # nothing is known beyond the set-point
             h = min(max(h, -self._silence), self._silence)
         return q + h * (v + 0.5 * h * a), v + h * a, a
 
     def rests(self, now: float) -> bool:
         """Whether the reference stands still from `now` on."""
-        if self._offset is None or self._ahead is None:
+        if self._offset is None or not self._ahead:
             return True
-        return bool(now - self._offset >= self._ahead[0][-1])
+        return bool(now - self._offset >= self._ahead[-1][0][-1])
 
 
 def between(t: Array, q: Array, v: Array, a: Array, time: float) -> tuple[Array, Array, Array]:

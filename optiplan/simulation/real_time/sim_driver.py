@@ -1,8 +1,10 @@
 """Driver `sim`: the robot of a run in MuJoCo, in real time, in a process of its own."""
 
+import pickle
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from importlib.util import find_spec
 from typing import Any, get_args
 
@@ -13,7 +15,6 @@ from optiplan.errors import described, wrong_argument
 from optiplan.execution.drivers.base import Capabilities, DriverError
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Tick
-from optiplan.problem.task.timeline import scene_parts
 from optiplan.runs.run import Run
 from optiplan.simulation.plants.dynamics import check_inertias
 from optiplan.simulation.plants.mujoco_plant import mujoco_module
@@ -51,7 +52,8 @@ class SimDriver:
         payload: kg at the tool that the drives do not know of.
 
     Attributes:
-        report: what came of it, after `stop`: `contacts`, `error_rms` and `error_max` of the joints, rad or m,
+        report: what came of it, after `stop`: `contacts`, `objects` of a task and how far they
+            are from the plan at its end, m, `error_rms` and `error_max` of the joints, rad or m,
             `interval_std` and `interval_max` between set-points as they came, s, `slipped` time that the simulation
             was too slow, s.
 
@@ -81,14 +83,13 @@ class SimDriver:
             mujoco_module()
         if chosen != "ideal":
             check_inertias(problem.robot)
-        parts = tuple(part.problem for part in scene_parts(problem, run.trajectory)) if problem.task else (problem,)
-        q = np.asarray(run.trajectory.start)
-        self._n, self._names = len(q), tuple(problem.robot.joint_names)
+        self._n, self._names = problem.robot.n, tuple(problem.robot.joint_names)
         self._rate = float(rate)
         self._latest: Measurement | None = None
         self._sent = 0.0
         self.report: dict[str, Any] = {}
-        self._start(Setup(parts, chosen, q, float(frequency), float(payload), SILENT_TICKS / rate))  # type: ignore[arg-type]
+        silence = SILENT_TICKS / rate
+        self._start(Setup(problem, run.trajectory, chosen, float(frequency), float(payload), silence))  # type: ignore[arg-type]
 
     @property
     def pid(self) -> int:
@@ -101,10 +102,10 @@ class SimDriver:
         with theirs:
             number = theirs.fileno()
             command = [sys.executable, "-m", module, str(number)]
-            self._process = subprocess.Popen(
-                command, pass_fds=[number], stdin=subprocess.DEVNULL, start_new_session=True
-            )
-        self._end.send(messages.pickled_packet(Packet.SETUP, setup))
+            self._process = subprocess.Popen(command, pass_fds=[number], stdin=subprocess.PIPE, start_new_session=True)
+        assert self._process.stdin is not None
+        with suppress(BrokenPipeError), self._process.stdin as pipe:  # a process that is gone is seen below
+            pickle.dump(setup, pipe)
         began = time.monotonic()
         while time.monotonic() < began + READY_IN:
             if any(kind is Packet.READY for kind, _ in self._packets()):
@@ -130,10 +131,9 @@ class SimDriver:
         return Measurement(self._latest.q, self._latest.v, self._latest.stamp, age)
 
     def send(self, tick: Tick) -> None:
-        """Hand over a set-point, the way ahead where it is new, and events."""
+        """Hand over a set-point, the way ahead where it is new, and the place on the path."""
         packets = [] if tick.ahead is None else [messages.ahead_packet(tick.ahead)]
         packets.append(messages.tick_packet(tick))
-        packets += [messages.data_packet(Packet.EVENT, event.step) for event in tick.events]
         try:
             for packet in packets:
                 self._end.send(packet)

@@ -4,12 +4,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index, parts_of
+from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.continuous.interval_queries import DistanceQuery, Middles, Nearness
-from optiplan.verify.continuous.intervals import Intervals, blocks, boxes, middles, spans, step_sizes
+from optiplan.verify.continuous.intervals import IntervalBlocks, Intervals, blocks, boxes, middles, spans, step_sizes
 from optiplan.verify.continuous.motion_bounds import Boxes
 from optiplan.verify.continuous.motion_tools import tools_of
 from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof, least_of_kinds
@@ -32,9 +32,15 @@ _CHUNK = 256  # blocks of intervals bounded by volumes at a time, to bound memor
 
 
 def certify(
-    model: CollisionModel, trajectory: Trajectory, policy: VerifyPolicy, record: ClearanceRecord | None = None
+    model: CollisionModel,
+    trajectory: Trajectory,
+    policy: VerifyPolicy,
+    record: ClearanceRecord | None = None,
+    error: Array | None = None,
 ) -> Proof:
     """Prove that all pairs stay apart for all t in [0, duration].
+
+    With an `error` (n,), rad or m, that is proved of every configuration in the tube |q_j - q_j(t)| <= error_j.
 
     On an interval with middle m and half width h, where a plane with normal w separates a pair by the gap g at m, the
     pair is clear if the larger of two lower bounds of its distance exceeds the clearance asked for by 1e-9 m:
@@ -48,7 +54,7 @@ def certify(
 
     Holds at: all times of the closed interval [0, duration].
     """
-    search = _Search(model, trajectory, policy, record)
+    search = _Search(model, trajectory, policy, record, np.zeros(trajectory.n) if error is None else error)
     search.refuse_at_once()
     if search.proof.reason:
         return search.proof
@@ -68,36 +74,6 @@ def certify(
     return proved
 
 
-@dataclass(frozen=True, eq=False)
-class _Coarse:
-    """B blocks of neighbouring intervals, first[b] to last[b] - 1, and what bounding volumes prove of T pairs there.
-
-    Attributes:
-        pairs: (T,) indices of the pairs.
-        near: (B, T) proved clear, but by less than is worth telling.
-        margin: (B, T) the clearance proved, m.
-    """
-
-    pairs: Index
-    intervals: Intervals
-    first: Index
-    last: Index
-    near: Flags
-    margin: Array
-
-    def least(self, kinds: Index) -> Array:
-        """Return the smallest clearance proved of those near of each kind, (2,) m."""
-        near = np.where(self.near, self.margin, np.inf).min(axis=0, initial=np.inf)
-        return least_of_kinds(near, kinds[self.pairs])
-
-    def members(self, chosen: Flags) -> Intervals:
-        """All intervals of the blocks chosen (B, T), with their pairs."""
-        rows, pairs = np.nonzero(chosen)
-        block, within = parts_of((self.last - self.first)[rows])
-        items = self.intervals.take(self.first[rows][block] + within)
-        return replace(items, pair=self.pairs[pairs][block])
-
-
 @dataclass(eq=False)
 class _Search:
     """Branch and bound over intervals: `advance` processes many open items and returns those still open, divided."""
@@ -105,7 +81,8 @@ class _Search:
     model: CollisionModel
     trajectory: Trajectory
     policy: VerifyPolicy
-    record: ClearanceRecord | None = None
+    record: ClearanceRecord | None
+    error: Array
     proof: Proof = field(default_factory=lambda: Proof(False))
 
     def __post_init__(self) -> None:
@@ -115,7 +92,21 @@ class _Search:
         self.is_kept = np.zeros(len(self.kinds), dtype=bool)
         self.is_kept[list(self.kept)] = True
         self.tightest: tuple[float, int, Array, float] | None = None  # clearance, pair, q and time
-        self.jump = step_sizes(self.trajectory, self.policy.jump_tolerance)
+        self.jump = step_sizes(self.trajectory, self.policy.jump_tolerance) + self.error
+        self.tubes = self.tube_bounds()
+        self.provable = np.full(2, np.inf)  # the most that can be proved of either kind, as far as was queried
+
+    def tube_bounds(self) -> Array:
+        """Bound, m, on what joints that are off the motion by `error` take of the distance of each pair, (P + H,).
+
+        Of hulls it is that of the farthest of their bodies.
+        """
+        tree = self.bodies.tree
+        if not self.error.any():
+            return np.zeros(len(tree.pairs))
+        stroke = np.abs(self.trajectory.extrema(0)).max(axis=0) + self.error
+        own = self.model.bounds.moment_arms(stroke) @ self.error
+        return np.array([own[tree.members(pair)].max(initial=0.0) for pair in range(len(tree.pairs))])
 
     def boxes(self, items: Intervals) -> Boxes:
         """Return bounds of the joints' motion on these intervals."""
@@ -163,14 +154,14 @@ class _Search:
         intervals = Intervals.whole(len(self.trajectory.coefficients))
         b = self.boxes(intervals)
         while True:
-            halvings = np.ceil(np.log2(np.maximum(b.reach.sum(axis=1) / _FIRST_TRAVEL, 1.0)))
+            halvings = np.ceil(np.log2(np.maximum((b.reach - b.jump).sum(axis=1) / _FIRST_TRAVEL, 1.0)))
             halvings = np.minimum(halvings, _MOST_HALVINGS - intervals.level)
             if not halvings.any():
                 break
             intervals = intervals.split(halvings.astype(np.intp))
             b = self.boxes(intervals)
         self.proof.intervals = len(intervals.piece)
-        first, last = blocks(b.reach.sum(axis=1), _FIRST_TRAVEL)
+        first, last = blocks((b.reach - b.jump).sum(axis=1), _FIRST_TRAVEL)
         low, high = np.minimum.reduceat(b.q - b.reach, first), np.maximum.reduceat(b.q + b.reach, first)
         tree, margins = self.bodies.tree, []
         for k in range(0, len(first), _CHUNK):
@@ -181,7 +172,7 @@ class _Search:
         margin = np.concatenate(margins)
         clear, far = margin > self.policy.clearance + _EASY, margin > self.policy.clearance + _FAR
         self.lower_clearance(margin[far], tree.tops[np.nonzero(far)[1]])
-        self.coarse = _Coarse(tree.tops, intervals, first, last, clear & ~far, margin)
+        self.coarse = IntervalBlocks(tree.tops, intervals, first, last, clear & ~far, margin)
         self.record_blocks(far)
         return self.coarse.members(~clear)
 
@@ -220,6 +211,8 @@ class _Search:
         if self.proof.reason or not len(query.rows):
             return items.take(_NONE)
         items, near = query.items, self.bounded(query, at)
+        if self.error.any() and self.leaves_no_room(query, near, at):
+            return items.take(_NONE)
         target = self.target(items.pair)
         clear = near.margin > target
         self.prove(items, clear, near.margin)
@@ -242,7 +235,7 @@ class _Search:
         answers: list[DistanceQuery] = []
         while True:
             placed = self.bodies.place(at.poses, rows, items.pair)
-            enough = np.maximum(_HULLS, _ROOM * self.target(items.pair))
+            enough = np.maximum(_HULLS, _ROOM * self.target(items.pair)) + self.tubes[items.pair]
             query = DistanceQuery(items, rows, placed, self.distances.query(items.pair, placed, enough))
             found, several = query.found, items.pair >= self.bodies.tree.count
             unsure = several & (found.bound <= enough)
@@ -274,9 +267,23 @@ class _Search:
         nearest = self.nearest_measured(query.items.pair) if self.record is None else np.full(len(flat), np.inf)
         close = np.flatnonzero(~(flat - CLEARANCE_ROUNDING > nearest))
         along = self.motion.along_normals(at.joints, moving, travel, found.normals, close)
-        linear, loss = np.full(len(flat), -np.inf), np.zeros(len(flat))
-        linear[close], loss[close] = along.linear, along.curvature_loss
-        return Nearness(found.bound, travel.total, linear, loss)
+        linear, loss, step = np.full(len(flat), -np.inf), np.zeros(len(flat)), np.zeros(len(flat))
+        linear[close], loss[close], step[close] = along.linear, along.loss, along.step
+        return Nearness(found.bound, travel.total, linear, loss, step)
+
+    def leaves_no_room(self, query: DistanceQuery, near: Nearness, at: Middles) -> bool:
+        """Stop where the tracking error takes what is between two bodies, which no shorter interval can prove."""
+        own = np.flatnonzero(query.items.pair < self.bodies.tree.count)
+        if not len(own):
+            return False
+        self.provable = np.minimum(self.provable, least_of_kinds(near.least[own], self.kinds[query.items.pair[own]]))
+        if self.provable.min() > self.policy.clearance:
+            return False
+        self.proof.met = (None, None)  # named is the pair that is too near for its tube, not the nearest
+        k = own[np.argmin(near.least[own])]
+        self.update_nearest(query, at, np.array([k]), measure=True)
+        self.stop(query.items, f"the tracking error takes {1e3 * near.step[k]:.3g} mm of the distance")
+        return True
 
     def expand_hulls(self, query: DistanceQuery, at: Middles) -> tuple[Intervals, Index]:
         """The pairs that pairs of hulls stand for, but those that bounding volumes prove clear, and their intervals."""
@@ -348,6 +355,8 @@ class _Search:
         """
         asked = self.policy.clearance
         least = self.proof.measured(asked)
+        if self.error.any():
+            least = np.minimum(least, np.where(np.isfinite(self.provable), self.provable, asked))
         target = asked + _PROVED_SHARE * np.maximum(least - asked, 0.0)
         if self.tightest is not None:
             target[SELF] = min(target[SELF], self.tightest[0])

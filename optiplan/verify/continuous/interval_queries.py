@@ -67,13 +67,19 @@ class DistanceQuery:
 class Nearness:
     """Of K pairs on their intervals, all (K,), m: the gap at the middle, and how much nearer they may come.
 
-    `travel` as of `Travel.total`, `linear` and `loss` as of `GapMotion`; -inf and 0 where nobody asked.
+    `travel` as of `Travel.total`, `linear`, `loss` and `step` as of `GapMotion`; -inf and 0 where nobody asked.
     """
 
     bound: Array
     travel: Array
     linear: Array
     loss: Array
+    step: Array
+
+    @cached_property
+    def least(self) -> Array:
+        """What can be proved of the middles, m: the gap there, less `step`."""
+        return np.asarray(self.bound - self.step - CLEARANCE_ROUNDING)
 
     @cached_property
     def margin(self) -> Array:
@@ -83,7 +89,8 @@ class Nearness:
     def halvings(self, still: Index, target: Array) -> Index:
         """How often to halve `still` (K,): the least of 1 to 4 times after which scaled bounds reach `target`."""
         parts = 2.0 ** np.arange(1, 4)[:, None]
-        bound, linear = self.bound[still], np.maximum(self.linear[still], -1e9)
-        plane = bound + (linear - bound) / parts - self.loss[still] / parts**2
-        enough: Flags = np.maximum(bound - self.travel[still] / parts, plane) > 1.1 * target + CLEARANCE_ROUNDING
+        bound, linear = (self.bound - self.step)[still], np.maximum(self.linear - self.step, -1e9)[still]
+        loss, travel = (self.loss - self.step)[still], (self.travel - self.step)[still]
+        plane = bound + (linear - bound) / parts - loss / parts**2
+        enough: Flags = np.maximum(bound - travel / parts, plane) > 1.1 * target + CLEARANCE_ROUNDING
         return np.asarray(4 - enough.sum(axis=0), dtype=np.intp)

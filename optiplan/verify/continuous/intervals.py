@@ -1,15 +1,16 @@
 """Intervals of time with their open pairs, and bounds on the joint motion there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import perm
 
 import numpy as np
 
-from optiplan.arrays import Array, Index, parts_of
+from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.motion_bounds import Boxes
+from optiplan.verify.continuous.proof import least_of_kinds
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,36 @@ def blocks(length: Array, most: float) -> tuple[Index, Index]:
     block = np.floor((np.cumsum(length) - 0.5 * length) / most)
     first = np.flatnonzero(np.concatenate([[True], np.diff(block) > 0]))
     return first, np.append(first[1:], len(length))
+
+
+@dataclass(frozen=True, eq=False)
+class IntervalBlocks:
+    """B blocks of neighbouring intervals, first[b] to last[b] - 1, and what bounding volumes prove of T pairs there.
+
+    Attributes:
+        pairs: (T,) indices of the pairs.
+        near: (B, T) proved clear, but by less than is worth telling.
+        margin: (B, T) the clearance proved, m.
+    """
+
+    pairs: Index
+    intervals: Intervals
+    first: Index
+    last: Index
+    near: Flags
+    margin: Array
+
+    def least(self, kinds: Index) -> Array:
+        """Return the smallest clearance proved of those near of each kind, (2,) m."""
+        near = np.where(self.near, self.margin, np.inf).min(axis=0, initial=np.inf)
+        return least_of_kinds(near, kinds[self.pairs])
+
+    def members(self, chosen: Flags) -> Intervals:
+        """All intervals of the blocks chosen (B, T), with their pairs."""
+        rows, pairs = np.nonzero(chosen)
+        block, within = parts_of((self.last - self.first)[rows])
+        items = self.intervals.take(self.first[rows][block] + within)
+        return replace(items, pair=self.pairs[pairs][block])
 
 
 def boxes(trajectory: Trajectory, items: Intervals, jump: Array) -> Boxes:

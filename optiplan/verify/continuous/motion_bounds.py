@@ -16,7 +16,8 @@ class Boxes:
     Attributes:
         q: configuration at the middle; `v`: velocity there.
         reach: bound on |q_j(t) - q_j(middle)|; `speed`, `acceleration`: bounds on |q_j'|, |q_j''| over the interval.
-        jump: a tolerated step of position at the ends, contained in `reach` and in no derivative.
+        jump: how far a joint may be off its motion: a tolerated step of position at the ends, or the tracking error.
+            Contained in `reach` and in no derivative.
     """
 
     half: Array
@@ -66,11 +67,13 @@ class GapMotion:
 
     Attributes:
         linear: lower bound of the gap along the normal, were every point to keep its velocity of the middle.
-        curvature_loss: how far acceleration can take the gap below that.
+        loss: how far acceleration, and joints off their motion, can take the gap below that.
+        step: how far joints off their motion alone can take it below that in the middle; no shorter interval has less.
     """
 
     linear: Array
-    curvature_loss: Array
+    loss: Array
+    step: Array
 
 
 class Motion:
@@ -147,9 +150,11 @@ class Motion:
         speed, acceleration = _at(boxes.speed, rows) * moves, _at(boxes.acceleration, rows) * moves
         before = np.cumsum(speed, axis=0) - speed
         loss = 0.5 * half**2 * np.einsum("jm,jm->m", lever, acceleration + speed * (speed + 2.0 * before))
-        loss += np.einsum("jm,jm->m", lever, _at(boxes.jump, rows) * moves)
-        omega, u = self._twist(_at(boxes.v, rows) * moves, _at(query.direction, rows), _at(query.point, rows))
         w = normals[item].T * (1.0 - 2.0 * side)  # out of either body
+        off = _Off(_at(boxes.jump, rows) * moves, lever, w)
+        step = self._off_along(off, query, item, side)
+        loss += step + off.cross_terms((_at(boxes.reach, rows) - _at(boxes.jump, rows)) * moves)
+        omega, u = self._twist(_at(boxes.v, rows) * moves, _at(query.direction, rows), _at(query.point, rows))
         turn, shift = half * _cross(w, omega), half * np.einsum("im,im->m", w, u)
         still = np.ones((2, len(chosen)), dtype=bool)
         still[side, at] = False
@@ -163,7 +168,32 @@ class Motion:
         moved = np.maximum(*(_sums(at, end, len(chosen)) for end in (after + shift, before - shift)))
         linear = -(moved + _sums(fixed, standing, len(chosen)))
         linear[np.isnan(linear)] = -np.inf
-        return GapMotion(linear, _sums(at, loss, len(chosen)))
+        return GapMotion(linear, _sums(at, loss, len(chosen)), _sums(at, step, len(chosen)))
+
+    def _off_along(self, off: "_Off", query: MotionQuery, item: Index, side: Index) -> Array:
+        """Bound how far bodies get along w (3, M) while joints are off their place by up to e (J, M): (M,), m.
+
+        Joints are moved one after another, from the tip to the base. A joint with axis a through p that turns by
+        delta <= e moves a point x, which the joints behind it have moved by u, along w by at most
+            e |(w x a) . (x - p)| + e |w x a| |u| + e^2 / 2 L,
+        with L the distance from the axis; over the points of a body the first term is a support function.
+        """
+        if not off.large:
+            return np.asarray(np.einsum("jm,jm->m", off.lever, off.step))
+        bodies, poses, rows = query.placed.bodies[item, side], query.placed.poses[item, side], query.rows[item]
+        direction, point = _at(query.direction, rows), _at(query.point, rows)
+        found, moved = np.zeros(len(item)), np.zeros(len(item))
+        for j in reversed(range(len(off.step))):
+            step = off.step[j]
+            along = np.abs(np.einsum("im,im->m", off.w, direction[:, j]))
+            if j not in self._slides:
+                d = _cross(off.w, direction[:, j])
+                level = np.einsum("im,im->m", d, point[:, j])
+                ends = (self._bodies.support(bodies, poses, sign * d.T) - sign * level for sign in (1.0, -1.0))
+                along = np.maximum(*ends) + np.linalg.norm(d, axis=0) * moved + 0.5 * step * off.lever[j]
+            found += step * np.minimum(along, off.lever[j])
+            moved += step * off.lever[j]
+        return found
 
     def _moving(self, query: MotionQuery, item: Index, side: Index) -> Array:
         """Which joints move sides of pairs: (J, M), 1 or 0."""
@@ -177,6 +207,34 @@ class Motion:
         if len(slide):
             u += np.einsum("jm,ijm->im", slide, direction[:, self._slides])
         return omega, u
+
+
+_LARGE = 1e-6
+"""rad or m: joints that are less off their motion are bounded as if their bodies moved straight along the normal."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Off:
+    """How far joints are off their motion, `step` (J, M), with the levers of bodies, (J, M), and normals w (3, M)."""
+
+    step: Array
+    lever: Array
+    w: Array
+
+    @property
+    def large(self) -> bool:
+        return bool(self.step.max(initial=0.0) > _LARGE)
+
+    def cross_terms(self, moved: Array) -> Array:
+        """Bound by how much joints that have moved by up to `moved` (J, M) change what `step` does: (M,), m.
+
+        sum_jk step_j moved_k L_max(j, k), see `Motion.along_normals`.
+        """
+        if not self.large:
+            return np.zeros(self.step.shape[1])
+        steps_before, moved_before = (np.cumsum(part, axis=0) - part for part in (self.step, moved))
+        both = self.step * (moved + moved_before) + moved * steps_before
+        return np.asarray(np.einsum("jm,jm->m", self.lever, both))
 
 
 def _at(values: Array, rows: Index) -> Array:

@@ -25,13 +25,13 @@ inline Body body(int joint, Shape shape, const Pose &X_JB, const Vec3 &half) {
 }
 
 // Pairs: 0 is the first link and the box, 1 the second link and the box.
-inline World arm_and_box(const Vec3 &at = {1.0, 1.0, 0.0}) {
+inline World arm_and_box(const Vec3 &at = {1.0, 1.0, 0.0}, const TubeError &tube = {}) {
     const Pose along_x{{{{0, 0, 1}, {0, 1, 0}, {-1, 0, 0}}}, {0.5, 0, 0}};
     const Vec3 half{0.05, 0.05, 0.55}, box{0.1, 0.1, 0.1};
     const std::vector<Body> bodies{body(1, Shape::capsule(0.05, 0.5), along_x, half),
                                    body(2, Shape::capsule(0.05, 0.5), along_x, half),
                                    body(0, Shape::box(box), {{}, at}, box)};
-    return {arm(), bodies, {{0, 2}, {1, 2}}};
+    return {arm(), bodies, {{0, 2}, {1, 2}}, {}, {}, tube};
 }
 
 // Change of each pair's distance at most, m per rad of each joint.

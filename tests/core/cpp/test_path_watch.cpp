@@ -76,3 +76,11 @@ TEST(a_part_of_a_path_begins_later) {
     const TimeLaw before{{{0.0, {0.0, 1.0, 0.0}, 0.0}, {1.0, {1.0, 0.0, 0.0}, 0.0}}};
     CHECK(watch.blocked(before, 0.0, {box_at(1.0)}, 0.0).pair == -1);
 }
+
+TEST(joints_that_may_be_off_the_path_are_blocked_sooner) {
+    const World world = arm_and_box();
+    PathWatch exact(world, path(), 4e-3, 0.0), wide(world, path(), 4e-3, 0.0, {0.02, 0.02});
+    const TimeLaw law{{{0.0, {0.0, 1.0, 0.0}, 0.0}}};
+    const double sooner = exact.blocked(law, 0.0, {box_at(1.0)}, 0.0).s - wide.blocked(law, 0.0, {box_at(1.0)}, 0.0).s;
+    CHECK(sooner > 0.015 && sooner < 0.05);
+}

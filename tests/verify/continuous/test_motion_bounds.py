@@ -58,13 +58,15 @@ def distances(model, q):
 
 
 @settings(max_examples=30)
-@given(seeds, st.floats(0.01, 0.2))
-def test_approach_bounds_the_gap_over_the_whole_interval(model, panda, seed, width):
+@given(seeds, st.floats(0.01, 0.2), st.sampled_from([0.0, 0.0, 1e-3, 0.03]))
+def test_approach_bounds_the_gap_over_the_whole_interval(model, panda, seed, width, error):
+    """Also with joints off the motion by an error, and by that alone in the middle."""
     rng = np.random.default_rng(seed)
+    off = error * rng.integers(0, 2, 7)
     points = random_q(rng, panda) + np.cumsum(rng.normal(size=(3, 7)), axis=0) * 0.1
     trajectory = smooth(panda.joint_names, points, 3 * width)
     bodies = Bodies(model)
-    b = boxes(trajectory, Intervals.whole(3), step_sizes(trajectory, 0.0))
+    b = boxes(trajectory, Intervals.whole(3), step_sizes(trajectory, 0.0) + off)
     pairs = np.arange(len(model.pairs))
     rows = np.zeros(len(pairs), dtype=np.intp)
     poses = bodies.kinematics.poses(b.q)
@@ -76,13 +78,17 @@ def test_approach_bounds_the_gap_over_the_whole_interval(model, panda, seed, wid
     chosen = np.flatnonzero(rng.random(len(pairs)) < 0.7)
     near = motion.along_normals(b, query, travel, found.normals, chosen)
     low = found.bound - travel.total
-    low[chosen] = np.maximum(low[chosen], near.linear - near.curvature_loss)
+    low[chosen] = np.maximum(low[chosen], near.linear - near.loss)
+    middle = np.full(len(pairs), -np.inf)
+    middle[chosen] = found.bound[chosen] - near.step
     for t in np.linspace(0.0, trajectory.breakpoints[1], 9):
-        q = trajectory(np.array([t]))
+        q = trajectory(np.array([t])) + off * np.sign(rng.uniform(-1, 1, 7))
         later = bodies.place(bodies.kinematics.poses(q), rows, pairs)
         exact = asked_of.query(pairs, later)
         apart = exact.measured > 0
         assert (exact.measured >= low - 1e-8)[apart].all()
+        if t == 0.5 * trajectory.breakpoints[1]:
+            assert (exact.measured >= middle - 1e-8)[apart].all()
         assert (low <= 1e-8)[~apart].all()  # bodies that touch are never bounded away from each other
 
 

@@ -5,7 +5,8 @@
 
 namespace optiplan {
 
-PathWatch::PathWatch(const World &world, const Curve &path, double width, double begin)
+PathWatch::PathWatch(const World &world, const Curve &path, double width, double begin,
+                     const std::vector<double> &error)
     : world_(world), of_body_(world.bodies().size()), at_(world.placement()) {
     for (int body = 0; body < static_cast<int>(world.bodies().size()); ++body)
         if (world.bodies()[body].joint > 0) moving_.push_back(body);
@@ -25,6 +26,7 @@ PathWatch::PathWatch(const World &world, const Curve &path, double width, double
         for (int k = 0; k < parts; ++k) {
             const double middle = low + (2 * k + 1) * half;
             path.around(piece, middle, half, q.data(), reach.data());
+            for (std::size_t j = 0; j < error.size(); ++j) reach[j] += error[j];
             world.place(q.data(), at_);
             world.reaches(at_, reaches);
             Cell cell{begin + middle - half, begin + middle + half, {}, {}, {}};

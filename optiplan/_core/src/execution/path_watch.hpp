@@ -29,7 +29,8 @@ struct Blocked {
 // may get from where it is in the middle of the time that the law takes for the cell.
 class PathWatch {
   public:
-    PathWatch(const World &world, const Curve &path, double width, double begin);
+    // The joints may be off the path by up to `error` (n,), rad or m; none: they are on it.
+    PathWatch(const World &world, const Curve &path, double width, double begin, const std::vector<double> &error = {});
 
     std::int64_t bodies() const { return static_cast<std::int64_t>(of_body_.size()); }
 

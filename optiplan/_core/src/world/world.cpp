@@ -11,8 +11,11 @@ static constexpr double INF = std::numeric_limits<double>::infinity();
 static constexpr double ROUNDING = 2e-6;  // m; what a hull's distance may exceed that of its mesh by, rounded
 
 World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
-             const std::vector<Cluster> &clusters, const std::vector<int> &never)
-    : tree_(std::move(tree)), bodies_(std::move(bodies)) {
+             const std::vector<Cluster> &clusters, const std::vector<int> &never, TubeError tube)
+    : tree_(std::move(tree)), bodies_(std::move(bodies)), tube_(std::move(tube)) {
+    for (std::size_t j = 1; j < tree_.joints.size() && !tube_.error.empty(); ++j)
+        if (tree_.joints[j].revolute)
+            spread_ += 2.0 * std::fabs(tree_.joints[j].multiplier) * tube_.error[tree_.joints[j].leader];
     for (const Cluster &cluster : clusters) bodies_.push_back(cluster.hull);
     cluster_of_.assign(bodies_.size(), -1);
     for (std::size_t k = 0; k < clusters.size(); ++k)
@@ -66,17 +69,22 @@ void World::gather(int first, const std::vector<char> &never) {
         groups_[at->second].members.push_back(
             {static_cast<int>(pair), member.X_JB * member.centre, member.radius + bodies_[other].radius});
         group_of_[pair] = at->second;
+        if (!tube_.error.empty()) groups_[at->second].tube = std::max(groups_[at->second].tube, tube_.most[pair]);
     }
 }
 
 bool World::outlines_apart(const Placement &at, int pair, double gap, Features *features) const {
     const auto [a, b, by_outline] = pairs_[pair];
-    return !overlap_within(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b], gap + ROUNDING,
-                           features);
+    return !overlap_within(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
+                           gap + ROUNDING + tube(at, pair), features);
 }
 
 bool World::group_apart(const Placement &at, int group, double gap, Features *features) const {
     const int hull = groups_[group].hull, other = groups_[group].other;
+    if (!tube_.error.empty()) {
+        if (balls_apart_of(at, hull, other, gap + groups_[group].tube)) return true;
+        gap += tube_of(at, hull, other, groups_[group].common);
+    }
     if (balls_apart_of(at, hull, other, gap)) return true;
     if (std::max(ball_to_box(at, hull, other), ball_to_box(at, other, hull)) > gap) return true;
     return !overlap_within(bodies_[hull].outline(), at.bodies[hull], bodies_[other].outline(), at.bodies[other],
@@ -90,6 +98,8 @@ Placement World::placement() const {
     at.centres.resize(bodies_.size());
     at.placed.assign(bodies_.size(), 0);
     at.touching = std::max(first_, 0);
+    if (!tube_.error.empty()) at.reaches.resize(bodies_.size() * tree_.joints.size());
+    at.reached.assign(tube_.error.empty() ? 0 : bodies_.size(), 0);
     for (std::size_t k = 0; k < bodies_.size(); ++k)
         if (bodies_[k].joint == 0) at.centres[k] = still_[k] * bodies_[k].centre;
     return at;
@@ -104,11 +114,13 @@ void World::place_body(int body, Placement &at) const {
 void World::place_outside(const double *q, Placement &at) const {
     tree_.poses(q, at.joints.data());
     std::copy(waiting_.begin(), waiting_.end(), at.placed.begin());
+    std::fill(at.reached.begin(), at.reached.end(), 0);
     for (int body : outside_) place_body(body, at);
 }
 
 void World::place(const double *q, Placement &at) const {
     tree_.poses(q, at.joints.data());
+    std::fill(at.reached.begin(), at.reached.end(), 0);
     for (int body : moving_) place_body(body, at);
 }
 
@@ -125,20 +137,74 @@ double World::lower_bound(const Placement &at, int pair) const {
     if (bodies_[a].half_space || bodies_[b].half_space) {
         const int plane = bodies_[a].half_space ? a : b, body = plane == a ? b : a;
         const Vec3 normal = at.bodies[plane].R * bodies_[plane].normal;
-        return dot(normal, at.centres[body] - at.bodies[plane].p) - bodies_[plane].offset - bodies_[body].radius;
+        return dot(normal, at.centres[body] - at.bodies[plane].p) - bodies_[plane].offset - bodies_[body].radius -
+               tube(at, pair);
     }
-    return std::max(ball_to_box(at, a, b), ball_to_box(at, b, a));
+    return std::max(ball_to_box(at, a, b), ball_to_box(at, b, a)) - tube(at, pair);
 }
 
 bool World::within(const Placement &at, int pair, double margin, Features *features) const {
     const auto [a, b, by_outline] = pairs_[pair];
     const Pose &X_a = at.bodies[a], &X_b = at.bodies[b];
+    const double wide = margin + tube(at, pair);
     if (by_outline) {
-        if (!overlap_within(bodies_[a].outline(), X_a, bodies_[b].outline(), X_b, margin, features)) return false;
+        if (!overlap_within(bodies_[a].outline(), X_a, bodies_[b].outline(), X_b, wide, features)) return false;
         if (margin > WIDE) return true;
         features = nullptr;
     }
-    return overlap_within(bodies_[a].solid(), X_a, bodies_[b].solid(), X_b, margin, features);
+    const bool near = overlap_within(bodies_[a].solid(), X_a, bodies_[b].solid(), X_b, wide, features);
+    return near && (wide == margin || distance(at, pair, margin).distance <= margin);
+}
+
+const double *World::reached(const Placement &at, int body) const {
+    double *own = at.reaches.data() + body * tree_.joints.size();
+    if (!at.reached[body]) reach(at, body, own), at.reached[body] = 1;
+    return own;
+}
+
+double World::tube_of(const Placement &at, int a, int b, int common) const {
+    reached(at, a), reached(at, b);
+    const double of_a = travel_of(at.reaches, tube_.error.data(), a, common);
+    return of_a + travel_of(at.reaches, tube_.error.data(), b, common);
+}
+
+double World::tube_along(const Placement &at, int pair, const Vec3 &normal) const {
+    const auto [a, b, by_outline] = pairs_[pair];
+    return tube_along_of(at, a, common_[pair], normal) + tube_along_of(at, b, common_[pair], normal);
+}
+
+// From the tip to the base: a joint that turns by e moves a point x, moved by up to `own` already, along the normal by
+// no more than e |(n x axis) . (x - p)| + e |n x axis| own + e^2 / 2 lever, see `verify.continuous.motion_bounds`.
+double World::tube_along_of(const Placement &at, int body, int common, const Vec3 &normal) const {
+    const double *reach = reached(at, body);
+    const Vec3 &half = bodies_[body].half;
+    double along = 0.0, own = 0.0;
+    for (int j = bodies_[body].joint; j != common; j = tree_.joints[j].parent) {
+        const Joint &joint = tree_.joints[j];
+        const double step = std::fabs(joint.multiplier) * tube_.error[joint.leader];
+        const Vec3 axis = tree_.axis(at.joints.data(), j);
+        if (!joint.revolute) {
+            along += step * std::fabs(dot(normal, axis));
+            own += step;
+            continue;
+        }
+        const double lever = reach[j] + own;
+        const Vec3 d = cross(normal, axis), local = transposed(at.bodies[body].R, d);
+        const double spread =
+            half.x * std::fabs(local.x) + half.y * std::fabs(local.y) + half.z * std::fabs(local.z);
+        const double straight = std::fabs(dot(d, at.centres[body] - at.joints[j].p)) + spread;
+        along += step * std::min(straight + norm(d) * own + 0.5 * step * lever, lever);
+        own += step * lever;
+    }
+    return along;
+}
+
+// A witness of a pair whose distance was asked up to `cutoff` and the tube beyond, less what the tube takes of it.
+Witness World::in_tube(const Placement &at, int pair, Witness witness, double cutoff) const {
+    if (tube_.error.empty() || tube_.most[pair] == 0.0) return witness;
+    const double most = tube(at, pair);
+    witness.distance -= witness.distance > cutoff + most ? most : std::min(most, tube_along(at, pair, witness.normal));
+    return witness;
 }
 
 bool World::collides(Placement &at, Trail *trail) const {
@@ -172,16 +238,20 @@ bool World::collides(Placement &at, const std::vector<int> &pairs, Trail &trail)
 
 Witness World::distance(const Placement &at, int pair, double cutoff) const {
     const auto [a, b, by_outline] = pairs_[pair];
-    return optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff);
+    const double wide = cutoff + tube(at, pair);
+    return in_tube(at, pair,
+                   optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], wide), cutoff);
 }
 
 Witness World::nearest_points(const Placement &at, int pair, double cutoff, Features *features, double gap) const {
     const auto [a, b, by_outline] = pairs_[pair];
+    const double most = tube(at, pair);
     const Witness outer = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
-                                             cutoff, features, gap);
-    if (!by_outline || outer.distance > SETTLED) return outer;
-    const Witness nearer = distance(at, pair, cutoff);
-    return nearer.distance > 0.0 ? nearer : outer;
+                                             cutoff + most, features, gap);
+    if (!by_outline || outer.distance > SETTLED + most) return in_tube(at, pair, outer, cutoff);
+    const Witness nearer =
+        optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff + most);
+    return in_tube(at, pair, nearer.distance > 0.0 ? nearer : outer, cutoff);
 }
 
 void World::near(Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail,
@@ -224,7 +294,8 @@ double World::outline_bound(const Placement &at, int pair) const {
     const auto [a, b, by_outline] = pairs_[pair];
     if (!by_outline) return bound;
     const Shape &one = bodies_[a].outline(), &other = bodies_[b].outline();
-    return std::max(bound, optiplan::distance(one, at.bodies[a], other, at.bodies[b], INF).distance - ROUNDING);
+    const double outer = optiplan::distance(one, at.bodies[a], other, at.bodies[b], INF).distance;
+    return std::max(bound, outer - ROUNDING - tube(at, pair));
 }
 
 Contact World::nearest(const Placement &at) const {
@@ -238,7 +309,7 @@ Contact World::nearest(const Placement &at) const {
         if (best.pair >= 0 && cheap > least) break;
         const auto [a, b, by_outline] = pairs_[pair];
         if (by_outline && !overlap_within(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
-                                          std::max(least + ROUNDING, 0.0)))
+                                          std::max(least + ROUNDING + tube(at, pair), 0.0)))
             continue;
         const Witness witness = distance(at, pair, least);
         if (best.pair >= 0 && witness.distance > least) continue;
@@ -307,26 +378,27 @@ double World::travel_of(const std::vector<double> &reaches, const double *D, int
 
 double World::travel(const std::vector<double> &reaches, const double *D, int pair) const {
     const double of_a = travel_of(reaches, D, pairs_[pair].a, common_[pair]);
-    return of_a + travel_of(reaches, D, pairs_[pair].b, common_[pair]);
+    return spread_ * (of_a + travel_of(reaches, D, pairs_[pair].b, common_[pair]));
 }
 
 double World::group_travel(const std::vector<double> &reaches, const double *D, int group) const {
     const Together &of = groups_[group];
-    return travel_of(reaches, D, of.hull, of.common) + travel_of(reaches, D, of.other, of.common);
+    return spread_ * (travel_of(reaches, D, of.hull, of.common) + travel_of(reaches, D, of.other, of.common));
 }
 
 double World::gap(const Placement &at, int pair, double cutoff, Features *features) const {
     const auto [a, b, by_outline] = pairs_[pair];
+    const double most = tube(at, pair), wide = cutoff + most;
     if (by_outline) {
-        const double outer = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
-                                                cutoff + ROUNDING, features)
-                                 .distance -
-                             ROUNDING;
-        if (outer > SETTLED || outer > cutoff) return outer;
+        Witness outer = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
+                                           wide + ROUNDING, features);
+        outer.distance -= ROUNDING;
+        if (outer.distance > SETTLED + most || outer.distance > wide) return in_tube(at, pair, outer, cutoff).distance;
         return distance(at, pair, cutoff).distance;
     }
-    return optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff, features)
-        .distance;
+    const Witness witness =
+        optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], wide, features);
+    return in_tube(at, pair, witness, cutoff).distance;
 }
 
 }  // namespace optiplan

@@ -48,6 +48,13 @@ struct Together {
     int hull, other;              // bodies, the hull behind all others
     int common;                   // the last joint that carries both
     std::vector<Member> members;  // by rising pairs
+    double tube = 0.0;            // m; the most of its pairs' tubes
+};
+
+// Joints may be off where they are put, by up to `error` (n,), rad or m; `most` (pairs,), m, bounds what that takes of
+// the distance of each pair anywhere; 0 where it takes nothing.
+struct TubeError {
+    std::vector<double> error, most;
 };
 
 // A pair at configuration `row`; normal . (b - a) = distance.
@@ -76,15 +83,18 @@ struct Placement {
     std::vector<Pose> joints, bodies;
     std::vector<Vec3> centres;
     std::vector<char> placed;  // of each body: whether it is where the joints put it; bodies of clusters may wait
+    mutable std::vector<double> reaches;  // of bodies as `World::reach`, where `reached` says so: asked for by tubes
+    mutable std::vector<char> reached;
     int touching = 0;  // the pair that touched last is asked first: answers come sooner, and are the same
 };
 
+// With a tube, every distance and bound of one is less by what joints off their place can take of it.
 class World {
   public:
     // `never`: pairs that are apart wherever the joints stand: `collides`, `near` and what visits `alone` and `groups`
     // leave them out.
     World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
-          const std::vector<Cluster> &clusters = {}, const std::vector<int> &never = {});
+          const std::vector<Cluster> &clusters = {}, const std::vector<int> &never = {}, TubeError tube = {});
 
     const Tree &tree() const { return tree_; }
     const std::vector<Pair> &pairs() const { return pairs_; }
@@ -108,7 +118,10 @@ class World {
 
     // Whether the balls are farther apart than `gap`: the first and cheapest test.
     bool balls_apart(const Placement &at, int pair, double gap) const {
-        return balls_apart_of(at, pairs_[pair].a, pairs_[pair].b, gap);
+        const auto [a, b, by_outline] = pairs_[pair];
+        if (tube_.error.empty()) return balls_apart_of(at, a, b, gap);
+        return balls_apart_of(at, a, b, gap + tube_.most[pair]) ||
+               (balls_apart_of(at, a, b, gap) && balls_apart_of(at, a, b, gap + tube(at, pair)));
     }
 
     // Whether all pairs of a group are apart by more than `gap`, m, because the hull of its cluster is.
@@ -134,7 +147,7 @@ class World {
         const Pose &X = at.joints[bodies_[group.hull].joint];
         const Vec3 other = transposed(X.R, at.centres[group.other] - X.p);
         for (const Member &member : group.members) {
-            const double reach = member.radius + gap;
+            const double reach = member.radius + gap + group.tube;
             if (squared_norm(other - member.centre) > reach * reach) continue;
             open(at, member.pair);
             visit(member.pair);
@@ -198,6 +211,17 @@ class World {
   private:
     static constexpr char NEAR = 1, APART = 2;
 
+    // What the tube takes of the distance of a pair, or of a group's hull, whatever the direction, m; and along the
+    // normal of a pair's nearest points, the bodies held in their boxes. 0 without a tube.
+    double tube(const Placement &at, int pair) const {
+        if (tube_.error.empty() || tube_.most[pair] == 0.0) return 0.0;
+        return tube_of(at, pairs_[pair].a, pairs_[pair].b, common_[pair]);
+    }
+    double tube_of(const Placement &at, int a, int b, int common) const;
+    double tube_along(const Placement &at, int pair, const Vec3 &normal) const;
+    double tube_along_of(const Placement &at, int body, int common, const Vec3 &normal) const;
+    const double *reached(const Placement &at, int body) const;
+    Witness in_tube(const Placement &at, int pair, Witness witness, double cutoff) const;
     double travel_of(const std::vector<double> &reaches, const double *D, int body, int common) const;
     bool balls_apart_of(const Placement &at, int a, int b, double gap) const {
         const double reach = bodies_[a].radius + bodies_[b].radius + gap;
@@ -226,6 +250,8 @@ class World {
     std::vector<Together> groups_;
     std::vector<int> group_of_;           // of each pair; -1: none
     std::vector<int> alone_;              // pairs without a group that are asked
+    TubeError tube_;
+    double spread_ = 1.0;                 // by which points in the tube travel farther, a little
     int first_ = -1;                      // the first pair that is asked; -1: none is
 };
 

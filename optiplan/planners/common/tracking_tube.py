@@ -1,0 +1,89 @@
+"""What planners are given where the robot's joints may be off the motion: narrower limits and constraints."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.named_pairs import NamedPairs
+from optiplan.problem.constraints.motions import JointCoupling, PairClearance
+from optiplan.problem.constraints.points import OnArc, OnCircle, OnLine, OnPlane, PositionBox
+from optiplan.problem.constraints.poses import FixedOrientation, LookAt, OnScrew, OrientationCone, RelativePose
+from optiplan.problem.constraints.statements import PathConstraint, frame_of
+from optiplan.problem.problem import Problem, derived
+from optiplan.robot.robot import Robot
+
+_LEFT = 0.2
+"""Share of a tolerance that planners have at least: the bounds here hold anywhere, the verifier's where the arm is."""
+
+_SPARE = 1e-6
+"""rad or m, on top of the error: what the verifier lets position limits be passed by is left to it."""
+
+_UNBOUNDED = 1e6  # m, the stroke of a prismatic joint without bounds
+
+
+def planned_in_tube(problem: Problem) -> Problem:
+    """Return the problem that a planner is given: its motions keep the limits and constraints of `problem` in the tube.
+
+    Position limits are narrower by the error; tolerances of path constraints by what it can do to a frame anywhere. The
+    clearance is that of the planners' collision models, which know the error. The verifier has `problem` itself.
+    """
+    error, limits = problem.tracking_error, problem.limits
+    if not error.any():
+        return problem
+    narrower = replace(limits, lower=limits.lower + error + _SPARE, upper=limits.upper - error - _SPARE)
+    steps = [replace(step, constraints=_narrower(problem, step.constraints)) for step in problem.task]
+    constraints = _narrower(problem, problem.path_constraints)
+    return derived(problem, limits=narrower, task=tuple(steps), path_constraints=constraints)
+
+
+def _narrower(problem: Problem, constraints: tuple[PathConstraint, ...]) -> tuple[PathConstraint, ...]:
+    return tuple(_narrowed(problem, one) for one in constraints)
+
+
+def _narrowed(problem: Problem, one: PathConstraint) -> PathConstraint:
+    robot, error = problem.robot, problem.tracking_error
+    frame = frame_of(one)
+    travel, turn = (0.0, 0.0) if frame is None else _of_frame(robot, frame, error)
+    if isinstance(one, RelativePose):
+        travel, turn = np.add((travel, turn), _of_frame(robot, one.to, error)).tolist()
+    changed: Mapping[str, Any] = {}
+    match one:
+        case OrientationCone() | FixedOrientation():
+            changed = {"within": _less(one.within, turn)}
+        case LookAt():
+            changed = {"within": _less(one.within, 2.0 * turn)}
+        case OnPlane() | OnLine() | OnCircle() | OnArc():
+            changed = {"within": _less(one.within, travel)}
+        case PositionBox():
+            changed = {"size": np.array([_less(size, 2.0 * travel) for size in one.size])}
+        case RelativePose() | OnScrew():
+            share = 2.0 if isinstance(one, OnScrew) else 1.0  # the nearest pose of a screw turns along
+            orientation = _less(one.orientation, share * turn)
+            changed = {"position": _less(one.position, share * travel), "orientation": orientation}
+        case JointCoupling():
+            off = sum(abs(c) * error[robot.joint_names.index(name)] for name, c in one.joints.items())
+            changed = {"within": _less(one.within, float(off))}
+        case PairClearance():
+            arms = NamedPairs(robot, problem.scene, one.pairs).bounds.moment_arms(_stroke(robot))
+            changed = {"at_least": one.at_least + float((arms[:, : robot.n] @ error).max(initial=0.0))}
+    return replace(one, **changed) if changed else one  # type: ignore[type-var]  # dataclasses
+
+
+def _less(tolerance: float, by: float) -> float:
+    return max(tolerance - by, _LEFT * tolerance)
+
+
+def _of_frame(robot: Robot, frame: str, error: Array) -> tuple[float, float]:
+    """Bound how far a frame moves, m, and how far it turns, rad, with joints off by up to `error` (n,)."""
+    placed = robot.model.frames[robot.frame_id(frame)]
+    kinematics, joint = robot.kinematics, int(placed.parentJoint)
+    arms = kinematics.moment_arms(joint, np.array(placed.placement.translation)[None], _stroke(robot))
+    turns = kinematics.carries[joint] * kinematics.revolute
+    return float(kinematics.planned_bound(arms) @ error), float(kinematics.planned_bound(turns) @ error)
+
+
+def _stroke(robot: Robot) -> Array:
+    return np.minimum(np.maximum(np.abs(robot.limits.lower), np.abs(robot.limits.upper)), _UNBOUNDED)

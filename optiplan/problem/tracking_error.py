@@ -1,0 +1,61 @@
+"""`tracking_error` of a problem: how far the robot's joints may be from the motion that is planned for them."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from optiplan.arrays import Array, is_finite
+from optiplan.config.document import Document
+from optiplan.config.simple_yaml import Place
+from optiplan.errors import Issue, described, wrong_argument
+from optiplan.robot.given_configurations import configuration, wrong_names
+from optiplan.robot.limits import Limits
+from optiplan.robot.robot import Robot
+
+KEY = "tracking_error"
+
+TrackingError = float | Sequence[float] | Mapping[str, float]
+"""rad or m: one number for all joints, or a value for each."""
+
+
+def error_of_joints(document: Document, robot: Robot, stated: TrackingError | None) -> tuple[Array, list[Issue]]:
+    """Return the error of each joint (n,), rad or m, and what is wrong with it."""
+    blank = np.zeros(robot.n)
+    if stated is None or isinstance(stated, int | float):
+        return blank + (stated or 0.0), []
+    if isinstance(stated, Mapping):
+        wrong = wrong_names(robot.joint_names, stated)
+        issues = [document.issue((KEY, *([] if joint is None else [joint])), *words) for joint, *words in wrong]
+        return (blank, issues) if issues else (np.array([stated[name] for name in robot.joint_names]), [])
+    if len(stated) != robot.n:
+        expected = f"one number, or {robot.n} values, one for each of {', '.join(robot.joint_names)}"
+        return blank, [document.issue((KEY,), f"{len(stated)} values", expected)]
+    return np.array(stated, dtype=float), []
+
+
+def error_argument(function: str, robot: Robot, value: TrackingError | Array) -> Array:
+    """Return the argument `tracking_error` of a function as the error of each joint (n,), rad or m.
+
+    Raises:
+        InputError: no number >= 0, and none for each joint.
+    """
+    try:
+        error = configuration(robot.joint_names, {}, [value] * robot.n if is_finite(value) else value, function, KEY)
+    except ValueError:
+        raise wrong_argument(function, KEY, described(value), "numbers >= 0") from None
+    if (error < 0.0).any():
+        raise wrong_argument(function, KEY, described(value), "numbers >= 0, rad or m")
+    return error
+
+
+def nearer_than_error(
+    document: Document, robot: Robot, limits: Limits, error: Array, states: Sequence[tuple[Place, Array]]
+) -> list[Issue]:
+    """Report configurations (n,) that are nearer to a limit of position than the tracking error."""
+    issues = []
+    for place, q in states:
+        for j in np.flatnonzero((error > 0.0) & ((q - error < limits.lower) | (q + error > limits.upper))).tolist():
+            low, high = limits.lower[j] + error[j], limits.upper[j] - error[j]
+            found = f"{robot.joint_names[j]} = {q[j]:.10g}, nearer to its limit than the tracking error"
+            issues.append(document.issue(place, found, f"a value in [{low:.10g}, {high:.10g}]"))
+    return issues

@@ -1,0 +1,43 @@
+"""`optiplan run --view`: nothing moves until it is begun on the page, and Ctrl-C ends in a robot that stands still."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+
+import httpx
+import pytest
+
+from tests.waiting import PATIENCE, wait_until
+
+PROBLEM = """\
+version: 1
+name: free
+robot: planar2r
+start: {joints: [0.5, 1.0]}
+goal: {joints: [-0.5, 1.2]}
+planner: quintic
+"""
+
+
+@pytest.mark.timeout(300)
+def test_a_motion_is_begun_on_the_page_and_ended_by_ctrl_c(tmp_path):
+    (tmp_path / "free.yaml").write_text(PROBLEM)
+    words = ["run", "free.yaml", "--view", "--json", "--driver", "file", "--to", "table.csv", "--override", "0.1"]
+    command = [sys.executable, "-m", "optiplan", *words, "--patience", "0.1"]
+    with subprocess.Popen(command, stdout=-1, stderr=-1, text=True, cwd=tmp_path) as program:
+        line = next(line for line in program.stderr if "open http" in line)
+        url, execution = re.search(r"(http://\S+)/execution#(\w{32})", line).groups()
+        with httpx.Client(base_url=f"{url}/api/executions/{execution}", timeout=PATIENCE, trust_env=False) as http:
+            wait_until(lambda: http.get("").json()["state"])
+            state = http.get("").json()["state"]
+            assert (state["phase"], state["progress"]) == ("paused", 0.0)
+            http.post("/resume").raise_for_status()
+            wait_until(lambda: http.get("").json()["state"]["progress"] > 0.05)
+        program.send_signal(signal.SIGINT)
+        out, error = program.communicate(timeout=PATIENCE)
+    done = json.loads(out)
+    assert (program.returncode, done["exit_code"], error) == (130, 130, "")
+    assert (done["phase"], done["speed"], done["ended"], done["clean"]) == ("stopped", 0.0, "asked to end", True)
+    assert 0.05 < done["progress"] < 1.0
