@@ -55,7 +55,9 @@ class Executing:
         self._runs = [verified_run(read, request)]
         run = self._runs[0]
         limits = {"clearance": request["clearance"], "deviation": request["deviation"]}
-        self._executor = Executor(run, override=request["override"], **limits)
+        speed = request["override"]
+        self._executor = Executor(run, override=0.0 if request["paused"] else speed, **limits)
+        self._executor.override = speed  # one that began with 0 stays paused
         self._driver = driver(request["driver"], run, **request["driver_options"])
         patience = request["patience"] or PATIENCE
         try:
@@ -63,8 +65,6 @@ class Executing:
         except OptiPlanError:
             self._driver.stop("not started")
             raise
-        if request["paused"]:
-            self._execution.pause()
         self._poses = Poses(run.problem)
         self._obstacles: dict[str, list[float]] = {}
         self._replies: queue.SimpleQueue[Message] = queue.SimpleQueue()
