@@ -210,7 +210,13 @@ def test_an_execution_is_steered_and_an_obstacle_dragged_into_its_way(page, serv
     there = page.evaluate(f"optiplanExecution.scene.onScreen(optiplanExecution.scene.root, {end})")
     sent = []
     page.on("request", lambda asked: asked.url.endswith("/obstacles") and sent.append(asked.post_data_json))
-    drag(page, at, np.subtract(there, at), lambda: page.wait_for_function(f"{LAST}.obstacles.ball"))
+    page.mouse.move(*at)
+    page.mouse.down()
+    for share in (0.25, 0.5, 0.75, 1.0):
+        page.mouse.move(*(np.array(at) + share * np.subtract(there, at)))
+        page.wait_for_timeout(40)
+    page.wait_for_function(f"{LAST}.obstacles.ball")
+    page.mouse.up()
     page.wait_for_selector("#state:text('waiting')")
     speeds = [np.linalg.norm(one["velocities"]["ball"]) for one in sent]
     assert (max(speeds) > 0.01, speeds[-1]) == (True, 0.0)
