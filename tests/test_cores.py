@@ -2,10 +2,11 @@
 
 import os
 import sys
+import threading
 
 import pytest
 
-from optiplan.cores import QUICK, cores, keeping_time
+from optiplan.cores import QUICK, cores, give_way, keeping_time
 
 ALL = len(os.sched_getaffinity(0))
 
@@ -29,6 +30,17 @@ def test_groups_of_the_first_version_say_it_in_two_files(tmp_path, quota, given)
 
 def test_without_a_group_all_cores_are_given(tmp_path):
     assert cores(tmp_path) == ALL
+
+
+def test_a_thread_that_keeps_time_runs_before_others_until_it_gives_way():
+    with keeping_time():
+        allowed, seen = os.sched_getscheduler(0) == os.SCHED_RR, []
+        for work in (lambda: None, give_way):
+            thread = threading.Thread(target=lambda work=work: (work(), seen.append(os.sched_getscheduler(0))))
+            thread.start()
+            thread.join()
+    assert seen == [os.SCHED_RR if allowed else os.SCHED_OTHER, os.SCHED_OTHER]
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER
 
 
 def test_threads_of_python_give_way_where_one_keeps_time():

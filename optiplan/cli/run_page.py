@@ -39,7 +39,8 @@ def run_on_page(
     from optiplan.service.server import serving
     from optiplan.service.settings import DriverSetup, ServiceSettings
 
-    robots = DriverSetup(driver, driver, options, steering["patience"])
+    plain = {name: str(value.absolute()) if isinstance(value, Path) else value for name, value in options.items()}
+    robots = DriverSetup(driver, driver, plain, steering["patience"])
     with tempfile.TemporaryDirectory() as folder:
         settings = ServiceSettings(
             data=Path(folder), port=0, solvers=0, live=0, drivers=(robots,), folders=(Path.cwd().resolve(),)

@@ -208,8 +208,18 @@ def test_an_execution_is_steered_and_an_obstacle_dragged_into_its_way(page, serv
     at = page.evaluate(f"optiplanExecution.scene.onScreen({ball})")
     end = "0.14, 0.65, 0.35"  # of the tool, as high as the ball, which is moved level
     there = page.evaluate(f"optiplanExecution.scene.onScreen(optiplanExecution.scene.root, {end})")
-    drag(page, at, np.subtract(there, at), lambda: page.wait_for_function(f"{LAST}.obstacles.ball"))
+    sent = []
+    page.on("request", lambda asked: asked.url.endswith("/obstacles") and sent.append(asked.post_data_json))
+    page.mouse.move(*at)
+    page.mouse.down()
+    for share in (0.25, 0.5, 0.75, 1.0):
+        page.mouse.move(*(np.array(at) + share * np.subtract(there, at)))
+        page.wait_for_timeout(40)
+    page.wait_for_function(f"{LAST}.obstacles.ball")
+    page.mouse.up()
     page.wait_for_selector("#state:text('waiting')")
+    speeds = [np.linalg.norm(one["velocities"]["ball"]) for one in sent]
+    assert (max(speeds) > 0.01, speeds[-1]) == (True, 0.0)
     assert "ball" in page.inner_text("#reason")
     page.evaluate("optiplanExecution.live.events.close()")  # a stream that breaks
     page.wait_for_selector("#state:text('stale')")

@@ -19,6 +19,8 @@ PR_SET_PDEATHSIG = 1
 """The signal to be sent to us when our parent ends."""
 PR_SET_CHILD_SUBREAPER = 36
 """Orphans among our descendants become our children."""
+RESPITE = 3.0
+"""s that a worker which moves a robot has to stop it, once nobody watches over it."""
 
 
 def keep_a_child(parent: int, *closed: int, respite: float = 0.0) -> None:

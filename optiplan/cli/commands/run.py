@@ -98,7 +98,6 @@ def _executed(
     from optiplan.api.driving import driver as driver_of
     from optiplan.execution.execution import Execution
     from optiplan.execution.executor import Executor
-    from optiplan.execution.real_time import in_time
 
     executor = Executor(motion, override=steering["override"], deviation=steering["deviation"])
     with stdout_is_ours():
@@ -108,7 +107,7 @@ def _executed(
         except OptiPlanError:
             made.stop("not started")
             raise
-        with in_time(), ProgressLine() as progress, _stopping(execution.stop) as pressed:
+        with ProgressLine() as progress, _stopping(execution.stop) as pressed:
             execution.start()
             while not execution.over:
                 seen = execution.wait(0.1)

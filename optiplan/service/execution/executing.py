@@ -1,5 +1,6 @@
 """A motion that is executed in this process: words of the server go to the execution, states of it go back."""
 
+import gc
 import json
 import queue
 import signal
@@ -11,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from optiplan.api.driving import driver
+from optiplan.bench.execution.keeper import RESPITE
+from optiplan.cores import give_way, keeping_time
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.execution.execution import Execution
 from optiplan.execution.executor import Executor
-from optiplan.execution.real_time import RESPITE, in_turn
 from optiplan.execution.tick_loop import PATIENCE
 from optiplan.geometry.pose import Pose
 from optiplan.problem.problem import Problem
@@ -53,7 +55,9 @@ class Executing:
         self._runs = [verified_run(read, request)]
         run = self._runs[0]
         limits = {"clearance": request["clearance"], "deviation": request["deviation"]}
-        self._executor = Executor(run, override=request["override"], **limits)
+        speed = request["override"]
+        self._executor = Executor(run, override=0.0 if request["paused"] else speed, **limits)
+        self._executor.override = speed  # one that began with 0 stays paused
         self._driver = driver(request["driver"], run, **request["driver_options"])
         patience = request["patience"] or PATIENCE
         try:
@@ -61,8 +65,6 @@ class Executing:
         except OptiPlanError:
             self._driver.stop("not started")
             raise
-        if request["paused"]:
-            self._execution.pause()
         self._poses = Poses(run.problem)
         self._obstacles: dict[str, list[float]] = {}
         self._replies: queue.SimpleQueue[Message] = queue.SimpleQueue()
@@ -90,35 +92,47 @@ class Executing:
         Raises:
             DriverError: the robot is not where the motion begins.
         """
-        asked_to_end = threading.Event()
-        signal.signal(signal.SIGTERM, lambda *_: asked_to_end.set())
-        told = -STREAM
-        self._execution.start()
+        gc.collect()
+        gc.disable()  # looking through all that is loaded takes 50 ms
         try:
-            channel.answered(self.about, {})
-            while not self._execution.over:
-                for message in channel.heard(LISTEN):
-                    self._answer(message)
-                if asked_to_end.is_set():
-                    asked_to_end.clear()
-                    self._stop("the process was asked to end")
-                self._check_lease()
-                while not self._replies.empty():
-                    channel.state(self._replies.get())
-                if time.monotonic() - told >= STREAM:
-                    told = time.monotonic()
-                    channel.state({"state": self.state()})
-            channel.state({"state": self.state()})
+            with keeping_time():
+                self._execution.start()
+                self._serve(channel)
         except OSError:  # nobody is there any more
             self._stop("the server has gone")
         finally:
             self._execution.stop("nothing watches over the execution any more")
             found = self._execution.wait(RESPITE)
+            gc.enable()
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
         asked = found["phase"] == "stopped" and found["reason"] == self._asked
         contacts = getattr(self._driver, "report", {}).get("contacts")
         touched = ["touched: " + "; ".join(" and ".join(pair) for pair in contacts)] if contacts else []
         reason = "; ".join([found["reason"] or found["phase"], *touched])
         return {"reason": reason, "clean": bool(found["over"] and (found["phase"] == "done" or asked) and not touched)}
+
+    def _serve(self, channel: Any) -> None:
+        """Pass words and states on until the execution is over.
+
+        Raises:
+            OSError: nobody is there any more.
+        """
+        asked_to_end, told = threading.Event(), -STREAM
+        signal.signal(signal.SIGTERM, lambda *_: asked_to_end.set())
+        channel.answered(self.about, {})
+        while not self._execution.over:
+            for message in channel.heard(LISTEN):
+                self._answer(message)
+            if asked_to_end.is_set():
+                asked_to_end.clear()
+                self._stop("the process was asked to end")
+            self._check_lease()
+            while not self._replies.empty():
+                channel.state(self._replies.get())
+            if time.monotonic() - told >= STREAM:
+                told = time.monotonic()
+                channel.state({"state": self.state()})
+        channel.state({"state": self.state()})
 
     def _check_lease(self) -> None:
         if self._lease is not None and time.monotonic() - self._alive > self._lease:
@@ -168,12 +182,12 @@ class Executing:
                 answer = {"error": f"internal error: {type(error).__name__}: {error}", "status": 500}
             self._replies.put({"reply": number, **answer})
 
-        def work_in_turn() -> None:
-            in_turn()
+        def work_for_long() -> None:
+            give_way()
             work()
 
         if message["do"] == "splice":  # it is verified first, which takes a moment
-            threading.Thread(target=work_in_turn, name="splice", daemon=True).start()
+            threading.Thread(target=work_for_long, name="splice", daemon=True).start()
         else:
             work()
 

@@ -1,6 +1,6 @@
 """A solver process that moves a robot: when the server ends, however that happens, it has time for a proved stop."""
 
-from optiplan.execution.real_time import RESPITE
+from optiplan.bench.execution.keeper import RESPITE
 from optiplan.service.execution import solver
 
 

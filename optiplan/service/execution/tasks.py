@@ -120,12 +120,9 @@ class Tasks:
 
     def execute(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """Execute a verified motion by a driver, until it has come to its end or its stop."""
-        from optiplan.execution.real_time import in_time
         from optiplan.service.execution.executing import Executing
 
-        executing = Executing(self._reader.read, request)
-        with in_time():
-            return executing.run(progress), {}
+        return Executing(self._reader.read, request).run(progress), {}
 
     def bench_report(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """The report of a bench, of the texts of its runs."""

@@ -28,7 +28,7 @@
   function carried(name, pose) {
     clearTimeout(live.still);
     const now = performance.now();
-    if (pose) live.seen = [...live.seen.filter((one) => one.name === name && now - one.time < STILL), { name, pose, time: now }];
+    if (pose) live.seen = [...live.seen.filter((one, k) => one.name === name && now - one.time < (k === live.seen.length - 1 ? 4 : 1) * STILL), { name, pose, time: now }];
     const last = live.seen.at(-1), first = live.seen[0];
     if (!last) return;
     const seconds = (last.time - first.time) / 1000, velocity = pose && seconds > 0.02 ? [0, 1, 2].map((k) => (last.pose[k] - first.pose[k]) / seconds) : [0, 0, 0];

@@ -14,8 +14,8 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from optiplan.bench.execution.keeper import RESPITE
 from optiplan.config.messages import choices
-from optiplan.execution.real_time import RESPITE
 from optiplan.service.archive import Archive
 from optiplan.service.execution.solver_pool import SolverAnswer, SolverJob, SolverPool
 from optiplan.service.execution_models import ExecutionRequest, MotionInput

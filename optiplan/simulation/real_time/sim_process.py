@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.cores import keeping_time, take_turns
+from optiplan.cores import keeping_time, give_way
 from optiplan.errors import OptiPlanError
 from optiplan.problem.problem import Problem
 from optiplan.simulation.controllers.base import JointTarget
@@ -164,7 +164,7 @@ class RealTime:
             self._late.append(max(0.0, now - due))
             if now - due > MOST_BEHIND:
                 self._slipped, due = self._slipped + now - due, now
-                take_turns()  # it is too slow for real time, and would leave nothing to others
+                give_way()  # it is too slow for real time, and would leave nothing to others
             time.sleep(max(0.0, due - now))
 
     def _take_packets(self) -> None:
