@@ -75,7 +75,8 @@ class NativeCollisionModel(CollisionModel):
         world: the bodies and pairs in the core; None if the core does not support a shape.
         unknown: names of the bodies with such shapes; if there are any, coal answers all queries.
         error: (n,) rad or m, how far joints may be off a configuration: the core's distances are less by what that
-            takes of them, and what touches somewhere in this tube collides. None: they are where they are put.
+            takes of them, and what touches or leaves a limit somewhere in this tube collides. None: they are where they
+            are put.
     """
 
     def __init__(
@@ -100,7 +101,14 @@ class NativeCollisionModel(CollisionModel):
 
     def collides(self, q: Array) -> bool:
         """See `CollisionModel.collides`."""
+        if self.error is not None and self._leaves_limits(q, self.error):
+            return True
         return super().collides(q) if self.world is None else self.world.collides(_packed(self.full(q)))
+
+    def _leaves_limits(self, q: Array, error: Array) -> bool:
+        """Return whether joints that are off q (n,) by up to `error` (n,) leave their limits of position."""
+        own, limits = q[: self.robot.n], self.robot.limits
+        return bool((own - error < limits.lower).any() or (own + error > limits.upper).any())
 
     def clearance(self, q: Array) -> Contact | None:
         """See `CollisionModel.clearance`."""

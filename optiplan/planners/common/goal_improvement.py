@@ -44,7 +44,7 @@ class NearerEnds:
 
     def __init__(self, problem: Problem, goal: PoseGoal | RegionGoal) -> None:
         robot = problem.robot
-        self._start, self._limits, self._box = problem.start, problem.limits, robot.limits
+        self._start, self._limits = problem.start, problem.limits
         self._set = PoseSet(robot, goal) if isinstance(goal, PoseGoal) else RegionSet(robot, goal)
         self._moving = joints_that_move(robot, goal.frame)
         self._distances = np.geomspace(1e-4, 100.0, 120)
@@ -96,8 +96,8 @@ class NearerEnds:
         own = self._set.rows(q)
         to_start = np.hstack([np.eye(n), -scale[:, None]]), np.hstack([-np.eye(n), -scale[:, None]])
         reach = np.minimum(radius * scale, _LONGEST)
-        low = np.append(np.maximum(self._box.lower - q, -reach), 0.0)
-        high = np.append(np.minimum(self._box.upper - q, reach), 2.0)
+        low = np.append(np.maximum(self._limits.lower - q, -reach), 0.0)
+        high = np.append(np.minimum(self._limits.upper - q, reach), 2.0)
         weights, cost = np.diag(np.append(_SMOOTH / scale**2, 1e-9)), np.append(np.zeros(n), 1.0)
         solver = piqp.DenseSolver()
         A = np.hstack([own.A, np.zeros((len(own.b), 1))])

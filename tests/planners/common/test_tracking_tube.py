@@ -78,6 +78,16 @@ def test_planners_find_such_motions(planner):
     assert run.verified, run
 
 
+def test_ends_keep_the_error_from_the_limits(problem):
+    model = planning_model(problem.robot, problem.scene, error=np.full(7, 0.01))
+    q = np.array(problem.robot.configurations["ready"])
+    assert not model.collides(q)
+    q[6] = problem.limits.upper[6] - 0.005
+    assert model.collides(q)
+    run = op.plan(problem, tracking_error=0.02, budget=2.0)  # a goal here is 1 mrad within the limit
+    assert run.verified, run
+
+
 def test_a_start_that_touches_in_the_tube_says_so(problem):
     run = op.plan(problem, tracking_error=0.2)
     assert run.failure.kind == "start-in-collision"
