@@ -2,18 +2,19 @@
 
     python benchmarks/people.py --markdown people.md --picture docs/pictures/people.png    # some minutes on one core
 
-The Panda sorts cubes, the UR5 goes around its column and back, again and again. The person is a cylinder of 0.3 m radius
-on three courses: past the cell, towards it and away again, and to its side, where it stands for 5 s. A sensor measures
-the person 30 times a second, up to 3 cm beside the truth, and its data arrive 50 ms later. Three ways to keep the person
-apart: `separation` (speed and separation monitoring by `op.Separation`), `distance` (a stop where robot and person are
-nearer than a fixed distance) and `fence` (a stop where the person is nearer than that to any place of the robot's way).
-The fixed distances are those of the standards for the worst case: v_h (T_r + T_s) + C + Z_d + Z_r, where T_s is the
-longest stop of the motion, and for `distance` also the robot's longest way while it reacts and stops.
+The Panda sorts cubes, the UR5 goes around its column and back, again and again. The person is a cylinder of 0.3 m
+radius on three courses: past the cell, towards it and away again, and to its side, where it stands for 5 s. A sensor
+measures the person 30 times a second, up to 3 cm beside the truth, and its data arrive 50 ms later. Three ways to keep
+the person apart: `separation` (speed and separation monitoring by `op.Separation`), `distance` (a stop where robot and
+person are nearer than a fixed distance) and `fence` (a stop where the person is nearer than a fixed distance to any
+place of the robot's way). The fixed distances are those of the standards for the worst case: v_h (T_r + T_s) + C + Z_d
++ Z_r, where T_s is the longest stop of the motion, and for `distance` also the robot's longest way while it reacts and
+stops. Each is worth the share of the path that the robot ran in 15 s of what it runs alone.
 
 The judge knows where the person is, and the set-points that the executor is committed to if no more data come. At every
-ms at which the robot moves it computes distances by coal, the protective distance S_h + S_r + S_s + C after ISO/TS 15066
-from the committed way until standstill, and the separation. Exit code 1 where the separation is less in any of them, or
-the robot moves while it touches the person. The last line printed is JSON.
+ms at which the robot moves it computes distances by coal, the protective distance S_h + S_r + S_s + C after ISO/TS
+15066 from the committed way until standstill, and the separation. Exit code 1 where the separation is less in any of
+them, or the robot moves while it touches the person. The last line printed is JSON.
 """
 
 import os
@@ -43,7 +44,7 @@ GRID = 0.01  # s, between the judge's places of the committed way
 BACK = 0.05  # m beyond a fixed distance at which the robot goes on
 METHODS = ("separation", "distance", "fence")
 COURSES: dict[str, tuple[tuple[float, float], ...]] = {  # corners, m; one that is named twice is a stay of 5 s
-    "past": ((1.6, -5.0), (1.6, 5.0)),
+    "past": ((1.3, -5.0), (1.3, 5.0)),
     "towards and away": ((5.0, 0.0), (1.15, 0.0), (5.0, 0.0)),
     "stops beside": ((3.0, 4.0), (0.4, 1.0), (0.4, 1.0), (3.0, 4.0)),
 }
@@ -294,7 +295,7 @@ def draw(shown: dict[tuple[str, str], Walk], path: Path) -> None:
         axes.fill_between(t, 0.0, np.abs(walked.speed), color="0.85", lw=0, label="speed, 1 = as planned")
         axes.plot(t, walked.separation, color="C0", lw=1.2, label="separation, m")
         axes.plot(t, walked.needed, color="C3", lw=1.0, label="protective distance, m")
-        axes.set(title=f"{robot}: {course}", ylim=(0.0, 3.0), xlim=(0.0, WINDOW))
+        axes.set(title=f"{robot}: {course}", ylim=(0.0, 2.0), xlim=(0.0, WINDOW))
         axes.grid(alpha=0.3)
     for axes in grid[-1]:
         axes.set_xlabel("t, s")

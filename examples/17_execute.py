@@ -1,4 +1,4 @@
-"""Execute a plan at a speed that changes on the way, pause it, and let a new motion take over.
+"""Execute a plan at a speed that changes on the way, pause it, let a new motion take over, and slow down for a ball.
 
 Run it: python examples/17_execute.py
 """
@@ -31,6 +31,18 @@ def main():
     while executor.status.phase not in ("done", "stopped"):
         executor.tick(0.001)
     print(executor.status.phase)
+
+    # A ball flies through the path. The policy slows the robot down until it has passed; `replan` would go around it.
+    executor = op.Executor(home, policy=op.Policy("slow", period=0.02))
+    ahead = problem.robot.fk(home.trajectory(0.8 * home.duration)).matrix[:3, 3]
+    while executor.status.phase != "done":
+        y = ahead[1] + executor.time - 0.8 * home.duration  # it is there when the robot would be
+        executor.update_scene(
+            {"ball": op.Sphere("ball", 0.05, position=(ahead[0], y, ahead[2]))}, {"ball": (0.0, 1.0, 0.0)}
+        )
+        for _ in range(20):
+            executor.tick(0.001)
+    print(f"home in {home.duration:.2f} s, behind the ball in {executor.time:.2f} s")
 
     # How far the robot goes along its path until it stands still, from any place at full speed.
     stops = op.Executor(home).stopping(5)

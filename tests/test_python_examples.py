@@ -33,7 +33,7 @@ SAYS = {
     "14": "step 2: attach cube",
     "15": "in the end: Run: verified",
     "16": "end 1: Run: verified",
-    "17": "the new motion takes over",
+    "17": "behind the ball in",
 }
 """A part of what each prints, by its number."""
 

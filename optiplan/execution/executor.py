@@ -86,9 +86,9 @@ class Executor(LawFollower):
         checked_arguments(run, override, deviation, clearance)
         self._path = ProvedPath(run, "Executor")
         self._policy = Policy.of(policy, separation)
-        self._people = None if separation is None else SeparationMonitor(self._path, separation)
         watch = SceneWatch(self._path, float(clearance), self._policy.linger)
-        self._scene = SeenScene(watch, separation)
+        people = None if separation is None else SeparationMonitor(self._path, watch, separation)
+        self._scene = SeenScene(watch, people)
         self._planning: PlanningProcess | None = None
         if self._policy.reaction != "wait":
             watch.prepare(self._path.forwards)
@@ -166,11 +166,7 @@ class Executor(LawFollower):
         self._aim()
 
     def update_scene(
-        self,
-        poses: SceneUpdate,
-        velocities: Mapping[str, Values] | None = None,
-        spread: float = 0.0,
-        age: float = 0.0,
+        self, poses: SceneUpdate, velocities: Mapping[str, Values] | None = None, spread: float = 0.0, age: float = 0.0
     ) -> None:
         """Obstacles have moved, appeared or vanished: check the rest of the path against them, now.
 
@@ -188,8 +184,7 @@ class Executor(LawFollower):
         if reason:
             self.stop(reason)
             return
-        if self._people is not None:
-            self._people.see(self._scene.people)
+        if self._scene.people is not None:
             self._lead()
         self._turned = None  # it was checked before
         if self._next is not None and self._next.number and self._blocked_next(self._next):
@@ -275,7 +270,7 @@ class Executor(LawFollower):
         """
         states = [(then, state) for then, state, law in self._predicted if law is self._law]
         rests = self._law.settled if self._law.target == 0.0 else math.inf
-        found = spliced_path(run, self.run, states, rests, self.time, self._people)
+        found = spliced_path(run, self.run, states, rests, self.time, at_rest_only=self._scene.people is not None)
         if isinstance(found, str):
             self.stop(found)
             return False
@@ -335,7 +330,7 @@ class Executor(LawFollower):
         path, then = coming.path, coming.then
         place = self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s)
         self._events = self._events.then(path, place)
-        self._path, self._stretch, self._people = path, path.forwards, coming.people
+        self._path, self._stretch = path, path.forwards
         self._scene, self._stops, self._detour = self._scene.over(coming), JointStops(path), None
         self._backwards = False
         self._wanted = 0.0 if self._held else self._override
@@ -346,7 +341,7 @@ class Executor(LawFollower):
 
     def _status(self, point: SetPoint) -> Status:
         place, T = self._stretch.place(point.place.s), self._path.motion.duration
-        speed, people = self._stretch.direction * point.place.speed, self._people
+        speed, people = self._stretch.direction * point.place.speed, self._scene.people
         reason = self._reason or ("" if people is None or place >= T else people.reason(self.time))
         changes = self.time < self._way.settled or self._pending
         phase = "done" if place >= T else phase_of(self._held, point.place.speed == 0.0, changes)

@@ -35,7 +35,10 @@ class LawFollower:
     _next: NextPath | None
     _events: DueEvents
     _scene: SeenScene
-    _people: SeparationMonitor | None
+
+    @property
+    def _people(self) -> SeparationMonitor | None:
+        return self._scene.people
 
     def stop(self, reason: str = "", how: str = "path") -> None:
         """Stop, for a reason."""
@@ -105,8 +108,9 @@ class LawFollower:
                 self._people.choose(self._stretch, self._law, self.time, 0.0)
             return False
         if self._people is not None:
-            law = self._people.choose(self._stretch, self._law, self.time, self._wanted)
-            return law is not None and self._follow(law)
+            self._pending = False  # until the next data
+            kept = self._people.choose(self._stretch, self._law, self.time, self._wanted)
+            return kept is not None and self._follow(kept)
         if self._law.target == self._wanted:  # it is on its way there
             self._pending = False
             return False

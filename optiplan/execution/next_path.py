@@ -7,7 +7,6 @@ from optiplan.errors import OptiPlanError
 from optiplan.execution.arguments import same_state
 from optiplan.execution.proved_path import ProvedPath
 from optiplan.execution.scene_watch import SceneWatch
-from optiplan.execution.separation import SeparationMonitor
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
 
@@ -16,7 +15,6 @@ class NextPath(NamedTuple):
     """The path that is to take over at `then`, s; `since`, s, is the scene known that it was planned in.
 
     `number`: of the planning process; 0: it is from `splice`. `watch`: of the path, where it is made already.
-    `people`: what watches them there.
     """
 
     then: float
@@ -24,7 +22,6 @@ class NextPath(NamedTuple):
     since: float
     watch: SceneWatch | None = None
     number: int = 0
-    people: SeparationMonitor | None = None
 
 
 def spliced_path(
@@ -33,7 +30,8 @@ def spliced_path(
     states: Sequence[tuple[float, State]],
     rests: float,
     now: float,
-    people: SeparationMonitor | None = None,
+    *,
+    at_rest_only: bool = False,
 ) -> NextPath | str:
     """Return the path of a run that is to take over; or why it cannot.
 
@@ -43,13 +41,13 @@ def spliced_path(
         states: on the way, with their times, s, in which it may begin.
         rests: s, from when on the robot stands still.
         now: s.
-        people: what watches them.
+        at_rest_only: beside people.
     """
     if not isinstance(run, Run) or not run.verified:
         return "the motion that was to take over is not verified"
     if run.problem.robot.joint_names != current.problem.robot.joint_names:
         return "the motion that was to take over is of another robot"
-    if people is not None and rests > now:
+    if at_rest_only and rests > now:
         return "beside people a motion takes over only where the robot stands still"
     start = run.problem.start_state
     found = [then for then, state in states if same_state(state, start)]
@@ -59,7 +57,6 @@ def spliced_path(
     if then < now:
         return f"the motion that was to take over came {now - then:.3f} s late"
     try:
-        path = ProvedPath(run, "Executor.splice")
-        return NextPath(then, path, now, people=None if people is None else people.over(path))
+        return NextPath(then, ProvedPath(run, "Executor.splice"), now)
     except OptiPlanError as error:
         return f"the motion that was to take over: {error}"

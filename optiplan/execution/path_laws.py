@@ -205,19 +205,15 @@ class PathLaws:
         """Whether a motion that was not verified keeps the limits of torque, at all times."""
         return self._core.keeps_torque
 
-    def stop(self, law: "TimeLaw", now: float) -> "TimeLaw":
-        """Return the stop from where a law is now, or as soon as limits leave room for it."""
-        return self.change(PathPlace(*law.at(now)), now, 0.0) or self.then_stop(law, now)
-
     def stopping(self, places: int) -> Stopping:
-        """Return the stop from full speed at equally spaced places."""
-        place = np.linspace(0.0, self.motion.duration, places)
-        time = self.motion.duration - place
-        travel = time.copy()
+        """Return the stop along the path from full speed, at equally spaced places of the motion."""
+        T = self.motion.duration
+        place = np.linspace(0.0, T, places)
+        time, travel = np.zeros(places), np.zeros(places)
         for k, s in enumerate(place):
             law = self.change(PathPlace(float(s), 1.0, 0.0), 0.0, 0.0)
-            if law is not None:
-                time[k], travel[k] = law.settled, min(law.at(law.settled)[0], self.motion.duration) - s
+            time[k] = T - s if law is None else law.settled
+            travel[k] = T - s if law is None else min(law.at(law.settled)[0], T) - s
         return Stopping(place, time, travel)
 
     def steady(self, s: float, speed: float, begin: float) -> "TimeLaw":

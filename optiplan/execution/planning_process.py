@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from optiplan.errors import OptiPlanError, wrong_argument
 from optiplan.execution.next_path import NextPath
-from optiplan.execution.planning_worker import PLANNER, FirstMotion, PlanReply, PlanRequest, serve
+from optiplan.execution.planning_worker import PLANNER, FirstMotion, ReplanReply, ReplanRequest, serve
 from optiplan.execution.policy import Policy
 from optiplan.execution.proved_path import ProvedPath
 from optiplan.execution.scene_watch import SceneWatch
@@ -70,7 +70,7 @@ class PlanningProcess:
 
     def __init__(self) -> None:
         self._done: deque[PlannedPath] = deque()
-        self._asked: tuple[PlannedPath, PlanRequest] | None = None
+        self._asked: tuple[PlannedPath, ReplanRequest] | None = None
         self._ready, self.lost, self.number, self._last = Event(), False, 0, 0
         context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
         self._pipe, theirs = context.Pipe()
@@ -126,11 +126,11 @@ class PlanningProcess:
         self._last += 1
         margin = MARGIN + self._watch.margin + scene.spread * self._duration
         seconds = AT_REST if rests else IN_TIME * latency
-        request = PlanRequest(self._last, self.number, state_in(latency), scene.at(then), margin, seconds)
+        request = ReplanRequest(self._last, self.number, state_in(latency), scene.at(then), margin, seconds)
         self._asked = PlannedPath(then, law, now, self._last), request
         try:
             self._pipe.send(request)
-        except OSError:
+        except Exception:  # whatever it is, the robot must not wait for an answer
             self.lost = True
 
     def answer(self, law: "TimeLaw", now: float) -> NextPath | None:
@@ -160,18 +160,21 @@ class PlanningProcess:
 
     def _listen(self) -> None:
         """Receive motions and prepare their paths, until the process ends."""
-        with contextlib.suppress(EOFError, OSError):
+        try:
             while True:
-                reply: PlanReply = self._pipe.recv()
+                reply: ReplanReply = self._pipe.recv()
                 asked = self._asked
                 if asked is not None and asked[0].number == reply.number:
                     self._done.append(self._prepared(*asked, reply))
                 elif reply.number == self._first:
                     self._ready.set()
-        self.lost = True
-        self._ready.set()
+        except (EOFError, OSError):  # the process has ended
+            pass
+        finally:
+            self.lost = True
+            self._ready.set()
 
-    def _prepared(self, asked: PlannedPath, request: PlanRequest, reply: PlanReply) -> PlannedPath:
+    def _prepared(self, asked: PlannedPath, request: ReplanRequest, reply: ReplanReply) -> PlannedPath:
         began = time.thread_time() - reply.seconds
         if reply.motion is None or reply.report is None or not reply.report.verified:
             return replace(asked, words=reply.words, seconds=reply.seconds)

@@ -20,7 +20,7 @@ PLANNER = "trajopt"
 """It begins at an earlier motion, from a robot that moves, and times its motions between moving obstacles."""
 
 
-class PlanRequest(NamedTuple):
+class ReplanRequest(NamedTuple):
     """What is to be planned: from which state, in which scene, to the problem's goal.
 
     `number` is that of the motion, `earlier` that of the one that the robot follows, `margin`, m,
@@ -44,7 +44,7 @@ class PlanRequest(NamedTuple):
         return derived(self.problem(first), scene=self.scene.standing)
 
 
-class PlanReply(NamedTuple):
+class ReplanReply(NamedTuple):
     """The motion to a request, with the report on it among the obstacles that stand still; or why there is none.
 
     `number`: of the request. `seconds`: of processor time.
@@ -71,7 +71,7 @@ def serve(pipe: Connection) -> None:
     first, motions = None, dict[int, Trajectory]()
     with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
         while True:
-            asked: FirstMotion | PlanRequest = pipe.recv()
+            asked: FirstMotion | ReplanRequest = pipe.recv()
             began = time.process_time()
             if isinstance(asked, FirstMotion):
                 first, motions = asked.problem, {asked.number: asked.motion}
@@ -85,25 +85,25 @@ def serve(pipe: Connection) -> None:
             pipe.send(reply._replace(number=asked.number, seconds=time.process_time() - began))
 
 
-def answer(request: PlanRequest, first: Problem, motions: dict[int, Trajectory]) -> PlanReply:
+def answer(request: ReplanRequest, first: Problem, motions: dict[int, Trajectory]) -> ReplanReply:
     """Plan, and prove; whatever is raised becomes the reply."""
     try:
         planner = make_planner(PLANNER, {"margin": request.margin})
         problem, budget = request.problem(first), Budget(request.seconds)
         found = plan_through(planner, problem, budget, lambda stage, share: None, motions.get(request.earlier))
         if found.trajectory is None:
-            return PlanReply(request.number, words="" if found.failure is None else found.failure.detail)
+            return ReplanReply(request.number, words="" if found.failure is None else found.failure.detail)
         report = verify(request.standing(first), found.trajectory)
         words = "" if report.verified else "the motion that was found is refused"
-        return PlanReply(request.number, found.trajectory, report, words)
+        return ReplanReply(request.number, found.trajectory, report, words)
     except Exception as error:
-        return PlanReply(request.number, words=f"{type(error).__name__}: {error}")
+        return ReplanReply(request.number, words=f"{type(error).__name__}: {error}")
 
 
-def _warmed_up(first: FirstMotion) -> PlanReply:
+def _warmed_up(first: FirstMotion) -> ReplanReply:
     """Plan on the way, so that what is loaded and kept is there; the reply is empty."""
     problem, motion = first.problem, first.motion
     for share in (0.1, 0.2):
         start = motion.state(share * motion.duration)
-        answer(PlanRequest(0, 0, start, problem.scene, 0.01, 2.0), problem, {0: motion})
-    return PlanReply(first.number)
+        answer(ReplanRequest(0, 0, start, problem.scene, 0.01, 2.0), problem, {0: motion})
+    return ReplanReply(first.number)

@@ -108,27 +108,28 @@ class SceneWatch:
         return [SeenObstacle(one.name, one.shape, one.X_WO, np.zeros(3), 0.0, now) for one in known]
 
     def nearest(
-        self, stretch: PathStretch, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], most: float
+        self,
+        stretch: PathStretch,
+        law: "TimeLaw",
+        now: float,
+        seen: Sequence[SeenObstacle],
+        margin: float,
+        most: float,
     ) -> NearestPlace | None:
         """Return what comes nearest on the way that a law leads from `now` until the robot stands still.
 
-        The slack is the distance less the margin and what an obstacle may have moved since it was seen, at that time.
+        The slack is the distance less `margin`, m, and what an obstacle may have moved since it was seen, at that time.
         The first body of the pair is the obstacle. None where the slack exceeds `most`, m, everywhere.
         """
-        least = None
-        for part in self._parts(stretch):
-            found = part.nearest(law, now, seen, self.margin, most if least is None else least.slack)
+        least, here = None, law.at(now)[0]
+        rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
+        for part in self._parts(stretch) if seen else ():
+            if part.begin > rest or part.end < here:
+                continue
+            found = part.nearest(law, now, seen, margin, most if least is None else least.slack)
             if found is not None:
                 least = NearestPlace(stretch.place(found.place), found.pair, found.slack)
         return least
-
-    def unwatched(self, stretch: PathStretch, names: Sequence[str]) -> str:
-        """Return the first of some obstacles whose distance from the robot is not computed; "" if there is none."""
-        for part in self._parts(stretch):
-            for name in names:
-                if not part.watches(name):
-                    return name
-        return ""
 
     def over(self, path: ProvedPath) -> "SceneWatch":
         """Return the same of another path."""
@@ -177,11 +178,10 @@ class _PartWatch:
         if self._core is None or unknown:
             return BlockedPlace(max(law.at(now)[0], self.begin), (unknown, "the robot"))
         found = self._core.blocked(law, now, bodies, *_arrays(seen), margin, linger)
-        return None if found is None else BlockedPlace(found[0], (self._name(found[1]), self._name(found[2])))
-
-    def watches(self, name: str) -> bool:
-        """Whether distances of the robot from an obstacle are computed."""
-        return self._core is not None and any(name in (pair.name_a, pair.name_b) for pair in self._model.pairs)
+        if found is None:
+            return None
+        place, a, b = found
+        return BlockedPlace(place, (self._name(a), self._name(b)))
 
     def nearest(
         self, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], margin: float, most: float
@@ -194,16 +194,16 @@ class _PartWatch:
         if found is None:
             return None
         place, a, b, slack = found
-        first, second = (a, b) if a in bodies else (b, a)
-        return NearestPlace(place, (self._name(first), self._name(second)), slack)
+        pair = (a, b) if a in bodies else (b, a)
+        return NearestPlace(place, (self._name(pair[0]), self._name(pair[1])), slack)
 
     def _bodies(self, seen: Sequence[SeenObstacle]) -> tuple[NDArray[np.int64], str]:
-        """Return the bodies of obstacles, (k,), and the name of one that the core does not know, or nothing."""
-        if self._core is None:
-            return np.empty(0, dtype=np.int64), self._model.unknown[0]
-        bodies = [self._body(one, seen) for one in seen]
-        known = [body for body in bodies if body is not None]
-        return np.array(known, dtype=np.int64), "" if len(known) == len(seen) else seen[bodies.index(None)].name
+        """Return the bodies of obstacles (k,), and the name of one that the core does not know, if any."""
+        found = [] if self._core is None else [self._body(one, seen) for one in seen]
+        unknown = self._model.unknown[0] if self._core is None else ""
+        if None in found:
+            unknown = seen[found.index(None)].name
+        return np.array([] if unknown else found, dtype=np.int64), unknown
 
     def _body(self, one: SeenObstacle, seen: Sequence[SeenObstacle]) -> int | None:
         """Return the body of an obstacle, added where there is none of its shape yet; None: the core does not know it.
@@ -228,11 +228,11 @@ class _PartWatch:
         return next(name for name, _, added in self._added if added == body)
 
 
-def _same(one: Shape, other: Shape) -> bool:
-    return one is other or (type(one) is type(other) and one.same_body(other))
-
-
 def _arrays(seen: Sequence[SeenObstacle]) -> tuple[Array, Array]:
     """Return poses (k, 4, 4), and velocity, spread and time (k, 5)."""
-    X, motions = [one.X_WO.homogeneous for one in seen], [[*one.velocity, one.spread, one.time] for one in seen]
-    return np.array(X).reshape(-1, 4, 4), np.array(motions).reshape(-1, 5)
+    motions = np.array([[*one.velocity, one.spread, one.time] for one in seen])
+    return np.array([one.X_WO.homogeneous for one in seen]), motions
+
+
+def _same(one: Shape, other: Shape) -> bool:
+    return one is other or (type(one) is type(other) and one.same_body(other))

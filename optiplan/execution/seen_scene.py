@@ -11,7 +11,7 @@ from optiplan.execution.arguments import numbers, told
 from optiplan.execution.next_path import NextPath
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
-from optiplan.execution.separation import Separation
+from optiplan.execution.separation import SeparationMonitor
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
 
@@ -27,19 +27,13 @@ class SeenScene:
 
     Args:
         watch: of the path; its run gives the robot and the obstacles that are known.
-        rule: how people are kept apart, if they are.
+        people: what keeps people apart, if they are.
     """
 
-    def __init__(self, watch: SceneWatch, rule: Separation | None = None) -> None:
-        self._watch, self._rule = watch, rule
+    def __init__(self, watch: SceneWatch, people: SeparationMonitor | None = None) -> None:
+        self._watch, self.people = watch, people
         self._obstacles: dict[str, SeenObstacle] = {}
-        self._people: dict[str, SeenObstacle] = {}
         self._gone: set[str] = set()
-
-    @property
-    def people(self) -> list[SeenObstacle]:
-        """Where people were measured last."""
-        return list(self._people.values())
 
     def see(
         self, poses: SceneUpdate, velocities: Mapping[str, Values], spread: float, now: float, age: float = 0.0
@@ -47,22 +41,19 @@ class SeenScene:
         """Remember where obstacles were `age` s ago; return why that is not possible, or nothing."""
         if not isinstance(poses, Mapping):
             return f"update_scene: found {told(poses)}; expected poses by name"
-        if not isinstance(velocities, Mapping):
-            return f"update_scene: found {told(velocities)}; expected velocities by name"
         for value, word, unit in ((spread, "a spread", "a speed >= 0, m/s"), (age, "an age", "seconds >= 0")):
             if not is_finite(value) or value < 0.0:
                 return f"update_scene: found {word} of {told(value)}; expected {unit}"
+        if not isinstance(velocities, Mapping):
+            return f"update_scene: found {told(velocities)}; expected velocities by name"
         for name, place in poses.items():
             velocity = numbers(velocities.get(name, np.zeros(3)))
             if velocity.shape != (3,) or not np.isfinite(velocity).all():
                 found = told(velocities[name])
                 return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
-            if self._rule is not None and name in self._rule.people:
-                if name in velocities:
-                    return f"update_scene: found a velocity of '{name}'; expected none: people's course is not known"
-                reason = self._see_person(name, place, self._rule.human_speed, now - float(age))
-            else:
-                reason = self._see(name, place, velocity, float(spread), now - float(age))
+            if name in velocities and self._is_person(name):
+                return f"update_scene: found a velocity of '{name}'; expected none: the course of people is not known"
+            reason = self._see(name, place, velocity, float(spread), now - float(age))
             if reason:
                 return reason
         return ""
@@ -70,12 +61,16 @@ class SeenScene:
     def _see(self, name: str, place: Pose | Obstacle | None, velocity: Array, spread: float, time: float) -> str:
         known = {one.name: one.shape for one in self._watch.scene.obstacles}
         known |= {one.name: one.shape for one in self._obstacles.values()}
+        known |= {} if self.people is None else self.people.shapes
         if not isinstance(place, Pose | Obstacle | None):
             return f"update_scene: found {told(place)} as '{name}'; expected poses by name, obstacles, or None"
         if isinstance(place, Obstacle) and isinstance(name, str) and place.motion is None:
             shape, X_WO = place.shape, place.X_WO
         elif isinstance(place, Obstacle):
             return f"update_scene: found {told(place)} as {told(name)}; expected one that stands, and a name"
+        elif place is None and self.people is not None and self._is_person(name):
+            self.people.see(name, None, time)
+            return ""
         elif name not in known:
             return f"update_scene: found an obstacle {told(name)}; expected one of: {', '.join(sorted(known))}"
         elif place is None:
@@ -85,17 +80,14 @@ class SeenScene:
         else:
             shape, X_WO = known[name], pin.SE3(place.matrix)
         self._gone.discard(name)
-        self._obstacles[name] = SeenObstacle(name, shape, X_WO, velocity, spread, time)
+        if self.people is not None and self._is_person(name):
+            self.people.see(name, SeenObstacle(name, shape, X_WO, velocity, self.people.rule.human_speed, time), time)
+        else:
+            self._obstacles[name] = SeenObstacle(name, shape, X_WO, velocity, spread, time)
         return ""
 
-    def _see_person(self, name: str, place: Pose | Obstacle | None, speed: float, time: float) -> str:
-        if not isinstance(place, Pose):
-            return f"update_scene: found {told(place)} as '{name}'; expected a pose: people stay watched"
-        if name not in self._people or self._people[name].time <= time:  # data may come out of order
-            shape = next(one.shape for one in self._watch.scene.obstacles if one.name == name)
-            X_WO = pin.SE3(place.matrix)
-            self._people[name] = SeenObstacle(name, shape, X_WO, np.zeros(3), float(speed), time)
-        return ""
+    def _is_person(self, name: str) -> bool:
+        return self.people is not None and name in self.people.rule.people
 
     def blocked(self, stretch: PathStretch, law: "TimeLaw", now: float, known: bool = False) -> BlockedPlace | None:
         """Return what is blocked of the way that a law leads from `now` on; None if nothing is.
@@ -136,11 +128,12 @@ class SeenScene:
 
         Obstacles that it was proved against where they stood are forgotten, unless they move.
         """
-        other = SeenScene(self._watch.over(coming.path) if coming.watch is None else coming.watch, self._rule)
-        known = {obstacle.name for obstacle in coming.path.run.problem.scene.obstacles}
-        other._people = self._people
+        path, since = coming.path, coming.since
+        watch = self._watch.over(path) if coming.watch is None else coming.watch
+        other = SeenScene(watch, None if self.people is None else self.people.over(path, watch))
+        known = {obstacle.name for obstacle in path.run.problem.scene.obstacles}
         for name, one in self._obstacles.items():
-            if one.time >= coming.since or name not in known or one.spread > 0.0 or one.velocity.any():
+            if one.time >= since or name not in known or one.spread > 0.0 or one.velocity.any():
                 other._obstacles[name] = one
         return other
 

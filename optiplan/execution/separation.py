@@ -25,10 +25,10 @@ from optiplan._core import core
 from optiplan.arrays import is_finite
 from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import told
-from optiplan.execution.path_laws import PathPlace
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import SceneWatch, SeenObstacle
 from optiplan.execution.status import KeptSeparation
+from optiplan.geometry.shape import Shape
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
@@ -37,7 +37,7 @@ FAR = 10.0
 """m: people that are farther away are not reported."""
 
 BISECTIONS = 2
-"""Speeds that are tried at a time between one that is clear and one that is not; each costs half a millisecond."""
+"""Speeds that are tried at a time between a clear one and one that is not, a quarter of a millisecond each."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Separation:
     """How people are kept apart from a moving robot, after ISO/TS 15066:2016, 5.5.4 and ISO 13855:2024.
 
     Attributes:
-        people: names of the obstacles of the scene that stand for people, or for parts of them.
+        people: names of the obstacles that stand for people, or for parts of them. `update_scene` must report each.
         reaction: s from a measurement until the robot begins to stop if none follows: the sensor's period, its delay
             and that of the controller.
         intrusion: C, m: how far a part of a body gets beyond the reported shape.
@@ -74,7 +74,7 @@ class Separation:
         """Check the values."""
         names = (self.people,) if isinstance(self.people, str) else self.people
         if not isinstance(names, Sequence) or not names or not all(isinstance(name, str) for name in names):
-            raise wrong_argument("Separation", "people", told(self.people), "names of obstacles of the scene")
+            raise wrong_argument("Separation", "people", told(self.people), "names of obstacles")
         object.__setattr__(self, "people", tuple(names))
         for key in ("reaction", "intrusion", "sensor_uncertainty", "robot_uncertainty", "human_speed"):
             value, unit = getattr(self, key), {"reaction": "s", "human_speed": "m/s"}.get(key, "m")
@@ -107,46 +107,49 @@ class SeparationMonitor:
     the robot stops by itself.
 
     Args:
-        path: its run gives robot and people.
+        path: that the robot follows.
+        watch: of it.
         rule: what is to be kept.
+
+    Raises:
+        InputError: the path begins in motion.
     """
 
-    def __init__(self, path: ProvedPath, rule: Separation) -> None:
-        known = sorted(obstacle.name for obstacle in path.run.problem.scene.obstacles)
-        for name in rule.people:
-            if name not in known:
-                expected = f"obstacles of the run's scene: {', '.join(known) or 'it has none'}"
-                raise wrong_argument("Executor", "separation", f"a person '{name}'", expected)
+    def __init__(self, path: ProvedPath, watch: SceneWatch, rule: Separation) -> None:
         if not path.starts_at_rest:
             found = "a run that begins in motion"
             raise wrong_argument("Executor", "run", found, "one that begins at rest, since people are not seen yet")
-        self.rule, self._watch = rule, SceneWatch(path, rule.margin)
-        unwatched = self._watch.unwatched(path.forwards, rule.people)
-        if unwatched:
-            found = f"a person '{unwatched}' whose distance from the robot is not computed"
-            expected = "obstacles that may not touch the robot, of shapes that the native core supports"
-            raise wrong_argument("Executor", "separation", found, expected)
-        self._seen: list[SeenObstacle] = []
+        self.rule, self._watch = rule, watch
+        self._measured: dict[str, tuple[float, SeenObstacle | None]] = {}
+        self.shapes: dict[str, Shape] = {}  # of people that were seen before
         self._commanded: CommandedLaw | None = None
         self._late = False
         self.kept: KeptSeparation | None = None
+        watch.prepare(path.forwards)
 
-    def see(self, people: list[SeenObstacle]) -> None:
-        """Remember where people were measured last."""
-        self._seen = people
+    @property
+    def seen(self) -> list[SeenObstacle]:
+        """Where people were measured last."""
+        return [one for _, one in self._measured.values() if one is not None]
 
-    def over(self, path: ProvedPath) -> "SeparationMonitor":
+    def see(self, name: str, person: SeenObstacle | None, time: float) -> None:
+        """Remember where a person was at a time, s, or that it was not there; data may come out of order."""
+        if name not in self._measured or self._measured[name][0] <= time:
+            self._measured[name] = time, person
+            if person is not None:
+                self.shapes[name] = person.shape
+
+    def over(self, path: ProvedPath, watch: SceneWatch) -> "SeparationMonitor":
         """Return the same about another path."""
-        other = SeparationMonitor(path, self.rule)
-        other._seen, other.kept = self._seen, self.kept
+        other = SeparationMonitor(path, watch, self.rule)
+        other._measured, other.shapes, other.kept = self._measured, self.shapes, self.kept
         return other
 
     @property
     def fresh_until(self) -> float:
         """When the robot must begin to stop unless new data come, s."""
-        if len(self._seen) < len(self.rule.people):
-            return -float("inf")
-        return min(one.time for one in self._seen) + self.rule.reaction
+        times = [self._measured[name][0] if name in self._measured else -np.inf for name in self.rule.people]
+        return float(min(times)) + self.rule.reaction
 
     def way(self, law: "TimeLaw", now: float) -> "TimeLaw":
         """Return the law that is followed while data keep coming."""
@@ -158,11 +161,11 @@ class SeparationMonitor:
         chosen = self._fastest(stretch, law, now, wanted) if wanted > 0.0 else None
         self._late = False
         if chosen is None:
-            stop = law if _stands(law, now) else stretch.laws.stop(law, now)
-            if wanted > 0.0 and not self._clear(stretch, stop, now) and self._clear(stretch, law, now):
+            stop = law if _stands(law, now) else stretch.laws.change_along(law, now, 0.0) or law
+            if wanted > 0.0 and not self.clear(stretch, stop, now) and self.clear(stretch, law, now):
                 stop = law  # it goes on a little before it stops, which was proved
             else:
-                self._late = not self._clear(stretch, stop, now)
+                self._late = not self.clear(stretch, stop, now)
             chosen = CommandedLaw(stop, stop, now, 0.0)
         self._commanded = chosen
         self.kept = self._report(stretch, chosen.law, now, chosen.allowed)
@@ -170,15 +173,16 @@ class SeparationMonitor:
 
     def reason(self, now: float) -> str:
         """Return why the robot stands still or stops by itself; nothing where it does not."""
-        seen = {one.name for one in self._seen}
         for name in self.rule.people:
-            if name not in seen:
+            if name not in self._measured:
                 return f"no data about '{name}' yet"
         if now >= self.fresh_until:
-            oldest = min(self._seen, key=lambda one: one.time)
-            return f"the last data about '{oldest.name}' are {now - oldest.time:.3f} s old"
-        if self.kept is None or self.kept.allowed > 0.0 or self.kept.pair is None:
+            name, (time, _) = min(self._measured.items(), key=lambda one: one[1][0])
+            return f"the last data about '{name}' are {now - time:.3f} s old"
+        if self.kept is None or self.kept.allowed > 0.0:
             return ""
+        if np.isneginf(self.kept.separation):
+            return f"the native core does not know the shape of '{self.kept.pair[0]}'"
         found = f"'{self.kept.pair[0]}' is {self.kept.separation:.3f} m from '{self.kept.pair[1]}'"
         return f"{found}; the stop comes too late" if self._late else found
 
@@ -206,33 +210,34 @@ class SeparationMonitor:
         if until <= now:
             return None
         if goal is law or goal.target != speed:
-            place = PathPlace(*law.at(now))
-            if place.s == 0.0 and stretch.direction > 0.0:  # the path is at rest there: any speed will do
+            if law.at(now)[0] == 0.0 and stretch.direction > 0.0:  # the path is at rest there: any speed will do
                 found: TimeLaw | None = stretch.laws.steady(0.0, speed, now)
             else:
-                found = stretch.laws.change(place, now, speed)
+                found = stretch.laws.change_along(law, now, speed)
             if found is None:
                 return None
             goal = found
         both = stretch.laws.then_stop(goal, until)
-        return CommandedLaw(both, goal, until, speed) if self._clear(stretch, both, now) else None
+        return CommandedLaw(both, goal, until, speed) if self.clear(stretch, both, now) else None
 
-    def _clear(self, stretch: PathStretch, law: "TimeLaw", now: float) -> bool:
+    def clear(self, stretch: PathStretch, law: "TimeLaw", now: float) -> bool:
         """Whether a law keeps the separation from now until the robot stands still."""
-        if len(self._seen) < len(self.rule.people):
-            return _stands(law, now)
-        return _stands(law, now) or self._watch.nearest(stretch, law, now, self._seen, 0.0) is None
+        if _stands(law, now):
+            return True
+        known = all(name in self._measured for name in self.rule.people)
+        return known and self._watch.nearest(stretch, law, now, self.seen, self.rule.margin, 0.0) is None
 
     def _report(self, stretch: PathStretch, law: "TimeLaw", now: float, allowed: float) -> KeptSeparation | None:
         """Return separation and protective distance: S - S_p is the least that a law leaves on its way."""
         here = core.TimeLaw.steady(law.at(now)[0], 0.0, now)
-        still = [replace(one, spread=0.0, velocity=np.zeros(3)) for one in self._seen]
-        near = self._watch.nearest(stretch, here, now, still, FAR - self.rule.margin)
+        still = [replace(one, spread=0.0) for one in self.seen]
+        near = self._watch.nearest(stretch, here, now, still, 0.0, FAR)
         if near is None:
             return None
-        left = None if _stands(law, now) else self._watch.nearest(stretch, law, now, self._seen, FAR)
-        separation = near.slack + self.rule.margin
-        return KeptSeparation(separation, 0.0 if left is None else separation - left.slack, near.pair, allowed)
+        left = None
+        if not _stands(law, now):
+            left = self._watch.nearest(stretch, law, now, self.seen, self.rule.margin, FAR)
+        return KeptSeparation(near.slack, 0.0 if left is None else near.slack - left.slack, near.pair, allowed)
 
 
 def _stands(law: "TimeLaw", now: float) -> bool:

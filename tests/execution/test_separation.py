@@ -196,6 +196,27 @@ def test_another_motion_takes_over_at_rest_only(run):
     assert "stands still" in executor.status.reason
 
 
+def test_a_robot_that_stands_still_goes_on_with_another_motion(run):
+    back = run.problem.with_start(run.trajectory.end).with_goal(op.JointGoal(run.trajectory.start))
+    second = op.plan(back, budget=2.0)
+    executor = op.Executor(run, separation=RULE)
+    for k in range(900):
+        if k % PERIOD == 0:
+            executor.update_scene({"person": FAR})
+        executor.tick(DT)
+    assert executor.status.phase == "done"
+    executor.state_in(0.0)
+    assert executor.splice(second)
+    executor.tick(DT)  # it is told where people are already
+    assert executor.status.separation.allowed == 1.0
+    for k in range(1200):
+        if k % PERIOD == 0:
+            executor.update_scene({"person": FAR})
+        tick = executor.tick(DT)
+    assert tick.status.phase == "done"
+    np.testing.assert_allclose(tick.q, second.trajectory.end, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("update", "words"),
     [
@@ -237,8 +258,44 @@ def test_rules_that_cannot_be_are_errors(change, words):
         op.Separation(**{**values, "robot_uncertainty": 0.0, **change})
 
 
-def test_people_are_obstacles_of_the_scene(run):
-    with pytest.raises(InputError, match=r"nobody.*person"):
-        op.Executor(run, separation=op.Separation("nobody", 0.1, 0.1, 0.0, 0.0))
+def test_people_that_nobody_knew_come_and_go(run):
+    executor = op.Executor(run, separation=op.Separation(("one", "other"), 0.1, 0.1, 0.0, 0.0))
+    executor.update_scene({"one": op.Capsule("one", radius=0.2, length=1.2, position=(0.7, 0.0, 0.8))})
+    assert executor.tick(DT).status.reason == "no data about 'other' yet"
+    executor.update_scene({"other": None})
+    kept = executor.status.separation
+    assert (kept.pair[0], kept.distance, kept.allowed) == ("one", 0.0, 0.0)
+    assert executor.status.phase == "waiting"
+    executor.update_scene({"one": None})
+    assert executor.status.separation is None
+    moved = [executor.tick(DT).v.any() for _ in range(500)]
+    assert any(moved)
+    assert not moved[-1]  # who is not there may come
+    assert "the last data about" in executor.status.reason
+    executor.update_scene({"one": op.Pose((0.7, 0.0, 0.8)), "other": None})  # its shape is known by now
+    assert executor.status.separation.pair[0] == "one"
+
+
+def test_an_executor_takes_what_can_be_kept(run):
     with pytest.raises(InputError, match=r"op\.Separation"):
         op.Executor(run, separation=0.5)
+    with pytest.raises(InputError, match="replan"):
+        op.Executor(run, separation=RULE, policy="replan")
+
+
+def test_carts_are_waited_for_beside_people(run):
+    executor = op.Executor(run, separation=RULE, clearance=0.01)
+    ahead = run.problem.robot.fk(run.trajectory(0.7 * run.duration)).matrix[:3, 3]
+    cart = op.Sphere("cart", radius=0.06, position=tuple(ahead))
+    for k in range(800):
+        if k % PERIOD == 0:
+            executor.update_scene({"person": FAR, "cart": cart})
+        executor.tick(DT)
+    assert executor.status.phase == "waiting"
+    assert "'cart'" in executor.status.reason
+    executor.update_scene({"cart": None})
+    for k in range(1500):
+        if k % PERIOD == 0:
+            executor.update_scene({"person": FAR})
+        executor.tick(DT)
+    assert executor.status.phase == "done"

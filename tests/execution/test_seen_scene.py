@@ -1,0 +1,96 @@
+"""Obstacles that appear, change and vanish while a run is executed."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+
+DT = 1e-3
+
+
+@pytest.fixture(scope="module")
+def ahead(run_of):
+    """A run, and where the tool will be."""
+    run = run_of("01_reach")
+    return run, tuple(run.problem.robot.fk(run.trajectory(0.7 * run.duration)).matrix[:3, 3])
+
+
+def started(run, **options):
+    executor = op.Executor(run, clearance=0.01, **options)
+    for _ in range(100):
+        executor.tick(DT)
+    return executor
+
+
+@pytest.mark.parametrize(
+    "shape", [lambda at: op.Sphere("new", 0.06, position=at), lambda at: op.Box("new", (0.1, 0.1, 0.1), position=at)]
+)
+def test_an_obstacle_that_appears_blocks_the_path_until_it_is_gone(ahead, shape):
+    run, at = ahead
+    executor = started(run)
+    executor.update_scene({"new": shape(at)})
+    assert "'new'" in executor.status.reason
+    for _ in range(1000):
+        executor.tick(DT)
+    assert executor.status.phase == "waiting"
+    executor.update_scene({"new": None})
+    while executor.status.phase != "done":
+        executor.tick(DT)
+
+
+def test_it_blocks_where_one_that_was_known_blocks(ahead):
+    run, at = ahead
+    known = op.plan(run.problem.with_scene([op.Sphere("ball", 0.06, position=(2.0, 0.0, 0.5))]), budget=3.0)
+    reasons = []
+    for one, update in ((run, op.Sphere("ball", 0.06, position=at)), (known, op.Pose(at))):
+        executor = started(one)
+        executor.update_scene({"ball": update})
+        reasons.append(executor.status.reason)
+    assert reasons[0] == reasons[1] != ""
+
+
+def test_an_obstacle_of_another_size_replaces_the_one_of_its_name(ahead):
+    run, at = ahead
+    beside = (at[0], at[1], at[2] + 0.5)
+    executor = started(run)
+    executor.update_scene({"new": op.Sphere("new", 0.05, position=beside)})
+    assert executor.status.reason == ""
+    executor.update_scene({"new": op.Sphere("new", 0.45, position=beside)})
+    assert "'new'" in executor.status.reason
+
+
+def test_bodies_of_obstacles_that_are_gone_are_taken_again(ahead):
+    executor = started(ahead[0])
+    for k in range(30):
+        executor.update_scene({f"ball{k}": op.Sphere(f"ball{k}", 0.05, position=(2.0, 0.0, 0.5))})
+        executor.update_scene({f"ball{k}": None})
+    (part,) = next(iter(executor._scene._watch._watches.values()))
+    assert len(part._added) == 1
+
+
+@pytest.mark.parametrize(
+    ("update", "words"),
+    [
+        ({"new": None}, "expected one of"),
+        ({3: op.Sphere("new", 0.05, position=(2, 0, 0))}, "and a name"),
+        ({"new": op.Sphere("new", 0.05, position=(2, 0, 0)).moving([[0], [0, 1.0], [0]])}, "one that stands"),
+        ({"new": "a ball"}, "poses by name, obstacles, or None"),
+    ],
+)
+def test_updates_that_cannot_be_used_end_in_a_stop(ahead, update, words):
+    executor = started(ahead[0])
+    executor.update_scene(update)
+    assert words in executor.status.reason
+    assert executor.status.phase == "stopping"
+
+
+def test_the_scene_of_a_plan_is_the_one_that_will_be_there(ahead):
+    run, at = ahead
+    executor = started(run)
+    flying = op.Sphere("flying", 0.05, position=(2.0, 0.0, 0.5))
+    executor.update_scene({"flying": flying, "new": op.Sphere("new", 0.05, position=at)}, {"flying": (-1.0, 0.0, 0.0)})
+    scene = executor._scene.at(executor.time + 0.2)
+    moved = next(one for one in scene.obstacles if one.name == "flying")
+    np.testing.assert_allclose(moved.X_WO.translation, (1.8, 0.0, 0.5), atol=1e-12)
+    assert [one.name for one in scene.dynamic_obstacles] == ["flying"]
+    assert [one.name for one in scene.standing.obstacles] == ["new"]
