@@ -187,6 +187,8 @@ class Executor(LawFollower):
         if self._scene.people is not None:
             self._lead()
         self._turned = None  # it was checked before
+        if self._detour is not None:
+            self._detour.forget()
         if self._next is not None and self._next.number and self._blocked_next(self._next):
             self._next = None
         if self._held == "waiting" and self._next is None:
