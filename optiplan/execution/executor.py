@@ -4,6 +4,7 @@ import math
 import weakref
 from collections import deque
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 from optiplan.arrays import is_finite
@@ -12,7 +13,7 @@ from optiplan.execution.arguments import checked_arguments, checked_step, is_sha
 from optiplan.execution.next_path import NextPath, spliced_path
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.planning_process import PlanningProcess
-from optiplan.execution.policy import Policy, Reaction
+from optiplan.execution.policy import SPARE, Policy, Reaction
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch
 from optiplan.execution.seen_scene import SceneUpdate, SeenScene
@@ -173,18 +174,18 @@ class Executor:
             self._next = None
         if self._held == "waiting" and self._next is None:
             ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
-            if ahead is not None and self._blocked(ahead) is None:
+            if ahead is not None and self._blocked(ahead, SPARE) is None:
                 self._held, self._reason = "", ""
                 self._aim()
                 return
         self._yield()
 
-    def _blocked(self, law: "TimeLaw") -> BlockedPlace | None:
-        return self._scene.blocked(self._stretch, law, self.time)
+    def _blocked(self, law: "TimeLaw", spare: float = 0.0) -> BlockedPlace | None:
+        return self._scene.blocked(self._stretch, law, self.time, spare)
 
-    def _blocked_next(self, coming: NextPath) -> bool:
+    def _blocked_next(self, coming: NextPath, spare: float = 0.0) -> bool:
         law = self._start_law(coming.path, self._override, coming.then)
-        return self._scene.over(coming).blocked(coming.path.forwards, law, coming.then) is not None
+        return self._scene.over(coming).blocked(coming.path.forwards, law, coming.then, spare) is not None
 
     def _yield(self) -> None:
         """Do as the policy says, where obstacles that were seen block the way of the law."""
@@ -206,7 +207,9 @@ class Executor:
         """Follow a law that is clear until the robot stands still, or stop now."""
         clear = None
         if self._policy.goes_on:
-            clear = self._policy.law(self._stretch.laws, self._law, self.time, self._override, self._blocked)
+            clear = self._policy.law(
+                self._stretch.laws, self._law, self.time, self._override, partial(self._blocked, spare=SPARE)
+            )
         if clear is None:
             self._lead()
         else:
@@ -219,8 +222,9 @@ class Executor:
             self.stop("the planning process has ended")
             return
         coming = planning.answer(self._law, self.time)
-        if coming is not None and self._held == "waiting" and self._next is None and not self._blocked_next(coming):
-            self._next = coming
+        if coming is None or self._held != "waiting" or self._next is not None:
+            return
+        self._next = None if self._blocked_next(coming, SPARE) else coming
 
     def state_in(self, latency: float) -> State:
         """Return the state of the robot `latency` s from now, if nothing is changed until then.

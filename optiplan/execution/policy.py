@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 Reaction = Literal["wait", "stop", "slow", "replan"]
 """What is done: see `Policy`."""
 
+SPARE = 5e-3
+"""m, that a law must leave when it is chosen: it is checked again later, cell by cell, from other places."""
+
 SPEEDS = (1.0, 0.8, 0.6, 0.4, 0.25, 0.1, 0.05)
 """Shares of the wanted speed to which a robot slows down."""
 

@@ -89,9 +89,9 @@ class SeenScene:
     def _is_person(self, name: str) -> bool:
         return self.people is not None and name in self.people.rule.people
 
-    def blocked(self, stretch: PathStretch, law: "TimeLaw", now: float) -> BlockedPlace | None:
-        """Return what is blocked of the way that a law leads from `now` on; None if nothing is."""
-        return self._watch.blocked(stretch, law, now, list(self._obstacles.values()))
+    def blocked(self, stretch: PathStretch, law: "TimeLaw", now: float, spare: float = 0.0) -> BlockedPlace | None:
+        """Return what is blocked of the way that a law leads from `now` on, with a margin to spare; None: nothing."""
+        return self._watch.blocked(stretch, law, now, list(self._obstacles.values()), spare)
 
     def at(self, then: float) -> Scene:
         """Return the scene as it will be at a time, s, from which obstacles with a velocity move on."""
