@@ -13,7 +13,7 @@ from optiplan.execution.arguments import checked_arguments, checked_step, is_sha
 from optiplan.execution.next_path import NextPath, spliced_path
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.planning_process import PlanningProcess
-from optiplan.execution.policy import SPARE, Policy, Reaction
+from optiplan.execution.policy import Policy, Reaction
 from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch
 from optiplan.execution.seen_scene import SceneUpdate, SeenScene
@@ -174,7 +174,7 @@ class Executor:
             self._next = None
         if self._held == "waiting" and self._next is None:
             ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
-            if ahead is not None and self._blocked(ahead, SPARE) is None:
+            if ahead is not None and self._blocked(ahead, 0.0 if self._rests else self._policy.spare) is None:
                 self._held, self._reason = "", ""
                 self._aim()
                 return
@@ -207,9 +207,8 @@ class Executor:
         """Follow a law that is clear until the robot stands still, or stop now."""
         clear = None
         if self._policy.goes_on:
-            clear = self._policy.law(
-                self._stretch.laws, self._law, self.time, self._override, partial(self._blocked, spare=SPARE)
-            )
+            blocked = partial(self._blocked, spare=self._policy.spare)
+            clear = self._policy.law(self._stretch.laws, self._law, self.time, self._override, blocked)
         if clear is None:
             self._lead()
         else:
@@ -224,7 +223,7 @@ class Executor:
         coming = planning.answer(self._law, self.time)
         if coming is None or self._held != "waiting" or self._next is not None:
             return
-        self._next = None if self._blocked_next(coming, SPARE) else coming
+        self._next = None if self._blocked_next(coming, self._policy.spare) else coming
 
     def state_in(self, latency: float) -> State:
         """Return the state of the robot `latency` s from now, if nothing is changed until then.
