@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING
 from optiplan.arrays import is_finite
 from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import checked_arguments, checked_step, is_share, told
+from optiplan.execution.due_events import DueEvents
+from optiplan.execution.joint_stop import Detour, JointStops
+from optiplan.execution.law_follower import LawFollower
 from optiplan.execution.next_path import NextPath, spliced_path
 from optiplan.execution.path_laws import PathPlace, SetPoint
 from optiplan.execution.planning_process import PlanningProcess
 from optiplan.execution.policy import Policy, Reaction
-from optiplan.execution.proved_path import PathStretch, ProvedPath
+from optiplan.execution.proved_path import PathStretch, ProvedPath, Turned
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch
 from optiplan.execution.seen_scene import SceneUpdate, SeenScene
 from optiplan.execution.separation import Separation, SeparationMonitor
@@ -22,7 +25,6 @@ from optiplan.execution.status import Held, Status, Stopping, Tick, phase_of
 from optiplan.execution.tracking_monitor import TrackingMonitor
 from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
-from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.state import State
 
 if TYPE_CHECKING:
@@ -38,7 +40,7 @@ STOP_PLACES = 200
 """Places of a motion for which `stopping` gives the stop."""
 
 
-class Executor:
+class Executor(LawFollower):
     """Run a verified motion without leaving what was proved.
 
     Every set-point lies on the verified path. Its speed is a law s(t) that keeps the joints' limits of velocity,
@@ -96,17 +98,19 @@ class Executor:
             self._leave = weakref.finalize(self, self._planning.leave)  # is called once
         self._tracking = TrackingMonitor(deviation)
         self._stretch: PathStretch = self._path.forwards
+        self._stops = JointStops(self._path)
+        self._detour: Detour | None = None
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
         self._law: TimeLaw = self._start_law(self._path, float(override), 0.0)
         self._held: Held = "" if override > 0.0 else "paused"
         self._reason = ""
-        self._seen = -math.inf  # the place up to which events are done
+        self._events = DueEvents(self._path)
+        self._turned: Turned | None = None  # what follows the law, if the robot is to turn
         self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
         self._next: NextPath | None = None
         self._pending = False
         self._backwards = False
-        self._missed: tuple[Segment, ...] = ()
         if self._law.target != override:  # it begins in motion
             self._aim()
 
@@ -134,10 +138,22 @@ class Executor:
             self._held, self._reason = "paused", ""
             self._aim()
 
-    def stop(self, reason: str = "asked to stop") -> None:
-        """Stop along the path, for the given reason; `resume` goes on."""
-        self._held, self._reason, self._next = "stopped", reason, None
+    def stop(self, reason: str = "asked to stop", how: str = "path") -> None:
+        """Stop, for the given reason; `resume` goes on.
+
+        Args:
+            reason: for `status`.
+            how: `path`: along the path. `joints`: each joint as fast as its limits allow, off the path, where that is
+                proved clear and faster; `clearance` is kept from all obstacles. `resume` then leads back to the path.
+        """
+        known = how in ("path", "joints")
+        self._held, self._next = "stopped", None
+        self._reason = reason if known else f"stop: found {told(how)}; expected 'path' or 'joints'"
         self._aim()
+        if how == "joints" and self._detour is None and self._people is None and not self._rests:
+            self._detour = self._stops.leave(self._stretch, self._law, self.time, self._scene)
+            if self._detour is not None:
+                self._stretch, self._law, self._pending = self._detour.stop, self._detour.law, False
 
     def resume(self) -> None:
         """Go on with the speed of `override`, forwards."""
@@ -170,10 +186,13 @@ class Executor:
             return
         if self._scene.people is not None:
             self._lead()
+        self._turned = None  # it was checked before
         if self._next is not None and self._next.number and self._blocked_next(self._next):
             self._next = None
         if self._held == "waiting" and self._next is None:
-            ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
+            ahead: TimeLaw | None = self._law
+            if self._detour is None:
+                ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
             if ahead is not None and self._blocked(ahead, 0.0 if self._rests else self._policy.spare) is None:
                 self._held, self._reason = "", ""
                 self._aim()
@@ -212,7 +231,8 @@ class Executor:
         if clear is None:
             self._lead()
         else:
-            self._law, self._wanted, self._pending = clear, 0.0, False
+            self._law = self._chosen = clear
+            self._wanted, self._pending = 0.0, False
 
     def _accept(self, planning: PlanningProcess) -> None:
         """Let a path of the policy take over, if it came in time and is clear."""
@@ -257,7 +277,7 @@ class Executor:
         if isinstance(found, str):
             self.stop(found)
             return False
-        self._next = found
+        self._next = found._replace(watch=self._scene.watch_over(found.path))
         return True
 
     def tick(self, dt: float, measured: object = None) -> Tick:
@@ -286,7 +306,7 @@ class Executor:
             reason = self._tracking.compare(measured, point, self.run.problem.robot.joint_names)
             if reason and self._held != "stopped":
                 self.stop(reason)
-        events = self._due(self._stretch.place(point.place.s))
+        events = self._events.by(self._stretch.place(point.place.s))
         return Tick(self.time, point.q, point.v, point.a, point.torque, events, self._status(point))
 
     def close(self) -> None:
@@ -304,82 +324,6 @@ class Executor:
         """Return the stop along the path from full speed, at equally spaced places of the motion."""
         return self._path.forwards.laws.stopping(places)
 
-    def _start_law(self, path: ProvedPath, speed: float, then: float) -> "TimeLaw":
-        """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan.
-
-        Beside people the robot waits until the first data about them are there.
-        """
-        speed = 0.0 if self._scene.people is not None else speed
-        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, then)
-
-    @property
-    def _way(self) -> "TimeLaw":
-        """The law, without the stop that follows if no more data about people come."""
-        people = self._scene.people
-        return self._law if people is None else people.way(self._law, self.time)
-
-    @property
-    def _rests(self) -> bool:
-        """Whether the robot stands still, and will."""
-        return self._law.target == 0.0 and self.time >= self._law.settled
-
-    def _aim(self) -> None:
-        """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
-        if self._lead():
-            self._yield()
-
-    def _lead(self) -> bool:
-        """See `_aim`; return whether there is another law."""
-        turns = self._backwards != (self._stretch.direction < 0.0)
-        self._wanted = 0.0 if self._held or turns else self._override
-        replaced = self._replace_law()
-        if turns and self._rests:
-            self._turn()
-        return replaced
-
-    def _replace_law(self) -> bool:
-        """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
-        s, length = self._law.at(self.time)[0], self._stretch.laws.length
-        if s >= length:  # at its end the robot stands still, whatever the law
-            if not self._rests:
-                self._law = self._stretch.laws.steady(length, 0.0, self.time)
-            self._pending = False
-            if self._scene.people is not None:
-                self._scene.people.choose(self._stretch, self._law, self.time, 0.0)
-            return False
-        if self._scene.people is not None:
-            self._pending = False  # until the next data
-            kept = self._scene.people.choose(self._stretch, self._law, self.time, self._wanted)
-            return kept is not None and self._follow(kept)
-        if self._law.target == self._wanted:  # it is on its way there
-            self._pending = False
-            return False
-        self._pending = True
-        law = self._stretch.laws.change_along(self._law, self.time, self._wanted)
-        if law is None:
-            return False
-        self._pending = law.target != self._wanted and law.at(law.settled)[0] < length
-        return self._follow(law)
-
-    def _follow(self, law: "TimeLaw") -> bool:
-        self._law = law
-        if self._next is not None:  # it was to begin in a state that the robot does not come to any more
-            self._next = None
-            self.stop("the speed was changed before another motion could take over")
-        return True
-
-    def _turn(self) -> None:
-        """Change the direction of a robot that stands still, if that is wanted."""
-        if self._held or self._backwards == (self._stretch.direction < 0.0):
-            return
-        place = self._stretch.place(self._law.at(self.time)[0])
-        stretch = self._path.backwards(place, self._seen) if self._backwards else self._path.forwards
-        if stretch is None:
-            return
-        s = (place - stretch.start) * stretch.direction
-        self._stretch, self._law = stretch, stretch.laws.steady(s, 0.0, self.time)
-        self._aim()
-
     def _take_over(self, coming: NextPath) -> None:
         self._next = None
         if coming.number and self._planning is not None:
@@ -387,33 +331,25 @@ class Executor:
                 return
             self._held, self._reason, self._planning.number = "", "", coming.number
         path, then = coming.path, coming.then
-        self._missed = self._due(self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s))
+        place = self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s)
+        self._events = self._events.then(path, place)
         self._path, self._stretch = path, path.forwards
-        self._scene = self._scene.over(coming)
-        self._seen, self._backwards = -math.inf, False
+        self._scene, self._stops, self._detour = self._scene.over(coming), JointStops(path), None
+        self._backwards = False
         self._wanted = 0.0 if self._held else self._override
         self._law = self._start_law(path, self._wanted, then)
         self._pending = self._wanted != self._law.target
         if not self._pending:
             self._yield()
 
-    def _point(self) -> SetPoint:
-        return self._stretch.laws.set_point(self._law, self.time)
-
-    def _due(self, place: float) -> tuple[Segment, ...]:
-        """Return the events that have become due by a place of the path."""
-        due = tuple(event for event in self._path.events if self._seen < event.begin <= place)
-        self._seen = max(self._seen, place)
-        due, self._missed = self._missed + due, ()
-        return due
-
     def _status(self, point: SetPoint) -> Status:
         place, T = self._stretch.place(point.place.s), self._path.motion.duration
         speed, people = self._stretch.direction * point.place.speed, self._scene.people
         reason = self._reason or ("" if people is None or place >= T else people.reason(self.time))
         changes = self.time < self._way.settled or self._pending
-        phase = "done" if place >= T else phase_of(self._held, speed == 0.0, changes)
+        phase = "done" if place >= T else phase_of(self._held, point.place.speed == 0.0, changes)
         if not self._held and people is not None and speed == 0.0 and self._wanted > 0.0 and place < T:
             phase = "waiting"
         kept = None if people is None else people.kept
-        return Status(phase, place, place / T, speed, self._override, reason, self._tracking.deviation, kept)
+        off = self._detour is not None
+        return Status(phase, place, place / T, speed, self._override, reason, self._tracking.deviation, kept, off)

@@ -107,7 +107,8 @@ class PathLaws:
     def __init__(self, motion: Trajectory, limits: Limits, loads: Sequence[Load]) -> None:
         if core is None:
             raise OptiPlanError("execution needs the native core of optiplan, which is not built: make core")
-        self._forwards, self.length, self._back = motion, motion.duration, False
+        self._forwards, self.length = motion, motion.duration
+        self._back, self._rests = False, True
         share = 1.0 + VerifyPolicy().limit_tolerance
         rates = np.array([limits.acceleration * share, limits.jerk * share, limits.torque * share])
         self._core: CoreLaws = core.PathLaws.of(
@@ -136,10 +137,13 @@ class PathLaws:
         found = self._core.overloaded
         return None if found < 0.0 else found
 
-    def mirrored(self) -> "PathLaws":
-        """Return the laws from the end of the motion to its start, without computing anything again."""
+    def mirrored(self, rests: bool = True) -> "PathLaws":
+        """Return the laws from the end of the motion to its start, without computing anything again.
+
+        Where the motion does not begin at rest (`rests`), only those are laws that stop before, and `rest_to_rest`.
+        """
         back = copy(self)
-        back._core, back._back = self._core.mirrored(), True
+        back._core, back._back, back._rests = self._core.mirrored(), True, rests
         return back
 
     def until(self, length: float) -> "PathLaws":
@@ -156,7 +160,7 @@ class PathLaws:
         for reserve in RESERVES:
             law = self._core.change(*place, begin, target, reserve)
             if law is not None:
-                return law
+                return self._resting(law)
         return None
 
     def change_along(self, law: "TimeLaw", now: float, target: float) -> "TimeLaw | None":
@@ -169,8 +173,13 @@ class PathLaws:
         for reserve in RESERVES:
             found = self._core.change_along(law, now, target, reserve)
             if found is not None:
-                return found
+                return self._resting(found)
         return None
+
+    def _resting(self, law: "TimeLaw") -> "TimeLaw | None":
+        """Return the law, unless it leads to an end at which the path is in motion."""
+        stops = law.target == 0.0 and law.at(law.settled)[0] < self.length
+        return law if self._rests or stops else None
 
     def then_stop(self, law: "TimeLaw", t: float) -> "TimeLaw":
         """Return a law as it is until time t, s, and from there the stop, which begins as soon as limits leave room.
@@ -183,6 +192,18 @@ class PathLaws:
             return law
         stop = self.change_along(law, t, 0.0)
         return law if stop is None else law.then(stop)
+
+    def rest_to_rest(self, s: float, begin: float) -> "TimeLaw | None":
+        """Return the law from rest at s to rest at the end, also where the path is in motion there.
+
+        Holds at: as `change`.
+        """
+        return self._core.rest_to_rest(s, begin)
+
+    @property
+    def keeps_torque(self) -> bool:
+        """Whether a motion that was not verified keeps the limits of torque, at all times."""
+        return self._core.keeps_torque
 
     def stopping(self, places: int) -> Stopping:
         """Return the stop along the path from full speed, at equally spaced places of the motion."""

@@ -1,9 +1,11 @@
 """The path of a verified run, from which stretch to which it may be run forwards and backwards, and its laws."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.errors import wrong_argument
 from optiplan.execution.path_laws import Load, PathLaws
 from optiplan.problem.constraints.expression import Expression
@@ -13,6 +15,9 @@ from optiplan.problem.task.timeline import scene_parts
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import EVENTS, Segment
 from optiplan.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import TimeLaw
 
 TIMED_CONSTRAINTS = (ToolAcceleration, Expression)
 """Path constraints that a slower run of the same path may violate."""
@@ -28,16 +33,26 @@ class PathStretch:
     Attributes:
         laws: along it.
         start: on the path, s.
-        direction: 1.0 or -1.0.
+        direction: 1.0 or -1.0; 0.0 off the path, which was left at `start`.
+        model: off the path: the robot with what it carries, in the scene of the run.
     """
 
     laws: PathLaws
     start: float
     direction: float
+    model: NativeCollisionModel | None = None
 
     def place(self, s: float) -> float:
         """Return the place on the whole path."""
         return self.start + self.direction * s
+
+
+class Turned(NamedTuple):
+    """A stretch that begins at rest, and the law along it; whether it was found `clear` of obstacles."""
+
+    stretch: PathStretch
+    law: "TimeLaw"
+    clear: bool = False
 
 
 class ProvedPath:
@@ -45,6 +60,7 @@ class ProvedPath:
 
     Attributes:
         run: the run.
+        constrained: whether a path constraint holds anywhere.
         events: what is done on the way, in order.
         parts: stretches of the path in which the scene stays the same, in order.
         forwards: the whole path.
@@ -61,11 +77,12 @@ class ProvedPath:
         if any(obstacle.motion is not None for obstacle in problem.scene.obstacles):
             found = "a run among obstacles that move by the clock, proved for its own timing alone"
             raise wrong_argument(called, "run", found, "a run among obstacles that stand still")
-        for constraint in _constraints(problem):
+        constraints = _constraints(problem)
+        for constraint in constraints:
             if isinstance(constraint, TIMED_CONSTRAINTS):
                 found = f"a run with the path constraint `{constraint.KEY}`, which depends on accelerations"
                 raise wrong_argument(called, "run", found, "path constraints of poses, positions and speeds")
-        self.run = run
+        self.run, self.constrained = run, bool(constraints)
         if not self._rests(self.motion.duration):
             found = "a run that ends in motion"
             raise wrong_argument(called, "run", found, "a motion at whose end the robot stands still")
@@ -96,6 +113,15 @@ class ProvedPath:
         if place <= last:
             return None
         return self._ways_back[last]
+
+    def turned(self, place: float, then: float, backwards: bool, done: float, speed: float) -> Turned | None:
+        """Return the way from rest at a place, from time `then`, s, on; None where there is none. See `backwards`."""
+        stretch = self.backwards(place, done) if backwards else self.forwards
+        if stretch is None:
+            return None
+        at_rest = stretch.laws.steady((place - stretch.start) * stretch.direction, 0.0, then)
+        law = stretch.laws.change_along(at_rest, then, speed) if speed > 0.0 else None
+        return Turned(stretch, at_rest if law is None else law)
 
     def _way_back(self, laws: PathLaws, stop: float) -> PathStretch | None:
         """Return the stretch from the end back to a place; None where the robot does not stand still there."""

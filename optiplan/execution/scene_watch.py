@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -78,7 +79,7 @@ class SceneWatch:
 
     def __init__(self, path: ProvedPath, margin: float, linger: float = 0.0) -> None:
         self._path, self.margin, self._linger = path, margin, linger
-        self._watches: dict[int, list[_PartWatch]] = {}
+        self._watches: WeakKeyDictionary[PathStretch, list[_PartWatch]] = WeakKeyDictionary()
 
     @property
     def scene(self) -> Scene:
@@ -103,6 +104,12 @@ class SceneWatch:
                 return BlockedPlace(stretch.place(found.place), found.pair)
         return None
 
+    def standing(self, place: float, now: float) -> list[SeenObstacle]:
+        """Return the obstacles of the run as they stand when the robot is at a place of the path, s."""
+        part = next(part for part in reversed(self._path.parts) if part.begin <= place or part is self._path.parts[0])
+        known = part.problem.scene.obstacles
+        return [SeenObstacle(one.name, one.shape, one.X_WO, np.zeros(3), 0.0, now) for one in known]
+
     def nearest(
         self,
         stretch: PathStretch,
@@ -117,8 +124,11 @@ class SceneWatch:
         The slack is the distance less `margin`, m, and what an obstacle may have moved since it was seen, at that time.
         The first body of the pair is the obstacle. None where the slack exceeds `most`, m, everywhere.
         """
-        least = None
+        least, here = None, law.at(now)[0]
+        rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
         for part in self._parts(stretch) if seen else ():
+            if part.begin > rest or part.end < here:
+                continue
             found = part.nearest(law, now, seen, margin, most if least is None else least.slack)
             if found is not None:
                 least = NearestPlace(stretch.place(found.place), found.pair, found.slack)
@@ -134,9 +144,10 @@ class SceneWatch:
 
     def _parts(self, stretch: PathStretch) -> "list[_PartWatch]":
         """Return a watch of each part of a stretch with a scene of its own, in the order in which they are passed."""
-        key = id(stretch)
-        if key not in self._watches:
+        if stretch not in self._watches:
             motion, found = stretch.laws.motion, list[_PartWatch]()
+            if stretch.model is not None:
+                found.append(_PartWatch(stretch.model, motion, 0.0))
             for part in self._path.parts:
                 begin, end = sorted(stretch.direction * (place - stretch.start) for place in (part.begin, part.end))
                 begin, end = max(begin, 0.0), min(end, motion.duration)
@@ -145,8 +156,8 @@ class SceneWatch:
                     cut = motion if whole else cut_trajectory(motion, begin, end)
                     model = NativeCollisionModel(part.problem.robot, part.problem.scene)
                     found.append(_PartWatch(model, cut, begin))
-            self._watches[key] = sorted(found, key=lambda part: part.begin)
-        return self._watches[key]
+            self._watches[stretch] = sorted(found, key=lambda part: part.begin)
+        return self._watches[stretch]
 
 
 class _PartWatch:

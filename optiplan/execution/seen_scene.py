@@ -9,7 +9,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, is_finite
 from optiplan.execution.arguments import numbers, told
 from optiplan.execution.next_path import NextPath
-from optiplan.execution.proved_path import PathStretch
+from optiplan.execution.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
 from optiplan.execution.separation import SeparationMonitor
 from optiplan.geometry.pose import Pose, Values
@@ -89,9 +89,30 @@ class SeenScene:
     def _is_person(self, name: str) -> bool:
         return self.people is not None and name in self.people.rule.people
 
-    def blocked(self, stretch: PathStretch, law: "TimeLaw", now: float, spare: float = 0.0) -> BlockedPlace | None:
-        """Return what is blocked of the way that a law leads from `now` on, with a margin to spare; None: nothing."""
-        return self._watch.blocked(stretch, law, now, list(self._obstacles.values()), spare)
+    def blocked(
+        self, stretch: PathStretch, law: "TimeLaw", now: float, spare: float = 0.0, *, known: bool = False
+    ) -> BlockedPlace | None:
+        """Return what is blocked of the way that a law leads from `now` on; None if nothing is, with `spare` m.
+
+        By obstacles that were seen; by those that are `known` from the run, too, where the way is not its path.
+        """
+        seen = list(self._obstacles.values())
+        if known:
+            skipped = {*self._obstacles, *self._gone}
+            seen += [one for one in self._watch.standing(stretch.start, now) if one.name not in skipped]
+        return self._watch.blocked(stretch, law, now, seen, spare)
+
+    def watch_over(self, path: ProvedPath) -> SceneWatch:
+        """Return the watch of another path, prepared if anything was seen."""
+        watch = self._watch.over(path)
+        if self._obstacles:
+            watch.prepare(path.forwards)
+        return watch
+
+    def prepare(self, stretch: PathStretch) -> None:
+        """Make what a stretch needs, if anything was seen."""
+        if self._obstacles:
+            self._watch.prepare(stretch)
 
     def at(self, then: float) -> Scene:
         """Return the scene as it will be at a time, s, from which obstacles with a velocity move on."""

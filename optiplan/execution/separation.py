@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 FAR = 10.0
 """m: people that are farther away are not reported."""
 
-BISECTIONS = 3
+BISECTIONS = 2
 """Speeds that are tried at a time between a clear one and one that is not, a quarter of a millisecond each."""
 
 
@@ -181,6 +181,8 @@ class SeparationMonitor:
             return f"the last data about '{name}' are {now - time:.3f} s old"
         if self.kept is None or self.kept.allowed > 0.0:
             return ""
+        if np.isneginf(self.kept.separation):
+            return f"the native core does not know the shape of '{self.kept.pair[0]}'"
         found = f"'{self.kept.pair[0]}' is {self.kept.separation:.3f} m from '{self.kept.pair[1]}'"
         return f"{found}; the stop comes too late" if self._late else found
 

@@ -41,6 +41,7 @@ class Status:
         deviation: (n,) distance of the measured joints from their set-points at most so far, rad or m; None without
             measurements.
         separation: from people, where `Executor` was given what to keep and somebody is near.
+        off_path: whether the robot left the path at `place` to stop, and is not back.
     """
 
     phase: Phase
@@ -51,6 +52,7 @@ class Status:
     reason: str = ""
     deviation: float | None = None
     separation: KeptSeparation | None = None
+    off_path: bool = False
 
 
 @dataclass(frozen=True, eq=False)

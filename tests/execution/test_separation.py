@@ -196,6 +196,27 @@ def test_another_motion_takes_over_at_rest_only(run):
     assert "stands still" in executor.status.reason
 
 
+def test_a_robot_that_stands_still_goes_on_with_another_motion(run):
+    back = run.problem.with_start(run.trajectory.end).with_goal(op.JointGoal(run.trajectory.start))
+    second = op.plan(back, budget=2.0)
+    executor = op.Executor(run, separation=RULE)
+    for k in range(900):
+        if k % PERIOD == 0:
+            executor.update_scene({"person": FAR})
+        executor.tick(DT)
+    assert executor.status.phase == "done"
+    executor.state_in(0.0)
+    assert executor.splice(second)
+    executor.tick(DT)  # it is told where people are already
+    assert executor.status.separation.allowed == 1.0
+    for k in range(1200):
+        if k % PERIOD == 0:
+            executor.update_scene({"person": FAR})
+        tick = executor.tick(DT)
+    assert tick.status.phase == "done"
+    np.testing.assert_allclose(tick.q, second.trajectory.end, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("update", "words"),
     [

@@ -63,6 +63,18 @@ std::optional<TimeLaw> change_along(const PathLaws &self, const TimeLaw &old, do
     return law;
 }
 
+std::optional<TimeLaw> rest_to_rest(const PathLaws &self, double s, double begin) {
+    TimeLaw law;
+    if (!search_of(self, 0.0).rest_to_rest(s, begin, law)) return std::nullopt;
+    return law;
+}
+
+// Whether the motion itself, which was not planned, keeps the limits of torque.
+bool keeps_torque(const PathLaws &self) {
+    const TimeLaw as_it_is{{{0.0, {0.0, 1.0, 0.0}, 0.0}, {self.end, {self.end, 1.0, 0.0}, 0.0}}};
+    return search_of(self, 0.0).holds(as_it_is, 0.0, false);
+}
+
 // q, v, a and tau (4, n), and s, ds, dds, at time t of a law.
 nb::tuple set_point(const PathLaws &self, const TimeLaw &law, double t) {
     const std::size_t n = self.tables->joints();
@@ -170,6 +182,8 @@ void bind_execution(nb::module_ &m) {
             "factors"_a)
         .def("change", &change, "s"_a, "ds"_a, "dds"_a, "begin"_a, "target"_a, "reserve"_a)
         .def("change_along", &change_along, "old"_a, "now"_a, "target"_a, "reserve"_a)
+        .def("rest_to_rest", &rest_to_rest, "s"_a, "begin"_a)
+        .def_prop_ro("keeps_torque", &keeps_torque)
         .def("set_point", &set_point, "law"_a, "t"_a);
     nb::class_<PathWatch>(m, "PathWatch")
         .def_static("of", &make_watch, "world"_a, "breakpoints"_a, "coefficients"_a, "width"_a, "begin"_a,

@@ -31,6 +31,22 @@ TEST(a_box_on_the_way_blocks_it_where_it_is) {
     CHECK(watch.blocked(law, 0.0, {}, 0.0).pair == -1);
 }
 
+TEST(the_nearest_place_leaves_the_least) {
+    World world = arm_and_box();
+    PathWatch watch(world, path(), 4e-3, 0.0);
+    const TimeLaw law{{{0.0, {0.0, 1.0, 0.0}, 0.0}}}, stop{{{0.0, {0.0, 1.0, 0.0}, 0.0}, {0.5, {0.5, 0.0, 0.0}, 0.0}}};
+    const Blocked apart = watch.nearest(stop, 0.0, {box_at(1.0, 2.3)}, 0.0, 5.0);
+    CHECK(apart.pair >= 0 && apart.slack > 0.3 && apart.slack < 5.0);
+    NEAR(apart.s, 0.5, 5e-3);  // it comes nearer until it stands still
+    NEAR(watch.nearest(stop, 0.0, {box_at(1.0, 2.3)}, 0.1, 5.0).slack, apart.slack - 0.1, 1e-9);
+    CHECK(watch.nearest(stop, 0.0, {box_at(1.0, 2.3)}, 0.0, 0.5 * apart.slack).pair == -1);
+    Seen anywhere = box_at(1.0, 2.3);
+    anywhere.spread = 1.0;
+    const double grown = watch.nearest(stop, 0.0, {anywhere}, 0.0, 5.0).slack;
+    CHECK(grown < apart.slack - 0.49 && grown > apart.slack - 0.51);
+    CHECK(watch.nearest(law, 0.0, {box_at(1.0)}, 0.0, 5.0).slack < 0.0);
+}
+
 TEST(a_law_that_ends_before_is_clear) {
     World world = arm_and_box();
     PathWatch watch(world, path(), 4e-3, 0.0);

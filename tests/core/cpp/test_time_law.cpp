@@ -207,3 +207,42 @@ TEST(small_speeds_are_met_exactly_and_at_once) {
             CHECK(law.target() == 0.0 && law.settled() < 0.1 && law.pieces.size() < 60);
         }
 }
+
+TEST(a_change_goes_on_as_before_until_there_is_room) {
+    const PathTables made = tables();
+    const LawSearch search(made, RULES);
+    TimeLaw down, law;
+    CHECK(search.change({0.2, 1.0, 0.0}, 1.0, 0.0, down));
+    for (double t = 1.0; t < down.settled(); t += 0.01) {
+        CHECK(search.change_along(down, t, 1.0, law));
+        NEAR(law.at(t).s, down.at(t).s, 1e-12);
+        CHECK(law.pieces.front().begin <= t && (law.target() == 1.0 || law.at(law.settled()).s >= made.length()));
+        double torque = 0.0;
+        CHECK(worst(made, law, torque) <= 1.0 + 1e-9 && torque <= 1.0);
+    }
+    CHECK(search.change_along({{{0.0, {0.3, 1.0, 0.0}, 0.0}}}, 0.1, 0.5, law));
+    NEAR(law.pieces.front().at.s, 0.4, 1e-12);
+}
+
+// In the middle the path is in motion: the law itself rests there.
+TEST(a_way_from_rest_to_rest_ends_where_the_path_does_not_rest) {
+    const PathTables made = tables();
+    const LawSearch search(made, RULES, 0.5);
+    TimeLaw law;
+    CHECK(search.rest_to_rest(0.1, 2.0, law));
+    CHECK(law.pieces.size() == 4 && law.target() == 0.0 && law.at(law.settled()).s == 0.5);
+    const LawState end = law.pieces[2].at.after(law.settled() - law.pieces[2].begin, law.pieces[2].ddds);
+    NEAR(end.s, 0.5, 1e-9);
+    NEAR(end.ds, 0.0, 1e-9);
+    NEAR(end.dds, 0.0, 1e-7);
+    double torque = 0.0;
+    CHECK(worst(made, law, torque) <= 1.0 + 1e-9 && torque <= 1.0);
+    CHECK(!search.rest_to_rest(0.5, 2.0, law));
+}
+
+TEST(a_motion_that_was_not_planned_is_checked_at_its_own_speed) {
+    const PathTables made = tables(), weak = tables(10.0);
+    const TimeLaw as_it_is{{{0.0, {0.0, 1.0, 0.0}, 0.0}, {1.0, {1.0, 1.0, 0.0}, 0.0}}};
+    CHECK(LawSearch(made, RULES).holds(as_it_is, 0.0, false) && LawSearch(weak, RULES).holds(as_it_is, 0.0));
+    CHECK(!LawSearch(weak, RULES).holds(as_it_is, 0.0, false));
+}

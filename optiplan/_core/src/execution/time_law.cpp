@@ -11,6 +11,7 @@ static constexpr int MOST_PIECES = 4'000;    // of a law
 static constexpr double LONGEST = 1.0;       // s, of the last piece before the target
 static constexpr double LONGEST_END = 0.3;   // s, in which an acceleration must be able to end
 static constexpr double FIRST_WAIT = 1e-3, LONGER_WAIT = 1.1;  // s, times after which a change may begin
+static constexpr double SLOWEST_WAY = 20.0, LONGER_PART = 1.15;  // s, of a quarter of a way from rest to rest
 static constexpr double WEAKER[] = {1.0,  0.9, 0.75, 0.55,
                                     0.35, 0.2, 0.1};  // shares of the strongest jerk that are tried
 static constexpr int MOST_TRUSTED = 3, CAREFUL = 8;  // steps without that check, and with it after it failed
@@ -306,9 +307,29 @@ bool LawSearch::change(const LawState &from, double begin, double target, TimeLa
     return true;
 }
 
+bool LawSearch::rest_to_rest(double s, double begin, TimeLaw &law) const {
+    const double way = end_ - s;
+    for (double part = 0.5 * way; way > 0.0 && part < SLOWEST_WAY; part *= LONGER_PART) {
+        const double jerk = 0.5 * way / (part * part * part);
+        LawState at{s, 0.0, 0.0};
+        double t = begin;
+        bool open = true;
+        law.pieces.clear();
+        for (double sign : {1.0, -1.0, 1.0}) {
+            const double lasting = sign > 0.0 ? part : 2.0 * part;
+            open = open && allowed_along(at, sign * jerk, lasting);
+            law.pieces.push_back({t, at, sign * jerk});
+            at = at.after(lasting, sign * jerk), t += lasting;
+        }
+        law.pieces.push_back({t, {end_, 0.0, 0.0}, 0.0});
+        if (open && holds(law, begin)) return true;
+    }
+    return false;
+}
+
 // On a part of a law |tau| is at most the larger value of its ends plus width^2 / 8 max |tau''|. A part ends where the
 // path has a breakpoint or the load changes: there tau may jump, or turn sharply.
-bool LawSearch::holds(const TimeLaw &law, double from) const {
+bool LawSearch::holds(const TimeLaw &law, double from, bool planned) const {
     if (!tables_.limits_torque()) return true;
     const std::size_t n = tables_.joints();
     std::vector<double> at(4 * n), v(n), a(n), ends[2] = {std::vector<double>(n), std::vector<double>(n)};
@@ -324,7 +345,7 @@ bool LawSearch::holds(const TimeLaw &law, double from) const {
     for (std::size_t k = 0; k + 1 < law.pieces.size(); ++k) {
         const LawPiece &piece = law.pieces[k];
         const double end = law.pieces[k + 1].begin - piece.begin;
-        if (end <= from - piece.begin || (piece.at.dds == 0.0 && piece.ddds == 0.0)) {
+        if (end <= from - piece.begin || (planned && piece.at.dds == 0.0 && piece.ddds == 0.0)) {
             fresh = true;
             continue;
         }

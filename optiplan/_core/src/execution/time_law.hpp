@@ -58,8 +58,13 @@ class LawSearch {
     // It holds torques, too.
     bool change_along(const TimeLaw &old, double now, double target, TimeLaw &law) const;
 
-    // Whether torques hold at all times from t on, by their values and the bounds on their curvature.
-    bool holds(const TimeLaw &law, double from) const;
+    // From rest at s to rest at the end, whatever the path does there: three pieces of one size of jerk, as short as
+    // limits allow.
+    bool rest_to_rest(double s, double begin, TimeLaw &law) const;
+
+    // Whether torques hold at all times from t on, by their values and the bounds on their curvature; steady speeds
+    // are known to, if the path is `planned`.
+    bool holds(const TimeLaw &law, double from, bool planned = true) const;
 
   private:
     bool allowed(const LawState &at, double ddds, double lasting, const Cells &cells, bool torque) const;

@@ -1,0 +1,164 @@
+"""`LawFollower`: a robot on its way along a path, and the laws that it follows from one to the next."""
+
+from typing import TYPE_CHECKING
+
+from optiplan.execution.due_events import DueEvents
+from optiplan.execution.joint_stop import Detour
+from optiplan.execution.next_path import NextPath
+from optiplan.execution.path_laws import SetPoint
+from optiplan.execution.proved_path import PathStretch, ProvedPath, Turned
+from optiplan.execution.seen_scene import SeenScene
+from optiplan.execution.separation import SeparationMonitor
+from optiplan.execution.status import Held
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import TimeLaw
+
+
+class LawFollower:
+    """What `Executor` knows of its way, and how it changes its law.
+
+    At all times there is a law until the robot stands still. A change replaces it only by another such law.
+    """
+
+    time: float
+    _path: ProvedPath
+    _stretch: PathStretch
+    _law: "TimeLaw"
+    _chosen: "TimeLaw | None" = None  # a law of the policy, which may go on for a while before it stops
+    _override: float
+    _wanted: float  # speed that the law is to lead to
+    _pending: bool  # whether it does not yet
+    _held: Held
+    _backwards: bool
+    _turned: Turned | None  # what follows the law, if the robot is to turn
+    _detour: Detour | None
+    _next: NextPath | None
+    _events: DueEvents
+    _scene: SeenScene
+
+    @property
+    def _people(self) -> SeparationMonitor | None:
+        return self._scene.people
+
+    def stop(self, reason: str = "", how: str = "path") -> None:
+        """Stop, for a reason."""
+        raise NotImplementedError
+
+    def _yield(self) -> None:
+        """Do what is to be done where obstacles block the way of the law."""
+        raise NotImplementedError
+
+    def _start_law(self, path: ProvedPath, speed: float, then: float) -> "TimeLaw":
+        """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan.
+
+        Beside people the robot waits until the first data about them are there.
+        """
+        speed = 0.0 if self._people is not None else speed
+        return path.forwards.laws.steady(0.0, speed if path.starts_at_rest else 1.0, then)
+
+    @property
+    def _way(self) -> "TimeLaw":
+        """The law, without the stop that follows if no more data about people come."""
+        return self._law if self._people is None else self._people.way(self._law, self.time)
+
+    @property
+    def _rests(self) -> bool:
+        """Whether the robot stands still, and will."""
+        return self._law.target == 0.0 and self.time >= self._law.settled
+
+    def _aim(self) -> None:
+        """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
+        if self._lead():
+            self._yield()
+
+    def _lead(self) -> bool:
+        """See `_aim`; return whether there is another law."""
+        self._turned = None
+        if self._detour is not None:
+            return self._steer(self._detour)
+        self._wanted = 0.0 if self._held or self._turns else self._override
+        replaced = self._replace_law()
+        if self._turns and self._rests:
+            self._turn()
+        elif self._turns and self._law.target == 0.0 and not self._held and self._people is None:
+            self._turned = self._next_stretch(self._law.settled)
+        return replaced
+
+    def _steer(self, detour: Detour) -> bool:
+        """See `_lead`, off the path."""
+        before, speed = self._law, 0.0 if self._held else self._override
+        if speed > 0.0:
+            self._scene.prepare(detour.back)
+        self._stretch, self._law = detour.steer(self._stretch, before, self.time, speed)
+        self._pending = False
+        if self._stretch is detour.left:
+            self._detour = None
+            self._lead()
+        return self._law is not before
+
+    def _replace_law(self) -> bool:
+        """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
+        s = self._law.at(self.time)[0]
+        length = self._stretch.laws.length
+        if s >= length:  # at its end the robot stands still, whatever the law
+            if not self._rests:
+                self._law = self._stretch.laws.steady(length, 0.0, self.time)
+            self._pending = False
+            if self._people is not None:
+                self._people.choose(self._stretch, self._law, self.time, 0.0)
+            return False
+        if self._people is not None:
+            self._pending = False  # until the next data
+            kept = self._people.choose(self._stretch, self._law, self.time, self._wanted)
+            return kept is not None and self._follow(kept)
+        if self._law.target == self._wanted and self._law is not self._chosen:  # it is on its way there
+            self._pending = False
+            return False
+        self._pending = True
+        law = self._stretch.laws.change_along(self._law, self.time, self._wanted)
+        if law is None:
+            return False
+        self._pending = law.target != self._wanted and law.at(law.settled)[0] < length
+        return self._follow(law)
+
+    def _follow(self, law: "TimeLaw") -> bool:
+        self._law = law
+        if self._next is not None:  # it was to begin in a state that the robot does not come to any more
+            self._next = None
+            self.stop("the speed was changed before another motion could take over")
+        return True
+
+    def _turn(self) -> None:
+        """Change the direction of a robot that stands still, if that is wanted."""
+        if self._detour is not None:
+            if self._steer(self._detour):
+                self._yield()
+            return
+        if self._held or not self._turns:
+            return
+        turned, self._turned = self._turned, None
+        if turned is None or turned.law.pieces()[0, 0] != self._law.settled:
+            turned = self._next_stretch(self.time)
+        if turned is not None:
+            self._stretch, self._law = turned.stretch, turned.law
+            self._lead()
+            if not turned.clear:
+                self._yield()
+
+    @property
+    def _turns(self) -> bool:
+        """Whether the robot is to go the other way."""
+        return self._backwards != (self._stretch.direction < 0.0)
+
+    def _next_stretch(self, then: float) -> Turned | None:
+        """Return the way in the other direction from where the robot will rest."""
+        place = self._stretch.place(self._law.at(then)[0])
+        speed = 0.0 if self._people is not None else self._override
+        turned = self._path.turned(place, then, self._backwards, self._events.done, speed)
+        if turned is None or self._scene.blocked(turned.stretch, turned.law, then) is not None:
+            return turned
+        return turned._replace(clear=True)
+
+    def _point(self) -> SetPoint:
+        return self._stretch.laws.set_point(self._law, self.time)
