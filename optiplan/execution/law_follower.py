@@ -25,6 +25,7 @@ class LawFollower:
     _path: ProvedPath
     _stretch: PathStretch
     _law: "TimeLaw"
+    _chosen: "TimeLaw | None" = None  # a law of the policy, which may go on for a while before it stops
     _override: float
     _wanted: float  # speed that the law is to lead to
     _pending: bool  # whether it does not yet
@@ -85,16 +86,16 @@ class LawFollower:
         return replaced
 
     def _steer(self, detour: Detour) -> bool:
-        """See `_lead`, off the path."""
+        """See `_lead`, off the path; return whether there is another law, which is still to be checked."""
         before, speed = self._law, 0.0 if self._held else self._override
         if speed > 0.0:
             self._scene.prepare(detour.back)
-        self._stretch, self._law = detour.steer(self._stretch, before, self.time, speed)
-        self._pending = False
+        onward = detour.steer(self._stretch, before, self.time, speed, self._scene)
+        self._stretch, self._law, self._pending = onward.stretch, onward.law, False
         if self._stretch is detour.left:
             self._detour = None
-            self._lead()
-        return self._law is not before
+            return self._lead() or not onward.clear
+        return self._law is not before and not onward.clear
 
     def _replace_law(self) -> bool:
         """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
@@ -111,7 +112,7 @@ class LawFollower:
             self._pending = False  # until the next data
             kept = self._people.choose(self._stretch, self._law, self.time, self._wanted)
             return kept is not None and self._follow(kept)
-        if self._law.target == self._wanted:  # it is on its way there
+        if self._law.target == self._wanted and self._law is not self._chosen:  # it is on its way there
             self._pending = False
             return False
         self._pending = True
@@ -137,7 +138,7 @@ class LawFollower:
         if self._held or not self._turns:
             return
         turned, self._turned = self._turned, None
-        if turned is None or turned.law.pieces()[0, 0] != self._law.settled:
+        if turned is None or turned.begin != self._law.settled:
             turned = self._next_stretch(self.time)
         if turned is not None:
             self._stretch, self._law = turned.stretch, turned.law

@@ -28,6 +28,9 @@ PLANNER = "trajopt"
 """It begins at an earlier motion, from a robot that moves, and times its motions between moving obstacles."""
 
 
+COARSE = {"spans": 16, "samples": 40}
+"""Options of the planner by which it finds a motion sooner than with its own."""
+
 MARGIN = 0.02
 """m, that motions keep from obstacles where there is room, beyond what is demanded: bodies are watched in cells."""
 
@@ -131,7 +134,7 @@ def answer(request: ReplanRequest, first: Problem, motions: Mapping[int, Traject
 
 @cache
 def _planner(margin: float) -> Planner[Any]:
-    return make_planner(PLANNER, {"margin": margin})
+    return make_planner(PLANNER, {"margin": margin, **COARSE})
 
 
 def _warm_up(first: FirstMotion) -> None:

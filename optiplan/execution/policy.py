@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 Reaction = Literal["wait", "stop", "slow", "replan"]
 """What is done: see `Policy`."""
 
+SPARE = 5e-3
+"""m, to spare where a law is chosen: it is checked again later, in cells that begin at other places."""
+
 SPEEDS = (1.0, 0.8, 0.6, 0.4, 0.25, 0.1, 0.05)
 """Shares of the wanted speed to which a robot slows down."""
 
@@ -84,6 +87,11 @@ class Policy:
     def goes_on(self) -> bool:
         """Whether the robot goes on where its path is blocked, as far as that is clear."""
         return self.reaction in ("slow", "replan")
+
+    @property
+    def spare(self) -> float:
+        """What a law must leave when it is chosen, m, beyond what it must keep."""
+        return SPARE if self.goes_on else 0.0
 
     def law(
         self, laws: PathLaws, law: "TimeLaw", now: float, wanted: float, blocked: Callable[["TimeLaw"], object]

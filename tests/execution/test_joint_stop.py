@@ -80,12 +80,14 @@ def test_what_was_seen_beside_the_path_keeps_the_robot_on_it(run_of):
     assert executor.status.off_path
     tool, rng = run.problem.robot.fk(ticks[-1].q).matrix[:3, 3], np.random.default_rng(0)
     for _ in range(200):  # a place that the stop would strike and the path does not
-        ball = op.Sphere("ball", radius=0.03, position=tuple(tool + rng.uniform(-0.2, 0.2, 3)))
+        ball = op.Sphere("ball", radius=0.03, position=tuple(tool + rng.uniform(-0.15, 0.15, 3)))
+        if not CollisionModel(run.problem.robot, op.Scene([ball])).collides(ticks[-1].q):
+            continue
         again = op.Executor(run)
         for _ in range(300):
             again.tick(DT)
         again.update_scene({"ball": op.Pose(tuple(ball.X_WO.translation))})
-        if again.status.reason == "" and CollisionModel(run.problem.robot, op.Scene([ball])).collides(ticks[-1].q):
+        if again.status.reason == "":
             break
     again.stop("test", "joints")
     assert not again.status.off_path
