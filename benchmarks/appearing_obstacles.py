@@ -4,7 +4,7 @@
     python benchmarks/appearing_obstacles.py --count 500 --markdown appearing.md
     python benchmarks/appearing_obstacles.py --count 20 --robots panda --clock wall
 
-A sphere or a box appears during a random motion, and flies at 0.3 or 1 m/s towards where a link is or will be. The
+A sphere or a box appears during a random motion, and flies at 0.3 or 1 m/s towards where a link will be on the way. The
 executor sees it every 20 ms. Each case is run with every policy, and once with a stop in the moment in which the
 obstacle appears. The judge moves coal's bodies by Pinocchio at every tick of 1 ms, with bounds on the speeds of both in
 between, until the obstacle has gone. A case counts as avoidable where that stop is not hit, then or at rest; "by the
@@ -31,6 +31,7 @@ from optiplan.execution import planning_process
 from optiplan.geometry.shapes import build_geometry
 
 ROBOTS = {"panda": "01_reach", "ur5": "09_ur5"}
+AT_REST = planning_process.AT_REST  # s, budget of planning
 DT, PERIOD, GONE = 1e-3, 20, 5.0  # s; ticks between two updates; s after which the obstacle is gone
 FASTEST_LINK = 1.5  # m; no point of these robots is farther from an axis
 HEADINGS = (
@@ -65,36 +66,43 @@ class Case:
         return {"flying": type(self.body)("flying", self.body.shape, X)}
 
 
-class OnProcessorTime:
-    """A planning process whose answers are there after the processor time that they took, on the executor's clock."""
+class Watched:
+    """A planning process, with the seconds that motions took.
 
-    def __init__(self, planning: planning_process.PlanningProcess) -> None:
-        vars(self).update(_inner=planning, seconds=[])
+    Without `wall` its answers are there after their processor time, on the executor's clock.
+    """
+
+    def __init__(self, planning: planning_process.PlanningProcess, wall: bool) -> None:
+        vars(self).update(_inner=planning, _wall=wall, asked=0, seconds=[])
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._inner, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if name == "number":
-            self._inner.number = value
-        else:
-            super().__setattr__(name, value)
+        setattr(self._inner, name, value)
 
     def answer(self, law: Any, now: float) -> Any:
         """The answer, once its time has come; nothing where it would have been cut short."""
+        inner = self._inner
+        if inner._asked is None:
+            return None
+        asked, _ = inner._asked
+        if not self._wall:
+            while not inner._done and not inner.lost:
+                time.sleep(1e-4)
+            cut = AT_REST if asked.law.settled <= asked.then and asked.law.target == 0.0 else inner._policy.latency
+            if now < asked.since + min(inner._done[0].seconds, cut):
+                return None
+        if inner._done and inner._done[0].path is not None:
+            self.seconds.append(time.perf_counter() - self.begun if self._wall else inner._done[0].seconds)
+        found = inner.answer(law, now)
+        return found if self._wall or self.seconds[-1:] <= [cut] else None
+
+    def seek(self, *arguments: Any) -> None:
+        """Note when the first motion was asked for."""
         if self._inner._asked is None:
-            return None
-        asked, request = self._inner._asked
-        while not self._inner._done and not self._inner.lost:
-            time.sleep(1e-4)
-        latency = self._inner._policy.latency
-        cut = latency if request.seconds < planning_process.AT_REST else planning_process.AT_REST
-        took = min(self._inner._done[0].seconds, cut)
-        if now < asked.since + took:
-            return None
-        self.seconds.append(self._inner._done[0].seconds)
-        found = self._inner.answer(law, now)
-        return found if self.seconds[-1] <= cut else None
+            vars(self).update(begun=time.perf_counter())
+        self._inner.seek(*arguments)
 
 
 def main() -> None:
@@ -109,7 +117,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     if options.clock == "processor":
-        planning_process.IN_TIME = 20.0  # no wall clock cuts a plan short
+        planning_process.IN_TIME, planning_process.AT_REST = 20.0, 5.0  # no wall clock cuts a plan short
     rows, data, broken = [], {}, 0
     for robot in options.robots:
         rng = np.random.default_rng(options.seed)
@@ -149,8 +157,8 @@ def appear(run: op.Run, speed: float, rng: np.random.Generator) -> Case | None:
     robot, T = run.problem.robot, run.duration
     judge = Judge(run)
     for _ in range(100):
-        at = rng.uniform(0.05, 0.8) * T
-        then = at + rng.uniform(0.2, 1.2)
+        at = rng.uniform(0.05, 0.6) * T
+        then = rng.uniform(min(at + 0.2, T), T)  # on the way: where it ends, nobody can go around
         links = [frame.name for frame in robot.model.frames[2:]]
         aim = robot.fk(run.trajectory(min(then, T)), links[rng.integers(len(links) // 2, len(links))]).matrix[:3, 3]
         direction = rng.normal(size=3)
@@ -244,31 +252,27 @@ def executed(case: Case, policy: str, options: Any) -> Outcome:
     policy_of = op.Policy(policy, period=PERIOD * DT, latency=options.latency, linger=GONE)
     executor, found = op.Executor(case.run, policy=policy_of), Outcome([], None, [], [], [])
     wall = options.clock == "wall"
-    if policy == "replan" and not wall:
-        executor._planning = OnProcessorTime(executor._planning)
+    if policy == "replan":
+        executor._planning = Watched(executor._planning, wall)
     while executor.time < case.at - 0.5 * DT:
         executor.tick(DT)
-    began, asked, number = time.perf_counter(), 0.0, 0
+    began, clock = time.perf_counter(), time.perf_counter if wall else time.thread_time
     for k in range(round((GONE + case.run.duration) / DT)):
         if k % PERIOD == 0 and executor.time < case.at + GONE:
-            velocity, now = {"flying": tuple(case.velocity)}, (time.perf_counter if wall else time.thread_time)()
-            executor.update_scene(case.seen(executor.time), velocity)
-            found.updates.append((time.perf_counter if wall else time.thread_time)() - now)
-            asked = now if k == 0 else asked
-        now = (time.perf_counter if wall else time.thread_time)()
+            seen, velocity, now = case.seen(executor.time), {"flying": tuple(case.velocity)}, clock()
+            executor.update_scene(seen, velocity)
+            found.updates.append(clock() - now)
+        now = clock()
         tick = executor.tick(DT)
-        found.ticks.append((time.perf_counter if wall else time.thread_time)() - now)
+        found.ticks.append(clock() - now)
         found.path.append((executor.time, tick.q))
-        if executor._next is not None and executor._next.number != number:  # the first one counts
-            if number == 0:
-                took = time.perf_counter() - asked if wall else executor._planning.seconds[-1] + found.updates[0]
-                found.plans.append(took)
-            number = executor._next.number
         if wall:
             time.sleep(max(0.0, began + (k + 1) * DT - time.perf_counter()))
         if tick.status.phase == "done":
             found.arrived = executor.time
             break
+    if executor._planning is not None and executor._planning.seconds:
+        found.plans.append(found.updates[0] + executor._planning.seconds[0])  # the first one counts
     executor.close()
     return found
 

@@ -4,6 +4,7 @@ import math
 import weakref
 from collections import deque
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 from optiplan.arrays import is_finite
@@ -192,18 +193,18 @@ class Executor(LawFollower):
             ahead: TimeLaw | None = self._law
             if self._detour is None:
                 ahead = self._stretch.laws.change(PathPlace(*self._law.at(self.time)), self.time, self._override)
-            if ahead is not None and self._blocked(ahead) is None:
+            if ahead is not None and self._blocked(ahead, 0.0 if self._rests else self._policy.spare) is None:
                 self._held, self._reason = "", ""
                 self._aim()
                 return
         self._yield()
 
-    def _blocked(self, law: "TimeLaw") -> BlockedPlace | None:
-        return self._scene.blocked(self._stretch, law, self.time)
+    def _blocked(self, law: "TimeLaw", spare: float = 0.0) -> BlockedPlace | None:
+        return self._scene.blocked(self._stretch, law, self.time, spare)
 
-    def _blocked_next(self, coming: NextPath) -> bool:
+    def _blocked_next(self, coming: NextPath, spare: float = 0.0) -> bool:
         law = self._start_law(coming.path, self._override, coming.then)
-        return self._scene.over(coming).blocked(coming.path.forwards, law, coming.then) is not None
+        return self._scene.over(coming).blocked(coming.path.forwards, law, coming.then, spare) is not None
 
     def _yield(self) -> None:
         """Do as the policy says, where obstacles that were seen block the way of the law."""
@@ -225,7 +226,8 @@ class Executor(LawFollower):
         """Follow a law that is clear until the robot stands still, or stop now."""
         clear = None
         if self._policy.goes_on:
-            clear = self._policy.law(self._stretch.laws, self._law, self.time, self._override, self._blocked)
+            blocked = partial(self._blocked, spare=self._policy.spare)
+            clear = self._policy.law(self._stretch.laws, self._law, self.time, self._override, blocked)
         if clear is None:
             self._lead()
         else:
@@ -238,8 +240,9 @@ class Executor(LawFollower):
             self.stop("the planning process has ended")
             return
         coming = planning.answer(self._law, self.time)
-        if coming is not None and self._held == "waiting" and self._next is None and not self._blocked_next(coming):
-            self._next = coming
+        if coming is None or self._held != "waiting" or self._next is not None:
+            return
+        self._next = None if self._blocked_next(coming, self._policy.spare) else coming
 
     def state_in(self, latency: float) -> State:
         """Return the state of the robot `latency` s from now, if nothing is changed until then.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from optiplan.errors import OptiPlanError, wrong_argument
 from optiplan.execution.next_path import NextPath
-from optiplan.execution.planning_worker import PLANNER, FirstMotion, ReplanReply, ReplanRequest, serve
+from optiplan.execution.planning_worker import MARGIN, PLANNER, FirstMotion, ReplanReply, ReplanRequest, serve
 from optiplan.execution.policy import Policy
 from optiplan.execution.proved_path import ProvedPath
 from optiplan.execution.scene_watch import SceneWatch
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 
 WARM_UP = 60.0
 """s, within which the process must have planned for the first time."""
-
-MARGIN = 0.02
-"""m, that motions keep from obstacles where there is room, beyond what is demanded: bodies are watched in cells."""
 
 IN_TIME, AT_REST = 0.6, 0.5
 """Budget of planning: share of the latency while the robot moves; s, where it stands still and may wait."""

@@ -1,13 +1,21 @@
 """What a planning process does: plan from a state on the way, warm, and prove what it found."""
 
 import contextlib
+import gc
 import os
 import time
+from collections.abc import Mapping
+from functools import cache
 from multiprocessing.connection import Connection
-from typing import NamedTuple
+from threading import Event
+from typing import Any, NamedTuple
 
-from optiplan.geometry.scene import Scene
-from optiplan.planners.base import Budget
+import numpy as np
+import pinocchio as pin
+
+from optiplan.geometry.scene import Obstacle, Scene
+from optiplan.geometry.shapes import Sphere
+from optiplan.planners.base import Budget, Planner
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import Problem, derived
@@ -18,6 +26,13 @@ from optiplan.verify.verify import verify
 
 PLANNER = "trajopt"
 """It begins at an earlier motion, from a robot that moves, and times its motions between moving obstacles."""
+
+
+COARSE = {"spans": 16, "samples": 40}
+"""Options of the planner by which it finds a motion sooner than with its own."""
+
+MARGIN = 0.02
+"""m, that motions keep from obstacles where there is room, beyond what is demanded: bodies are watched in cells."""
 
 
 class ReplanRequest(NamedTuple):
@@ -71,39 +86,61 @@ def serve(pipe: Connection) -> None:
     first, motions = None, dict[int, Trajectory]()
     with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
         while True:
+            gc.collect()  # not while somebody waits
+            gc.disable()
             asked: FirstMotion | ReplanRequest = pipe.recv()
-            began = time.process_time()
             if isinstance(asked, FirstMotion):
                 first, motions = asked.problem, {asked.number: asked.motion}
-                reply = _warmed_up(asked)
-            else:
-                assert first is not None
-                motions = {number: one for number, one in motions.items() if number >= asked.earlier}
-                reply = answer(asked, first, motions)
-                if reply.motion is not None:
-                    motions[asked.number] = reply.motion
-            pipe.send(reply._replace(number=asked.number, seconds=time.process_time() - began))
+                _warm_up(asked)
+                pipe.send(ReplanReply(asked.number))
+                continue
+            assert first is not None
+            motions = {number: one for number, one in motions.items() if number >= asked.earlier}
+            reply = answer(asked, first, motions)
+            pipe.send(reply)
+            if reply.motion is not None:
+                motions[asked.number] = reply.motion
 
 
-def answer(request: ReplanRequest, first: Problem, motions: dict[int, Trajectory]) -> ReplanReply:
+class FirstFound:
+    """Progress that ends the planning with the first motion that is free: the robot is waiting for it."""
+
+    def __init__(self) -> None:
+        self.ended = Event()
+
+    def __call__(self, stage: str, share: float) -> None:
+        """Ignore the stage."""
+
+    def found(self, motion: Trajectory, bound: float) -> None:
+        """End the planning."""
+        self.ended.set()
+
+
+def answer(request: ReplanRequest, first: Problem, motions: Mapping[int, Trajectory]) -> ReplanReply:
     """Plan, and prove; whatever is raised becomes the reply."""
+    began, motion, report = time.process_time(), None, None
     try:
-        planner = make_planner(PLANNER, {"margin": request.margin})
-        problem, budget = request.problem(first), Budget(request.seconds)
-        found = plan_through(planner, problem, budget, lambda stage, share: None, motions.get(request.earlier))
-        if found.trajectory is None:
-            return ReplanReply(request.number, words="" if found.failure is None else found.failure.detail)
-        report = verify(request.standing(first), found.trajectory)
-        words = "" if report.verified else "the motion that was found is refused"
-        return ReplanReply(request.number, found.trajectory, report, words)
+        problem, progress = request.problem(first), FirstFound()
+        budget, earlier = Budget(request.seconds, progress.ended), motions.get(request.earlier)
+        found = plan_through(_planner(request.margin), problem, budget, progress, earlier)
+        motion, words = found.trajectory, "" if found.failure is None else found.failure.detail
+        if motion is not None:
+            report = verify(request.standing(first), motion)
+            words = "" if report.verified else "the motion that was found is refused"
     except Exception as error:
-        return ReplanReply(request.number, words=f"{type(error).__name__}: {error}")
+        words = f"{type(error).__name__}: {error}"
+    return ReplanReply(request.number, motion, report, words, time.process_time() - began)
 
 
-def _warmed_up(first: FirstMotion) -> ReplanReply:
-    """Plan on the way, so that what is loaded and kept is there; the reply is empty."""
+@cache
+def _planner(margin: float) -> Planner[Any]:
+    return make_planner(PLANNER, {"margin": margin, **COARSE})
+
+
+def _warm_up(first: FirstMotion) -> None:
+    """Plan on the way, so that what is loaded and kept is there."""
     problem, motion = first.problem, first.motion
-    for share in (0.1, 0.2):
-        start = motion.state(share * motion.duration)
-        answer(ReplanRequest(0, 0, start, problem.scene, 0.01, 2.0), problem, {0: motion})
-    return ReplanReply(first.number)
+    passing = Obstacle("passing", Sphere(0.05), pin.SE3(np.eye(3), np.array([9.0, 0.0, 0.0])))
+    for scene in (problem.scene, problem.scene.with_(passing.moving([[0.0], [0.0, 0.1], [0.0]]))):
+        start = motion.state(0.1 * motion.duration)
+        answer(ReplanRequest(0, 0, start, scene, MARGIN, 2.0), problem, {0: motion})

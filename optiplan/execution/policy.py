@@ -15,8 +15,11 @@ if TYPE_CHECKING:
 Reaction = Literal["wait", "stop", "slow", "replan"]
 """What is done: see `Policy`."""
 
-SPEEDS = (1.0, 0.7, 0.45, 0.25, 0.12, 0.05)
-"""Shares of the wanted speed at which a robot slows down."""
+SPARE = 5e-3
+"""m, to spare where a law is chosen: it is checked again later, in cells that begin at other places."""
+
+SPEEDS = (1.0, 0.8, 0.6, 0.4, 0.25, 0.1, 0.05)
+"""Shares of the wanted speed to which a robot slows down."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,11 @@ class Policy:
         """Whether the robot goes on where its path is blocked, as far as that is clear."""
         return self.reaction in ("slow", "replan")
 
+    @property
+    def spare(self) -> float:
+        """What a law must leave when it is chosen, m, beyond what it must keep."""
+        return SPARE if self.goes_on else 0.0
+
     def law(
         self, laws: PathLaws, law: "TimeLaw", now: float, wanted: float, blocked: Callable[["TimeLaw"], object]
     ) -> "TimeLaw | None":
@@ -102,10 +110,16 @@ class Policy:
         place = PathPlace(*law.at(now))
         if self.reaction == "replan" and blocked(later := laws.then_stop(law, now + self.latency)) is None:
             return later
-        for share in SPEEDS if self.reaction == "slow" else ():
-            slower = laws.change(place, now, share * wanted)
+        found, first, last = None, 0, len(SPEEDS) - 1 if self.reaction == "slow" else -1
+        while first <= last:  # by halves: each costs a millisecond
+            middle = (first + last) // 2
+            slower = laws.change(place, now, SPEEDS[middle] * wanted)
             if slower is not None and blocked(later := laws.then_stop(slower, now + self.period)) is None:
-                return later
+                found, last = later, middle - 1
+            else:
+                first = middle + 1
+        if found is not None:
+            return found
         stands = law.target == 0.0 and law.settled <= now
         return None if stands else laws.change(place, now, 0.0)
 

@@ -87,16 +87,19 @@ class SceneWatch:
         return self._path.run.problem.scene
 
     def blocked(
-        self, stretch: PathStretch, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle]
+        self, stretch: PathStretch, law: "TimeLaw", now: float, seen: Sequence[SeenObstacle], spare: float = 0.0
     ) -> BlockedPlace | None:
-        """Return what is blocked of the way that a law leads from `now` on, first in time; None if nothing is."""
+        """Return what is blocked of the way that a law leads from `now` on, first in time; None if nothing is.
+
+        `spare`, m, is added to the margin.
+        """
         if not seen:
             return None
         parts = self._parts(stretch)
         rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
         for part in parts:
             last = part is parts[-1] or part.begin <= rest <= part.end
-            found = part.blocked(law, now, seen, self.margin, self._linger if last else 0.0)
+            found = part.blocked(law, now, seen, self.margin + spare, self._linger if last else 0.0)
             if found is not None:
                 return BlockedPlace(stretch.place(found.place), found.pair)
         return None

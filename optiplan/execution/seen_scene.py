@@ -89,8 +89,10 @@ class SeenScene:
     def _is_person(self, name: str) -> bool:
         return self.people is not None and name in self.people.rule.people
 
-    def blocked(self, stretch: PathStretch, law: "TimeLaw", now: float, known: bool = False) -> BlockedPlace | None:
-        """Return what is blocked of the way that a law leads from `now` on; None if nothing is.
+    def blocked(
+        self, stretch: PathStretch, law: "TimeLaw", now: float, spare: float = 0.0, *, known: bool = False
+    ) -> BlockedPlace | None:
+        """Return what is blocked of the way that a law leads from `now` on, with a margin to spare; None: nothing.
 
         By obstacles that were seen; by those that are `known` from the run, too, where the way is not its path.
         """
@@ -98,7 +100,7 @@ class SeenScene:
         if known:
             skipped = {*self._obstacles, *self._gone}
             seen += [one for one in self._watch.standing(stretch.start, now) if one.name not in skipped]
-        return self._watch.blocked(stretch, law, now, seen)
+        return self._watch.blocked(stretch, law, now, seen, spare)
 
     def watch_over(self, path: ProvedPath) -> SceneWatch:
         """Return the watch of another path, prepared if anything was seen."""

@@ -14,6 +14,7 @@ from optiplan.planners.base import Budget, Candidate, PlanResult, Progress, anno
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.limit_violations import excess
+from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimise_in_time import TimedOptimiser
 from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser, attempt_record
@@ -28,8 +29,11 @@ from optiplan.trajectory.trajectory import Trajectory
 MOST_STEPS = 40
 """Largest number of steps from the earlier motion: beyond that, a search is the better use of the time."""
 
-CLOSE = 0.2, 1.0
-"""Shares of the option's margin tried in turn: the earlier motion may be close to bodies."""
+TRIED, TRIED_IN_TIME = ((0.2, 0), (1.0, 0)), ((1.0, 0), (1.0, 1), (1.0, 2), (1.0, 3), (1.0, 4))
+"""Shares of the option's margin, and numbers of a bump, tried in turn: the earlier motion may be close to bodies.
+
+Among bodies that move, a way around them is worth more: a short delay may be no way out.
+"""
 
 AS_GOOD = 1.1
 """New cost / expected cost up to which the search ends.
@@ -75,12 +79,12 @@ class WarmStart:
         self.optimiser = Optimiser(stated, self.model, few)
         self.attempt: Attempt | None = None
         end = self._end()
-        self.ahead = self.earlier if end is not None and self._still_good(end) else None
+        self.ahead = None if end is None or self.in_time or not self._still_good(end) else self.earlier
         self.good = end is not None and self.ahead is not None and self._at_bound(end)
         if end is not None and not self.good:
             progress("optimisation from the earlier motion", 0.0)
-            for share in CLOSE[::-1] if self.in_time else CLOSE:  # what moves is met at another time, too
-                found = self._optimised(end, share * options.margin)
+            for share, bump in TRIED_IN_TIME if self.in_time else TRIED:
+                found = self._optimised(end, share * options.margin, bump)
                 if found is not None and found.free:
                     self.attempt = found
                     break
@@ -122,8 +126,8 @@ class WarmStart:
         better = [one for one in later if cost(one.trajectory) < cost(own.trajectory)]
         return replace(found, earlier=(own, *better))
 
-    def _optimised(self, end: State, margin: float) -> Attempt | None:
-        """Optimise the earlier motion, shifted by its start's shift and, increasingly, by its end's."""
+    def _optimised(self, end: State, margin: float, bump: int) -> Attempt | None:
+        """Optimise the earlier motion, shifted by its start's shift and, increasingly, by its end's; or with a bump."""
         start, earlier, basis = self.problem.start_state, self.earlier, self.optimiser.basis
         u = np.linspace(0.0, 1.0, _SAMPLES)
         kind = TimedOptimiser if self.in_time else NonzeroEndOptimiser
@@ -132,6 +136,9 @@ class WarmStart:
         points = points + (1.0 - done) * (start.q - earlier.start) + done * (end.q - earlier.end)
         ends = EndStates(replace(earlier.state(0.0), q=start.q), replace(earlier.state(earlier.duration), q=end.q))
         control = basis.fit(u, points, basis.ends(*ends.by_share(earlier.duration)))
+        if bump:
+            rng = np.random.default_rng([self.problem.seed, bump])
+            control = with_bump(basis, control, earlier.duration, self.problem.limits, rng)
         if self.in_time or any(rate.any() for rate in (start.v, start.a, end.v, end.a)):
             return curves.run(control, earlier.duration, self.budget, margin)
         control = curves.ends.held(basis, control, earlier.duration)
@@ -155,7 +162,7 @@ class WarmStart:
     def _at_bound(self, end: State) -> bool:
         """Return whether the rest of the earlier motion is near the lower bound to this end."""
         problem = self.problem
-        if problem.nonzero_ends or self.in_time or not problem.objective.plain:
+        if problem.nonzero_ends or not problem.objective.plain:
             return False
         return self.earlier.duration <= AT_BOUND * lower_bound(problem.start, end.q, problem.limits)
 
@@ -165,7 +172,8 @@ class WarmStart:
         ends = [q for goal in self.problem.goal if (q := self._configuration(goal, q0)) is not None]
         gravity = Gravity(self.problem.robot, self.problem.limits.torque)
         for q in sorted(ends, key=lambda q: float((np.abs(q - q0) / speed).max())):
-            if not self.model.collides(q) and not gravity.too_much(q):
+            blocked = not self.in_time and self.model.collides(q)  # what moves may have passed by then
+            if not blocked and not gravity.too_much(q):
                 return self.problem.end_states(q)[0]
         return None
 
