@@ -99,6 +99,7 @@ class Executor(LawFollower):
         self._tracking = TrackingMonitor(deviation)
         self._stretch: PathStretch = self._path.forwards
         self._stops = JointStops(self._path)
+        self._stops.prepare()
         self._detour: Detour | None = None
         self.time = 0.0
         self._override, self._wanted = float(override), float(override)
@@ -187,6 +188,8 @@ class Executor(LawFollower):
         if self._scene.people is not None:
             self._lead()
         self._turned = None  # it was checked before
+        if self._detour is not None:
+            self._detour.forget()
         if self._next is not None and self._next.number and self._blocked_next(self._next):
             self._next = None
         if self._held == "waiting" and self._next is None:

@@ -9,7 +9,7 @@ from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.control.braking import stop_phases
 from optiplan.execution.path_laws import Load, PathLaws, SetPoint
-from optiplan.execution.proved_path import PathStretch, ProvedPath
+from optiplan.execution.proved_path import PathStretch, ProvedPath, Turned
 from optiplan.execution.seen_scene import SeenScene
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.problem.task.timeline import ScenePart
@@ -46,37 +46,40 @@ class Detour:
     def __init__(self, stop: PathStretch, law: "TimeLaw", left: PathStretch, s: float) -> None:
         self.stop, self.law, self.left, self.s = stop, law, left, s
         self.back = PathStretch(stop.laws.mirrored(rests=False), stop.start, 0.0, stop.model)
-        self._legs: list[tuple[PathStretch, TimeLaw]] = []
+        self._legs: list[Turned] = []
 
-    def steer(self, stretch: PathStretch, law: "TimeLaw", time: float, speed: float) -> "tuple[PathStretch, TimeLaw]":
+    def steer(self, stretch: PathStretch, law: "TimeLaw", time: float, speed: float, seen: SeenScene) -> Turned:
         """Return the stretch and law that follow those of the detour, to the path and on at a speed; 0.0: stay.
 
         The stop is not changed; on the way back the robot may stop. What follows a law is found before it ends.
         """
         if law.settled > time:
-            self._legs = self._onward(stretch, law, law.settled, speed)
+            legs = self._onward(stretch, law, law.settled, speed)
+            self._legs = [leg._replace(clear=seen.blocked(leg.stretch, leg.law, leg.begin) is None) for leg in legs]
             keeps = speed > 0.0 or stretch is self.stop
             stop = None if keeps else stretch.laws.change_along(law, time, 0.0)
-            return stretch, law if stop is None else stop
-        if not self._legs or self._legs[0][1].pieces()[0, 0] != law.settled:
+            return Turned(stretch, law if stop is None else stop)
+        if not self._legs or self._legs[0].begin != law.settled:
             self._legs = self._onward(stretch, law, time, speed)
-        return self._legs.pop(0) if self._legs else (stretch, law)
+        return self._legs.pop(0) if self._legs else Turned(stretch, law)
 
-    def _onward(
-        self, stretch: PathStretch, law: "TimeLaw", then: float, speed: float
-    ) -> "list[tuple[PathStretch, TimeLaw]]":
+    def forget(self) -> None:
+        """Let what follows be checked again: obstacles have moved."""
+        self._legs = [leg._replace(clear=False) for leg in self._legs]
+
+    def _onward(self, stretch: PathStretch, law: "TimeLaw", then: float, speed: float) -> list[Turned]:
         """Return what follows a law that ends at `then`, s: the way back, and the path."""
-        s, legs = law.at(then)[0], list[tuple[PathStretch, "TimeLaw"]]()
+        s, legs = law.at(then)[0], list[Turned]()
         if speed == 0.0:
             return legs
         if stretch is self.stop or s < stretch.laws.length:
             onward = self.back.laws.rest_to_rest(s if stretch is self.back else 0.0, then)
             if onward is None:
                 return legs
-            legs.append((self.back, onward))
+            legs.append(Turned(self.back, onward))
             then = onward.settled
         rest = self.left.laws.steady(self.s, 0.0, then)
-        return [*legs, (self.left, self.left.laws.change_along(rest, then, speed) or rest)]
+        return [*legs, Turned(self.left, self.left.laws.change_along(rest, then, speed) or rest)]
 
 
 class JointStops:

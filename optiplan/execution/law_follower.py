@@ -85,16 +85,16 @@ class LawFollower:
         return replaced
 
     def _steer(self, detour: Detour) -> bool:
-        """See `_lead`, off the path."""
+        """See `_lead`, off the path; return whether there is another law, which is still to be checked."""
         before, speed = self._law, 0.0 if self._held else self._override
         if speed > 0.0:
             self._scene.prepare(detour.back)
-        self._stretch, self._law = detour.steer(self._stretch, before, self.time, speed)
-        self._pending = False
+        onward = detour.steer(self._stretch, before, self.time, speed, self._scene)
+        self._stretch, self._law, self._pending = onward.stretch, onward.law, False
         if self._stretch is detour.left:
             self._detour = None
-            self._lead()
-        return self._law is not before
+            return self._lead() or not onward.clear
+        return self._law is not before and not onward.clear
 
     def _replace_law(self) -> bool:
         """Replace the law by one that leads to the wanted speed, and return True; it stays while there is none."""
@@ -137,7 +137,7 @@ class LawFollower:
         if self._held or not self._turns:
             return
         turned, self._turned = self._turned, None
-        if turned is None or turned.law.pieces()[0, 0] != self._law.settled:
+        if turned is None or turned.begin != self._law.settled:
             turned = self._next_stretch(self.time)
         if turned is not None:
             self._stretch, self._law = turned.stretch, turned.law

@@ -54,6 +54,11 @@ class Turned(NamedTuple):
     law: "TimeLaw"
     clear: bool = False
 
+    @property
+    def begin(self) -> float:
+        """When the law begins, s."""
+        return float(self.law.pieces()[0, 0])
+
 
 class ProvedPath:
     """The motion of a verified run as a path, whose parameter is the motion's time, s.

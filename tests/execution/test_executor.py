@@ -32,25 +32,16 @@ def assert_within_limits(run, ticks):
 
 
 def random_asks(seed, rate=0.01, until=2500):
-    rng = np.random.default_rng(seed)
+    """The events of `benchmarks/execution_events.py`, but for stops off the path and what needs obstacles or plans."""
+    events, rng = pytest.importorskip("benchmarks.execution_events"), np.random.default_rng(seed)
+    kinds = [kind for kind in events.EVENTS if kind not in ("joints", "obstacle", "splice")]
 
     def asks(executor, k):
         if k == until:
             executor.override = 1.0
             executor.resume()
-        if k >= until or rng.random() > rate:
-            return
-        match rng.integers(5):
-            case 0:
-                executor.override = rng.uniform()
-            case 1:
-                executor.pause()
-            case 2:
-                executor.stop()
-            case 3:
-                executor.reverse()
-            case 4:
-                executor.resume()
+        if k < until and rng.random() < rate:
+            events.happen(executor, kinds[rng.integers(len(kinds))], rng)
 
     return asks
 
@@ -213,3 +204,14 @@ def test_what_cannot_be_executed_is_refused(run_of):
         op.Executor(run).state_in(-1.0)
     with pytest.raises(op.InputError, match="move by the clock"):
         op.Executor(run_of("38_falling_ball"))
+
+
+def test_a_short_run_of_all_events(run_of):
+    """Sixty events of `benchmarks/execution_events.py`, where 100,000 are."""
+    events = pytest.importorskip("benchmarks.execution_events")
+    run, joins = events.prepared("01_reach", 2.0)
+    found = events.execute(run, joins[:2], 60)
+    assert found.violations == []
+    assert found.events == 60
+    assert found.off <= 1e-9
+    assert found.detours > 0
