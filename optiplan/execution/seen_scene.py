@@ -92,7 +92,7 @@ class SeenScene:
     def blocked(
         self, stretch: PathStretch, law: "TimeLaw", now: float, spare: float = 0.0, *, known: bool = False
     ) -> BlockedPlace | None:
-        """Return what is blocked of the way that a law leads from `now` on; None if nothing is, with `spare` m.
+        """Return what is blocked of the way that a law leads from `now` on, with a margin to spare; None: nothing.
 
         By obstacles that were seen; by those that are `known` from the run, too, where the way is not its path.
         """
