@@ -104,8 +104,8 @@ nb::tuple nearest_place(const SetPointHistory &self, Vector q, Vector weights) {
     return nb::make_tuple(to_numpy(std::move(off), {n}), found.place, found.progress, found.epoch);
 }
 
-std::unique_ptr<PathWatch> make_watch(World &world, Vector breakpoints, Stack coefficients, double width,
-                                      double begin, const std::vector<double> &error) {
+std::unique_ptr<PathWatch> make_watch(World &world, Vector breakpoints, Stack coefficients, double width, double begin,
+                                      const std::vector<double> &error) {
     const std::size_t n = coefficients.shape(2);
     expect(error.empty() || error.size() == n, "an error of each joint");
     expect(breakpoints.size() == coefficients.shape(0) + 1, "breakpoints (m + 1,), coefficients (m, degree + 1, n)");

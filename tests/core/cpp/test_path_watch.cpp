@@ -94,11 +94,13 @@ TEST(a_part_of_a_path_begins_later) {
 }
 
 TEST(joints_that_may_be_off_the_path_are_blocked_sooner) {
-    const World world = arm_and_box();
+    World world = arm_and_box();
     PathWatch exact(world, path(), 4e-3, 0.0), wide(world, path(), 4e-3, 0.0, {0.02, 0.02});
     const TimeLaw law{{{0.0, {0.0, 1.0, 0.0}, 0.0}}};
     const double sooner = exact.blocked(law, 0.0, {box_at(1.0)}, 0.0).s - wide.blocked(law, 0.0, {box_at(1.0)}, 0.0).s;
     CHECK(sooner > 0.015 && sooner < 0.05);
+}
+
 // The path was not proved against it: a second box, of the first one's kind.
 TEST(an_added_box_blocks_like_one_that_was_known) {
     World world = arm_and_box();

@@ -52,7 +52,8 @@ PathTables::PathTables(Curve path, JointRates limits, std::vector<Load> loads, d
 
 PathTables PathTables::mirrored() const {
     PathTables other = *this;
-    const std::size_t n = joints(), degree = static_cast<std::size_t>(path_.degree), pieces = path_.breakpoints.size() - 1;
+    const std::size_t n = joints(), degree = static_cast<std::size_t>(path_.degree),
+                      pieces = path_.breakpoints.size() - 1;
     for (std::size_t piece = 0; piece <= pieces; ++piece)
         other.path_.breakpoints[piece] = length() - path_.breakpoints[pieces - piece];
     for (std::size_t piece = 0; piece < pieces; ++piece) {

@@ -59,7 +59,8 @@ class PathTables {
     double curvature(int coarse_cell, std::size_t joint, const LawSizes &law) const {
         if (curvature_.empty()) return 0.0;
         const double *at = curvature_.data() + coarse_cell * 4 * joints() + joint;
-        return law.of[0] * at[0] + law.of[1] * at[joints()] + law.of[2] * at[2 * joints()] + law.of[3] * at[3 * joints()];
+        return law.of[0] * at[0] + law.of[1] * at[joints()] + law.of[2] * at[2 * joints()] +
+               law.of[3] * at[3 * joints()];
     }
 
     // Bounds on |p^(k)|, k from 0 to 4, in coarse cells: (5, coarse cells, n).

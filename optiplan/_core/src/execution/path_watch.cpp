@@ -84,8 +84,8 @@ static double rests(const TimeLaw &law, double end, double now) {
 int PathWatch::struck(double here, double from, const Seen &seen, double margin, double linger) {
     const double speed = norm(seen.velocity), strayed = std::max(from - seen.time, 0.0) * seen.spread + margin;
     if (speed == 0.0) return -1;
-    auto cell = std::lower_bound(cells_.begin(), cells_.end(), here,
-                                 [](const Cell &one, double s) { return one.end < s; });
+    auto cell =
+        std::lower_bound(cells_.begin(), cells_.end(), here, [](const Cell &one, double s) { return one.end < s; });
     if (cell == cells_.end()) --cell;
     for (std::size_t k = 0; k < moving_.size(); ++k) {
         at_.bodies[moving_[k]] = cell->bodies[k];

@@ -5,8 +5,8 @@
 
 namespace optiplan {
 
-// Where on the way of the set-points a configuration is: at `place` of the planned motion number `epoch`, after a way of
-// `progress` along planned motions, both in s; `off` (n,) is the distance of each joint from there.
+// Where on the way of the set-points a configuration is: at `place` of the planned motion number `epoch`, after a way
+// of `progress` along planned motions, both in s; `off` (n,) is the distance of each joint from there.
 struct NearestPlace {
     double place, progress;
     int epoch;

@@ -186,7 +186,8 @@ bool LawSearch::begins(const LawState &at, double target, double &direction, dou
 bool LawSearch::change_along(const TimeLaw &old, double now, double target, TimeLaw &law) const {
     const double last = std::max(old.settled(), now);
     double direction = 0.0, off = 0.0;
-    for (double wait = 0.0, t = now;; wait = wait > 0.0 ? LONGER_WAIT * wait : FIRST_WAIT, t = std::min(now + wait, last)) {
+    for (double wait = 0.0, t = now;;
+         wait = wait > 0.0 ? LONGER_WAIT * wait : FIRST_WAIT, t = std::min(now + wait, last)) {
         if ((begins(old.at(t), target, direction, off) || t == last) && change(old.at(t), t, target, law)) {
             if (!holds(law, t)) return false;
             std::vector<LawPiece> &pieces = law.pieces;
@@ -386,8 +387,7 @@ bool LawSearch::holds_between(const LawState &begin, const LawState &end, double
     const int first = tables_.coarse().at(begin.s), last = tables_.coarse().at(end.s);
     for (std::size_t j = 0; j < tables_.joints(); ++j) {
         double curvature = 0.0;
-        for (int cell = first; cell <= last; ++cell)
-            curvature = std::max(curvature, tables_.curvature(cell, j, sizes));
+        for (int cell = first; cell <= last; ++cell) curvature = std::max(curvature, tables_.curvature(cell, j, sizes));
         const double most = std::max(std::fabs(ends[0][j]), std::fabs(ends[1][j]));
         if (!(most + 0.125 * width * width * curvature <= tables_.limits().torque[j])) return false;
     }

@@ -219,8 +219,7 @@ double World::tube_along_of(const Placement &at, int body, int common, const Vec
         }
         const double lever = reach[j] + own;
         const Vec3 d = cross(normal, axis), local = transposed(at.bodies[body].R, d);
-        const double spread =
-            half.x * std::fabs(local.x) + half.y * std::fabs(local.y) + half.z * std::fabs(local.z);
+        const double spread = half.x * std::fabs(local.x) + half.y * std::fabs(local.y) + half.z * std::fabs(local.z);
         const double straight = std::fabs(dot(d, at.centres[body] - at.joints[j].p)) + spread;
         along += step * std::min(straight + norm(d) * own + 0.5 * step * lever, lever);
         own += step * lever;

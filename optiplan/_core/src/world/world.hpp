@@ -96,8 +96,8 @@ class World {
     World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
           const std::vector<Cluster> &clusters = {}, const std::vector<int> &never = {}, TubeError tube = {});
 
-    // Adds a body that no joint carries, with a pair with each body of the robot that a joint carries; returns its index.
-    // Only those who name its pairs ask for them: no search, sweep or `near` does.
+    // Adds a body that no joint carries, with a pair with each body of the robot that a joint carries; returns its
+    // index. Only those who name its pairs ask for them: no search, sweep or `near` does.
     int add(Body body);
 
     const Tree &tree() const { return tree_; }
@@ -223,7 +223,8 @@ class World {
 
     // What the tube takes of the distance of a pair, or of a group's hull, whatever the direction, m; and along the
     // normal of a pair's nearest points, the bodies held in their boxes. 0 without a tube. Of meshes, which are not
-    // convex, the verifier knows no normal: what takes of theirs whatever the direction is bounded as it does, by balls.
+    // convex, the verifier knows no normal: what takes of theirs whatever the direction is bounded as it does, by
+    // balls.
     double tube(const Placement &at, int pair) const {
         if (tube_.error.empty() || tube_.most[pair] == 0.0) return 0.0;
         const auto [a, b, by_outline] = pairs_[pair];
