@@ -105,9 +105,10 @@ class JointStops:
     def leave(self, stretch: PathStretch, law: "TimeLaw", time: float, seen: SeenScene) -> Detour | None:
         """Return the fastest stop from where a law is; None where none is proved that is faster than that law's.
 
-        Nor is there one where a path constraint holds, which the robot might violate beside the path.
+        Nor is there one where a path constraint holds, which the robot might violate beside the path, or where the run
+        was proved for a tracking error, for which no stop beside the path is.
         """
-        if self._path.constrained:
+        if self._path.constrained or self._path.run.problem.tracking_error.any():
             return None
         point = stretch.laws.set_point(law, time)
         place, limits = stretch.place(point.place.s), self._path.run.problem.limits

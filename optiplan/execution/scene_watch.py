@@ -147,8 +147,7 @@ class SceneWatch:
         if stretch not in self._watches:
             motion, found = stretch.laws.motion, list[_PartWatch]()
             if stretch.model is not None:
-                error = self._path.run.problem.tracking_error
-                found.append(_PartWatch(stretch.model, motion, 0.0, error.tolist()))
+                found.append(_PartWatch(stretch.model, motion, 0.0, []))
             for part in self._path.parts:
                 begin, end = sorted(stretch.direction * (place - stretch.start) for place in (part.begin, part.end))
                 begin, end = max(begin, 0.0), min(end, motion.duration)
