@@ -242,3 +242,20 @@ def test_one_answer_does_not_depend_on_the_others(problem):
     again = op.certify(problem, q, t)
     np.testing.assert_array_equal(first.trajectory.coefficients, again.trajectory.coefficients)
     assert first.clearance == again.clearance
+
+
+def test_numbers_of_any_size_end_in_an_answer(problem):
+    rng, running = np.random.default_rng(7), None
+    for k in range(120):
+        count = int(rng.integers(1, 8))
+        q = problem.start + rng.normal(size=(count, 7)) * 10.0 ** rng.uniform(-9.0, 5.0)
+        steps = 10.0 ** rng.uniform(-10.0, 3.0, count)
+        t = (None, np.cumsum(steps), rng.uniform(-1.0, 3.0, count), steps[0] * np.arange(count))[k % 4]
+        start = op.State(problem.start, *(rng.normal(size=7) * 10.0 ** rng.uniform(-12.0, 1.0) for _ in range(2)))
+        if k % 3 == 0 and running is not None:
+            start = running.rest(0.5 * running.trajectory.duration)
+        found = op.certify(problem, q, t, start=start)
+        if found.is_proved:
+            running = found
+            if k % 5 == 0:
+                assert is_verified(found), found
