@@ -10,9 +10,6 @@ from pathlib import Path
 _GROUP = Path("/sys/fs/cgroup")
 """Where Linux, and within a container its runtime, shows the limits of this process's group."""
 
-PREFERRED = -10
-"""Nice value of threads that keep time."""
-
 QUICK = 5e-4
 """s after which a thread of Python gives way, where one keeps time; of Python itself 5 ms, five ticks of 1 kHz."""
 
@@ -44,31 +41,29 @@ def _share(group: Path) -> float | None:
     return share if share > 0.0 else None
 
 
+def take_turns() -> None:
+    """Let this thread run as all others do, in place of what `keeping_time` gave it."""
+    with suppress(OSError, AttributeError):
+        os.sched_setscheduler(threading.get_native_id(), os.SCHED_OTHER, os.sched_param(0))
+
+
 @contextmanager
 def keeping_time() -> Iterator[None]:
-    """Let this thread, meanwhile, run soon after it wakes: before those of other programs, as far as the system allows.
+    """Let this thread run as soon as it wakes, meanwhile, before other programs: by `SCHED_FIFO`, where the user may.
 
-    Where this user may, that is under SCHED_RR (sched(7)), else by niceness. Other threads of Python give way to it
-    after 0.5 ms. Threads that it starts do the same.
+    It must sleep most of the time. Other threads of Python give way to it after 0.5 ms.
     """
-    with suppress(OSError, AttributeError):  # root, CAP_SYS_NICE or RLIMIT_RTPRIO; elsewhere than on Linux other calls
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), PREFERRED)
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+    with suppress(OSError, AttributeError):  # who may not keeps time as well as the machine is free
+        os.sched_setscheduler(threading.get_native_id(), os.SCHED_FIFO, os.sched_param(1))
     with _switching:
         _before.append(sys.getswitchinterval())
         sys.setswitchinterval(min(QUICK, _before[0]))
     try:
         yield
     finally:
-        give_way()
+        take_turns()
         with _switching:
             first = _before[0]
             _before.pop()
             if not _before:
                 sys.setswitchinterval(first)
-
-
-def give_way() -> None:
-    """Let this thread run as others do: one that computes for long would take the machine from them."""
-    with suppress(OSError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))

@@ -30,6 +30,9 @@ AT_START = 0.02
 REPORTS = 60.0
 """Hz: states that subscribers get at most."""
 
+FRESH = 0.05
+"""s: so old may the state be with which a motion begins."""
+
 FIRST_STATE = 2.0
 """s: how long to wait for the first state of a driver that measures."""
 
@@ -271,11 +274,11 @@ class Execution:
         if not self.capabilities.measures:
             return
         begin, found = time.monotonic(), self._driver.state()
-        while found is None and time.monotonic() < begin + FIRST_STATE:
+        while (found is None or not found.age < FRESH) and time.monotonic() < begin + FIRST_STATE:
             time.sleep(0.01)
             found = self._driver.state()
-        if found is None:
-            raise DriverError(f"the driver '{self.capabilities.name}' has had no state for {FIRST_STATE:g} s")
+        if found is None or not found.age < FRESH:
+            raise DriverError(f"the driver '{self.capabilities.name}' has had no new state for {FIRST_STATE:g} s")
         motion = self._executor.run.trajectory
         assert motion is not None
         q, start = numbers(found.q), np.asarray(motion.start)

@@ -29,23 +29,29 @@ class SetClock:
 
 
 class FollowingRobot:
-    """Stands where its last set-point was; keeps all of them with the time at which they came."""
+    """Stands where its last set-point was, or goes on along its way ahead; keeps all with the times when they came."""
 
     def __init__(self, run, rate=1000.0, lead=0.0, clock=None):
         self.names, self.rate, self.lead = tuple(run.problem.robot.joint_names), rate, lead
         self.clock = clock or SetClock()
         self.q, self.ticks, self.came, self.stopped = np.array(run.trajectory.start), [], [], []
+        self.ahead = None
 
     def capabilities(self):
         return Capabilities("following", self.names, self.rate, measures=True, lead=self.lead)
 
     def state(self):
-        return Measurement(self.q, np.zeros(len(self.q)), self.clock.now())
+        now = self.clock.now()
+        if self.ahead is None:
+            return Measurement(self.q, np.zeros(len(self.q)), now)
+        t = self.ticks[-1].t + now - self.came[-1]
+        q = np.array([np.interp(t, self.ahead.t, column) for column in self.ahead.q.T])
+        return Measurement(q, np.zeros(len(q)), now)
 
     def send(self, tick):
         self.ticks.append(tick)
         self.came.append(self.clock.now())
-        self.q = tick.q
+        self.q, self.ahead = tick.q, tick.ahead or self.ahead
 
     def stop(self, reason):
         self.stopped.append(reason)

@@ -10,6 +10,7 @@ import pytest
 import optiplan as op
 from optiplan.errors import InputError
 from optiplan.execution.drivers.base import DriverError
+from optiplan.execution.measurement import Measurement
 from tests.execution.in_process import FollowingRobot, SetClock, executed, steps_within_limits
 
 FAILS_AT = 250
@@ -85,7 +86,7 @@ def test_another_motion_takes_over(run, slow):
 
 def test_a_run_that_cannot_take_over_ends_in_a_stop(slow):
     assert not slow.splice(None)
-    assert "not verified" in slow.wait(20.0)["reason"]
+    assert "that was to take over: " in slow.wait(20.0)["reason"]
 
 
 def test_subscribers_get_states_and_the_end(run):
@@ -205,6 +206,17 @@ def test_a_robot_that_stands_elsewhere_is_not_started(run):
     assert execution.over
     assert robot.ticks == []
     assert robot.stopped == ["not started"]
+
+
+@pytest.mark.parametrize("age", [None, 1.0])
+def test_a_robot_whose_state_is_not_known_is_not_started(run, monkeypatch, age):
+    class Silent(FollowingRobot):
+        def state(self):
+            return None if age is None else Measurement(self.q, 0.0 * self.q, 0.0, age)
+
+    monkeypatch.setattr("optiplan.execution.execution.FIRST_STATE", 0.05)
+    with pytest.raises(DriverError, match="no new state"):
+        op.Execution(op.Executor(run), Silent(run)).start()
 
 
 def test_wrong_arguments_are_named(run):

@@ -77,7 +77,7 @@ def test_a_robot_with_a_way_ahead_is_found_where_it_went(run, delay):
     passed = PERIOD * round((robot.came[AT] - robot.came[AT - 1]) / PERIOD)
     assert after.t == pytest.approx(before[-1].t + passed, abs=1.01 * PERIOD)
     for j in range(len(after.q)):
-        assert after.q[j] == pytest.approx(np.interp(after.t, ahead.t, ahead.q[:, j]), abs=2e-5)
+        assert after.q[j] == pytest.approx(np.interp(after.t, ahead.t, ahead.q[:, j]), abs=1e-4)
     assert ahead.turn <= before[-1].t + 1.5 * LEAD
     assert steps_within_limits(robot.ticks[AT:], PERIOD, run.problem.limits)
     assert robot.ticks[-1].status.speed == 0.0
@@ -106,7 +106,7 @@ def test_a_clock_that_runs_backwards_ends_in_a_stop(run):
 
 def test_what_waits_gets_every_set_point_however_late(run):
     robot = FollowingRobot(run, clock=SetClock({AT: 5.0}))
-    waiting = replace(robot.capabilities(), waits=True)
+    waiting = replace(robot.capabilities(), waits=True, measures=False)
     robot.capabilities = lambda: waiting
     assert executed(run, robot).snapshot()["phase"] == "done"
     assert np.allclose(np.diff([tick.t for tick in robot.ticks]), PERIOD)

@@ -23,9 +23,6 @@ from optiplan.runs.run import Run
 LEAD = 0.4
 """s: so long the robot goes on without us before it stops along its path; goals follow one another in half of it."""
 
-EVERY = 2
-"""Of the samples of a way ahead, each so-many-th becomes a point: 8 ms apart."""
-
 DELAY = 0.1
 """s by which the robot is later than the set-points, longer than a goal takes to arrive."""
 
@@ -148,7 +145,7 @@ class Ros2ControlDriver:
                 "accelerations": (ahead.a[k] if k < last else 0.0 * ahead.a[k]).tolist(),
                 "time_from_start": _duration(max(ahead.t[k] - t, GAP)),
             }
-            for k in sorted({*range(0, last, EVERY), last})
+            for k in range(last + 1)
             if k == last or ahead.t[k] >= t + GAP
         ]
         header = {"stamp": _duration(start), "frame_id": ""}

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.cores import keeping_time
+from optiplan.cores import keeping_time, take_turns
 from optiplan.errors import OptiPlanError
 from optiplan.problem.problem import Problem
 from optiplan.simulation.controllers.base import JointTarget
@@ -43,6 +43,9 @@ STEPS = 2
 
 MOST_BEHIND = 0.5
 """s: a simulation that is behind catches up, but one that is later than this lets time pass."""
+
+WARM_UP = 20
+"""Cycles before the first set-point."""
 
 GAIN = 50.0
 """1/s, of the ideal robot."""
@@ -100,9 +103,18 @@ class SimulatedRobot:
         self._names = objects_of(problem)
         self._course = course = TaskCourse(stages, self._names, plant, drive, payload)
         course.places = lambda _: self._place
+        for stage in stages:
+            assumed_dynamics(stage.problem.robot, payload)  # what is kept of each robot is made now
         data = problem.robot.model.createData()
         pin.framesForwardKinematics(problem.robot.model, data, np.asarray(motion.end))
         self._planned = object_poses(self._names, stages[-1].problem.scene, problem.robot, data)
+
+    def warm_up(self) -> None:
+        """Hold the robot where it stands for some cycles, so that nothing is done for the first time later on."""
+        q = np.array(self.plant.q)
+        for _ in range(WARM_UP):
+            self.cycle(q, 0.0 * q, 0.0 * q, 0.0)
+        self.touched.clear()
 
     def cycle(self, q: Array, v: Array, a: Array, place: float) -> None:
         """Follow a reference q, v, a (n,), at a place of the path, s, for a cycle."""
@@ -132,7 +144,7 @@ class RealTime:
     """
 
     def __init__(self, end: socket.socket, setup: Setup) -> None:
-        self._end, self._robot = end, SimulatedRobot(setup)
+        self._end, self.robot = end, SimulatedRobot(setup)
         start = np.asarray(setup.motion.start)
         self._n, self._place = len(start), 0.0
         self._reference = ReceivedSetPoints(start, setup.silence)
@@ -152,6 +164,7 @@ class RealTime:
             self._late.append(max(0.0, now - due))
             if now - due > MOST_BEHIND:
                 self._slipped, due = self._slipped + now - due, now
+                take_turns()  # it is too slow for real time, and would leave nothing to others
             time.sleep(max(0.0, due - now))
 
     def _take_packets(self) -> None:
@@ -177,7 +190,7 @@ class RealTime:
                 self._reference.stopping = True
 
     def _cycle(self, now: float) -> None:
-        robot = self._robot
+        robot = self.robot
         q, v, a = self._reference.at(now)
         robot.cycle(q, v, a, self._place)
         if not np.isfinite(robot.plant.q).all():
@@ -193,9 +206,9 @@ class RealTime:
         """Return what came of it, for JSON; times in s, distances in rad or m."""
         between, late = np.diff(np.array(self._arrivals)), np.array(self._late)
         return {
-            "engine_time": self._robot.t,
-            "contacts": sorted(map(list, self._robot.touched)),
-            "objects": self._robot.objects(),
+            "engine_time": self.robot.t,
+            "contacts": sorted(map(list, self.robot.touched)),
+            "objects": self.robot.objects(),
             "error_rms": float(np.sqrt(self._square / max(1, self._count))),
             "error_max": self._most,
             "interval_std": float(between.std()) if len(between) else None,
@@ -212,6 +225,7 @@ def main() -> None:
     setup: Setup = pickle.load(sys.stdin.buffer)
     try:
         loop = RealTime(end, setup)
+        loop.robot.warm_up()
         gc.freeze()  # imported modules are not looked through for garbage on the way
         end.send(Packet.READY.value)
         with keeping_time():

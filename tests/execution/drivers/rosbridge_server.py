@@ -71,14 +71,14 @@ class Robot:
             while True:
                 self.receive(connection)
                 with self.lock:
-                    q, v = self.at(self.clock())
-                    if self.goal is not None and self.clock() > self.t[-1]:
+                    now = self.clock()
+                    q, v = self.at(now)
+                    if self.goal is not None and now > self.t[-1]:
                         self.answers.append((self.goal, 4))
                         self.goal = None
                     answers, self.answers = self.answers, []
                 self.seen.append(q)
-                whole = self.clock()
-                stamp = {"sec": int(whole), "nanosec": int(1e9 * (whole % 1.0))}
+                stamp = {"sec": int(now), "nanosec": int(1e9 * (now % 1.0))}
                 order = [*self.names[::-1], "gripper"]
                 message = {"header": {"stamp": stamp}, "name": order, "position": [*q[::-1], 0.02]}
                 self.publish(connection, "/joint_states", {**message, "velocity": [*v[::-1], 0.0]})
