@@ -41,30 +41,29 @@ def _share(group: Path) -> float | None:
     return share if share > 0.0 else None
 
 
+def take_turns() -> None:
+    """Let this thread run as all others do, in place of what `keeping_time` gave it."""
+    with suppress(OSError, AttributeError):
+        os.sched_setscheduler(threading.get_native_id(), os.SCHED_OTHER, os.sched_param(0))
+
+
 @contextmanager
 def keeping_time() -> Iterator[None]:
-    """Let this thread run as soon as it wakes, meanwhile, before other programs.
+    """Let this thread run as soon as it wakes, meanwhile, before other programs: by `SCHED_FIFO`, where the user may.
 
-    Where this user may, that is under SCHED_RR (sched(7)). It must sleep most of the time. Other threads of Python give
-    way to it after 0.5 ms. Threads that it starts do the same.
+    It must sleep most of the time. Other threads of Python give way to it after 0.5 ms.
     """
-    with suppress(OSError, AttributeError):  # root, CAP_SYS_NICE or RLIMIT_RTPRIO; elsewhere than on Linux other calls
-        os.sched_setscheduler(threading.get_native_id(), os.SCHED_RR, os.sched_param(1))
+    with suppress(OSError, AttributeError):  # who may not keeps time as well as the machine is free
+        os.sched_setscheduler(threading.get_native_id(), os.SCHED_FIFO, os.sched_param(1))
     with _switching:
         _before.append(sys.getswitchinterval())
         sys.setswitchinterval(min(QUICK, _before[0]))
     try:
         yield
     finally:
-        give_way()
+        take_turns()
         with _switching:
             first = _before[0]
             _before.pop()
             if not _before:
                 sys.setswitchinterval(first)
-
-
-def give_way() -> None:
-    """Let this thread run as others do: one that computes for long would take the machine from them."""
-    with suppress(OSError, AttributeError):
-        os.sched_setscheduler(threading.get_native_id(), os.SCHED_OTHER, os.sched_param(0))

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from optiplan.cores import QUICK, cores, give_way, keeping_time
+from optiplan.cores import QUICK, cores, keeping_time, take_turns
 
 ALL = len(os.sched_getaffinity(0))
 
@@ -34,16 +34,16 @@ def test_without_a_group_all_cores_are_given(tmp_path):
 
 def test_a_thread_that_keeps_time_runs_before_others_until_it_gives_way():
     with keeping_time():
-        allowed, seen = os.sched_getscheduler(0) == os.SCHED_RR, []
-        for work in (lambda: None, give_way):
+        allowed, seen = os.sched_getscheduler(0) == os.SCHED_FIFO, []
+        for work in (lambda: None, take_turns):
             thread = threading.Thread(target=lambda work=work: (work(), seen.append(os.sched_getscheduler(0))))
             thread.start()
             thread.join()
-    assert seen == [os.SCHED_RR if allowed else os.SCHED_OTHER, os.SCHED_OTHER]
+    assert seen == [os.SCHED_FIFO if allowed else os.SCHED_OTHER, os.SCHED_OTHER]
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
 
 
-def test_threads_of_python_give_way_where_one_keeps_time():
+def test_threads_of_python_take_turns_where_one_keeps_time():
     before = sys.getswitchinterval()
     with keeping_time():
         assert sys.getswitchinterval() == pytest.approx(min(before, QUICK))

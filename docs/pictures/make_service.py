@@ -113,7 +113,7 @@ def execution(page: Page, name: str) -> None:
     page.evaluate("document.getElementById('pane').scrollIntoView()")
     ball = "optiplanExecution.scene.obstacles.children.find((one) => one.name === 'ball')"
     at = page.evaluate(f"optiplanExecution.scene.onScreen({ball})")
-    there = page.evaluate("optiplanExecution.scene.onScreen(optiplanExecution.scene.root, 0.36, 0.3, 0.35)")
+    there = page.evaluate("optiplanExecution.scene.onScreen(optiplanExecution.scene.root, 0.14, 0.65, 0.35)")
     page.mouse.move(*at)
     page.mouse.down()
     page.mouse.move(*there, steps=20)

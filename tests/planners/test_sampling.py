@@ -157,7 +157,7 @@ def test_a_path_is_told_early_and_is_free_and_then_made_shorter():
     assert path_time(path.waypoints, velocity).sum() < path_time(told[0], velocity).sum()
 
 
-def test_rounds_give_way_and_so_do_the_goals():
+def test_rounds_take_turns_and_so_do_the_goals():
     """A goal that comes first in one round is the last in the next; the other searcher has more iterations."""
     rounds = []
 
@@ -181,7 +181,7 @@ def test_rounds_give_way_and_so_do_the_goals():
 
 
 @pytest.mark.parametrize(("begun", "turns"), [(0, "RKRKTRTKTRTTTKTT"), (2, "TRTKTRTTTKTT")])
-def test_thinner_obstacles_give_way_after_the_second_round_of_both(begun, turns):
+def test_thinner_obstacles_take_turns_after_the_second_round_of_both(begun, turns):
     """Where the first two rounds have been made before, they come first."""
     rounds = []
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from optiplan.api.driving import driver
 from optiplan.bench.execution.keeper import RESPITE
-from optiplan.cores import give_way, keeping_time
+from optiplan.cores import keeping_time, take_turns
 from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.execution.execution import Execution
 from optiplan.execution.executor import Executor
@@ -183,7 +183,7 @@ class Executing:
             self._replies.put({"reply": number, **answer})
 
         def work_for_long() -> None:
-            give_way()
+            take_turns()
             work()
 
         if message["do"] == "splice":  # it is verified first, which takes a moment

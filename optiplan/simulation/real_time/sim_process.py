@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.cores import give_way, keeping_time
+from optiplan.cores import take_turns, keeping_time
 from optiplan.errors import OptiPlanError
 from optiplan.problem.problem import Problem
 from optiplan.simulation.controllers.base import JointTarget
@@ -164,7 +164,7 @@ class RealTime:
             self._late.append(max(0.0, now - due))
             if now - due > MOST_BEHIND:
                 self._slipped, due = self._slipped + now - due, now
-                give_way()  # it is too slow for real time, and would leave nothing to others
+                take_turns()  # it is too slow for real time, and would leave nothing to others
             time.sleep(max(0.0, due - now))
 
     def _take_packets(self) -> None:
