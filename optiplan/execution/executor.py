@@ -234,7 +234,8 @@ class Executor(LawFollower):
         if clear is None:
             self._lead()
         else:
-            self._law, self._wanted, self._pending = clear, 0.0, False
+            self._law = self._chosen = clear
+            self._wanted, self._pending = 0.0, False
 
     def _accept(self, planning: PlanningProcess) -> None:
         """Let a path of the policy take over, if it came in time and is clear."""

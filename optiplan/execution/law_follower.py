@@ -25,6 +25,7 @@ class LawFollower:
     _path: ProvedPath
     _stretch: PathStretch
     _law: "TimeLaw"
+    _chosen: "TimeLaw | None" = None  # a law of the policy, which may go on for a while before it stops
     _override: float
     _wanted: float  # speed that the law is to lead to
     _pending: bool  # whether it does not yet
@@ -111,7 +112,7 @@ class LawFollower:
             self._pending = False  # until the next data
             kept = self._people.choose(self._stretch, self._law, self.time, self._wanted)
             return kept is not None and self._follow(kept)
-        if self._law.target == self._wanted:  # it is on its way there
+        if self._law.target == self._wanted and self._law is not self._chosen:  # it is on its way there
             self._pending = False
             return False
         self._pending = True

@@ -41,6 +41,20 @@ def test_without_updates_a_slow_robot_stops(run):
     assert (tick.status.phase, tick.status.speed) == ("waiting", 0.0)
 
 
+def test_a_stop_does_not_wait_for_the_policy(run):
+    ball, velocity = flying(run)
+    executor = op.Executor(run, policy=op.Policy("slow", period=0.08))
+    for _ in range(100):
+        executor.tick(DT)
+    executor.update_scene({"ball": op.Sphere("ball", radius=0.06, position=tuple(ball(0.1)))}, {"ball": velocity})
+    assert executor.status.reason
+    executor.stop("enough")
+    for _ in range(20):
+        tick = executor.tick(DT)
+    assert tick.status.speed < 0.99
+    assert (tick.status.phase, tick.status.reason) == ("stopping", "enough")
+
+
 def test_the_policy_stop_waits_for_resume(run):
     ball, velocity = flying(run)
     executor, ticks, _ = executed(run, "stop", ball, velocity, most=2.0)
