@@ -58,6 +58,6 @@ def test_a_process_that_ends_stops_the_robot(run):
     assert "process" in tick.status.reason
 
 
-def test_a_task_is_not_planned_anew(run_of):
-    with pytest.raises(op.InputError, match="a run of a task"):
-        op.Executor(run_of("40_panda_sorts_cubes"), policy="replan")
+def test_a_run_past_vias_is_not_planned_anew(run_of):
+    with pytest.raises(op.InputError, match="a run of vias"):
+        op.Executor(run_of("22_via_spline"), policy="replan")
