@@ -37,6 +37,9 @@ TOO_LATE = "the stop comes too late"
 KEPT_STATES = 64
 """Predicted states that a splice may begin at."""
 
+AT_ONCE = 1e-6
+"""s of the path, just after its start."""
+
 STOP_PLACES = 200
 """Places of a motion for which `stopping` gives the stop."""
 
@@ -193,6 +196,10 @@ class Executor(LawFollower):
             return
         if self._scene.people is not None:
             self._lead()
+        if self.time == 0.0:  # before the first tick there is time for what `reverse` needs
+            back = self._path.backwards(min(AT_ONCE, self._path.motion.duration), 0.0)
+            if back is not None:
+                self._scene.prepare(back)
         self._turned = None  # it was checked before
         if self._detour is not None:
             self._detour.forget()

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 SHARES = (1.0, 0.7, 0.5)
 """Of the limits of acceleration that stops are tried with: torques may not allow all of it."""
 
-SAME_TIME = 1e-9
-"""s; phases of joints that end so close to each other end together."""
+SAME_TIME = 1e-11
+"""s; phases of joints that end so close to each other end together. Accelerations may step by twice that times jerk."""
 
 ROUNDING = 1e-9
 """Share of a limit by which rounding may exceed it."""

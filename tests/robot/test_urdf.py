@@ -53,7 +53,7 @@ def test_a_missing_visual_mesh_is_only_noted(tmp_path):
     assert [note for note in robot.notes if "none.dae is missing" in note]
 
 
-def test_visuals_that_cannot_be_read_take_turns_to_collision_shapes(tmp_path, caplog):
+def test_visuals_that_cannot_be_read_give_way_to_collision_shapes(tmp_path, caplog):
     (tmp_path / "bad.stl").write_text("this is no mesh")
     robot = load_robot(str(write_robot(tmp_path, meshed("visual", "bad.stl"))))
     assert robot.visual.ngeoms == robot.geometry.ngeoms == 2
