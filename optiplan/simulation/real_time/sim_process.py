@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.cores import take_turns, keeping_time
+from optiplan.cores import keeping_time, take_turns
 from optiplan.errors import OptiPlanError
 from optiplan.problem.problem import Problem
 from optiplan.simulation.controllers.base import JointTarget
