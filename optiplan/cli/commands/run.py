@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from optiplan.cli.commands.plan import BUDGET, PLANNER, positive
+from optiplan.cli.commands.plan import BUDGET, positive
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 FILE = "a problem file, the name of an example, or the folder of a run"
 DRIVER = "what moves: sim (a simulated robot in real time), file, ros2_control or ur_rtde"
 ENGINE = "of sim: mujoco, own or ideal (default: mujoco where it is installed)"
-DEVIATION = "rad or m: a measured joint farther from its set-point ends in a stop"
+PLANNER = "instead of the file's; see: planners"
+DEVIATION = "rad or m: a measured joint farther from the path ends in a stop"
 PATIENCE = "seconds: a set-point that comes as late as this ends in a stop"
 VIEW = "begin, steer and stop it on a page, where obstacles can be dragged; Ctrl-C ends"
 INTERRUPTED = 130

@@ -35,7 +35,7 @@ def started(run, **options):
     return driver, execution
 
 
-@pytest.mark.parametrize("engine", ["mujoco", "own", "ideal"])
+@pytest.mark.parametrize("engine", ["mujoco", "own"])
 def test_it_follows_a_motion(run, engine):
     if engine == "mujoco":
         pytest.importorskip("mujoco")
