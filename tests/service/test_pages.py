@@ -254,6 +254,7 @@ def test_edit_drag_plan_watch_and_play(page, server, problems):
     page.click("#plan")
     page.wait_for_selector("#link:not([hidden])", state="attached")
     assert page.inner_text("#state") == "verified"
+    assert page.get_attribute("#execute", "href").startswith("execution#run=")
     assert page.locator("#improvements li").count() >= 1
     page.frame_locator("#page").locator("canvas").first.wait_for()
     page.click("#back")
@@ -276,6 +277,7 @@ def test_runs_are_listed_and_compared(page, server):
     page.goto(server.url)
     for run in runs:
         page.wait_for_selector(f"a[href='runs/{run['id']}']")
+        assert page.locator(f"a[href='execution#run={run['id']}']").count() == int(run["verified"])
         page.locator(".run", has=page.locator(f"a[href='runs/{run['id']}']")).locator("input").check()
     page.wait_for_function("[...document.images].some((one) => one.complete && one.naturalWidth > 0)")
     page.click("#compare")

@@ -88,7 +88,7 @@
     Object.assign(live, { id, last: null, states: 0, heard: performance.now(), past: [], motion: 0, events: new EventSource(`api/executions/${id}/events`) });
     history.replaceState(null, "", "#" + id);
     for (const knob of KNOBS) byId(knob).disabled = false;
-    byId("begin").disabled = true;
+    byId("begin").disabled = byId("lease").disabled = true;
     live.events.addEventListener("state", (event) => draw(JSON.parse(event.data)));
     live.events.addEventListener("end", (event) => ended(JSON.parse(event.data).reason));
     live.events.addEventListener("error", () => { if (live.id === id && live.events.readyState === EventSource.CLOSED) setTimeout(() => again(id), 1000); });
@@ -111,7 +111,7 @@
     if (live.events) live.events.close();
     Object.assign(live, { id: null, events: null });
     for (const knob of KNOBS) byId(knob).disabled = true;
-    byId("begin").disabled = false;
+    byId("begin").disabled = byId("lease").disabled = false;
     byId("right").classList.remove("stale");
     say("ended", reason, reason === "done" ? "verified" : "refused");
   }

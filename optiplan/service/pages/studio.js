@@ -87,7 +87,7 @@
     const { status, data } = await post("api/runs", asked);
     byId("watch").hidden = false;
     byId("improvements").replaceChildren();
-    byId("link").hidden = true;
+    byId("link").hidden = byId("execute").hidden = true;
     state.points = [];
     curve();
     if (status !== 202) { tell("failed", data.error); return; }
@@ -134,6 +134,7 @@
     tell(word, said);
     if (run.status === "cancelled") return;
     Object.assign(byId("link"), { href: "runs/" + run.id, hidden: false });
+    Object.assign(byId("execute"), { href: "execution#run=" + run.id, hidden: !run.verified });
     if (run.status !== "done") return;
     byId("page").src = "runs/" + run.id;
     byId("page").hidden = byId("back").hidden = false;
