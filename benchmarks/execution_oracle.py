@@ -20,8 +20,8 @@ import numpy as np
 from published import percentiles, print_json, print_table, table_parser, write_markdown
 
 import optiplan as op
-from optiplan.execution.path_laws import PathPlace
-from optiplan.execution.proved_path import ProvedPath
+from optiplan.execution.paths.path_laws import PathPlace
+from optiplan.execution.paths.proved_path import ProvedPath
 from optiplan.robot.batched.dynamics import inverse_dynamics
 
 RUNS = ("01_reach", "09_ur5", "15_srra", "22_via_spline")

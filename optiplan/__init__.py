@@ -50,11 +50,11 @@ if TYPE_CHECKING:
     from optiplan.execution.chunks.certify import certify
     from optiplan.execution.chunks.chunk import Chunk
     from optiplan.execution.drivers.base import Capabilities, Driver
-    from optiplan.execution.execution import Execution
     from optiplan.execution.executor import Executor
+    from optiplan.execution.loop.execution import Execution
     from optiplan.execution.measurement import Measurement
-    from optiplan.execution.policy import Policy
-    from optiplan.execution.separation import Separation
+    from optiplan.execution.scene.policy import Policy
+    from optiplan.execution.scene.separation import Separation
     from optiplan.execution.status import KeptSeparation, Status, Stopping, Tick
     from optiplan.execution.tracking_monitor import TrackingPolicy
     from optiplan.geometry.pose import Pose
@@ -125,12 +125,12 @@ _ROOMS = {
     "execution.chunks.certify": ("certify",),
     "execution.chunks.chunk": ("Chunk",),
     "execution.drivers.base": ("Capabilities", "Driver"),
-    "execution.execution": ("Execution",),
+    "execution.loop.execution": ("Execution",),
     "execution.executor": ("Executor",),
     "execution.measurement": ("Measurement",),
     "execution.tracking_monitor": ("TrackingPolicy",),
-    "execution.policy": ("Policy",),
-    "execution.separation": ("Separation",),
+    "execution.scene.policy": ("Policy",),
+    "execution.scene.separation": ("Separation",),
     "execution.status": ("KeptSeparation", "Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),

@@ -2,7 +2,7 @@
 
 import math
 
-from optiplan.execution.proved_path import ProvedPath
+from optiplan.execution.paths.proved_path import ProvedPath
 from optiplan.trajectory.segments import Segment
 
 

@@ -11,18 +11,18 @@ from optiplan.arrays import is_finite
 from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import checked_arguments, checked_step, is_share, told
 from optiplan.execution.due_events import DueEvents
-from optiplan.execution.joint_stop import Detour, JointStops
 from optiplan.execution.law_follower import LawFollower
-from optiplan.execution.next_path import NextPath, spliced_path
-from optiplan.execution.path_laws import PathPlace, SetPoint
-from optiplan.execution.planning_process import PlanningProcess
-from optiplan.execution.policy import Policy, Reaction
-from optiplan.execution.proved_path import PathStretch, ProvedPath, Turned
-from optiplan.execution.scene_watch import BlockedPlace, SceneWatch
-from optiplan.execution.seen_scene import SceneUpdate, SeenScene
-from optiplan.execution.separation import Separation, SeparationMonitor
+from optiplan.execution.loop.stop_ahead import way_ahead
+from optiplan.execution.paths.joint_stop import Detour, JointStops
+from optiplan.execution.paths.next_path import NextPath, spliced_path
+from optiplan.execution.paths.path_laws import PathPlace, SetPoint
+from optiplan.execution.paths.proved_path import PathStretch, ProvedPath, Turned
+from optiplan.execution.scene.planning_process import PlanningProcess
+from optiplan.execution.scene.policy import Policy, Reaction
+from optiplan.execution.scene.scene_watch import BlockedPlace, SceneWatch
+from optiplan.execution.scene.seen_scene import SceneUpdate, SeenScene
+from optiplan.execution.scene.separation import Separation, SeparationMonitor
 from optiplan.execution.status import Ahead, Held, Status, Stopping, Tick, phase_of
-from optiplan.execution.stop_ahead import way_ahead
 from optiplan.execution.tracking_monitor import TrackingMonitor, TrackingPolicy
 from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run

@@ -3,12 +3,12 @@
 from typing import TYPE_CHECKING
 
 from optiplan.execution.due_events import DueEvents
-from optiplan.execution.joint_stop import Detour
-from optiplan.execution.next_path import NextPath
-from optiplan.execution.path_laws import SetPoint
-from optiplan.execution.proved_path import PathStretch, ProvedPath, Turned
-from optiplan.execution.seen_scene import SeenScene
-from optiplan.execution.separation import SeparationMonitor
+from optiplan.execution.paths.joint_stop import Detour
+from optiplan.execution.paths.next_path import NextPath
+from optiplan.execution.paths.path_laws import SetPoint
+from optiplan.execution.paths.proved_path import PathStretch, ProvedPath, Turned
+from optiplan.execution.scene.seen_scene import SeenScene
+from optiplan.execution.scene.separation import SeparationMonitor
 from optiplan.execution.status import Held
 
 if TYPE_CHECKING:

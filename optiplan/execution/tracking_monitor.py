@@ -11,7 +11,7 @@ from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import numbers, told
 from optiplan.execution.clearance_left import ClearanceLeft
 from optiplan.execution.measurement import Measurement
-from optiplan.execution.proved_path import ProvedPath
+from optiplan.execution.paths.proved_path import ProvedPath
 from optiplan.trajectory.state import State
 
 LEAP = 0.1

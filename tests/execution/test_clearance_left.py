@@ -5,7 +5,7 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.model import CollisionModel
-from optiplan.execution.proved_path import ProvedPath
+from optiplan.execution.paths.proved_path import ProvedPath
 
 
 @pytest.mark.parametrize("name", ["02_shelf", "15_srra"])

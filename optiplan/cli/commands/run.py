@@ -17,7 +17,7 @@ from optiplan.errors import OptiPlanError
 
 if TYPE_CHECKING:
     from optiplan.execution.drivers.base import Driver
-    from optiplan.execution.execution import Execution
+    from optiplan.execution.loop.execution import Execution
     from optiplan.runs.run import Run
 
 FILE = "a problem file, the name of an example, or the folder of a run"
@@ -97,8 +97,8 @@ def _executed(
 ) -> tuple[dict[str, Any], bool]:
     """Execute a motion here; return what came of it, and whether Ctrl-C was pressed."""
     from optiplan.api.driving import driver as driver_of
-    from optiplan.execution.execution import Execution
     from optiplan.execution.executor import Executor
+    from optiplan.execution.loop.execution import Execution
 
     executor = Executor(motion, override=steering["override"], deviation=steering["deviation"])
     with stdout_is_ours():

@@ -14,8 +14,8 @@ import numpy as np
 
 from optiplan.arrays import is_finite
 from optiplan.errors import OptiPlanError, described, wrong_argument
-from optiplan.execution.clock_offset import ClockOffset
 from optiplan.execution.drivers.base import Capabilities, DriverError
+from optiplan.execution.loop.clock_offset import ClockOffset
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Ahead, Tick
 from optiplan.runs.run import Run

@@ -15,9 +15,9 @@ from optiplan.api.driving import driver
 from optiplan.bench.execution.keeper import RESPITE
 from optiplan.cores import keeping_time, take_turns
 from optiplan.errors import InputError, Issue, OptiPlanError
-from optiplan.execution.execution import Execution
 from optiplan.execution.executor import Executor
-from optiplan.execution.tick_loop import PATIENCE
+from optiplan.execution.loop.execution import Execution
+from optiplan.execution.loop.tick_loop import PATIENCE
 from optiplan.geometry.pose import Pose
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run

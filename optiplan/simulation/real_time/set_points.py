@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.execution.clock_offset import ClockOffset
+from optiplan.execution.loop.clock_offset import ClockOffset
 
 RATE = 0.02
 """By which share the reference may run faster or slower than time, to come in step with the sender's clock."""

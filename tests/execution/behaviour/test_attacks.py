@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import optiplan as op
-from optiplan.execution.next_path import NextPath
-from optiplan.execution.path_laws import PathPlace
-from optiplan.execution.proved_path import ProvedPath
+from optiplan.execution.paths.next_path import NextPath
+from optiplan.execution.paths.path_laws import PathPlace
+from optiplan.execution.paths.proved_path import ProvedPath
 
 DT = 1e-3
 

@@ -8,10 +8,10 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite
 from optiplan.execution.arguments import numbers, told
-from optiplan.execution.next_path import NextPath
-from optiplan.execution.proved_path import PathStretch, ProvedPath
-from optiplan.execution.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
-from optiplan.execution.separation import SeparationMonitor
+from optiplan.execution.paths.next_path import NextPath
+from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
+from optiplan.execution.scene.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
+from optiplan.execution.scene.separation import SeparationMonitor
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
 

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 from optiplan.errors import OptiPlanError
 from optiplan.execution.arguments import same_state
-from optiplan.execution.proved_path import ProvedPath
-from optiplan.execution.scene_watch import SceneWatch
+from optiplan.execution.paths.proved_path import ProvedPath
+from optiplan.execution.scene.scene_watch import SceneWatch
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
 

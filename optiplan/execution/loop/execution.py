@@ -18,8 +18,8 @@ from optiplan.errors import described, wrong_argument
 from optiplan.execution.arguments import LONGEST_TICK, numbers
 from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
 from optiplan.execution.executor import Executor
-from optiplan.execution.proved_path import ProvedPath
-from optiplan.execution.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop, in_words
+from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop, in_words
+from optiplan.execution.paths.proved_path import ProvedPath
 from optiplan.geometry.pose import Pose, Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State

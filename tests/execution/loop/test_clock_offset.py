@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from optiplan.execution.clock_offset import ClockOffset
+from optiplan.execution.loop.clock_offset import ClockOffset
 
 
 def test_the_smallest_delay_counts():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel, standing_body
-from optiplan.execution.proved_path import PathStretch, ProvedPath
+from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.trajectory.joining import cut_trajectory

@@ -7,7 +7,7 @@ import pytest
 
 import optiplan as op
 from optiplan.errors import OptiPlanError
-from optiplan.execution.tick_loop import PATIENCE, SETTLE, in_words
+from optiplan.execution.loop.tick_loop import PATIENCE, SETTLE, in_words
 from tests.execution.in_process import FollowingRobot, SetClock, executed, steps_within_limits
 
 PERIOD = 1e-3

@@ -25,8 +25,8 @@ from optiplan._core import core
 from optiplan.arrays import is_finite
 from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import told
-from optiplan.execution.proved_path import PathStretch, ProvedPath
-from optiplan.execution.scene_watch import SceneWatch, SeenObstacle
+from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
+from optiplan.execution.scene.scene_watch import SceneWatch, SeenObstacle
 from optiplan.execution.status import KeptSeparation
 from optiplan.geometry.shape import Shape
 

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.execution.path_laws import Load, PathLaws, PathPlace, _curvature, reversed_motion
+from optiplan.execution.paths.path_laws import Load, PathLaws, PathPlace, _curvature, reversed_motion
 from optiplan.problem.problem import derived
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.timing.compose import compose

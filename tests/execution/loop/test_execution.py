@@ -214,7 +214,7 @@ def test_a_robot_whose_state_is_not_known_is_not_started(run, monkeypatch, age):
         def state(self):
             return None if age is None else Measurement(self.q, 0.0 * self.q, 0.0, age)
 
-    monkeypatch.setattr("optiplan.execution.execution.FIRST_STATE", 0.05)
+    monkeypatch.setattr("optiplan.execution.loop.execution.FIRST_STATE", 0.05)
     with pytest.raises(DriverError, match="no new state"):
         op.Execution(op.Executor(run), Silent(run)).start()
 

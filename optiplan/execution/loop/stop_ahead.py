@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.execution.path_laws import PathLaws, PathPlace
+from optiplan.execution.paths.path_laws import PathLaws, PathPlace
 from optiplan.execution.status import Ahead
 
 if TYPE_CHECKING:

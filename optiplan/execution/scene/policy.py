@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from optiplan.arrays import is_finite
 from optiplan.errors import described, wrong_argument
-from optiplan.execution.path_laws import PathLaws, PathPlace
-from optiplan.execution.separation import Separation
+from optiplan.execution.paths.path_laws import PathLaws, PathPlace
+from optiplan.execution.scene.separation import Separation
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw

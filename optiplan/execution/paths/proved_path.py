@@ -10,7 +10,7 @@ from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import told
 from optiplan.execution.clearance_left import ClearanceLeft
-from optiplan.execution.path_laws import Load, PathLaws
+from optiplan.execution.paths.path_laws import Load, PathLaws
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolAcceleration
 from optiplan.problem.problem import Problem

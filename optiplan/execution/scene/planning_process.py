@@ -10,12 +10,12 @@ from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING
 
 from optiplan.errors import OptiPlanError, wrong_argument
-from optiplan.execution.next_path import NextPath
-from optiplan.execution.planning_worker import MARGIN, PLANNER, FirstMotion, ReplanReply, ReplanRequest, serve
-from optiplan.execution.policy import Policy
-from optiplan.execution.proved_path import ProvedPath
-from optiplan.execution.scene_watch import SceneWatch
-from optiplan.execution.seen_scene import SeenScene
+from optiplan.execution.paths.next_path import NextPath
+from optiplan.execution.paths.proved_path import ProvedPath
+from optiplan.execution.scene.planning_worker import MARGIN, PLANNER, FirstMotion, ReplanReply, ReplanRequest, serve
+from optiplan.execution.scene.policy import Policy
+from optiplan.execution.scene.scene_watch import SceneWatch
+from optiplan.execution.scene.seen_scene import SeenScene
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
 

@@ -8,9 +8,9 @@ from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.control.braking import stop_phases
-from optiplan.execution.path_laws import Load, PathLaws, SetPoint
-from optiplan.execution.proved_path import PathStretch, ProvedPath, Turned
-from optiplan.execution.seen_scene import SeenScene
+from optiplan.execution.paths.path_laws import Load, PathLaws, SetPoint
+from optiplan.execution.paths.proved_path import PathStretch, ProvedPath, Turned
+from optiplan.execution.scene.seen_scene import SeenScene
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.problem.task.timeline import ScenePart
 from optiplan.robot.robot import Limits

@@ -7,11 +7,11 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.model import CollisionModel
-from optiplan.execution.joint_stop import JointStops, quickest_stop, within_limits
-from optiplan.execution.path_laws import PathPlace, SetPoint
-from optiplan.execution.proved_path import ProvedPath
-from optiplan.execution.scene_watch import SceneWatch
-from optiplan.execution.seen_scene import SeenScene
+from optiplan.execution.paths.joint_stop import JointStops, quickest_stop, within_limits
+from optiplan.execution.paths.path_laws import PathPlace, SetPoint
+from optiplan.execution.paths.proved_path import ProvedPath
+from optiplan.execution.scene.scene_watch import SceneWatch
+from optiplan.execution.scene.seen_scene import SeenScene
 from optiplan.problem.problem import derived
 
 DT = 1e-3

@@ -6,8 +6,8 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.kept_models import collision_model
-from optiplan.execution.proved_path import ProvedPath
-from optiplan.execution.scene_watch import SceneWatch, SeenObstacle
+from optiplan.execution.paths.proved_path import ProvedPath
+from optiplan.execution.scene.scene_watch import SceneWatch, SeenObstacle
 
 DT = 1e-3
 

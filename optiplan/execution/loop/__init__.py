@@ -1,0 +1,1 @@
+"""The loop that gives the set-points of an executor to a driver."""

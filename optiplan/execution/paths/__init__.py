@@ -1,0 +1,1 @@
+"""A proved path, its laws, stops and what takes over."""

@@ -1,0 +1,1 @@
+"""What moves around the robot: seen, watched, avoided, kept apart."""
