@@ -27,7 +27,7 @@ import pinocchio as pin
 from published import print_json, print_table, table_parser, write_markdown
 
 import optiplan as op
-from optiplan.execution import planning_process
+from optiplan.execution.scene import planning_process
 from optiplan.geometry.shapes import build_geometry
 
 ROBOTS = {"panda": "01_reach", "ur5": "09_ur5"}

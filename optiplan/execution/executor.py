@@ -288,7 +288,7 @@ class Executor(LawFollower):
     def follow(self, ahead: Ahead, reason: str) -> None:
         """Take over the stop of `ahead` in a robot that began it by itself at `ahead.turn`, which is now."""
         self._held, self._reason, self._next, self._pending = "stopped", reason, None, False
-        self._law = ahead.law
+        self._law, self._turned = ahead.law, None
 
     def splice(self, run: Run | ProvedPath) -> bool:
         """Let another verified run take over where it begins: in a state that `state_in` returned.
@@ -338,6 +338,10 @@ class Executor(LawFollower):
         if reason and self._held != "stopped":
             self.stop(reason)
         return Tick(self.time, point.q, point.v, point.a, point.torque, self._events.by(place), self._status(point))
+
+    def prepare(self) -> None:
+        """Make what `update_scene` needs, which takes 3 to 70 ms, before the first tick; else its first call does."""
+        self._scene.prepare(self._stretch)
 
     def close(self) -> None:
         """Leave the process that plans, if the policy has one, to the next run; else it ends with the executor."""

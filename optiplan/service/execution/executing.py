@@ -58,6 +58,7 @@ class Executing:
         speed = request["override"]
         self._executor = Executor(run, override=0.0 if request["paused"] else speed, **limits)
         self._executor.override = speed  # one that began with 0 stays paused
+        self._executor.prepare()
         self._driver = driver(request["driver"], run, **request["driver_options"])
         patience = request["patience"] or PATIENCE
         try:

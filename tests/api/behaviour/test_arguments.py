@@ -55,7 +55,7 @@ CALLS = (
     *("retime", "simulate", "verify", "workspace", "Budget", "Controller", "Problem", "Replanner", "State"),
     *("Pose", "Region", "ViaPoint", "Scene", "Box", "Sphere", "Cylinder", "Capsule", "HalfSpace"),
 )
-OTHERWISE = {"plot", "view", "planners", "robots", "casadi_problem"}
+OTHERWISE = {"plot", "view", "planners", "robots", "casadi_problem", "certify", "driver"}
 """Functions with `*runs` or without arguments, and those with cases of their own."""
 
 FIELD = {("Problem", "start_velocity"): "start.velocity", ("Problem", "start_acceleration"): "start.acceleration"}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
-from optiplan.execution import planning_process
+from optiplan.execution.scene import planning_process
 from tests.execution.flying import DT, executed, flying
 
 
