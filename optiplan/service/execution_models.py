@@ -49,7 +49,7 @@ class ExecutionRequest(MotionInput, PlanningChoices):
         gt=0,
         le=1e3,
         allow_inf_nan=False,
-        description="Distance of a measured joint from its set-point that stops the robot, rad or m; null: none does",
+        description="Distance of a measured joint from the path that stops the robot, rad or m; null: none does",
     )
     paused: bool = Field(False, description="Whether it stands until `resume`")
     rate: float | None = Field(
