@@ -341,7 +341,7 @@ class Executor(LawFollower):
 
     def prepare(self) -> None:
         """Make what `update_scene` needs, which takes 3 to 70 ms, before the first tick; else its first call does."""
-        self._scene.prepare(self._stretch)
+        self._scene.prepare(self._stretch, at_once=True)
 
     def close(self) -> None:
         """Leave the process that plans, if the policy has one, to the next run; else it ends with the executor."""

@@ -20,7 +20,8 @@ from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
 from optiplan.execution.executor import Executor
 from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop, in_words
 from optiplan.execution.paths.proved_path import ProvedPath
-from optiplan.geometry.pose import Pose, Values
+from optiplan.execution.scene.seen_scene import SceneUpdate
+from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
 
@@ -154,10 +155,10 @@ class Execution:
         self._command(lambda: self._executor.stop(reason))
 
     def update_scene(
-        self, poses: Mapping[str, Pose], velocities: Mapping[str, Values] | None = None, spread: float = 0.0
+        self, poses: SceneUpdate, velocities: Mapping[str, Values] | None = None, spread: float = 0.0, age: float = 0.0
     ) -> None:
-        """Obstacles have moved; see `Executor.update_scene`."""
-        self._command(lambda: self._executor.update_scene(poses, velocities, spread))
+        """Obstacles have moved, appeared or vanished; see `Executor.update_scene`."""
+        self._command(lambda: self._executor.update_scene(poses, velocities, spread, age))
 
     def state_in(self, latency: float) -> State:
         """Return the state `latency` s from now, where another motion can begin; see `Executor.state_in`.

@@ -109,9 +109,9 @@ class SeenScene:
             watch.prepare(path.forwards)
         return watch
 
-    def prepare(self, stretch: PathStretch) -> None:
-        """Make what a stretch needs, if anything was seen."""
-        if self._obstacles:
+    def prepare(self, stretch: PathStretch, *, at_once: bool = False) -> None:
+        """Make what a stretch needs, if anything was seen, or `at_once`."""
+        if at_once or self._obstacles:
             self._watch.prepare(stretch)
 
     def at(self, then: float) -> Scene:

@@ -219,6 +219,13 @@ def test_a_robot_whose_state_is_not_known_is_not_started(run, monkeypatch, age):
         op.Execution(op.Executor(run), Silent(run)).start()
 
 
+def test_how_old_an_update_of_the_scene_is_reaches_the_executor(run):
+    rule = op.Separation("person", reaction=0.1, intrusion=0.1, sensor_uncertainty=0.0, robot_uncertainty=0.0)
+    execution = op.Execution(op.Executor(run, separation=rule), FollowingRobot(run))
+    execution.update_scene({"person": None}, age=0.3)
+    assert execution.snapshot()["reason"] == "the last data about 'person' are 0.300 s old"
+
+
 def test_wrong_arguments_are_named(run):
     robot = FollowingRobot(run)
     with pytest.raises(InputError, match=r"op\.Execution: executor.*op\.Executor"):

@@ -22,6 +22,16 @@ def started(run, **options):
     return executor
 
 
+def test_a_prepared_path_is_not_made_by_the_first_update(ahead, monkeypatch):
+    run, at = ahead
+    executor = op.Executor(run, clearance=0.01)
+    executor.prepare()
+    executor.tick(DT)
+    monkeypatch.setattr("optiplan.execution.scene.scene_watch.NativeCollisionModel", None)  # cannot be made any more
+    executor.update_scene({"new": op.Sphere("new", 0.06, position=at)})
+    assert "'new'" in executor.status.reason
+
+
 @pytest.mark.parametrize(
     "shape", [lambda at: op.Sphere("new", 0.06, position=at), lambda at: op.Box("new", (0.1, 0.1, 0.1), position=at)]
 )
