@@ -45,7 +45,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def moved(text: str) -> str:
     """The text with links between files of the repository as links between pages."""
     pages = {
-        r"(?:\.\./)*docs/(?=[\w/-]+\.md)": "",
+        r"(?:\.\./)*docs/(?=[\w/-]+\.(?:md|png))": "",
         r"(?:\.\./)?(?:benchmarks/)?peers/README\.md": "peers.md",
         r"(?:\.\./|benchmarks/)README\.md": "benchmarks.md",
         r"CONTRIBUTING\.md": "contributing.md",
