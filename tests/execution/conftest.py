@@ -1,22 +1,44 @@
-"""Verified runs to execute, planned once."""
+"""Verified runs to execute, planned once, whatever the number of workers."""
 
+import os
+import pickle
+import time
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 import pytest
 
 import optiplan as op
 
 
-@cache
 def planned(name: str) -> op.Run:
+    """Return the verified run of a shipped problem."""
     problem = op.load_problem(name)
     run = op.plan(problem, budget=20.0 if problem.task else 3.0)
     assert run.verified, run
     return run
 
 
+def planned_once(name: str, folder: Path) -> op.Run:
+    """Return what the first worker that asks has planned, and left in a folder for the others."""
+    file = folder / f"{name}.run"
+    try:
+        os.close(os.open(folder / f"{name}.begun", os.O_CREAT | os.O_EXCL))
+    except FileExistsError:
+        until = time.monotonic() + 120.0
+        while not file.exists() and time.monotonic() < until:
+            time.sleep(0.05)
+    else:
+        whole = folder / f"{name}.part"
+        whole.write_bytes(pickle.dumps(planned(name)))
+        whole.rename(file)
+    return pickle.loads(file.read_bytes()) if file.exists() else planned(name)
+
+
 @pytest.fixture(scope="session")
-def run_of() -> Callable[[str], op.Run]:
+def run_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], op.Run]:
     """Return the verified run of a shipped problem."""
-    return planned
+    folder = tmp_path_factory.getbasetemp()
+    folder = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder  # that of all workers
+    return cache(lambda name: planned_once(name, folder))
