@@ -59,6 +59,8 @@ class Detour:
             keeps = speed > 0.0 or stretch is self.stop
             stop = None if keeps else stretch.laws.change_along(law, time, 0.0)
             return Turned(stretch, law if stop is None else stop)
+        if speed == 0.0:
+            return Turned(stretch, law)
         if not self._legs or self._legs[0].begin != law.settled:
             self._legs = self._onward(stretch, law, time, speed)
         return self._legs.pop(0) if self._legs else Turned(stretch, law)
@@ -66,6 +68,10 @@ class Detour:
     def forget(self) -> None:
         """Let what follows be checked again: obstacles have moved."""
         self._legs = [leg._replace(clear=False) for leg in self._legs]
+
+    def drop(self) -> None:
+        """Let what follows be found again: the present law has ended a while ago."""
+        self._legs = []
 
     def _onward(self, stretch: PathStretch, law: "TimeLaw", then: float, speed: float) -> list[Turned]:
         """Return what follows a law that ends at `then`, s: the way back, and the path."""
