@@ -141,7 +141,7 @@ def test_obstacles_may_appear_on_the_stop_and_on_the_way_back(run_of):
         name = f"box {k}"
         executor.update_scene({name: op.Box(name, (0.1, 0.1, 0.1 + 0.01 * k), position=(2.0 + 0.1 * k, 1.0, 1.0))})
         executor.override = 0.9 - 0.1 * k
-        for _ in range(250):
+        for _ in range(300):
             executor.tick(DT)
     assert executor.status.reason == ""
     assert not executor.status.off_path
