@@ -11,7 +11,7 @@ from optiplan.arrays import is_finite
 from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import LONGEST_TICK, checked_arguments, checked_step, is_share, same_state, told
 from optiplan.execution.due_events import DueEvents
-from optiplan.execution.law_follower import BLOCKED, LawFollower
+from optiplan.execution.law_follower import LawFollower
 from optiplan.execution.loop.stop_ahead import way_ahead
 from optiplan.execution.paths.joint_stop import Detour, JointStops
 from optiplan.execution.paths.next_path import NextPath, spliced_path
@@ -323,8 +323,9 @@ class Executor(LawFollower):
             return False
         self._tracking.prepare(found.path)
         coming = found._replace(watch=self._scene.watch_over(found.path))
-        if not self._enters(coming):
-            self.stop(BLOCKED)
+        fault = self._misfit(coming)
+        if fault:
+            self.stop(fault)
             return False
         self._next = coming
         return True

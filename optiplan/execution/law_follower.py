@@ -65,6 +65,15 @@ class LawFollower:
         elif not self._next.number and not self._enters(self._next):
             self.stop(BLOCKED)
 
+    def _misfit(self, coming: NextPath) -> str:
+        """Return why the path of `splice` may not take over, or nothing."""
+        place = self._stretch.place(self._law.at(coming.then)[0])
+        held, taken = self._path.held_at(place), coming.path.held_at(0.0)
+        if held != taken:
+            there, here = (", ".join(sorted(name for name, _ in of)) or "nothing" for of in (held, taken))
+            return f"the motion that was to take over begins with {here} in hand; the robot will hold {there}"
+        return "" if self._enters(coming) else BLOCKED
+
     def _enters(self, coming: NextPath) -> bool:
         """Whether what was seen leaves the path that takes over clear, or at least a stop that begins with it."""
         seen, stretch, then = self._scene.over(coming), coming.path.forwards, coming.then

@@ -118,7 +118,7 @@ class JointStops:
             return None
         point = stretch.laws.set_point(law, time)
         place, limits = stretch.place(point.place.s), self._path.run.problem.limits
-        k, within = self._part_at(place), law.settled - time if law.target == 0.0 else np.inf
+        k, within = self._path.part_at(place), law.settled - time if law.target == 0.0 else np.inf
         for share in SHARES:
             motion = quickest_stop(point, limits, share, self._path.motion.joint_names)
             if motion is None or motion.duration >= within or not within_limits(motion, limits):
@@ -137,10 +137,6 @@ class JointStops:
         if seen.blocked(off, stop, time, known=True) is not None:
             return None
         return Detour(off, stop, stretch, point.place.s)
-
-    def _part_at(self, place: float) -> int:
-        ends = [part.end for part in self._path.parts[:-1]]
-        return int(np.searchsorted(ends, place, side="right"))
 
     def _model(self, k: int) -> NativeCollisionModel:
         if k not in self._models:

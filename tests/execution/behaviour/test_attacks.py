@@ -10,6 +10,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.path_laws import PathPlace
 from optiplan.execution.paths.proved_path import ProvedPath
+from optiplan.problem.problem import derived
 
 DT = 1e-3
 
@@ -259,7 +260,7 @@ def beside(run_of):
     run = op.plan(run_of("01_reach").problem.with_scene([ball]), budget=3.0)
     executor = op.Executor(run)
     after(executor, 200)
-    goal = op.JointGoal(run.trajectory.end + np.array([0.9, 0, 0, 0, 0, 0, 0]))
+    goal = op.JointGoal(run.trajectory.end + np.array([1.4, 0, 0.9, 0, 0, 0, 0]))
     return run, op.plan(run.problem.with_goal(goal).with_start(executor.state_in(0.05)), budget=2.0)
 
 
@@ -285,13 +286,35 @@ def test_a_run_that_takes_over_knows_what_was_seen_elsewhere(beside):
     assert not any(model.collides(tick.q) for tick in ticks)
 
 
-def test_a_run_is_refused_that_what_was_seen_blocks_where_it_begins(beside):
-    executor, _ = seen_at(beside, beside[1].duration)
-    assert executor.splice(beside[1])
-    place = tuple(executor.run.problem.robot.fk(beside[1].trajectory(0.02)).matrix[:3, 3])
-    executor.update_scene({"ball": op.Pose(place)})
-    assert executor._next is None
+def test_a_run_is_refused_whose_first_stop_is_blocked_by_what_was_seen(beside):
+    run, second = beside
+    executor, model = seen_at(beside, 0.25)
+    assert executor.status.reason == ""  # along its own path it can go on
+    assert not executor.splice(second)
+    assert "obstacles block" in executor.status.reason
+    assert not any(model.collides(tick.q) for tick in settled(executor))
+    later = op.Executor(run)
+    after(later, 200)
+    later.state_in(0.05)
+    assert later.splice(second)
+    place = run.problem.robot.fk(second.trajectory(0.25)).matrix[:3, 3]
+    later.update_scene({"ball": op.Pose(tuple(place))})  # before it takes over
+    assert "obstacles block" in later.status.reason
+    assert not any(model.collides(tick.q) for tick in settled(later))
+
+
+def test_a_run_is_refused_that_forgets_what_the_robot_holds(run_of):
+    run = run_of("40_panda_sorts_cubes")
+    executor = op.Executor(run)
+    attach = next(event for event in run.trajectory.segments if event.kind == "attach")
+    while executor.status.place < attach.end + 0.5:
+        executor.tick(5e-3)
+    executor.pause()
     settled(executor)
-    executor.resume()
-    executor.state_in(0.05)
-    assert executor.run is beside[0]
+    q = executor.state_in(0.0).q
+    still, goal = np.zeros(len(q)), op.JointGoal(q + np.eye(len(q))[0] * 0.2)
+    own = {"start": q, "start_velocity": still, "start_acceleration": still, "task": (), "goal": (goal,)}
+    second = op.plan(derived(run.problem, **own), budget=3.0)
+    assert second.verified
+    assert not executor.splice(second)
+    assert "with nothing in hand" in executor.status.reason
