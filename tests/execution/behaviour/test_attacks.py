@@ -313,7 +313,14 @@ def test_a_run_is_refused_that_forgets_what_the_robot_holds(run_of):
     settled(executor)
     q = executor.state_in(0.0).q
     still, goal = np.zeros(len(q)), op.JointGoal(q + np.eye(len(q))[0] * 0.2)
-    own = {"start": q, "start_velocity": still, "start_acceleration": still, "task": (), "goal": (goal,)}
+    own = {
+        "start": q,
+        "start_velocity": still,
+        "start_acceleration": still,
+        "task": (),
+        "goal": (goal,),
+        "scene": op.Scene(),
+    }
     second = op.plan(derived(run.problem, **own), budget=3.0)
     assert second.verified
     assert not executor.splice(second)
