@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from optiplan.arrays import is_finite
 from optiplan.errors import wrong_argument
-from optiplan.execution.arguments import checked_arguments, checked_step, is_share, told
+from optiplan.execution.arguments import LONGEST_TICK, checked_arguments, checked_step, is_share, same_state, told
 from optiplan.execution.due_events import DueEvents
 from optiplan.execution.law_follower import LawFollower
 from optiplan.execution.loop.stop_ahead import way_ahead
@@ -26,6 +26,7 @@ from optiplan.execution.status import Ahead, Held, Status, Stopping, Tick, phase
 from optiplan.execution.tracking_monitor import TrackingMonitor, TrackingPolicy
 from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
+from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.state import State
 
 if TYPE_CHECKING:
@@ -36,6 +37,9 @@ TOO_LATE = "the stop comes too late"
 
 KEPT_STATES = 64
 """Predicted states that a splice may begin at."""
+
+ELSEWHERE = "the speed was changed before another motion could take over"
+"""What a reason says where another motion begins in a state that the robot does not come to."""
 
 AT_ONCE = 1e-6
 """s of the path, just after its start."""
@@ -203,8 +207,7 @@ class Executor(LawFollower):
         self._turned = None  # it was checked before
         if self._detour is not None:
             self._detour.forget()
-        if self._next is not None and self._next.number and self._blocked_next(self._next):
-            self._next = None
+        self._look_beyond()
         if self._held == "waiting" and self._next is None:
             ahead: TimeLaw | None = self._law
             if self._detour is None:
@@ -217,10 +220,6 @@ class Executor(LawFollower):
 
     def _blocked(self, law: "TimeLaw", spare: float = 0.0) -> BlockedPlace | None:
         return self._scene.blocked(self._stretch, law, self.time, spare)
-
-    def _blocked_next(self, coming: NextPath, spare: float = 0.0) -> bool:
-        law = self._start_law(coming.path, self._override, coming.then)
-        return self._scene.over(coming).blocked(coming.path.forwards, law, coming.then, spare) is not None
 
     def _yield(self) -> None:
         """Do as the policy says, where obstacles that were seen block the way of the law."""
@@ -241,7 +240,7 @@ class Executor(LawFollower):
     def _avoid(self) -> None:
         """Follow a law that is clear until the robot stands still, or stop now."""
         clear = None
-        if self._policy.goes_on:
+        if self._policy.goes_on and self._detour is None:
             blocked = partial(self._blocked, spare=self._policy.spare)
             clear = self._policy.law(self._stretch.laws, self._law, self.time, self._override, blocked)
         if clear is None:
@@ -286,9 +285,25 @@ class Executor(LawFollower):
         return self._law is ahead.along
 
     def follow(self, ahead: Ahead, reason: str) -> None:
-        """Take over the stop of `ahead` in a robot that began it by itself at `ahead.turn`, which is now."""
+        """Take over the way of a robot that follows `ahead`, along which the law leads, and its stop, by itself."""
         self._held, self._reason, self._next, self._pending = "stopped", reason, None, False
-        self._law, self._turned = ahead.law, None
+        self._law, self._turned = ahead.along if ahead.law is ahead.along else ahead.along.then(ahead.law), None
+
+    def coast(self, duration: float) -> tuple[Segment, ...]:
+        """Go on along the law for `duration`, s, as a robot did that got no set-points; return the events on the way.
+
+        Nothing takes over or turns meanwhile: the robot would not know.
+        """
+        end, events, self._turned = self.time + duration, tuple[Segment, ...](), None
+        if self._detour is not None:
+            self._detour.drop()
+        while self.time < end:
+            now, self.time = self.time, min(end, self.time + LONGEST_TICK)
+            point = self._point()
+            place = self._stretch.place(point.place.s)
+            self._tracking.tick(None, now, self.time, point.q, place, on_path=self._detour is None)
+            events += self._events.by(place)
+        return events
 
     def splice(self, run: Run | ProvedPath) -> bool:
         """Let another verified run take over where it begins: in a state that `state_in` returned.
@@ -307,7 +322,12 @@ class Executor(LawFollower):
             self.stop(found)
             return False
         self._tracking.prepare(found.path)
-        self._next = found._replace(watch=self._scene.watch_over(found.path))
+        coming = found._replace(watch=self._scene.watch_over(found.path))
+        fault = self._misfit(coming)
+        if fault:
+            self.stop(fault)
+            return False
+        self._next = coming
         return True
 
     def tick(self, dt: float, measured: object = None) -> Tick:
@@ -365,7 +385,11 @@ class Executor(LawFollower):
                 return
             self._held, self._reason, self._planning.number = "", "", coming.number
         path, then = coming.path, coming.then
-        place = self._stretch.place(self._stretch.laws.set_point(self._law, then).place.s)
+        point, start = self._stretch.laws.set_point(self._law, then), path.run.problem.start_state
+        if then < self.time or not same_state(State(point.q, point.v, point.a), start):  # whatever led elsewhere
+            self.stop(ELSEWHERE)
+            return
+        place = self._stretch.place(point.place.s)
         self._events = self._events.then(path, place)
         self._path, self._stretch = path, path.forwards
         self._scene, self._stops, self._detour = self._scene.over(coming), JointStops(path), None

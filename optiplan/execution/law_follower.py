@@ -14,6 +14,9 @@ from optiplan.execution.status import Held
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
 
+BLOCKED = "obstacles block the motion that was to take over"
+"""What a reason says where not even a stop is clear that begins with it."""
+
 
 class LawFollower:
     """What `Executor` knows of its way, and how it changes its law.
@@ -48,6 +51,34 @@ class LawFollower:
     def _yield(self) -> None:
         """Do what is to be done where obstacles block the way of the law."""
         raise NotImplementedError
+
+    def _blocked_next(self, coming: NextPath, spare: float = 0.0) -> bool:
+        law = self._start_law(coming.path, self._override, coming.then)
+        return self._scene.over(coming).blocked(coming.path.forwards, law, coming.then, spare) is not None
+
+    def _look_beyond(self) -> None:
+        """Drop a path that is to take over, if what was seen blocks it; the robot stops if that was `splice`'s."""
+        if self._next is None:
+            return
+        if self._next.number and self._blocked_next(self._next):
+            self._next = None
+        elif not self._next.number and not self._enters(self._next):
+            self.stop(BLOCKED)
+
+    def _misfit(self, coming: NextPath) -> str:
+        """Return why the path of `splice` may not take over, or nothing."""
+        place = self._stretch.place(self._law.at(coming.then)[0])
+        held, taken = self._path.held_at(place), coming.path.held_at(0.0)
+        if held != taken:
+            there, here = (", ".join(sorted(name for name, _ in of)) or "nothing" for of in (held, taken))
+            return f"the motion that was to take over begins with {here} in hand; the robot will hold {there}"
+        return "" if self._enters(coming) else BLOCKED
+
+    def _enters(self, coming: NextPath) -> bool:
+        """Whether what was seen leaves the path that takes over clear, or at least a stop that begins with it."""
+        seen, stretch, then = self._scene.over(coming), coming.path.forwards, coming.then
+        law = self._start_law(coming.path, self._override, then)
+        return any(seen.blocked(stretch, one, then) is None for one in (law, stretch.laws.then_stop(law, then)))
 
     def _start_law(self, path: ProvedPath, speed: float, then: float) -> "TimeLaw":
         """Return the law at the start of a motion: at rest any speed will do, in motion that of the plan.

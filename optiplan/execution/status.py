@@ -38,7 +38,7 @@ class Status:
             `stopping`, `stopped`, or `done` at the end.
         place: on the path: time of the planned motion, s.
         progress: share of the planned motion that is done, 0 to 1.
-        speed: rate of the planned motion, 1 as planned; negative backwards.
+        speed: rate of the planned motion, 1 as planned; negative backwards; 0 off the path, where `phase` says more.
         override: the speed that is wanted.
         reason: why it stopped by itself; empty where it did not.
         deviation: distance of a measured joint from the path at most so far, rad or m; None without measurements.

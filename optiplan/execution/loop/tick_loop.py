@@ -147,17 +147,10 @@ class TickLoop:
 
     def _catch_up(self, step: float) -> tuple[Segment, ...]:
         """Go on to one period before the end of a step, as the robot did along its way ahead; return events."""
-        end, ahead, events = self._executor.time + step, self._ahead, tuple[Segment, ...]()
-        if ahead is not None and end > ahead.turn:
-            events += self._go_to(ahead.turn)
+        past, ahead = step - self._period, self._ahead
+        if ahead is not None and self._executor.time + step > ahead.turn:
             self._executor.follow(ahead, f"no set-point for {1e3 * step:.0f} ms: the driver began the stop")
-        return events + self._go_to(end - self._period)
-
-    def _go_to(self, end: float) -> tuple[Segment, ...]:
-        events = tuple[Segment, ...]()
-        while self._executor.time < end:
-            events += self._executor.tick(min(LONGEST_TICK, end - self._executor.time)).events
-        return events
+        return self._executor.coast(past) if past > 0.0 else ()
 
     def _look_ahead(self) -> None:
         """Renew the way ahead in good time, after the set-point was sent."""

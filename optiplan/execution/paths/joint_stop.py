@@ -59,6 +59,8 @@ class Detour:
             keeps = speed > 0.0 or stretch is self.stop
             stop = None if keeps else stretch.laws.change_along(law, time, 0.0)
             return Turned(stretch, law if stop is None else stop)
+        if speed == 0.0:
+            return Turned(stretch, law)
         if not self._legs or self._legs[0].begin != law.settled:
             self._legs = self._onward(stretch, law, time, speed)
         return self._legs.pop(0) if self._legs else Turned(stretch, law)
@@ -66,6 +68,10 @@ class Detour:
     def forget(self) -> None:
         """Let what follows be checked again: obstacles have moved."""
         self._legs = [leg._replace(clear=False) for leg in self._legs]
+
+    def drop(self) -> None:
+        """Let what follows be found again: the present law has ended a while ago."""
+        self._legs = []
 
     def _onward(self, stretch: PathStretch, law: "TimeLaw", then: float, speed: float) -> list[Turned]:
         """Return what follows a law that ends at `then`, s: the way back, and the path."""
@@ -112,7 +118,7 @@ class JointStops:
             return None
         point = stretch.laws.set_point(law, time)
         place, limits = stretch.place(point.place.s), self._path.run.problem.limits
-        k, within = self._part_at(place), law.settled - time if law.target == 0.0 else np.inf
+        k, within = self._path.part_at(place), law.settled - time if law.target == 0.0 else np.inf
         for share in SHARES:
             motion = quickest_stop(point, limits, share, self._path.motion.joint_names)
             if motion is None or motion.duration >= within or not within_limits(motion, limits):
@@ -131,10 +137,6 @@ class JointStops:
         if seen.blocked(off, stop, time, known=True) is not None:
             return None
         return Detour(off, stop, stretch, point.place.s)
-
-    def _part_at(self, place: float) -> int:
-        ends = [part.end for part in self._path.parts[:-1]]
-        return int(np.searchsorted(ends, place, side="right"))
 
     def _model(self, k: int) -> NativeCollisionModel:
         if k not in self._models:

@@ -12,14 +12,13 @@ from optiplan.trajectory.state import State
 
 
 class NextPath(NamedTuple):
-    """The path that is to take over at `then`, s; `since`, s, is the scene known that it was planned in.
+    """The path that is to take over at `then`, s.
 
     `number`: of the planning process; 0: it is from `splice`. `watch`: of the path, where it is made already.
     """
 
     then: float
     path: ProvedPath
-    since: float
     watch: SceneWatch | None = None
     number: int = 0
 
@@ -59,4 +58,4 @@ def spliced_path(
     then = max(found[-1], now) if rests <= found[-1] else found[-1]  # at rest it is in that state for ever
     if then < now:
         return f"the motion that was to take over came {now - then:.3f} s late"
-    return NextPath(then, path, now)
+    return NextPath(then, path)

@@ -121,6 +121,14 @@ class ProvedPath:
         assert self.run.trajectory is not None
         return self.run.trajectory
 
+    def part_at(self, place: float) -> int:
+        """Return which part of the path a place, s, is in: the later one at a boundary."""
+        return int(np.searchsorted([part.end for part in self.parts[:-1]], place, side="right"))
+
+    def held_at(self, place: float) -> frozenset[tuple[str, str]]:
+        """Return the names of what the robot holds at a place, s, each with its link."""
+        return frozenset((one.name, one.link) for one in self.parts[self.part_at(place)].problem.scene.attached)
+
     def backwards(self, place: float, done: float) -> PathStretch | None:
         """Return the way back from a place to the last event, or to the start; None where there is none.
 

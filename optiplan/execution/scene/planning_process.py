@@ -139,7 +139,7 @@ class PlanningProcess:
             return None
         rests = law.target == 0.0 and law.settled <= now and found.path.starts_at_rest
         then = max(found.then, now) if rests else found.then
-        return None if then < now else NextPath(then, found.path, found.since, found.watch, found.number)
+        return None if then < now else NextPath(then, found.path, found.watch, found.number)
 
     def close(self) -> None:
         """End the process."""

@@ -214,10 +214,10 @@ class _PartWatch:
         Bodies of obstacles that are not seen any more are taken again.
         """
         shape, known = self._known.get(one.name, (None, 0))
-        if shape is not None and _same(shape, one.shape):
+        if shape is not None and same_body(shape, one.shape):
             return known
         for k, (name, shape, body) in enumerate(self._added):
-            if _same(shape, one.shape) and (name == one.name or all(other.name != name for other in seen)):
+            if same_body(shape, one.shape) and (name == one.name or all(other.name != name for other in seen)):
                 self._added[k] = one.name, shape, body
                 return body
         made = standing_body(one.shape)
@@ -237,5 +237,6 @@ def _arrays(seen: Sequence[SeenObstacle]) -> tuple[Array, Array]:
     return np.array([one.X_WO.homogeneous for one in seen]), motions
 
 
-def _same(one: Shape, other: Shape) -> bool:
+def same_body(one: Shape, other: Shape) -> bool:
+    """Whether two shapes are one."""
     return one is other or (type(one) is type(other) and one.same_body(other))

@@ -10,7 +10,7 @@ from optiplan.arrays import Array, is_finite
 from optiplan.execution.arguments import numbers, told
 from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
-from optiplan.execution.scene.scene_watch import BlockedPlace, SceneWatch, SeenObstacle
+from optiplan.execution.scene.scene_watch import BlockedPlace, SceneWatch, SeenObstacle, same_body
 from optiplan.execution.scene.separation import SeparationMonitor
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 
 SceneUpdate = Mapping[str, Pose | Obstacle | None]
 """What is where, by name: the pose of a known obstacle, one that appears, or None for one that is gone."""
+
+
+SAME_PLACE = 1e-9
+"""m, and of directions: so far apart two poses are one."""
 
 
 class SeenScene:
@@ -128,16 +132,22 @@ class SeenScene:
     def over(self, coming: NextPath) -> "SeenScene":
         """Return the same about the path that takes over.
 
-        Obstacles that it was proved against where they stood are forgotten, unless they move.
+        Obstacles that it was proved against where they were seen are forgotten, unless they move.
         """
-        path, since = coming.path, coming.since
+        path = coming.path
         watch = self._watch.over(path) if coming.watch is None else coming.watch
         other = SeenScene(watch, None if self.people is None else self.people.over(path, watch))
-        known = {obstacle.name for obstacle in path.run.problem.scene.obstacles}
+        stands = {one.name: one for one in path.run.problem.scene.obstacles}
         for name, one in self._obstacles.items():
-            if one.time >= since or name not in known or one.spread > 0.0 or one.velocity.any():
+            if name not in stands or one.spread > 0.0 or one.velocity.any() or not _is_at(stands[name], one):
                 other._obstacles[name] = one
         return other
+
+
+def _is_at(obstacle: Obstacle, seen: SeenObstacle) -> bool:
+    """Whether an obstacle of a run stands where it was seen, but for rounding."""
+    found = obstacle.X_WO.homogeneous, seen.X_WO.homogeneous
+    return same_body(obstacle.shape, seen.shape) and np.allclose(*found, rtol=0.0, atol=SAME_PLACE)
 
 
 def _later(one: SeenObstacle, then: float) -> Obstacle:

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.collision.model import CollisionModel
 from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.path_laws import PathPlace
 from optiplan.execution.paths.proved_path import ProvedPath
+from optiplan.problem.problem import derived
 
 DT = 1e-3
 
@@ -141,14 +143,15 @@ def test_reverse_at_an_event_that_was_done_stays_there(run_of):
     assert done == []
 
 
-def test_events_before_another_run_takes_over_are_handed_out(run_of):
+def test_events_before_another_run_takes_over_are_handed_out(run_of, monkeypatch):
+    monkeypatch.setattr("optiplan.execution.executor.same_state", lambda *_: True)  # it begins elsewhere
     run = run_of("40_panda_sorts_cubes")
     executor = op.Executor(run)
     attach = next(event for event in run.trajectory.segments if event.kind == "attach")
     while executor.time < attach.begin - 0.03:
         executor.tick(0.01)
     second = op.Executor(run)._path
-    executor._next = NextPath(attach.begin + 0.005, second, executor.time)
+    executor._next = NextPath(attach.begin + 0.005, second)
     done = [event for tick in (executor.tick(0.1) for _ in range(3)) for event in tick.events]
     assert attach in done
 
@@ -209,3 +212,116 @@ def test_a_stop_does_not_wait_for_a_weak_braking_to_end(run_of):
         for place in np.linspace(event.begin, event.end, 200 if event.end > event.begin else 1):
             law = path.forwards.laws.change(PathPlace(float(place), 1.0, 0.0), 0.0, 1e-3)
             assert law is None or law.settled < 3.0, place
+
+
+def next_from(executor, latency):
+    """Let a motion from the state in `latency` s take over."""
+    second = op.plan(executor.run.problem.with_start(executor.state_in(latency)), budget=2.0)
+    assert executor.splice(second)
+
+
+def test_no_run_takes_over_from_where_the_robot_turned(run_of):
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    ticks = [executor.tick(DT) for _ in range(400)]
+    executor.reverse()
+    next_from(executor, executor._law.settled - executor.time + 0.1)  # at rest, where it was to stay
+    ticks += [executor.tick(DT) for _ in range(600)]
+    assert executor.run is run
+    assert "before another motion" in executor.status.reason
+    assert_continuous(run, ticks)
+
+
+@pytest.mark.parametrize("pauses", [True, False])
+def test_no_run_takes_over_from_a_way_back_that_was_left(run_of, pauses):
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    ticks = [executor.tick(DT) for _ in range(400)]
+    executor.stop("test", "joints")
+    assert executor.status.off_path
+    while executor.status.phase != "stopped":
+        ticks.append(executor.tick(DT))
+    executor.resume()
+    ticks += [executor.tick(DT) for _ in range(100)]
+    next_from(executor, 0.05 if pauses else executor._law.settled - executor.time + 0.1)
+    ticks += [executor.tick(DT) for _ in range(20)]
+    if pauses:
+        executor.pause()
+    ticks += [executor.tick(DT) for _ in range(800)]
+    assert executor.run is run
+    assert "before another motion" in executor.status.reason
+    assert_continuous(run, ticks)
+
+
+@pytest.fixture(scope="module")
+def beside(run_of):
+    """A run with a ball far away, and another one from its state at 0.25 s, to elsewhere."""
+    ball = op.Sphere("ball", radius=0.05, position=(2.0, 0.0, 0.5))
+    run = op.plan(run_of("01_reach").problem.with_scene([ball]), budget=3.0)
+    executor = op.Executor(run)
+    after(executor, 200)
+    goal = op.JointGoal(run.trajectory.end + np.array([1.4, 0, 0.9, 0, 0, 0, 0]))
+    return run, op.plan(run.problem.with_goal(goal).with_start(executor.state_in(0.05)), budget=2.0)
+
+
+def seen_at(beside, t):
+    """An executor at 0.2 s that has seen the ball where the tool of the second motion is at a time t, and its model."""
+    run, second = beside
+    executor = op.Executor(run)
+    after(executor, 190)
+    place = tuple(run.problem.robot.fk(second.trajectory(t)).matrix[:3, 3])
+    executor.update_scene({"ball": op.Pose(place)})
+    after(executor, 10)
+    executor.state_in(0.05)
+    return executor, CollisionModel(run.problem.robot, op.Scene([op.Sphere("ball", radius=0.05, position=place)]))
+
+
+def test_a_run_that_takes_over_knows_what_was_seen_elsewhere(beside):
+    executor, model = seen_at(beside, beside[1].duration)
+    assert executor.status.reason == ""
+    assert executor.splice(beside[1])
+    ticks = settled(executor)
+    assert executor.run is beside[1]
+    assert "'ball'" in executor.status.reason
+    assert not any(model.collides(tick.q) for tick in ticks)
+
+
+def test_a_run_is_refused_whose_first_stop_is_blocked_by_what_was_seen(beside):
+    run, second = beside
+    executor, model = seen_at(beside, 0.25)
+    assert executor.status.reason == ""  # along its own path it can go on
+    assert not executor.splice(second)
+    assert "obstacles block" in executor.status.reason
+    assert not any(model.collides(tick.q) for tick in settled(executor))
+    later = op.Executor(run)
+    after(later, 200)
+    later.state_in(0.05)
+    assert later.splice(second)
+    place = run.problem.robot.fk(second.trajectory(0.25)).matrix[:3, 3]
+    later.update_scene({"ball": op.Pose(tuple(place))})  # before it takes over
+    assert "obstacles block" in later.status.reason
+    assert not any(model.collides(tick.q) for tick in settled(later))
+
+
+def test_a_run_is_refused_that_forgets_what_the_robot_holds(run_of):
+    run = run_of("40_panda_sorts_cubes")
+    executor = op.Executor(run)
+    attach = next(event for event in run.trajectory.segments if event.kind == "attach")
+    while executor.status.place < attach.end + 0.5:
+        executor.tick(5e-3)
+    executor.pause()
+    settled(executor)
+    q = executor.state_in(0.0).q
+    still, goal = np.zeros(len(q)), op.JointGoal(q + np.eye(len(q))[0] * 0.2)
+    own = {
+        "start": q,
+        "start_velocity": still,
+        "start_acceleration": still,
+        "task": (),
+        "goal": (goal,),
+        "scene": op.Scene(),
+    }
+    second = op.plan(derived(run.problem, **own), budget=3.0)
+    assert second.verified
+    assert not executor.splice(second)
+    assert "with nothing in hand" in executor.status.reason

@@ -83,6 +83,32 @@ def test_a_robot_with_a_way_ahead_is_found_where_it_went(run, delay):
     assert robot.ticks[-1].status.speed == 0.0
 
 
+@pytest.mark.parametrize("delay", [0.03, 0.1])
+@pytest.mark.parametrize("turns", [True, False])
+def test_nothing_takes_over_while_a_robot_follows_its_way_ahead(run, delay, turns):
+    """It knows of no other way, be it back or of another run: the next set-point is where it went."""
+    executor = op.Executor(run)
+    robot = FollowingRobot(run, lead=LEAD, clock=SetClock({AT: delay}))
+    execution = op.Execution(executor, robot, clock=robot.clock)
+    tick = executor.tick
+
+    def asked(dt, measured=None):
+        if turns and executor.time == pytest.approx(0.15):  # it would turn at 0.312 s
+            executor.reverse()
+        if not turns and executor.time == pytest.approx(0.28):
+            assert executor.splice(op.plan(run.problem.with_start(executor.state_in(0.03)), budget=2.0))
+        return tick(dt, measured)
+
+    executor.tick = asked
+    execution.start()
+    execution.wait(30.0)
+    before, after = robot.ticks[:AT], robot.ticks[AT]
+    ahead = [one.ahead for one in before if one.ahead is not None][-1]
+    went = [np.interp(after.t, ahead.t, q) for q in ahead.q.T]
+    np.testing.assert_allclose(after.q, went, atol=1e-4)
+    assert steps_within_limits(robot.ticks[AT:], PERIOD, run.problem.limits)
+
+
 def test_a_way_ahead_is_renewed_before_its_stop_begins(run):
     robot = FollowingRobot(run, lead=LEAD)
     execution = op.Execution(op.Executor(run), robot, clock=robot.clock)

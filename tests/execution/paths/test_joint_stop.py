@@ -126,6 +126,43 @@ def test_a_new_motion_takes_over_off_the_path(run_of):
     assert not executor.status.off_path
 
 
+def test_obstacles_may_appear_on_the_stop_and_on_the_way_back(run_of):
+    """Both are watched among the bodies of one world."""
+    reach = op.load_problem("01_reach")
+    run = op.plan(reach.with_scene([op.Sphere("ball", radius=0.03, position=(2.0, 0.0, 0.5))]), budget=3.0)
+    executor = op.Executor(run)
+    for _ in range(400):
+        executor.tick(DT)
+    executor.update_scene({"ball": op.Pose((2.0, 0.0, 0.6))})
+    executor.stop("test", "joints")
+    assert executor.status.off_path
+    executor.resume()
+    for k in range(4):
+        name = f"box {k}"
+        executor.update_scene({name: op.Box(name, (0.1, 0.1, 0.1 + 0.01 * k), position=(2.0 + 0.1 * k, 1.0, 1.0))})
+        executor.override = 0.9 - 0.1 * k
+        for _ in range(300):
+            executor.tick(DT)
+    assert executor.status.reason == ""
+    assert not executor.status.off_path
+
+
+@pytest.mark.parametrize("waits", [10, 40])
+def test_no_policy_changes_a_stop_off_the_path(run_of, waits):
+    executor = op.Executor(run_of("01_reach"), policy="slow")
+    for _ in range(400):
+        executor.tick(DT)
+    executor.stop("test", "joints")
+    assert executor.status.off_path
+    for _ in range(waits):
+        executor.tick(DT)
+    executor.resume()
+    tool = executor.run.problem.robot.fk(executor._detour.stop.laws.motion.end).matrix[:3, 3]
+    executor.update_scene({"ball": op.Sphere("ball", 0.05, position=tuple(tool + np.array([0.0, 0.0, 0.15])))})
+    assert executor.status.reason
+    assert executor._law is executor._detour.law
+
+
 def test_where_path_constraints_hold_it_stops_along_the_path(run_of):
     executor, _ = stopped(run_of("39_cup_upright"), 0.1)
     assert not executor.status.off_path

@@ -11,7 +11,7 @@ PathWatch::PathWatch(World &world, const Curve &path, double width, double begin
     : world_(world), of_body_(world.bodies().size()), at_(world.placement()) {
     for (int body = 0; body < static_cast<int>(world.bodies().size()); ++body)
         if (world.bodies()[body].joint > 0) moving_.push_back(body);
-    for (int pair = 0; pair < static_cast<int>(world.pairs().size()); ++pair) watch(pair);
+    for (; watched_ < static_cast<int>(world.pairs().size()); ++watched_) watch(watched_);
     const std::size_t n = static_cast<std::size_t>(path.joints);
     std::vector<double> q(n), reach(n), reaches;
     for (int piece = 0; piece + 1 < static_cast<int>(path.breakpoints.size()); ++piece) {
@@ -43,14 +43,15 @@ void PathWatch::watch(int pair) {
     of_body_[first ? both.b : both.a].push_back({pair, static_cast<int>(mover - moving_.begin())});
 }
 
+// Another watch of the same world may have added bodies since.
 int PathWatch::add(Body body) {
-    const int before = static_cast<int>(world_.pairs().size());
-    at_.bodies.push_back(body.X_JB);
-    at_.centres.push_back(body.X_JB * body.centre);
-    at_.placed.push_back(1);
-    of_body_.emplace_back();
     const int added = world_.add(std::move(body));
-    for (int pair = before; pair < static_cast<int>(world_.pairs().size()); ++pair) watch(pair);
+    of_body_.resize(world_.bodies().size());
+    for (std::size_t k = at_.bodies.size(); k < of_body_.size(); ++k) {
+        const Body &one = world_.bodies()[k];
+        at_.bodies.push_back(one.X_JB), at_.centres.push_back(one.X_JB * one.centre), at_.placed.push_back(1);
+    }
+    for (; watched_ < static_cast<int>(world_.pairs().size()); ++watched_) watch(watched_);
     return added;
 }
 

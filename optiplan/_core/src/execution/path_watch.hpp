@@ -74,6 +74,7 @@ class PathWatch {
     std::vector<std::vector<Watched>> of_body_;  // of each body that none carries: its pairs with them
     std::vector<Cell> cells_;
     Placement at_;
+    int watched_ = 0;  // pairs of the world that are known here
 };
 
 }  // namespace optiplan
