@@ -45,7 +45,7 @@ def test_what_is_blocked_is_what_a_dense_check_finds(run):
     places = np.linspace(0.0, run.duration, 200)
     tool = np.array([run.problem.robot.fk(q).matrix[:3, 3] for q in run.trajectory(places)])
     blocked = free = 0
-    for _ in range(25):
+    for _ in range(14):
         position = tool[rng.integers(len(tool))] + rng.uniform(-0.25, 0.25, 3)
         found = watch.blocked(path.forwards, law, 0.0, [seen(position)])
         distance = clearances(run, position, places)
@@ -56,8 +56,8 @@ def test_what_is_blocked_is_what_a_dense_check_finds(run):
             assert distance.min() < 0.03  # within a cell of 4 ms a link travels a centimetre
             assert (distance[places < found.place - 1e-9] > 0.0).all()
             blocked += 1
-    assert blocked >= 5
-    assert free >= 5
+    assert blocked >= 4
+    assert free >= 4
 
 
 def test_the_robot_waits_until_the_path_is_clear(run):
