@@ -27,6 +27,12 @@ def plain_reason(error: BaseException) -> str:
     return text.strip() or type(error).__name__
 
 
+def named_reason(error: BaseException) -> str:
+    """Return an exception's class and message in one line."""
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
 class UnknownChoiceError(OptiPlanError):
     """A name that is not among the valid ones."""
 

@@ -11,12 +11,12 @@ from optiplan.arrays import is_finite
 from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import LONGEST_TICK, checked_arguments, checked_step, is_share, same_state, told
 from optiplan.execution.due_events import DueEvents
-from optiplan.execution.law_follower import LawFollower
-from optiplan.execution.loop.stop_ahead import way_ahead
+from optiplan.execution.law_follower import ELSEWHERE, LawFollower
 from optiplan.execution.paths.joint_stop import Detour, JointStops
 from optiplan.execution.paths.next_path import NextPath, spliced_path
 from optiplan.execution.paths.path_laws import PathPlace, SetPoint
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath, Turned
+from optiplan.execution.paths.stop_ahead import way_ahead
 from optiplan.execution.scene.planning_process import PlanningProcess
 from optiplan.execution.scene.policy import Policy, Reaction
 from optiplan.execution.scene.scene_watch import BlockedPlace, SceneWatch
@@ -37,12 +37,6 @@ TOO_LATE = "the stop comes too late"
 
 KEPT_STATES = 64
 """Predicted states that a splice may begin at."""
-
-ELSEWHERE = "the speed was changed before another motion could take over"
-"""What a reason says where another motion begins in a state that the robot does not come to."""
-
-AT_ONCE = 1e-6
-"""s of the path, just after its start."""
 
 STOP_PLACES = 200
 """Places of a motion for which `stopping` gives the stop."""
@@ -200,10 +194,8 @@ class Executor(LawFollower):
             return
         if self._scene.people is not None:
             self._lead()
-        if self.time == 0.0:  # before the first tick there is time for what `reverse` needs
-            back = self._path.backwards(min(AT_ONCE, self._path.motion.duration), 0.0)
-            if back is not None:
-                self._scene.prepare(back)
+        if self.time == 0.0:
+            self.prepare()
         self._turned = None  # it was checked before
         if self._detour is not None:
             self._detour.forget()
@@ -360,8 +352,10 @@ class Executor(LawFollower):
         return Tick(self.time, point.q, point.v, point.a, point.torque, self._events.by(place), self._status(point))
 
     def prepare(self) -> None:
-        """Make what `update_scene` needs, which takes 3 to 70 ms, before the first tick; else its first call does."""
-        self._scene.prepare(self._stretch, at_once=True)
+        """Make what `update_scene` and then `reverse` need, which takes 3 to 70 ms; else their first calls do."""
+        for stretch in (self._stretch, self._path.first_way_back):
+            if stretch is not None:
+                self._scene.prepare(stretch, at_once=True)
 
     def close(self) -> None:
         """Leave the process that plans, if the policy has one, to the next run; else it ends with the executor."""
@@ -409,8 +403,16 @@ class Executor(LawFollower):
         phase = "done" if place >= T else phase_of(self._held, point.place.speed == 0.0, changes)
         if not self._held and people is not None and speed == 0.0 and self._wanted > 0.0 and place < T:
             phase = "waiting"
-        off = self._tracking
-        seen = off.deviation, off.lag, off.clearance
-        kept = None if people is None else people.kept
-        detour = self._detour is not None
-        return Status(phase, place, place / T, speed, self._override, reason, *seen, kept, detour)
+        return Status(
+            phase=phase,
+            place=place,
+            progress=place / T,
+            speed=speed,
+            override=self._override,
+            reason=reason,
+            deviation=self._tracking.deviation,
+            lag=self._tracking.lag,
+            clearance=self._tracking.clearance,
+            separation=None if people is None else people.kept,
+            off_path=self._detour is not None,
+        )

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 BLOCKED = "obstacles block the motion that was to take over"
 """What a reason says where not even a stop is clear that begins with it."""
 
+ELSEWHERE = "the speed was changed before another motion could take over"
+"""What a reason says where another motion begins in a state that the robot does not come to."""
+
 
 class LawFollower:
     """What `Executor` knows of its way, and how it changes its law.
@@ -157,7 +160,7 @@ class LawFollower:
         self._law = law
         if self._next is not None:  # it was to begin in a state that the robot does not come to any more
             self._next = None
-            self.stop("the speed was changed before another motion could take over")
+            self.stop(ELSEWHERE)
         return True
 
     def _turn(self) -> None:

@@ -91,7 +91,7 @@ class WarmProof:
 
     def __init__(self, problem: Problem) -> None:
         if core is None:
-            raise OptiPlanError("this needs the native core, which is not built: see docs/how-to/install.md")
+            raise OptiPlanError("op.certify needs the native core of optiplan, which is not built: make core")
         robot = checked_robot(problem, VerifyPolicy())
         self._model = model = NativeCollisionModel(robot, problem.scene)
         if model.world is None:

@@ -13,7 +13,7 @@ from typing import Any, Final
 from optiplan.bench.dask import cluster_worker
 from optiplan.bench.dask.file_transfer import Packer
 from optiplan.bench.results.records import BenchProblem, BenchTask, Outcome, Row, empty_row, failure
-from optiplan.errors import OptiPlanError
+from optiplan.errors import OptiPlanError, named_reason
 
 CONNECT = 10.0
 """s within which a scheduler has to answer."""
@@ -64,7 +64,7 @@ class DaskCluster:
                 self._client = _connect(distributed.Client, address)
         except (OSError, ValueError, TypeError, ImportError, AssertionError) as error:
             expected = "a running one, as of `dask scheduler` (docs/how-to/cluster.md)"
-            raise ClusterError(f"no Dask scheduler at {address}: {_one_line(error)}; expected {expected}") from error
+            raise ClusterError(f"no Dask scheduler at {address}: {named_reason(error)}; expected {expected}") from error
         try:
             self._compare()
         except BaseException:
@@ -121,7 +121,7 @@ class DaskCluster:
             raise self._lost() from error
         for worker, words in answers.items():
             if isinstance(words, BaseException):
-                raise ClusterError(f"worker {worker} cannot be asked for its versions: {_one_line(words)}; {_SAME}")
+                raise ClusterError(f"worker {worker} cannot be asked for its versions: {named_reason(words)}; {_SAME}")
             if words:
                 raise _mismatch(worker, words)
 
@@ -177,7 +177,7 @@ class DaskCluster:
             raise _mismatch("that came later", answer.words)
 
     def _lost(self, error: BaseException | None = None) -> ClusterError:
-        why = f" ({_one_line(error)})" if error is not None else ""
+        why = f" ({named_reason(error)})" if error is not None else ""
         return ClusterError(f"the Dask cluster at {self.address} fails{why}; what was stored is whole: go on later")
 
     def _end_session(self) -> None:
@@ -202,8 +202,3 @@ _SAME = "every machine needs the same versions: docs/how-to/cluster.md"
 
 def _mismatch(worker: str, words: Iterable[str]) -> ClusterError:
     return ClusterError(f"worker {worker} has other versions: {'; '.join(words)}; {_SAME}")
-
-
-def _one_line(error: BaseException) -> str:
-    text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__

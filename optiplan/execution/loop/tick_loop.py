@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
-from optiplan.errors import OptiPlanError
+from optiplan.errors import OptiPlanError, named_reason
 from optiplan.execution.arguments import LONGEST_TICK
 from optiplan.execution.drivers.base import Capabilities, Driver
 from optiplan.execution.executor import Executor
@@ -181,12 +181,5 @@ class TickLoop:
 
 
 def in_words(error: BaseException) -> str:
-    """Return what an exception says, with its class where that says it all."""
-    text = " ".join(str(error).split())
-    return (
-        text
-        if isinstance(error, OptiPlanError)
-        else f"{type(error).__name__}: {text}"
-        if text
-        else type(error).__name__
-    )
+    """Return what an exception says, with its class unless it is one of ours."""
+    return " ".join(str(error).split()) if isinstance(error, OptiPlanError) and str(error) else named_reason(error)

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 TIMED_CONSTRAINTS = (ToolAcceleration, Expression)
 """Path constraints that a slower run of the same path may violate."""
 
+AT_ONCE = 1e-6
+"""s of the path, just after its start."""
+
 AT_REST = 1e-6
 """rad or m per s and s²: a robot that is no faster stands still."""
 
@@ -138,6 +141,11 @@ class ProvedPath:
         if place <= last:
             return None
         return self._ways_back[last]
+
+    @property
+    def first_way_back(self) -> PathStretch | None:
+        """The way back that is there just after the start."""
+        return self.backwards(min(AT_ONCE, self.motion.duration), 0.0)
 
     def turned(self, place: float, then: float, backwards: bool, done: float, speed: float) -> Turned | None:
         """Return the way from rest at a place, from time `then`, s, on; None where there is none. See `backwards`."""

@@ -1,6 +1,7 @@
 """Other motions to the goal of a run, planned in a process of their own while the run is executed."""
 
 import contextlib
+import logging
 import multiprocessing
 import time
 from collections import deque
@@ -22,6 +23,8 @@ from optiplan.trajectory.state import State
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
 
+_log = logging.getLogger(__name__)
+
 WARM_UP = 60.0
 """s, within which the process must have planned for the first time."""
 
@@ -38,7 +41,7 @@ class PlannedPath:
         law: from whose state at that time.
         since: when it was asked for, s.
         number: of its request.
-        path: None where there is none; `words` say why.
+        path: None where there is none.
         watch: of that path.
         seconds: of processor time, of planning, proving and preparing it.
     """
@@ -49,7 +52,6 @@ class PlannedPath:
     number: int
     path: ProvedPath | None = None
     watch: SceneWatch | None = None
-    words: str = ""
     seconds: float = 0.0
 
 
@@ -174,13 +176,15 @@ class PlanningProcess:
     def _prepared(self, asked: PlannedPath, request: ReplanRequest, reply: ReplanReply) -> PlannedPath:
         began = time.thread_time() - reply.seconds
         if reply.motion is None or reply.report is None or not reply.report.verified:
-            return replace(asked, words=reply.words, seconds=reply.seconds)
+            _log.info("there is no other motion: %s", reply.words)
+            return replace(asked, seconds=reply.seconds)
         problem = request.standing(self._problem)
         run = Run(problem, PLANNER, {}, reply.motion, None, reply.report, None, None, {}, {})
         try:
             path = ProvedPath(run, "Executor")
         except OptiPlanError as error:
-            return replace(asked, words=str(error))
+            _log.info("the other motion cannot be executed: %s", error)
+            return asked
         watch = self._watch.over(path)
         watch.prepare(path.forwards)
         return replace(asked, path=path, watch=watch, seconds=time.thread_time() - began)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from optiplan.errors import named_reason
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.geometry.shapes import Sphere
 from optiplan.planners.base import Budget, Planner
@@ -26,7 +27,6 @@ from optiplan.verify.verify import verify
 
 PLANNER = "trajopt"
 """It begins at an earlier motion, from a robot that moves, and times its motions between moving obstacles."""
-
 
 COARSE = {"spans": 16, "samples": 40}
 """Options of the planner by which it finds a motion sooner than with its own."""
@@ -128,7 +128,7 @@ def answer(request: ReplanRequest, first: Problem, motions: Mapping[int, Traject
             report = verify(request.standing(first), motion)
             words = "" if report.verified else "the motion that was found is refused"
     except Exception as error:
-        words = f"{type(error).__name__}: {error}"
+        words = named_reason(error)
     return ReplanReply(request.number, motion, report, words, time.process_time() - began)
 
 

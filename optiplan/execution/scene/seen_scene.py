@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 SceneUpdate = Mapping[str, Pose | Obstacle | None]
 """What is where, by name: the pose of a known obstacle, one that appears, or None for one that is gone."""
 
-
 SAME_PLACE = 1e-9
 """m, and of directions: so far apart two poses are one."""
 
