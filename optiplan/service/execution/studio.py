@@ -1,6 +1,6 @@
 """What the studio draws and asks: a problem without runs, a configuration, the branches of an inverse kinematics."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.errors import InputError, Issue
+from optiplan.geometry.poses import pose_from_data
 from optiplan.kinematics.ik.solve import answer
 from optiplan.problem.problem import Problem
 from optiplan.robot.frames import frame_pose
@@ -29,7 +30,8 @@ def studio_scene(problem: Problem, motion: Trajectory | None = None) -> dict[str
 
     Returns:
         `scene` as `SceneData.to_dict`; `joints`: name and limits, null where there is none; `start`: (n,); `tool`: its
-        pose at the start; `problem`: the problem as data, all defaults filled in; `hash`.
+        pose at the start; `handles`: poses of the file that can be dragged, see `_handles`; `problem`: the problem as
+        data, all defaults filled in; `hash`.
     """
     limits = problem.robot.limits
     joints = [
@@ -41,6 +43,7 @@ def studio_scene(problem: Problem, motion: Trajectory | None = None) -> dict[str
         "joints": joints,
         "start": problem.start.tolist(),
         "tool": _tool(problem, problem.start),
+        "handles": list(_handles(problem)),
         "problem": dict(problem.source),
         "hash": problem.hash,
     }
@@ -86,6 +89,40 @@ def branches(problem: Problem, pose: Sequence[float], near: Sequence[float] | No
         for solution in found.solutions[:MOST_BRANCHES]
     ]
     return {"branches": shown, "reason": found.reason}
+
+
+def _handles(problem: Problem) -> Iterator[dict[str, Any]]:
+    """Poses that the file names: `path` of keys to it, `label`, `pose` in the world; `joints` where it names joint values.
+
+    Goals and vias of joint values have the pose of the tool there; those of a task have none.
+    """
+    source = problem.source
+    ends = source.get("goal") or {}
+    yield from _ends(problem, ends, ["goal"], "goal")
+    for k, via in enumerate(source.get("via") or ()):
+        yield from _ends(problem, via, ["via", k], f"via {k + 1}")
+    for k, step in enumerate(source.get("task") or ()):
+        name = step.get("name") or f"step {k + 1}"
+        for kind, stated in step.items():
+            if isinstance(stated, Mapping):
+                yield from _poses(stated, ["task", k, kind], name)
+
+
+def _ends(problem: Problem, end: Mapping[str, Any], path: list[str | int], label: str) -> Iterator[dict[str, Any]]:
+    yield from _poses(end, path, label)
+    if isinstance(joints := end.get("joints"), list | tuple):
+        yield {"path": path, "label": label, "pose": _tool(problem, np.asarray(joints, float)), "joints": True}
+    for k, one in enumerate(end.get("any_of") or ()):
+        yield from _ends(problem, one, [*path, "any_of", k], f"{label}, {k + 1} of several")
+
+
+def _poses(stated: Mapping[str, Any], path: list[str | int], label: str) -> Iterator[dict[str, Any]]:
+    found = [([*path, "pose"], label, stated.get("pose"))]
+    found += [([*path, "any_of", k], f"{label}, {k + 1} of several", one) for k, one in enumerate(stated.get("any_of") or ())]
+    for where, words, pose in found:
+        if isinstance(pose, Mapping) and "position" in pose:
+            known = {key: pose[key] for key in ("position", "rpy", "quaternion") if pose.get(key) is not None}
+            yield {"path": where, "label": words, "pose": pin.SE3ToXYZQUAT(pose_from_data(known)).tolist(), "joints": False}
 
 
 def _check(problem: Problem, q: Array) -> None:

@@ -13,9 +13,11 @@ const GoalFrame = (() => {
     return mesh;
   }
 
+  const ball = (opacity) => part(new THREE.SphereGeometry(0.024, 24, 16), 0x2374c6, "ball", null, opacity);
+
   function make() {
     const frame = new THREE.Group();
-    frame.ball = part(new THREE.SphereGeometry(0.024, 24, 16), 0x2374c6, "ball", null);
+    frame.ball = ball(0.85);
     frame.add(frame.ball);
     AXES.forEach((axis, k) => {
       const along = new THREE.Quaternion().setFromUnitVectors(UP, axis), about = new THREE.Quaternion().setFromUnitVectors(AXES[2], axis);
@@ -59,5 +61,5 @@ const GoalFrame = (() => {
       return true;
     };
   }
-  return { make, met, drag };
+  return { make, ball, met, drag };
 })();

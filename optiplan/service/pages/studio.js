@@ -1,70 +1,221 @@
 "use strict";
 // The studio: the text is the truth; the scene shows what it says, and writes into it.
 (() => {
-  const { byId, make, post, get, latest } = Page, text = byId("text");
-  const state = { valid: "", problem: null, q: [], start: [], run: null, events: null, asked: 0, points: [] };
+  const { byId, make, post, get, latest } = Page, DRAFT = "optiplan.draft", SURFACE_GAP = 0.01; // m between a surface and the goal on it
+  const state = { valid: "", problem: null, hash: "", q: [], start: [], asked: 0, handles: [], active: 0, chosen: null, branches: [], branch: -1, examples: {}, opened: "" };
+  const names = { robots: [], planners: [] };
+
+  const words = SchemaWords.from(get("api/schema"), (path) => ({ robot: names.robots, "planner.name": names.planners, planner: names.planners })[path.join(".")] || []);
+  const editor = new Editor.Text(byId("text"), (text) => { keep(text); clearTimeout(typing); typing = setTimeout(check, 350); }, words);
+  let typing = 0;
 
   const scene = new StudioScene.Scene(byId("pane"), {
-    goal(pose, ended) {
-      if (!ended) { solve(pose); return; }
-      const [x, y, z, ...quaternion] = pose;
-      edit("goal", { pose: { position: [x, y, z], quaternion } });
+    goal(pose, ended, index) {
+      if (index !== undefined) { activate(index); return; }
+      if (ended) moved(pose);
       solve(pose);
     },
-    obstacle(name, position) {
-      const whole = structuredClone(state.problem.scene);
-      const body = whole.obstacles.find((one) => one.name === name);
-      body.pose = { ...body.pose, position };
-      edit("scene", whole);
-    },
+    obstacle: (name, pose) => placed(name, pose),
+    selected: (name) => choose(name),
+    resized(name, shape, pose, ended) { if (ended) write(sized(name, shape), placement(name, pose)); },
+    branch: (k) => takeBranch(k),
+    surface: (point, normal) => { point_at(false); moved(onSurface(point, normal)); },
   });
 
-  function edit(key, value) {
-    text.value = StudioText.replaced(text.value, key, value);
+  // ---- what the scene writes into the text: each wish is one step of the history
+  function write(...wishes) {
+    let text = editor.text();
+    const before = text;
+    for (const edits of wishes) text = ProblemText.applied(text, edits(text));
+    editor.edit(difference(before, text));
     check();
   }
 
+  // One edit that turns a text into another: what both have at their begin and end stays.
+  function difference(before, after) {
+    if (before === after) return [];
+    let head = 0, tail = 0;
+    const most = Math.min(before.length, after.length);
+    while (head < most && before[head] === after[head]) head++;
+    while (tail < most - head && before.at(-1 - tail) === after.at(-1 - tail)) tail++;
+    return [{ from: head, to: before.length - tail, insert: after.slice(head, after.length - tail) }];
+  }
+
+  const place = (name) => ["scene", "obstacles", ProblemText.named(editor.text(), ["scene", "obstacles"], name)];
+  const body = (name) => state.problem.scene.obstacles.find((one) => one.name === name);
+  const placement = (name, pose) => (text) => PoseText.edits(text, [...place(name), "pose"], PoseText.read(body(name).pose), pose);
+  const sized = (name, shape) => (text) => ProblemText.set(text, [...place(name), "shape"], rounded(shape));
+  const rounded = (value) => (typeof value === "number" ? PoseText.round(value, 1e-3) : Array.isArray(value) ? value.map(rounded) : Object.fromEntries(Object.entries(value).map(([key, one]) => [key, rounded(one)])));
+
+  function placed(name, pose) {
+    if (place(name)[2] < 0) { tell(`${name} is not in this text: it cannot be moved here`); return; }
+    write(placement(name, pose));
+  }
+
+  // The pose that is dragged goes to where the file has it; an end of joint values becomes a pose.
+  function moved(pose) {
+    const handle = state.handles[state.active];
+    if (!handle) write((text) => ProblemText.set(text, ["goal"], { pose: PoseText.said(pose) }));
+    else if (handle.joints) write((text) => ProblemText.set(text, handle.path, { joints: undefined, joints_deg: undefined, configuration: undefined, pose: PoseText.said(pose) }));
+    else write((text) => PoseText.edits(text, handle.path, handle.pose, pose));
+  }
+
+  function add(kind) {
+    const shapes = { box: [0.1, 0.1, 0.1], sphere: 0.06, cylinder: { radius: 0.05, length: 0.4 } }, taken = new Set(state.problem.scene.obstacles.map((one) => one.name));
+    let k = 1;
+    while (taken.has(`${kind}_${k}`)) k++;
+    const goal = state.handles[state.active], tool = state.tool, middle = goal ? goal.pose.slice(0, 3).map((x, j) => 0.5 * (x + tool[j])) : tool.slice(0, 3);
+    put({ name: `${kind}_${k}`, shape: { [kind]: shapes[kind] }, pose: { position: middle.map((x) => PoseText.round(x, 1e-3)) } });
+  }
+
+  function put(one) {
+    state.chosen = one.name;
+    write((text) => ProblemText.add(text, ["scene", "obstacles"], one));
+  }
+
+  function does(what, value) {
+    const { chosen } = state, at = place(chosen);
+    if (at[2] < 0) { tell(`${chosen} is not in this text`); return; }
+    if (what === "pose") write(placement(chosen, value));
+    else if (what === "shape") write(sized(chosen, value));
+    else if (what === "show") editor.show(ProblemText.place(editor.text(), at));
+    else if (what === "remove") { choose(null); write((text) => ProblemText.remove(text, at)); }
+    else {
+      const one = ProblemText.value(editor.text(), at), taken = new Set(state.problem.scene.obstacles.map(({ name }) => name));
+      let k = 2;
+      while (taken.has(`${chosen}_${k}`)) k++;
+      const pose = PoseText.said(PoseText.read(one.pose));
+      put({ ...one, name: `${chosen}_${k}`, pose: { ...one.pose, position: pose.position.map((x, j) => PoseText.round(x + (j === 1 ? 0.1 : 0), 1e-3)) } });
+    }
+  }
+
+  // The tool's z axis goes into the surface; its turn about it is as near as can be to that of before.
+  function onSurface(point, normal) {
+    const THREE = MeshCat.THREE, n = new THREE.Vector3(...normal).normalize(), before = state.handles[state.active] ? state.handles[state.active].pose : state.tool;
+    const turned = new THREE.Quaternion(...before.slice(3)), z = new THREE.Vector3(0, 0, 1).applyQuaternion(turned);
+    const q = new THREE.Quaternion().setFromUnitVectors(z, n.clone().negate()).multiply(turned);
+    return [...point.map((x, k) => x + SURFACE_GAP * n.getComponent(k)), ...q.toArray()];
+  }
+
+  function point_at(on) {
+    scene.pointing = on;
+    byId("surface").setAttribute("aria-pressed", String(on));
+    if (on) tell("Click on a surface: the goal goes 1 cm above it, the tool's z axis into it.");
+  }
+
+  // ---- what is chosen
+  function choose(name) {
+    state.chosen = name && body(name) ? name : null;
+    const one = state.chosen && body(state.chosen);
+    scene.choose(state.chosen, one ? one.shape : null);
+    fields();
+  }
+
+  function activate(index) {
+    state.active = index;
+    state.branches = [];
+    scene.branches([]);
+    scene.handles(state.handles.map((one) => one.pose), index);
+    choose(null);
+    solve(state.handles[index].pose);
+  }
+
+  function fields() {
+    const one = state.chosen && body(state.chosen), handle = state.handles[state.active];
+    const shown = one ? StudioCard.obstacle({ ...one, pose: PoseText.read(one.pose), fixed: "half_space" in one.shape }, does)
+      : handle ? StudioCard.handle(handle, (what, pose) => (what === "show" ? editor.show(ProblemText.place(editor.text(), handle.path)) : (moved(pose), solve(pose)))) : [];
+    byId("fields").replaceChildren(...shown);
+    byId("chosen").firstElementChild.textContent = one ? `${one.name} · ${Object.keys(one.shape)[0].replace("_", " ")}` : handle ? handle.label : "";
+    byId("chosen").hidden = !shown.length;
+  }
+
+  // ---- branches of the goal
   const solve = latest(async (pose) => {
     const { status, data } = await post("api/ik", { problem: state.valid, pose, near: state.q });
     if (status !== 200) return;
-    scene.branches(data.branches);
-    byId("hint").textContent = data.branches.length ? `${data.branches.length} ways to reach it` + (data.reason ? "; " + data.reason : "") : data.reason;
+    Object.assign(state, { branches: data.branches, branch: -1, solved: pose });
+    ghosts(data.reason);
   });
 
+  function ghosts(reason) {
+    scene.branches(state.branches, state.branch);
+    const many = state.branches.length, free = state.branches.filter((one) => one.within_limits && !one.touching).length;
+    tell(many ? `${many} ways to reach it, ${free} of them free` + (reason ? "; " + reason : "") : reason);
+    byId("branches").replaceChildren(...state.branches.map((one, k) => make("button", { type: "button", className: one.touching || !one.within_limits ? "bad" : "", textContent: String(k + 1),
+      title: `${one.branch || "a way"}${one.touching ? "; touches" : ""}${one.within_limits ? "" : "; outside the limits"}`, ariaPressed: String(k === state.branch), onclick: () => takeBranch(k) })));
+    byId("take").hidden = state.branch < 0;
+  }
+
+  function takeBranch(k) {
+    state.branch = k;
+    state.q = [...state.branches[k].q];
+    ghosts("");
+    move();
+    sliders();
+  }
+
+  // The goal, or the end of the step that is active, becomes the joint values of a branch.
+  function useBranch() {
+    const handle = state.handles[state.active], joints = state.branches[state.branch].q.map((x) => PoseText.round(x, 1e-6));
+    const path = handle ? (handle.joints ? handle.path : handle.path.slice(0, -1)) : ["goal"], of = handle && path[0] !== "task" ? path : ["goal"];
+    write((text) => ProblemText.set(text, of, { pose: undefined, configuration: undefined, joints_deg: undefined, joints }));
+  }
+
+  // ---- the text is checked and drawn
   const check = latest(async () => {
-    const asked = ++state.asked, problem = text.value;
-    const { status, data } = await post("api/problems/validate", { problem });
+    const asked = ++state.asked, problem = editor.text();
+    clearTimeout(typing);
+    let answer;
+    try { answer = await post("api/problems/validate", { problem }); } catch (gone) { unknown(); return; }
     if (asked !== state.asked) return;
-    const issues = status === 200 ? data.issues : [{ line: null, field: "", found: data.error, expected: "" }];
+    const { status, data } = answer, issues = status === 200 ? data.issues : [{ line: null, field: "", found: data.error, expected: "" }];
     byId("issues").replaceChildren(...(issues.length ? issues.map(shownIssue) : [make("div", { className: "fine", textContent: "valid" })]));
-    byId("plan").disabled = issues.length > 0;
+    editor.mark(issues.map((one) => ({ line: one.line, words: said(one) })));
+    byId("plan").disabled = byId("store").disabled = issues.length > 0;
     if (issues.length) return;
-    state.valid = problem;
+    if (state.hash && data.hash !== state.hash) StudioRun.clear();
+    Object.assign(state, { valid: problem, hash: data.hash });
     const drawn = await post("api/scene", { problem });
     if (drawn.status === 200 && asked === state.asked) draw(drawn.data);
   });
 
-  function shownIssue(issue) {
-    const place = issue.line === null ? "" : `line ${issue.line}: `;
-    const words = `${place}${issue.field}: ${issue.found}` + (issue.expected ? `; expected ${issue.expected}` : "");
-    return make("button", { type: "button", textContent: words, onclick: () => goTo(issue.line) });
+  function unknown() {
+    byId("issues").replaceChildren(make("div", { className: "none", textContent: "The server does not answer: the text is not checked. It is kept in this browser." }));
+    byId("plan").disabled = byId("store").disabled = true;
   }
 
-  function goTo(line) {
-    if (line === null) return;
-    const lines = text.value.split("\n"), begin = lines.slice(0, line - 1).join("\n").length + (line > 1 ? 1 : 0);
-    text.focus();
-    text.setSelectionRange(begin, begin + lines[line - 1].length);
-    text.scrollTop = Math.max(0, (line - 4) * 18.75);
+  const said = (issue) => `${issue.field}: ${issue.found}` + (issue.expected ? `; expected ${issue.expected}` : "");
+
+  function shownIssue(issue) {
+    const place = issue.line === null ? "" : `line ${issue.line}: `;
+    return make("button", { type: "button", textContent: place + said(issue), onclick: () => issue.line !== null && editor.goTo(issue.line) });
   }
 
   function draw(found) {
-    const fresh = JSON.stringify(found.start) !== JSON.stringify(state.start);
-    Object.assign(state, { problem: found.problem, start: found.start });
-    scene.show(found.scene, found.tool);
-    if (fresh || state.q.length !== found.start.length) state.q = [...found.start];
-    else move();
-    byId("sliders").replaceChildren(...found.joints.map((joint, k) => {
+    const fresh = JSON.stringify(found.start) !== JSON.stringify(state.start), known = new Set(found.problem.scene.obstacles.map((one) => one.name));
+    Object.assign(state, { problem: found.problem, start: found.start, tool: found.tool, joints: found.joints, handles: found.handles });
+    state.active = Math.min(state.active, Math.max(0, state.handles.length - 1));
+    scene.show(found.scene, found.problem.task ? null : found.tool);
+    if (state.handles.length) scene.handles(state.handles.map((one) => one.pose), state.active);
+    if (!scene.framed) { scene.frame(); scene.framed = true; }
+    if (fresh || state.q.length !== found.start.length) Object.assign(state, { q: [...found.start], branches: [], branch: -1 });
+    const aim = state.handles[state.active]; // ghosts stay as long as they reach what the text says
+    if (state.branches.length && aim && aim.pose.some((x, k) => Math.abs(x - state.solved[k]) > 2e-3)) {
+      Object.assign(state, { branches: [], branch: -1 });
+      byId("branches").replaceChildren();
+      byId("take").hidden = true;
+      tell("");
+    }
+    scene.branches(state.branches, state.branch);
+    move();
+    choose(known.has(state.chosen) ? state.chosen : null);
+    sliders();
+    byId("steps").replaceChildren(...state.handles.map((one, k) => make("option", { value: k, textContent: one.label, selected: k === state.active })));
+    byId("steps").parentElement.hidden = state.handles.length < 2;
+  }
+
+  function sliders() {
+    byId("sliders").replaceChildren(...state.joints.map((joint, k) => {
       const low = joint.lower === null ? -Math.PI : joint.lower, high = joint.upper === null ? Math.PI : joint.upper;
       const value = make("output", { textContent: state.q[k].toFixed(3) });
       const slider = make("input", { type: "range", min: low, max: high, step: "any", value: state.q[k] });
@@ -77,99 +228,101 @@
     const { status, data } = await post("api/pose", { problem: state.valid, q: state.q });
     if (status !== 200) return;
     scene.pose(data.poses);
-    byId("touching").textContent = data.touching.map((pair) => pair.join(" and ")).map((pair) => pair + " touch").join("; ");
+    scene.touching(new Set(data.touching.flat()));
+    byId("touching").textContent = [...new Set(data.touching.map((pair) => pair.join(" and ") + " touch"))].join("; ");
   });
 
-  async function plan() {
-    byId("page").hidden = byId("back").hidden = true;
-    const asked = { problem: text.value, budget: Number(byId("budget").value) };
-    if (byId("planner").value) asked.planner = byId("planner").value;
-    const { status, data } = await post("api/runs", asked);
-    byId("watch").hidden = false;
-    byId("improvements").replaceChildren();
-    byId("link").hidden = byId("execute").hidden = true;
-    state.points = [];
-    curve();
-    if (status !== 202) { tell("failed", data.error); return; }
-    Object.assign(state, { run: data.id, submission: data.submission });
-    byId("cancel").disabled = false;
-    tell(data.status, "");
-    if (state.events) state.events.close();
-    const events = state.events = new EventSource(`api/runs/${data.id}/events`);
-    events.addEventListener("status", (event) => tell(JSON.parse(event.data).status, ""));
-    events.addEventListener("stage", (event) => { const { stage } = JSON.parse(event.data); tell("running", stage); });
-    events.addEventListener("best", (event) => improved(JSON.parse(event.data)));
-    events.addEventListener("end", () => { events.close(); finished(); });
+  // ---- teach: points are recorded as vias, and played back as they are, before any planning
+  function record() {
+    const q = state.q.map((x) => PoseText.round(x, 1e-6));
+    write((text) => ProblemText.add(text, ["via"], { joints: q }));
+    tell("recorded: Plan makes one proved motion past all points; Play back shows them as they are");
   }
 
-  function tell(status, words) {
-    byId("state").className = "badge " + status;
-    byId("state").textContent = status;
-    byId("stage").textContent = words;
+  async function play() {
+    const vias = (ProblemText.value(editor.text(), ["via"]) || []).map((one) => one.joints).filter(Array.isArray), goal = (ProblemText.value(editor.text(), ["goal"]) || {}).joints;
+    const points = [state.start, ...vias, ...(Array.isArray(goal) ? [goal] : [])], before = state.q, STEPS = 20;
+    if (points.length < 2) { tell("nothing to play: record a point, or set a goal of joint values"); return; }
+    for (let k = 0; k + 1 < points.length; k++) for (let j = 1; j <= STEPS; j++) {
+      state.q = points[k].map((x, i) => x + (j / STEPS) * (points[k + 1][i] - x));
+      await move();
+      await new Promise((done) => setTimeout(done, 40));
+    }
+    state.q = before;
+    move();
   }
 
-  function improved({ seconds, duration }) {
-    byId("improvements").append(make("li", { textContent: `${duration.toFixed(4)} s after ${seconds.toFixed(2)} s` }));
-    state.points.push([seconds, duration]);
-    curve();
+  // ---- drafts: what is typed stays in this browser until it is stored or thrown away
+  function tell(words) { byId("hint").textContent = words; }
+
+  function keep(text) {
+    byId("stored").textContent = "";
+    if (text === state.opened) localStorage.removeItem(DRAFT);
+    else localStorage.setItem(DRAFT, JSON.stringify({ text, at: Date.now(), opened: state.opened }));
   }
 
-  // The best duration over time as steps.
-  function curve() {
-    const svg = byId("best");
-    svg.replaceChildren();
-    if (!state.points.length) return;
-    const last = 1.15 * state.points.at(-1)[0], least = Math.min(...state.points.map((point) => point[1])), most = Math.max(...state.points.map((point) => point[1]));
-    const x = (t) => (318 * t) / last + 1, y = (d) => 48 - (40 * (d - least)) / Math.max(1e-9, most - least);
-    let path = "";
-    state.points.forEach(([t, d], k) => { path += k ? ` H${x(t)} V${y(d)}` : `M${x(t)} ${y(d)}`; });
-    Page.drawn(svg, path + " H319", "#1769aa");
+  function open(text, undoable) {
+    const edited = editor.text() && editor.text() !== state.opened;
+    state.opened = text;
+    Object.assign(state, { start: [], branches: [], branch: -1, chosen: null, active: 0 });
+    scene.framed = false;
+    if (undoable) editor.replace(text); else editor.begin(text);
+    notice(edited ? "Your text is one undo away." : "", "Bring it back", () => editor.undo());
+    check();
   }
 
-  async function finished() {
-    byId("cancel").disabled = true;
-    const run = await get("api/runs/" + state.run);
-    const word = run.status === "done" ? (run.verified ? "verified" : "refused") : run.status;
-    const said = run.failure ? `${run.failure.kind}: ${run.failure.detail}` : run.duration ? `${run.duration.toFixed(4)} s` + (run.ratio ? `, ${run.ratio.toFixed(3)} × the bound` : "") : "";
-    tell(word, said);
-    if (run.status === "cancelled") return;
-    Object.assign(byId("link"), { href: "runs/" + run.id, hidden: false });
-    Object.assign(byId("execute"), { href: "execution#run=" + run.id, hidden: !run.verified });
-    if (run.status !== "done") return;
-    byId("page").src = "runs/" + run.id;
-    byId("page").hidden = byId("back").hidden = false;
+  function notice(words, action, act) {
+    byId("notice").hidden = !words;
+    byId("notice").replaceChildren(words + " ", make("button", { type: "button", textContent: action, onclick: () => { byId("notice").hidden = true; act(); } }));
   }
 
-  let typing = 0;
-  text.addEventListener("input", () => { clearTimeout(typing); typing = setTimeout(check, 350); });
-  text.addEventListener("keydown", (event) => {
-    if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) plan();
-  });
-  byId("plan").addEventListener("click", plan);
-  byId("cancel").addEventListener("click", () => fetch(`api/runs/${state.run}/cancel?submission=${state.submission}`, { method: "POST" }));
-  byId("back").addEventListener("click", () => { byId("page").hidden = byId("back").hidden = true; byId("page").src = "about:blank"; });
-  byId("start").addEventListener("click", () => edit("start", { joints: state.q }));
-  byId("goal").addEventListener("click", () => edit("goal", { joints: state.q }));
+  function draft() {
+    try { return JSON.parse(localStorage.getItem(DRAFT)); } catch (broken) { return null; }
+  }
+
+  // ---- buttons
+  byId("plan").addEventListener("click", () => StudioRun.plan(editor.text()));
+  byId("text").addEventListener("keydown", (event) => { if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) { event.preventDefault(); event.stopPropagation(); StudioRun.plan(editor.text()); } }, true);
+  byId("undo").addEventListener("click", () => editor.undo());
+  byId("redo").addEventListener("click", () => editor.redo());
+  byId("start").addEventListener("click", () => write((text) => ProblemText.set(text, ["start"], { configuration: undefined, joints_deg: undefined, joints: state.q.map((x) => PoseText.round(x, 1e-6)) })));
+  byId("goal").addEventListener("click", () => write((text) => ProblemText.set(text, ["goal"], { pose: undefined, any_of: undefined, configuration: undefined, joints_deg: undefined, joints: state.q.map((x) => PoseText.round(x, 1e-6)) })));
+  byId("take").addEventListener("click", useBranch);
+  byId("record").addEventListener("click", record);
+  byId("play").addEventListener("click", play);
+  byId("surface").addEventListener("click", () => point_at(!scene.pointing));
+  byId("steps").addEventListener("change", () => activate(Number(byId("steps").value)));
+  byId("add").addEventListener("change", () => { if (byId("add").value) add(byId("add").value); byId("add").value = ""; });
+  byId("example").addEventListener("change", () => { const text = state.examples[byId("example").value]; if (text) open(text, true); });
   byId("save").addEventListener("click", () => {
-    const name = (state.problem && state.problem.name) || "problem", url = URL.createObjectURL(new Blob([text.value], { type: "application/yaml" }));
+    const name = (state.problem && state.problem.name) || "problem", url = URL.createObjectURL(new Blob([editor.text()], { type: "application/yaml" }));
     make("a", { href: url, download: name + ".yaml" }).click();
     URL.revokeObjectURL(url);
   });
   byId("store").addEventListener("click", async () => {
-    const { status, data } = await post("api/problems", { problem: text.value });
+    const { status, data } = await post("api/problems", { problem: editor.text() });
     byId("stored").textContent = status === 201 ? "stored" : data.error.slice(0, 80);
   });
+  addEventListener("optiplan:back", () => check());
 
   async function begin() {
-    const [examples, planners] = await Promise.all([get("api/examples"), get("api/planners")]);
+    const [examples, planners, robots] = await Promise.all([get("api/examples"), get("api/planners"), get("api/robots")]);
+    state.examples = examples;
+    Object.assign(names, { planners: planners.map(({ name }) => name), robots: robots.map(({ name }) => name) });
     byId("example").append(...Object.keys(examples).map((name) => make("option", { value: name, textContent: name })));
-    byId("planner").append(...planners.map(({ name }) => make("option", { value: name, textContent: name })));
-    byId("example").addEventListener("change", () => { text.value = examples[byId("example").value] || text.value; state.start = []; check(); });
-    text.value = (await Page.named()) || examples["02_shelf"];
-    check();
+    byId("planner").append(...names.planners.map((name) => make("option", { value: name, textContent: name })));
+    const named = await Page.named(), kept = draft();
+    if (named === null && kept && kept.text) {
+      open(kept.text, false);
+      state.opened = kept.opened || "";
+      notice(`Your draft of ${new Date(kept.at).toLocaleString()}.`, "Begin anew", () => open(examples["02_shelf"], true));
+      return;
+    }
+    open(named || examples["02_shelf"], false);
+    if (kept && kept.text && kept.text !== named) notice("This browser keeps a draft of yours.", "Open it", () => { open(kept.text, true); state.opened = kept.opened || ""; });
   }
-  byId("joints").open = innerWidth > 760; // else it hides the scene
+  byId("joints").open = byId("chosen").open = innerWidth > 760; // else they hide the scene
   byId("joints").addEventListener("toggle", () => scene.resize());
-  window.optiplanStudio = { scene, state };
+  window.optiplanStudio = { scene, state, editor };
   begin();
 })();

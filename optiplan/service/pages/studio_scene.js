@@ -2,8 +2,7 @@
 // The live scene: a robot to be posed, ghosts of all branches, a goal and obstacles to be dragged. Metres, z up.
 const StudioScene = (() => {
   const THREE = MeshCat.THREE, { makeGeometry, rgb, place } = OptiPlanShapes;
-  const GOOD = 0x2374c6, BAD = 0xd3261f, STEP = 1e-3;
-  const round = (x) => Math.round(x / STEP) * STEP;
+  const GOOD = 0x2374c6, BAD = 0xd3261f, CHOSEN = 0x1f9d55, TOUCHING = 0xd3261f;
   const poseOf = (object) => [...object.position.toArray(), ...object.quaternion.toArray()];
 
   function floats(text) {
@@ -15,7 +14,10 @@ const StudioScene = (() => {
   class Scene {
     constructor(pane, events) {
       this.pane = pane;
-      this.events = events; // goal(pose, ended), where there is a goal; obstacle(name, position) dropped, and moving(name, pose) before, where they can be moved
+      // What a page wants to hear of. Where there are goals: goal(pose, ended, index). Where obstacles can be moved: obstacle(name, pose)
+      // when one is let go, moving(name, pose) before. Where one can be chosen: selected(name), resized(name, shape, pose, ended).
+      // branch(k) of a ghost that is clicked, surface(point, normal) while `pointing` is set.
+      this.events = events;
       this.viewer = new MeshCat.Viewer(pane, false);
       this.viewer.set_3d_pane_size = () => this.resize();
       for (const path of ["/Lights", "/Axes"]) this.viewer.handle_command({ type: "delete", path });
@@ -28,7 +30,9 @@ const StudioScene = (() => {
       scene.add(sun, new THREE.HemisphereLight(0xffffff, 0xd8d2ca, 0.65), this.root);
       this.root.updateMatrixWorld(true);
       this.seen = null;
-      this.listen();
+      this.chosen = null;
+      this.pointing = false;
+      SceneHand.listen(this);
       new ResizeObserver(() => this.resize()).observe(pane);
       const draw = () => {
         requestAnimationFrame(draw);
@@ -57,14 +61,17 @@ const StudioScene = (() => {
         const mesh = this.mesh(part, new THREE.MeshStandardMaterial({ color: rgb(part.colour), roughness: 0.7, transparent: plane, opacity: plane ? 0.25 : 1 }));
         if (plane) this.spread(mesh, data.geometries[part.geometry]);
         mesh.userData.fixed = plane;
+        mesh.userData.own = mesh.material.color.clone();
         this.obstacles.add(mesh);
       }
       this.robot = this.figure((part) => new THREE.MeshStandardMaterial({ color: rgb(part.colour), roughness: 0.62 }));
       this.ghosts = new THREE.Group();
+      this.others = new THREE.Group();
+      this.gizmo = new THREE.Group();
       this.handle = GoalFrame.make();
-      this.handle.visible = Boolean(this.events.goal);
-      if (tool || data.targets.length) place(this.handle, data.targets.length ? data.targets[0] : tool);
-      this.root.add(this.obstacles, this.robot, this.ghosts, this.handle);
+      this.handle.visible = Boolean(this.events.goal && tool);
+      if (tool) place(this.handle, tool);
+      this.root.add(this.obstacles, this.robot, this.ghosts, this.others, this.gizmo, this.handle);
       const start = floats(data.start);
       this.pose(Array.from({ length: data.bodies }, (_, j) => Array.from(start.slice(7 * j, 7 * j + 7))));
       this.viewer.scene.updateMatrixWorld(true);
@@ -77,6 +84,7 @@ const StudioScene = (() => {
       const mesh = new THREE.Mesh(this.geometries[part.geometry], material);
       place(mesh, part.pose);
       mesh.name = part.name;
+      mesh.userData.link = part.owner;
       return mesh;
     }
 
@@ -101,14 +109,54 @@ const StudioScene = (() => {
       this.viewer.set_dirty();
     }
 
-    branches(found) {
+    // Bodies of the robot, by name, in the colour of what touches; all others in their own.
+    touching(names) {
+      for (const body of this.robot.bodies) for (const mesh of body.children) {
+        const own = mesh.userData.own || (mesh.userData.own = mesh.material.color.clone());
+        mesh.material.color.copy(names.has(mesh.userData.link) || names.has(mesh.name) ? new THREE.Color(TOUCHING) : own);
+      }
+      for (const mesh of this.obstacles.children) mesh.material.emissive.setHex(names.has(mesh.name) ? 0x6b1410 : 0);
+      this.viewer.set_dirty();
+    }
+
+    // Poses that can be dragged: one has the frame, the others are balls to be clicked.
+    handles(poses, active) {
+      this.handle.visible = poses.length > 0;
+      this.others.clear();
+      poses.forEach((pose, k) => {
+        if (k === active) { if (!this.held || this.held.object !== this.handle) place(this.handle, pose); return; }
+        const ball = GoalFrame.ball(0.6);
+        place(ball, pose);
+        ball.userData.index = k;
+        this.others.add(ball);
+      });
+      this.viewer.set_dirty();
+    }
+
+    // The obstacle that is chosen, with its gizmo; `shape` as the file says it. Null for none.
+    choose(name, shape) {
+      this.chosen = name;
+      this.gizmo.clear();
+      for (const mesh of this.obstacles.children) mesh.material.color.copy(mesh.name === name ? new THREE.Color(CHOSEN) : mesh.userData.own);
+      const mesh = this.obstacles.children.find((one) => one.name === name);
+      if (mesh && !mesh.userData.fixed) {
+        this.frameOf = GoalFrame.make();
+        this.knobs = Gizmo.knobs(shape);
+        this.gizmo.add(this.frameOf, this.knobs);
+        place(this.gizmo, poseOf(mesh));
+      } else this.frameOf = this.knobs = null;
+      this.viewer.set_dirty();
+    }
+
+    branches(found, chosen = -1) {
       this.ghosts.clear();
-      found.forEach((branch) => {
+      found.forEach((branch, k) => {
         const bad = branch.touching || !branch.within_limits;
-        const skin = new THREE.MeshStandardMaterial({ color: bad ? BAD : GOOD, transparent: true, opacity: bad ? 0.12 : 0.3, depthWrite: false,
+        const skin = new THREE.MeshStandardMaterial({ color: bad ? BAD : k === chosen ? CHOSEN : GOOD, transparent: true, opacity: bad ? 0.12 : k === chosen ? 0.6 : 0.3, depthWrite: false,
           polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 4 });
         const ghost = this.figure(() => skin);
         ghost.bodies[0].visible = false;
+        ghost.index = k;
         this.pose(branch.poses, ghost);
         this.ghosts.add(ghost);
       });
@@ -118,6 +166,7 @@ const StudioScene = (() => {
     frame() {
       const box = new THREE.Box3().setFromObject(this.robot), one = new THREE.Box3(), { camera, controls } = this.viewer;
       if (this.handle.visible) box.expandByObject(this.handle.ball);
+      for (const ball of this.others.children) box.expandByObject(ball);
       const reach = box.getSize(new THREE.Vector3()).length();
       for (const mesh of this.obstacles.children) {
         one.setFromObject(mesh);
@@ -185,67 +234,6 @@ const StudioScene = (() => {
         place(mesh, stay.pose);
       }
       this.viewer.set_dirty();
-    }
-
-    // An obstacle moves level, with shift up and down.
-    carry(object, rays, upright) {
-      const at = object.getWorldPosition(new THREE.Vector3()), up = new THREE.Vector3(0, 1, 0), hit = new THREE.Vector3();
-      const sight = this.viewer.camera.getWorldDirection(new THREE.Vector3()).setY(0).normalize();
-      const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(upright ? sight : up, at), begin = rays.ray.intersectPlane(plane, new THREE.Vector3());
-      return begin && ((now) => {
-        if (!now.ray.intersectPlane(plane, hit)) return false;
-        object.position.copy(this.root.worldToLocal(at.clone().add(hit).sub(begin)));
-        return true;
-      });
-    }
-
-    listen() {
-      const rays = new THREE.Raycaster();
-      this.held = null;
-      const aim = (event) => {
-        const area = this.pane.getBoundingClientRect();
-        rays.setFromCamera(new THREE.Vector2((2 * (event.clientX - area.left)) / area.width - 1, 1 - (2 * (event.clientY - area.top)) / area.height), this.viewer.camera);
-      };
-      const movable = () => {
-        const found = rays.intersectObjects([...this.obstacles.children, this.robot], true)[0];
-        return found && this.events.obstacle && this.obstacles.children.includes(found.object) && !found.object.userData.fixed ? found.object : null;
-      };
-      this.pane.addEventListener("pointerdown", (event) => {
-        if (!this.data || event.button !== 0) return;
-        aim(event);
-        const part = this.grip(rays), object = part ? this.handle : movable();
-        if (!object) return;
-        const move = part ? GoalFrame.drag(this.handle, part, rays, this.viewer.camera) : this.carry(object, rays, event.shiftKey);
-        if (!move) return;
-        this.held = { object, move, moved: false };
-        this.viewer.controls.enabled = false;
-        this.pane.setPointerCapture(event.pointerId);
-        event.stopPropagation();
-      }, true);
-      this.pane.addEventListener("pointermove", (event) => {
-        if (!this.data) return;
-        aim(event);
-        if (!this.held) {
-          if (event.pointerType === "mouse" && !event.buttons) this.pane.style.cursor = this.grip(rays) || movable() ? "grab" : "";
-          return;
-        }
-        if (!this.held.move(rays)) return;
-        this.held.moved = true;
-        if (this.held.object === this.handle) this.events.goal(this.goal(), false);
-        else if (this.events.moving) this.events.moving(this.held.object.name, poseOf(this.held.object));
-        this.viewer.set_dirty();
-      });
-      const drop = () => {
-        if (!this.held) return;
-        const { object, moved } = this.held;
-        this.held = null;
-        this.viewer.controls.enabled = true;
-        if (!moved) return;
-        if (object === this.handle) this.events.goal(this.goal(), true);
-        else this.events.obstacle(object.name, object.position.toArray().map(round));
-      };
-      this.pane.addEventListener("pointerup", drop);
-      this.pane.addEventListener("pointercancel", drop);
     }
   }
   return { Scene };

@@ -25,11 +25,13 @@ class Page(NamedTuple):
 
 
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".py": "text/x-python"}
-SCENE = ("viewer", "common", "goal_frame", "studio_scene")
+SCENE = ("viewer", "common", "goal_frame", "gizmo", "scene_hand", "studio_scene")
 """Scripts of pages that draw a scene."""
+EDITOR = ("codemirror", "problem_text", "pose_text", "schema_words", "editor")
+"""Scripts of a page that edits the text of a problem."""
 PAGES = {
     "": Page("OptiPlan", "Runs", ("common", "home")),
-    "studio": Page("OptiPlan studio", "Studio", (*SCENE, "studio_text", "studio"), "studio"),
+    "studio": Page("OptiPlan studio", "Studio", (*SCENE, *EDITOR, "studio_card", "studio_run", "studio"), "studio"),
     "live": Page("OptiPlan live", "Live", (*SCENE, "live"), "studio live"),
     "execution": Page("OptiPlan execution", "Execution", (*SCENE, "execution"), "studio live execution"),
     "benches": Page("OptiPlan benches", "Benches", ("common", "benches")),
@@ -72,6 +74,12 @@ async def viewer() -> Response:
     bundle = Path(found.origin).parent / "viewer" / "dist" / "main.min.js"
     texts = [path.read_text("utf-8") for path in (bundle, *ours)]
     return Response("\n;".join(texts), media_type="text/javascript; charset=utf-8")
+
+
+@router.get("/pages/codemirror.js")
+async def codemirror() -> Response:
+    """The editor's bundle; beside it lie its licences, and how it is made."""
+    return _file("optiplan.service.pages.codemirror", "codemirror.min.js")
 
 
 @router.get("/cell.py")

@@ -1,0 +1,56 @@
+"use strict";
+// Poses of the scene as edits of the text: in the frame and in the notation that the file has; what stays is not written.
+const PoseText = (() => {
+  const THREE = MeshCat.THREE, STILL = 1e-6, DEGREE = Math.PI / 180;
+  const round = (x, step) => Math.round(x / step) * step;
+
+  // A pose [x, y, z, qx, qy, qz, qw] as a matrix.
+  const matrix = (pose) => new THREE.Matrix4().compose(new THREE.Vector3(...pose), new THREE.Quaternion(...pose.slice(3)), new THREE.Vector3(1, 1, 1));
+
+  function pose(matrix) {
+    const position = new THREE.Vector3(), quaternion = new THREE.Quaternion();
+    matrix.decompose(position, quaternion, new THREE.Vector3());
+    return [...position.toArray(), ...quaternion.toArray()];
+  }
+
+  // Angles about the fixed axes x, y, z of a quaternion, rad.
+  function angles(quaternion) {
+    const { x, y, z } = new THREE.Euler().setFromQuaternion(new THREE.Quaternion(...quaternion), "ZYX");
+    return [x, y, z];
+  }
+
+  function fromAngles(rpy) { return new THREE.Quaternion().setFromEuler(new THREE.Euler(...rpy, "ZYX")).toArray(); }
+
+  // What the file says of a pose, as [x, y, z, qx, qy, qz, qw] in its own frame.
+  function read(said = {}) {
+    const { position = [0, 0, 0], rpy, rpy_deg, quaternion } = said || {};
+    return [...position, ...(quaternion || (rpy ? fromAngles(rpy) : rpy_deg ? fromAngles(rpy_deg.map((x) => x * DEGREE)) : [0, 0, 0, 1]))];
+  }
+
+  const turned = (a, b) => 2 * Math.acos(Math.min(1, Math.abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])) / (Math.hypot(...a) * Math.hypot(...b)));
+
+  // What a pose of the file becomes when it moves in the world from X_WB to Y_WB: {position, rpy, ...}, only what changes.
+  function moved(said, X_WB, Y_WB) {
+    const own = read(said), offset = said && said.offset ? matrix(read(said.offset)) : new THREE.Matrix4();
+    const X_WF = matrix(X_WB).multiply(offset.clone().invert()).multiply(matrix(own).invert());
+    const fresh = pose(X_WF.invert().multiply(matrix(Y_WB)).multiply(offset.invert())), wish = {};
+    const shifted = fresh.slice(0, 3).map((x, k) => (Math.abs(x - own[k]) < STILL ? own[k] : round(x, 1e-3)));
+    if (shifted.some((x, k) => x !== own[k])) wish.position = shifted;
+    if (turned(own.slice(3), fresh.slice(3)) > 1e-4) {
+      if (said && said.quaternion) wish.quaternion = fresh.slice(3).map((x) => round(x, 1e-6));
+      else if (said && said.rpy_deg) wish.rpy_deg = angles(fresh.slice(3)).map((x) => round(x / DEGREE, 0.01));
+      else wish.rpy = angles(fresh.slice(3)).map((x) => round(x, 1e-4));
+    }
+    return wish;
+  }
+
+  // Edits of the pose at `path` of the text.
+  function edits(text, path, X_WB, Y_WB) {
+    const wish = moved(ProblemText.value(text, path), X_WB, Y_WB);
+    return Object.keys(wish).length ? ProblemText.set(text, path, wish) : [];
+  }
+
+  // A pose of the world as the file would say it anew.
+  const said = (X_WB) => ({ position: X_WB.slice(0, 3).map((x) => round(x, 1e-3)), rpy: angles(X_WB.slice(3)).map((x) => round(x, 1e-4)) });
+  return { read, edits, said, angles, fromAngles, round };
+})();

@@ -1,0 +1,77 @@
+"use strict";
+// A run that the studio asks for: its improvements as they come, its end, its page.
+const StudioRun = (() => {
+  const { byId, make, post, get } = Page;
+  const state = { run: null, submission: null, events: null, points: [] };
+
+  function tell(status, words) {
+    byId("state").className = "badge " + status;
+    byId("state").textContent = status;
+    byId("stage").textContent = words;
+  }
+
+  // Nothing of an earlier problem stays beside the next.
+  function clear() {
+    if (state.events) state.events.close();
+    Object.assign(state, { run: null, submission: null, events: null, points: [] });
+    for (const id of ["watch", "page", "back"]) byId(id).hidden = true;
+    byId("cancel").disabled = true;
+  }
+
+  async function plan(problem) {
+    clear();
+    const asked = { problem, budget: Number(byId("budget").value) };
+    if (byId("planner").value) asked.planner = byId("planner").value;
+    const { status, data } = await post("api/runs", asked);
+    byId("watch").hidden = false;
+    byId("improvements").replaceChildren();
+    byId("link").hidden = byId("execute").hidden = true;
+    curve();
+    if (status !== 202) { tell("failed", data.error); return; }
+    Object.assign(state, { run: data.id, submission: data.submission });
+    byId("cancel").disabled = false;
+    tell(data.status, "");
+    const events = state.events = new EventSource(`api/runs/${data.id}/events`);
+    events.addEventListener("status", (event) => tell(JSON.parse(event.data).status, ""));
+    events.addEventListener("stage", (event) => tell("running", JSON.parse(event.data).stage));
+    events.addEventListener("best", (event) => improved(JSON.parse(event.data)));
+    events.addEventListener("end", () => { events.close(); finished(data.id); });
+  }
+
+  function improved({ seconds, duration }) {
+    byId("improvements").append(make("li", { textContent: `${duration.toFixed(4)} s after ${seconds.toFixed(2)} s` }));
+    state.points.push([seconds, duration]);
+    curve();
+  }
+
+  // The best duration over time as steps.
+  function curve() {
+    const svg = byId("best");
+    svg.replaceChildren();
+    if (!state.points.length) return;
+    const last = 1.15 * state.points.at(-1)[0], least = Math.min(...state.points.map((point) => point[1])), most = Math.max(...state.points.map((point) => point[1]));
+    const x = (t) => (318 * t) / last + 1, y = (d) => 48 - (40 * (d - least)) / Math.max(1e-9, most - least);
+    let path = "";
+    state.points.forEach(([t, d], k) => { path += k ? ` H${x(t)} V${y(d)}` : `M${x(t)} ${y(d)}`; });
+    Page.drawn(svg, path + " H319", "#1769aa");
+  }
+
+  async function finished(id) {
+    byId("cancel").disabled = true;
+    const run = await get("api/runs/" + id);
+    if (state.run !== id) return;
+    const word = run.status === "done" ? (run.verified ? "verified" : "refused") : run.status;
+    const said = run.failure ? `${run.failure.kind}: ${run.failure.detail}` : run.duration ? `${run.duration.toFixed(4)} s` + (run.ratio ? `, ${run.ratio.toFixed(3)} × the bound` : "") : "";
+    tell(word, said);
+    if (run.status === "cancelled") return;
+    Object.assign(byId("link"), { href: "runs/" + run.id, hidden: false });
+    Object.assign(byId("execute"), { href: "execution#run=" + run.id, hidden: !run.verified });
+    if (run.status !== "done") return;
+    byId("page").src = "runs/" + run.id;
+    byId("page").hidden = byId("back").hidden = false;
+  }
+
+  byId("cancel").addEventListener("click", () => fetch(`api/runs/${state.run}/cancel?submission=${state.submission}`, { method: "POST" }));
+  byId("back").addEventListener("click", () => { byId("page").hidden = byId("back").hidden = true; byId("page").src = "about:blank"; });
+  return { plan, clear };
+})();
