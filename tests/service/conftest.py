@@ -11,6 +11,7 @@ import pytest
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.server import serving
 from optiplan.service.settings import DriverSetup, ServiceSettings
+from tests.service import browsing
 from tests.waiting import PATIENCE
 
 QUICK = """\
@@ -75,3 +76,31 @@ def server(tmp_path_factory) -> Iterator[Running]:
             yield Running(url, service, http)
         (thread,) = [one for one in threading.enumerate() if one.name == "server"]
     assert not thread.is_alive()
+
+
+@pytest.fixture(params=[(1280, 800), (390, 844)], ids=["wide", "narrow"])
+def page(browser, request, server):
+    """A page that fails the test by any complaint, and by any request to somewhere else."""
+    complaints = []
+    page = browser.new_page(viewport=dict(zip(("width", "height"), request.param, strict=True)))
+    page.set_default_timeout(browsing.PATIENCE)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on(
+        "console",
+        lambda said: (
+            said.type in ("error", "warning") and "ReadPixels" not in said.text and complaints.append(said.text)
+        ),
+    )
+    page.on(
+        "requestfailed",  # so counts a stream of events that is closed, and what a page waits for that is left
+        lambda failed: (
+            failed.url.endswith("/events")
+            or failed.failure == "net::ERR_ABORTED"
+            or complaints.append(f"failed: {failed.url[:200]}")
+        ),
+    )
+    ours = (server.url, "data:", "blob:", "about:")
+    page.on("request", lambda asked: asked.url.startswith(ours) or complaints.append(f"elsewhere: {asked.url}"))
+    yield page
+    page.close()
+    assert not complaints

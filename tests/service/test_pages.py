@@ -1,6 +1,5 @@
 """The pages in a real browser: edit, drag, plan, watch, play, compare, cancel; without a word of complaint."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,73 +7,15 @@ import pytest
 
 from optiplan.config.document import parse_yaml
 from optiplan.problem.load import problem_from_dict
+from tests.service.browsing import CHANGED, drag, open_studio, text_of, write
 from tests.service.conftest import NO_WAY, QUICK
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-QUIET = ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"]
-PATIENCE = 90_000  # ms
 OBSTACLE = """
 scene:
   obstacles:
     - {name: ball, shape: {sphere: 0.09}, pose: {position: [0.3, -0.45, 0.35]}}
 """
 pytestmark = pytest.mark.timeout(300)
-
-
-@pytest.fixture(params=[(1280, 800), (390, 844)], ids=["wide", "narrow"])
-def page(browser, request, server):
-    """A page that fails the test by any complaint, and by any request to somewhere else."""
-    complaints = []
-    page = browser.new_page(viewport=dict(zip(("width", "height"), request.param, strict=True)))
-    page.set_default_timeout(PATIENCE)
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on(
-        "console",
-        lambda said: (
-            said.type in ("error", "warning") and "ReadPixels" not in said.text and complaints.append(said.text)
-        ),
-    )
-    page.on(
-        "requestfailed",  # so counts a stream of events that is closed, and what a page waits for that is left
-        lambda failed: (
-            failed.url.endswith("/events")
-            or failed.failure == "net::ERR_ABORTED"
-            or complaints.append(f"failed: {failed.url[:200]}")
-        ),
-    )
-    ours = (server.url, "data:", "blob:", "about:")
-    page.on("request", lambda asked: asked.url.startswith(ours) or complaints.append(f"elsewhere: {asked.url}"))
-    yield page
-    page.close()
-    assert not complaints
-
-
-def write(page, text):
-    page.fill("#text", text)
-    page.wait_for_function("document.querySelector('#issues .fine') && optiplanStudio.state.problem")
-    name = next(line.split(":")[1].strip() for line in text.splitlines() if line.startswith("name:"))
-    page.wait_for_function(f"optiplanStudio.state.problem.name === '{name}'")
-
-
-def drag(page, at, by, meanwhile=lambda: None):
-    """Drag what lies at a point of the page by so many pixels."""
-    page.mouse.move(*at)
-    page.mouse.down()
-    page.mouse.move(at[0] + by[0], at[1] + by[1], steps=4)
-    meanwhile()
-    page.mouse.up()
-
-
-CHANGED = "before => JSON.stringify(optiplanStudio.state.problem.goal.pose) !== JSON.stringify(before)"
-
-
-def open_studio(page, server):
-    page.goto(f"{server.url}/studio")
-    page.wait_for_selector("#issues .fine")
-    page.wait_for_function("optiplanStudio.state.problem")
-    page.locator("#pane").scroll_into_view_if_needed()
-    page.evaluate("document.getElementById('pane').scrollIntoView()")
 
 
 def test_the_goal_is_dragged_with_all_branches_as_ghosts(page, server):
@@ -85,7 +26,7 @@ def test_the_goal_is_dragged_with_all_branches_as_ghosts(page, server):
     page.wait_for_function(CHANGED, arg=began)
     first = page.evaluate("optiplanStudio.state.problem.goal.pose")
     assert np.linalg.norm(np.subtract(first["position"], began["position"])) > 0.03
-    assert "# From the lower right" in page.input_value("#text")  # what else is in the file stays
+    assert "# From the lower right" in text_of(page)  # what else is in the file stays
     for handle, turned in (((0.17, 0, 0), False), ((0.07778, 0.07778, 0), True)):  # an arrow; a ring
         drag(page, page.evaluate("at => optiplanStudio.scene.goalOnScreen(...at)", list(handle)), (18, 14))
         page.wait_for_function(CHANGED, arg=first)
@@ -145,7 +86,7 @@ def test_an_obstacle_is_moved_and_the_file_saved(page, server, problems):
     with page.expect_download() as saving:
         page.click("#save")
     text = Path(saving.value.path()).read_text()
-    assert text == page.input_value("#text")
+    assert text == text_of(page)
     assert "- {name: ball" in text
     assert problem_from_dict(parse_yaml(text, Path("moved.yaml")).data).scene.obstacles[-1].name == "ball"
 
@@ -242,7 +183,7 @@ TURN = """percent => {
 def test_edit_drag_plan_watch_and_play(page, server, problems):
     open_studio(page, server)
     text = (problems / "01_reach.yaml").read_text()
-    page.fill("#text", text.replace("robot: panda", "robot: pandas"))
+    page.evaluate("text => optiplanStudio.editor.replace(text)", text.replace("robot: panda", "robot: pandas"))
     page.wait_for_selector("#issues button")
     assert "did you mean 'panda'" in page.inner_text("#issues")
     assert page.is_disabled("#plan")

@@ -35,11 +35,10 @@ const SceneHand = (() => {
   // What a press takes hold of: {object, move, kind}; null for nothing.
   function grip(scene, rays, event) {
     const { camera } = scene.viewer, mesh = scene.obstacles.children.find((one) => one.name === scene.chosen);
-    const part = scene.grip(rays);
+    const knob = mesh && scene.knobs && rays.intersectObjects(scene.knobs.children)[0], part = scene.grip(rays);
+    if (knob) return { kind: "size", object: mesh, move: stretch(scene, knob.object, rays) };
     if (part) return { kind: "goal", object: scene.handle, move: GoalFrame.drag(scene.handle, part, rays, camera) };
     if (mesh && scene.knobs) {
-      const knob = rays.intersectObjects(scene.knobs.children)[0];
-      if (knob) return { kind: "size", object: mesh, move: stretch(scene, knob.object, rays) };
       const own = GoalFrame.met(scene.frameOf, rays);
       if (own && own.kind !== "ball") return { kind: "obstacle", object: mesh, move: framed(scene, mesh, own, rays) };
     }

@@ -1,0 +1,258 @@
+"""The studio in a real browser: the text, the scene and the history of both; each test failed before the editor came."""
+
+import json
+from importlib import resources
+
+import pytest
+
+from tests.service.browsing import CHANGED, drag, open_studio, text_of, write
+
+pytestmark = pytest.mark.timeout(300)
+wide = pytest.mark.parametrize("page", [(1280, 800)], indirect=True, ids=["wide"])
+
+PAGES = resources.files("optiplan.service.pages")
+SCRIPTS = (PAGES / "codemirror" / "codemirror.min.js", PAGES / "problem_text.js")
+
+
+@pytest.fixture
+def bare(browser):
+    """A page of the scripts that edit texts, without a server."""
+    page = browser.new_page()
+    for script in SCRIPTS:
+        page.add_script_tag(content=script.read_text("utf-8"))
+    yield page
+    page.close()
+
+
+EVERY_EDIT = """(text) => {
+  const { set, add, remove, applied } = ProblemText, read = (text) => CM.parseDocument(text).toJS(), wrong = [];
+  const near = (key, value) => typeof value === "number" ? Number(value.toPrecision(7)) : value;
+  const same = (a, b) => JSON.stringify(a, near) === JSON.stringify(b, near);
+  const comments = (text) => (text.match(/#.*/g) || []).length, whole = read(text);
+  let count = 0;
+  function changed(path, act) {
+    const copy = structuredClone(whole);
+    act(path.slice(0, -1).reduce((one, key) => one[key], copy), path.at(-1));
+    return copy;
+  }
+  function expect(what, path, edits, wish) {
+    count++;
+    const after = applied(text, edits);
+    if (!same(read(after), wish)) wrong.push([what, path, after]);
+    return after;
+  }
+  function visit(value, path) {
+    if (path.length) {
+      const inner = value && typeof value === "object" && !Array.isArray(value) && Object.keys(value).length ? value : {};
+      if (typeof value === "number") {
+        const after = expect("number", path, set(text, path, value + 0.125), changed(path, (of, key) => { of[key] = value + 0.125; }));
+        if (comments(after) !== comments(text) || after.split("\\n").length !== text.split("\\n").length) wrong.push(["comments", path]);
+      }
+      expect("list", path, set(text, path, [1, 2, 3]), changed(path, (of, key) => { of[key] = [1, 2, 3]; }));
+      expect("map", path, set(text, path, { a: 1 }), changed(path, (of, key) => { of[key] = { ...inner, a: 1 }; }));
+      if (Array.isArray(value)) expect("entry", path, add(text, path, { a: [1] }), changed(path, (of, key) => { of[key].push({ a: [1] }); }));
+      const parent = path.slice(0, -1).reduce((one, key) => one[key], whole);
+      if (Object.keys(parent).length > 1) expect("gone", path, remove(text, path), changed(path, (of, key) => { if (Array.isArray(of)) of.splice(key, 1); else delete of[key]; }));
+    }
+    if (value && typeof value === "object") for (const key of Object.keys(value)) visit(value[key], [...path, Array.isArray(value) ? Number(key) : key]);
+  }
+  visit(whole, []);
+  return { count, wrong };
+}"""
+
+
+def test_an_edit_changes_what_it_names_and_nothing_else(bare, problems):
+    count = 0
+    for path in sorted(problems.glob("*.yaml")):
+        found = bare.evaluate(EVERY_EDIT, path.read_text("utf-8"))
+        assert found["wrong"] == [], path.name
+        count += found["count"]
+    assert count > 8000
+
+
+@wide
+def test_typing_and_dragging_share_one_history(page, server):
+    open_studio(page, server)
+    first = text_of(page)
+    before = page.evaluate("optiplanStudio.state.problem.goal.pose")
+    page.click("#text .cm-content")
+    page.keyboard.press("Control+A")
+    page.keyboard.insert_text(first.replace("name: shelf", "name: pasted"))
+    page.wait_for_function("optiplanStudio.state.problem.name === 'pasted'")
+    page.evaluate("document.getElementById('pane').scrollIntoView()")
+    drag(page, page.evaluate("optiplanStudio.scene.goalOnScreen()"), (-40, -20))
+    page.wait_for_function(CHANGED, arg=before)
+    after = text_of(page)
+    assert "rpy: [0, 1.5708, 0]}    # m, and rad" in after  # its notation and its comment stay
+    assert after.count("\n") == first.count("\n")
+    page.locator("#text .cm-content").focus()
+    page.keyboard.press("Control+Z")
+    assert text_of(page) == first.replace("name: shelf", "name: pasted")
+    page.keyboard.press("Control+Z")
+    assert text_of(page) == first
+    page.keyboard.press("Control+Y")
+    page.keyboard.press("Control+Y")
+    assert text_of(page) == after
+
+
+RANDOM_EDITS = """(seed) => {
+  const { editor, scene, state } = optiplanStudio, pick = (list) => list[Math.floor(random() * list.length)];
+  const random = () => { seed = (seed * 1103515245 + 12345) % 2147483648; return seed / 2147483648; };
+  const first = editor.text();
+  let edits = 0;
+  while (edits < 1000) {
+    const act = Math.floor(random() * 7), at = Math.floor(random() * editor.view.state.doc.length);
+    const pose = [0.4 + random(), random() - 0.5, random(), 0, 0, Math.sin(random()), 1];
+    const { name } = pick(state.problem.scene.obstacles);
+    if (act === 0) editor.view.dispatch({ changes: { from: at, insert: pick(["1", " ", "# word", "\\n", "x: {"]) }, userEvent: "input.type" });
+    else if (act === 1) editor.view.dispatch({ changes: { from: at, to: Math.min(at + 3, editor.view.state.doc.length) }, userEvent: "delete" });
+    else if (act === 2) scene.events.goal(pose, true);
+    else if (act === 3) scene.events.obstacle(name, pose);
+    else if (act === 4) scene.events.resized(name, { box: [0.1 + random(), 0.2, 0.3] }, pose, true);
+    else if (act === 5) for (let k = 0; k < 3 * random(); k++) editor.undo();
+    else editor.redo();
+    edits++;
+  }
+  const last = editor.text();
+  while (editor.undo());
+  const undone = editor.text();
+  while (editor.redo());
+  return { first, undone, steps: CM.undoDepth(editor.view.state) };
+}"""
+
+
+@wide
+def test_a_thousand_random_edits_are_undone_byte_for_byte(page, server):
+    open_studio(page, server)
+    found = page.evaluate(RANDOM_EDITS, page.viewport_size["width"])
+    assert found["undone"] == found["first"]
+    assert found["steps"] > 100
+
+
+@wide
+def test_a_drag_in_a_task_moves_the_pose_of_its_step(page, server, problems):
+    open_studio(page, server)
+    text = (problems / "40_panda_sorts_cubes.yaml").read_text()
+    write(page, text)
+    page.evaluate("document.getElementById('pane').scrollIntoView()")
+    handles = page.evaluate("optiplanStudio.state.handles.map((one) => one.label)")
+    chosen = handles.index("red_2 to the red ones")
+    page.select_option("#steps", str(chosen))
+    drag(page, page.evaluate("optiplanStudio.scene.goalOnScreen()"), (14, -10))
+    page.wait_for_function("before => optiplanStudio.editor.text() !== before", arg=text)
+    after = text_of(page)
+    changed = [
+        (old, new) for old, new in zip(text.split("\n"), after.split("\n"), strict=True) if old != new
+    ]  # as many lines as before, one of them another
+    assert len(changed) == 1
+    assert "red_2 to the red ones" in changed[0][0]
+    assert "rpy: [3.14159265, 0, 0]" in changed[0][1]
+    page.wait_for_selector("#issues .fine")
+    assert page.is_enabled("#plan")
+
+
+@wide
+def test_drafts_survive_a_reload_and_another_example(page, server):
+    open_studio(page, server)
+    page.evaluate("optiplanStudio.editor.view.dispatch({ changes: { from: 0, insert: '# mine\\n' }, userEvent: 'input.type' })")
+    mine = text_of(page)
+    page.reload()
+    page.wait_for_function("window.optiplanStudio && optiplanStudio.editor.text().startsWith('# mine')")
+    assert "draft" in page.inner_text("#notice")
+    page.select_option("#example", "01_reach")
+    page.wait_for_function("optiplanStudio.editor.text().includes('name: reach')")
+    page.click("#notice button")
+    assert text_of(page) == mine
+    page.select_option("#example", "09_ur5")
+    page.wait_for_function("optiplanStudio.state.problem && optiplanStudio.state.problem.name === 'ur5-column'")
+    page.reload()  # an example as it is, is no draft
+    page.wait_for_selector("#issues .fine")
+    assert page.is_hidden("#notice")
+
+
+@wide
+def test_obstacles_are_added_sized_doubled_and_taken_away(page, server):
+    open_studio(page, server)
+    first = text_of(page)
+    page.select_option("#add", "cylinder")
+    page.wait_for_function("optiplanStudio.state.problem.scene.obstacles.some((one) => one.name === 'cylinder_1')")
+    page.evaluate("document.getElementById('chosen').open = true")
+    radius = page.locator("#fields input").first
+    radius.fill("0.08")
+    radius.press("Enter")
+    page.wait_for_function("optiplanStudio.editor.text().includes('radius: 0.08')")
+    shape = "optiplanStudio.state.problem.scene.obstacles.at(-1).shape.cylinder"
+    page.wait_for_function(f"{shape}.radius === 0.08")
+    page.evaluate("document.getElementById('pane').scrollIntoView()")
+    knob = page.evaluate("optiplanStudio.scene.onScreen(optiplanStudio.scene.knobs.children[0])")  # its upper end
+    drag(page, knob, (0, -25))
+    page.wait_for_function(f"{shape}.length > 0.41")
+    turned = page.locator("#fields .row").nth(3).locator("input").nth(0)
+    turned.fill("90")
+    turned.press("Enter")
+    page.wait_for_function("optiplanStudio.editor.text().includes('rpy: [1.5708, 0, 0]')")
+    page.locator("#fields button", has_text="Duplicate").click()
+    page.wait_for_function("optiplanStudio.state.chosen === 'cylinder_1_2'")
+    page.wait_for_function("optiplanStudio.state.problem.scene.obstacles.length === 9")
+    page.locator("#fields button", has_text="Delete").click()
+    page.wait_for_function("optiplanStudio.state.problem.scene.obstacles.length === 8")
+    for _ in range(6):
+        page.click("#undo")
+    assert text_of(page) == first
+
+
+@wide
+def test_a_branch_is_chosen_and_becomes_the_goal(page, server):
+    open_studio(page, server)
+    before = page.evaluate("optiplanStudio.state.problem.goal.pose")
+    drag(page, page.evaluate("optiplanStudio.scene.goalOnScreen()"), (-30, -10))
+    page.wait_for_function(CHANGED, arg=before)
+    page.wait_for_function("optiplanStudio.scene.ghosts.children.length > 1")
+    many = page.evaluate("optiplanStudio.state.branches.length")
+    assert f"{many} ways" in page.inner_text("#hint")
+    page.locator("#branches button").nth(1).click()
+    q = page.evaluate("optiplanStudio.state.branches[1].q")
+    page.click("#take")
+    page.wait_for_function("(optiplanStudio.state.problem.goal || {}).joints")
+    assert page.evaluate("optiplanStudio.state.problem.goal.joints") == pytest.approx(q, abs=1e-6)
+    assert "  joints: [" in text_of(page)
+
+
+@wide
+def test_points_are_recorded_and_played_back(page, server, problems):
+    open_studio(page, server)
+    write(page, (problems / "01_reach.yaml").read_text())
+    page.evaluate("document.getElementById('joints').open = true")
+    for value in (0.2, 0.5):
+        slider = page.locator("#sliders input").first
+        slider.evaluate(f"one => {{ one.value = {value}; one.dispatchEvent(new Event('input')); }}")
+        page.click("#record")
+        page.wait_for_function(f"optiplanStudio.state.problem.via.some((one) => one.joints[0] === {value})")
+    assert text_of(page).count("  - {joints: [") == 2
+    page.click("#play")
+    page.wait_for_function("optiplanStudio.state.q[0] > 0.45")
+
+
+@wide
+def test_a_surface_becomes_the_goal(page, server):
+    open_studio(page, server)
+    before = page.evaluate("optiplanStudio.state.problem.goal.pose")
+    page.click("#surface")
+    top = "optiplanStudio.scene.obstacles.children.find((one) => one.name === 'top')"
+    page.mouse.click(*page.evaluate(f"optiplanStudio.scene.onScreen({top}, 0, 0, 0.01)"))
+    page.wait_for_function(CHANGED, arg=before)
+    pose = page.evaluate("optiplanStudio.state.problem.goal.pose")
+    assert pose["position"][2] == pytest.approx(0.82, abs=2e-3)  # 1 cm above the shelf
+
+
+@wide
+def test_the_schema_completes_and_explains(page, server):
+    open_studio(page, server)
+    write(page, "version: 1\nname: words\nrobot: panda\nstart: {configuration: ready}\ngoal: {joints: [0, 0, 0, -1.5, 0, 1.5, 0]}\n")
+    page.click("#text .cm-content")
+    page.keyboard.press("Control+End")
+    page.keyboard.type("sce", delay=20)
+    page.wait_for_selector(".cm-tooltip-autocomplete li:has-text('scene')")
+    page.keyboard.press("Control+Space")
+    words = json.dumps(page.evaluate("SchemaWords.parents('scene:\\n  obstacles:\\n    - {name: a, }', 41, 41, false)"))
+    assert words == '["scene", "obstacles", 0]'
