@@ -9,12 +9,14 @@ from typing import Any
 import sqlalchemy as sa
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
+from fastapi.responses import HTMLResponse, Response
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
 
 import optiplan
 from optiplan.config.messages import expected_by
 from optiplan.errors import OptiPlanError
+from optiplan.service.framing import error_page, wants_page
 from optiplan.service.guard.gate import Gate
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.yaml_bodies import YamlBodies
@@ -85,27 +87,30 @@ async def _keep_tidy(service: PlannerService) -> None:
         await asyncio.sleep(TIDY)
 
 
-def _refused(request: Request, error: Any) -> Json:
+def _refused(request: Request, error: Any) -> Response:
+    """Tell why: to a browser that asked for a page by a page, to programs by JSON."""
+    path = request.url.path.removeprefix(request.scope.get("root_path", ""))
+    if wants_page(request.method, path, request.headers.get("accept", "")):
+        return HTMLResponse(error_page(error, path), error.status, headers=error.headers)
     return Json(error_body(error, error.issues), error.status, headers=error.headers)
 
 
-def _wrong(request: Request, error: Any) -> Json:
-    issues = [vars(issue) for issue in getattr(error, "issues", ())]
-    return Json(error_body(error, issues), 422)
+def _wrong(request: Request, error: Any) -> Response:
+    return _refused(request, Refusal(422, str(error), [vars(issue) for issue in getattr(error, "issues", ())]))
 
 
-def _full(request: Request, error: Any) -> Json:
-    return Json(error_body(error), 507)
+def _full(request: Request, error: Any) -> Response:
+    return _refused(request, Refusal(507, str(error)))
 
 
-def _database(request: Request, error: Any) -> Json:
+def _database(request: Request, error: Any) -> Response:
     if getattr(error, "full", False):
-        return Json(error_body("the disk of the database is full"), 507)
+        return _refused(request, Refusal(507, "the disk of the database is full"))
     _log.error("%s", error)
-    return Json(error_body("the database does not answer"), 503, headers={"Retry-After": "2"})
+    return _refused(request, Refusal(503, "the database does not answer", headers={"Retry-After": "2"}))
 
 
-def _invalid(request: Request, error: Any) -> Json:
+def _invalid(request: Request, error: Any) -> Response:
     issues = []
     for item in error.errors():
         place = ".".join(str(part) for part in item["loc"])
@@ -114,7 +119,7 @@ def _invalid(request: Request, error: Any) -> Json:
         )
     broken = any(item["type"] == "json_invalid" for item in error.errors())
     text = "; ".join(f"{one['field']}: {one['found']}; expected {one['expected']}" for one in issues[:5])
-    return Json(error_body(text, issues), 400 if broken else 422)
+    return _refused(request, Refusal(400 if broken else 422, text, issues))
 
 
 def _found(item: Any) -> str:
@@ -128,5 +133,5 @@ def _found(item: Any) -> str:
     return type(value).__name__
 
 
-def _http(request: Request, error: Any) -> Json:
-    return Json(error_body(error.detail), error.status_code, headers=error.headers)
+def _http(request: Request, error: Any) -> Response:
+    return _refused(request, Refusal(error.status_code, str(error.detail), headers=error.headers))

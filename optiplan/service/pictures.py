@@ -56,7 +56,9 @@ class Pictures:
             raise Refusal(422, "these runs are of different problems; expected runs of one")
         shown = [await self._archive.texts(record) for record in records]
         asked = await self._archive.stored_request(records[0])
-        return (await self._requests.ask({**asked, "runs": shown}, "page")).files["page.html"]
+        return (
+            await self._requests.ask({**asked, "runs": shown, "ids": [record["id"] for record in records]}, "page")
+        ).files["page.html"]
 
     async def _kept(self, key: str, request: Callable[[], Awaitable[dict[str, Any]]]) -> bytes:
         found = self._drawn.find(key)

@@ -39,18 +39,32 @@ PANEL_SCRIPTS = tuple(
 SCRIPTS = ("packed.js", "panels/facts.js", *CURVES_SCRIPTS, *SCENE_SCRIPTS, *PANEL_SCRIPTS, "address.js", "player.js")
 
 
-class Back(NamedTuple):
-    """A link from the page to where it was opened from: its address, and its words."""
+class Link(NamedTuple):
+    """A link from the page: its address, and its words."""
 
     address: str
     words: str
 
 
-def render_page(scene: SceneData, back: Back | tuple[str, str] | None = None) -> str:
-    """Return the self-contained page as text; names from the problem file are escaped."""
-    link = "" if back is None else f'<a href="{html.escape(back[0])}">{html.escape(back[1])}</a>\n'
-    body = Template(asset("page.html")).substitute(title=html.escape(scene.name), back=link)
+def render_page(scene: SceneData, back: Link | tuple[str, str] | None = None, more: Sequence[Link] = ()) -> str:
+    """Return the self-contained page as text; names from the problem file are escaped.
+
+    Args:
+        scene: what is drawn.
+        back: where the page was opened from.
+        more: links to what else can be done with its runs.
+    """
+    body = Template(asset("page.html")).substitute(
+        title=html.escape(scene.name),
+        back="" if back is None else _anchor(Link(*back)) + "\n",
+        more="".join(map(_anchor, more)),
+    )
     return framed(body, scene.name, scene.to_dict(), (*CURVES_STYLES, "page.css"), SCRIPTS)
+
+
+def _anchor(link: Link) -> str:
+    """Links leave the frame that another page may have put this one into."""
+    return f'<a href="{html.escape(link.address)}" target="_top">{html.escape(link.words)}</a>'
 
 
 def framed(body: str, title: str, data: Mapping[str, Any], style_names: Sequence[str], names: Sequence[str]) -> str:
@@ -78,7 +92,7 @@ def framed(body: str, title: str, data: Mapping[str, Any], style_names: Sequence
 
 
 def export_page(
-    problem: Problem, runs: Sequence[RunLike], path: Path, back: Back | tuple[str, str] | None = None
+    problem: Problem, runs: Sequence[RunLike], path: Path, back: Link | tuple[str, str] | None = None
 ) -> None:
     """Write one standalone HTML file that plays the runs from a disk, without a network.
 

@@ -108,7 +108,7 @@ class Poses:
 def run_for_page(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail = _WHOLE) -> dict[str, Any]:
     """JSON-ready form of a run for the page."""
     shown: dict[str, Any] = {"label": run.label, "facts": [], "problems": [], "duration": 0.0}
-    shown["badge"] = _badge(run)
+    shown["badge"], shown["origin"] = _badge(run), _origin(problem, run)
     shown["segments"] = [] if run.trajectory is None else [one.to_data() for one in run.trajectory.segments]
     shown["stops"] = stops_told(run.record)
     shown["row"] = _row(run)
@@ -150,6 +150,14 @@ def motion_of(problem: Problem, run: ViewedRun) -> Trajectory | None:
     except InputError:
         return None
     return motion if motion.joint_names == problem.robot.joint_names else None
+
+
+def _origin(problem: Problem, run: ViewedRun) -> list[str]:
+    """What planned which robot's motion, from which seed, in words."""
+    record = run.record or {}
+    known = {key: record.get(key) for key in ("planner", "seed")}
+    told = [f"{key} {value}" for key, value in known.items() if value is not None]
+    return [f"robot {problem.robot.name}", *told]
 
 
 def _row(run: ViewedRun) -> dict[str, float | None]:

@@ -31,15 +31,15 @@ def test_the_goal_is_dragged_with_all_branches_as_ghosts(page, server):
         drag(page, page.evaluate("at => optiplanStudio.scene.goalOnScreen(...at)", list(handle)), (18, 14))
         page.wait_for_function(CHANGED, arg=first)
         pose = page.evaluate("optiplanStudio.state.problem.goal.pose")
-        position, rotation = (np.linalg.norm(np.subtract(pose[key], first[key])) for key in ("position", "quaternion"))
+        position, rotation = (np.linalg.norm(np.subtract(pose[key], first[key])) for key in ("position", "rpy"))
         assert (rotation > 0.02) == turned
         assert (position > 5e-3) != turned
         first = pose
 
 
 COVERED = """() => {
-  const [hint, joints] = ["hint", "joints"].map((id) => document.getElementById(id).getBoundingClientRect());
-  return hint.right > joints.left && hint.bottom > joints.top;
+  const [hint, joints] = ["told", "joints"].map((id) => document.getElementById(id).getBoundingClientRect());
+  return hint.right > joints.left && hint.bottom > joints.top && hint.top < joints.bottom;
 }"""
 
 

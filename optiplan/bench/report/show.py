@@ -91,11 +91,13 @@ def _view(store: Store, problem: Problem, key: Key) -> ViewedRun:
         raise InputError([Issue(str(store.folder), None, "run", f"no run {key}", _choices(store, key[0]))])
     row = rows[0]
     trajectory = None if row["trajectory"] is None else store.trajectory(row["trajectory"])
+    measured = {"planner": row["planner"], "seed": row["seed"], "timings": {"plan": row["plan_time"]}}
     if trajectory is not None:
-        return ViewedRun(row["planner"], trajectory, verify(problem, trajectory).to_dict())
+        measured["metrics"] = json.loads(row["metrics"] or "{}")
+        return ViewedRun(row["planner"], trajectory, verify(problem, trajectory).to_dict(), None, measured)
     witness = json.loads(row["witness"] or "null")
     failure = {"kind": row["failure_kind"], "detail": row["failure_detail"], "witness": witness}
-    return ViewedRun(row["planner"], None, None, failure)
+    return ViewedRun(row["planner"], None, None, failure, measured)
 
 
 def _choices(store: Store, problem: str) -> str:

@@ -92,7 +92,7 @@ def branches(problem: Problem, pose: Sequence[float], near: Sequence[float] | No
 
 
 def _handles(problem: Problem) -> Iterator[dict[str, Any]]:
-    """Poses that the file names: `path` of keys to it, `label`, `pose` in the world; `joints` where it names joint values.
+    """Poses that the file names: `path` of keys to it, `label`, `pose` in the world; `joints`: whether it has these.
 
     Goals and vias of joint values have the pose of the tool there; those of a task have none.
     """
@@ -118,11 +118,18 @@ def _ends(problem: Problem, end: Mapping[str, Any], path: list[str | int], label
 
 def _poses(stated: Mapping[str, Any], path: list[str | int], label: str) -> Iterator[dict[str, Any]]:
     found = [([*path, "pose"], label, stated.get("pose"))]
-    found += [([*path, "any_of", k], f"{label}, {k + 1} of several", one) for k, one in enumerate(stated.get("any_of") or ())]
+    found += [
+        ([*path, "any_of", k], f"{label}, {k + 1} of several", one) for k, one in enumerate(stated.get("any_of") or ())
+    ]
     for where, words, pose in found:
         if isinstance(pose, Mapping) and "position" in pose:
             known = {key: pose[key] for key in ("position", "rpy", "quaternion") if pose.get(key) is not None}
-            yield {"path": where, "label": words, "pose": pin.SE3ToXYZQUAT(pose_from_data(known)).tolist(), "joints": False}
+            yield {
+                "path": where,
+                "label": words,
+                "pose": pin.SE3ToXYZQUAT(pose_from_data(known)).tolist(),
+                "joints": False,
+            }
 
 
 def _check(problem: Problem, q: Array) -> None:

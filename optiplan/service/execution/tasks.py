@@ -81,7 +81,7 @@ class Tasks:
 
     def page(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """The page of runs, each of them from the texts of its two files."""
-        from optiplan.viewer.page import render_page
+        from optiplan.viewer.page import Link, render_page
         from optiplan.viewer.runs import ViewedRun
         from optiplan.viewer.scene import build_scene
 
@@ -90,8 +90,16 @@ class Tasks:
             record = json.loads(one["run"])
             motion = Trajectory.from_dict(json.loads(one["trajectory"])) if one["trajectory"] else None
             label = str(record.get("planner", "run"))
-            shown.append(ViewedRun(label, motion, record.get("report"), record.get("failure")))
-        return {}, {"page.html": render_page(build_scene(problem, shown)).encode()}
+            shown.append(ViewedRun(label, motion, record.get("report"), record.get("failure"), record))
+        if len(shown) > 1:
+            links = [Link("./", "Runs")]
+        else:
+            run, api = request["ids"][0], f"../api/runs/{request['ids'][0]}"
+            links = [Link("../", "Runs"), Link(f"../studio#run={run}", "Edit in the studio")]
+            links += [Link(f"{api}/problem", "Problem"), Link(f"{api}/run.zip", "Files")]
+            if shown[0].trajectory is not None:
+                links += [Link(f"{api}/export.csv", "CSV"), Link(f"../execution#run={run}", "Execute")]
+        return {}, {"page.html": render_page(build_scene(problem, shown), links[0], links[1:]).encode()}
 
     def picture(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """A small picture of a problem, with the motion of a `trajectory.json` where there is one."""

@@ -19,6 +19,7 @@ from urllib.parse import parse_qsl, urlencode
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from optiplan.service.framing import error_page, wants_page
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.rates import Rates, client_of
 from optiplan.service.refusals import Refusal, busy, error_body
@@ -27,7 +28,7 @@ from optiplan.viewer.safety import HEADERS, LOOPBACK, host_name, same_origin
 
 COOKIE = "optiplan_token"
 """Carries the token for browsers."""
-OPEN = ("/healthz", "/readyz")
+OPEN = ("/healthz", "/readyz", "/pages/service.css")
 """Answered without a token: they tell nothing."""
 PAGE = (
     "default-src 'self'; script-src 'self' 'unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
@@ -71,7 +72,9 @@ class Gate:
             else:
                 await self._app(asked, call.receive, call.send)
         except Refusal as error:
-            await call.refuse(error)
+            path = self._path(scope)
+            page = wants_page(scope["method"], path, call.headers.get("accept", ""))
+            await call.refuse(error, error_page(error, path) if page else None)
         except Exception:
             _log.exception("internal error", extra={"request_id": call.id, "path": scope["path"]})
             await call.refuse(Refusal(500, f"internal error; the log has it under request {call.id}"))
@@ -205,12 +208,13 @@ class _Call:
         except TimeoutError:
             self._comes = False
 
-    async def refuse(self, why: Refusal) -> None:
-        """Answer with an error, unless an answer has begun."""
+    async def refuse(self, why: Refusal, page: str | None = None) -> None:
+        """Answer with an error, unless an answer has begun; as a page where a person reads it."""
         if self.status:
             return
-        body = json.dumps(error_body(why)).encode()
-        await self._answer(why.status, {"Content-Type": "application/json", **why.headers}, body)
+        body = json.dumps(error_body(why)).encode() if page is None else page.encode()
+        kind = "application/json" if page is None else "text/html; charset=utf-8"
+        await self._answer(why.status, {"Content-Type": kind, **why.headers}, body)
 
     async def redirect(self, path: str, cookie: str) -> None:
         """Send the browser to another address of ours, with a cookie."""

@@ -37,7 +37,8 @@
   }
 
   async function send(method, path) {
-    await fetch("api/benches/" + path, { method });
+    if (method === "DELETE" && !confirm("Delete this bench with its runs? It cannot be brought back.")) return;
+    await Page.ask("api/benches/" + path, { method });
     await show();
   }
 

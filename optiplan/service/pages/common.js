@@ -9,12 +9,52 @@ const Page = (() => {
     return element;
   }
 
+  // Whether the server answers; while it does not, a line says so, and it is asked again and again.
+  let away = false;
+  const banner = () => byId("banner");
+
+  function lost() {
+    if (away) return;
+    away = true;
+    banner().textContent = "The server does not answer. What you typed is kept in this browser; this page goes on by itself when the server is back.";
+    banner().hidden = false;
+    document.documentElement.classList.add("away");
+    setTimeout(look, 1000);
+  }
+
+  async function look() {
+    try {
+      if (!(await fetch("healthz", { cache: "no-store" })).ok) throw new Error("not yet");
+    } catch (error) {
+      setTimeout(look, 1500);
+      return;
+    }
+    away = false;
+    banner().hidden = true;
+    document.documentElement.classList.remove("away");
+    dispatchEvent(new Event("optiplan:back"));
+  }
+
+  // As fetch; where no answer comes at all, the page says so.
+  async function ask(path, options) {
+    try {
+      return await fetch(path, options);
+    } catch (error) {
+      if (!leaving) lost();
+      throw error;
+    }
+  }
+  let leaving = false;
+  addEventListener("pagehide", () => { leaving = true; });
+  addEventListener("beforeunload", () => { leaving = true; setTimeout(() => { leaving = false; }, 3000); });
+  addEventListener("unhandledrejection", (event) => { if (away || leaving) event.preventDefault(); });
+
   async function post(path, data) {
-    const answer = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(data) });
+    const answer = await ask(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(data) });
     return { status: answer.status, data: answer.status === 204 ? null : await answer.json() };
   }
 
-  const get = async (path) => (await fetch(path)).json();
+  const get = async (path) => (await ask(path)).json();
 
   // Of many wishes in a row only the last is asked for, one at a time.
   function latest(work) {
@@ -33,9 +73,14 @@ const Page = (() => {
     };
   }
 
-  // The text of the stored problem that the address names behind its #; null where it names none.
+  // The text of the problem that the address names behind its #, a stored one or that of a run (run=…); null where it names none.
   async function named() {
-    const hash = location.hash.slice(1), stored = /^[0-9a-f]{64}$/.test(hash) ? await fetch("api/problems/" + hash) : null;
+    const hash = location.hash.slice(1), run = /^run=([0-9a-f]{32})$/.exec(hash);
+    if (run) {
+      const answer = await ask(`api/runs/${run[1]}/problem`);
+      return answer.ok ? answer.text() : null;
+    }
+    const stored = /^[0-9a-f]{64}$/.test(hash) ? await ask("api/problems/" + hash) : null;
     if (!stored || !stored.ok) return null;
     const { problem } = await stored.json();
     return typeof problem === "string" ? problem : JSON.stringify(problem, null, 2);
@@ -58,5 +103,5 @@ const Page = (() => {
     drawn(svg, "M" + points.join(" L"), colour);
     return values;
   }
-  return { byId, make, post, get, latest, named, drawn, strip };
+  return { byId, make, ask, lost, post, get, latest, named, drawn, strip };
 })();

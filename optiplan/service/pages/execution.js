@@ -57,7 +57,7 @@
   }
 
   async function show(id) {
-    const answer = await fetch(`api/executions/${id}/scene`);
+    const answer = await Page.ask(`api/executions/${id}/scene`);
     if (!answer.ok) return;
     shown(await answer.json());
     if (live.last) draw(live.last, true);
@@ -99,7 +99,7 @@
   async function again(id) {
     if (live.id !== id) return;
     try {
-      const answer = await fetch("api/executions/" + id), found = answer.ok ? await answer.json() : null;
+      const answer = await Page.ask("api/executions/" + id), found = answer.ok ? await answer.json() : null;
       if (answer.status === 404) ended("the server does not know it any more");
       else if (found && found.ended !== null) ended(found.ended);
       else if (found) watch(id);

@@ -1,20 +1,22 @@
 "use strict";
-// The list of runs and problems; looks again while anything is queued or running.
+// The list of runs and problems; looks again and again, since others submit runs, too.
 (() => {
   const { byId, make, get } = Page, chosen = new Set();
   const when = (seconds) => new Date(1000 * seconds).toLocaleString();
   const word = (run) => (run.status === "done" ? (run.verified ? "verified" : "not verified") : run.status);
   const look = (run) => (run.status === "done" ? (run.verified ? "verified" : "refused") : run.status);
 
-  async function send(method, path) {
-    await fetch(path, { method });
-    await show();
+  // What cannot be brought back is asked about first.
+  async function forget(what, path) {
+    if (!confirm(`Delete ${what}? It cannot be brought back.`)) return;
+    await Page.ask(path, { method: "DELETE" });
+    await Promise.all([show(), showProblems()]);
   }
 
   // A run that others submitted too ends for all only if that is meant.
   async function cancel(path) {
-    const answer = await fetch(path, { method: "POST" });
-    if (answer.status === 409 && confirm((await answer.json()).error + "\n\nCancel it for everyone?")) await fetch(path + "?everyone=true", { method: "POST" });
+    const answer = await Page.ask(path, { method: "POST" });
+    if (answer.status === 409 && confirm((await answer.json()).error + "\n\nCancel it for everyone?")) await Page.ask(path + "?everyone=true", { method: "POST" });
     await show();
   }
 
@@ -29,7 +31,7 @@
     const box = make("input", { type: "checkbox", checked: chosen.has(run.id), disabled: run.status !== "done" });
     box.addEventListener("change", () => { chosen[box.checked ? "add" : "delete"](run.id); byId("compare").disabled = chosen.size < 2; });
     const button = ended
-      ? make("button", { type: "button", textContent: "Delete", onclick: () => send("DELETE", "api/runs/" + run.id) })
+      ? make("button", { type: "button", textContent: "Delete", onclick: () => forget(`the run ${name}, with its files`, "api/runs/" + run.id) })
       : make("button", { type: "button", textContent: "Cancel", onclick: () => cancel(`api/runs/${run.id}/cancel`) });
     const tools = make("div", { className: "tools" }, make("label", {}, box, "compare"), button);
     if (run.verified) tools.lastChild.before(make("a", { href: "execution#run=" + run.id, textContent: "Execute" }));
@@ -41,21 +43,65 @@
 
   function problemCard(problem) {
     const picture = make("img", { src: `api/problems/${problem.hash}/thumbnail.svg`, alt: "The scene", loading: "lazy" });
-    const button = make("button", { type: "button", textContent: "Delete", onclick: () => send("DELETE", "api/problems/" + problem.hash) });
+    const button = make("button", { type: "button", textContent: "Delete", onclick: () => forget(`the stored problem ${problem.name}`, "api/problems/" + problem.hash) });
     const links = make("span", { className: "links" }, make("a", { href: "studio#" + problem.hash, textContent: "Studio" }), make("a", { href: "live#" + problem.hash, textContent: "Live" }));
     return make("div", { className: "run" }, make("div", { className: "head" }, make("a", { href: "studio#" + problem.hash, textContent: problem.name })), picture,
       make("div", { className: "facts", textContent: [problem.robot, when(problem.created)].join(" · ") }), make("div", { className: "tools" }, links, button));
   }
 
-  async function show() {
-    const { runs, counts } = await get("api/runs?limit=60");
-    byId("runs").replaceChildren(...(runs.length ? runs.map(card) : [make("p", { className: "none", textContent: "No runs yet: plan one in the studio." })]));
-    byId("counts").textContent = Object.entries(counts).map(([state, count]) => `${count} ${state}`).join(" · ");
-    const problems = await get("api/problems");
-    byId("problems").replaceChildren(...(problems.length ? problems.map(problemCard) : [make("p", { className: "none", textContent: "None stored: the studio has a button for that." })]));
-    if (counts.queued || counts.running) setTimeout(show, 1000);
+  // ---- what is listed: the newest runs, older ones on demand; all that the filters let through
+  const PAGE = 60, OFTEN = 1000, SELDOM = 4000; // runs a page; ms between two looks while anything runs, and while nothing does
+  let runs = [], older = false, waiting = 0, drawn = "";
+
+  function wanted(run) {
+    const words = byId("search").value.toLowerCase().split(/\s+/).filter(Boolean), about = `${run.name} ${run.planner} ${run.robot} ${run.id}`.toLowerCase(), verdict = byId("verdict").value;
+    const state = ["queued", "running"].includes(run.status) ? "running" : look(run);
+    return words.every((one) => about.includes(one)) && (!byId("robot").value || run.robot === byId("robot").value) && (!verdict || verdict === state);
   }
 
+  const EMPTY = () => make("div", { className: "panel" }, make("b", { textContent: "No runs yet" }), make("p", { textContent: "A run is one answer of a planner to one problem: a robot, a start, a goal, obstacles." }),
+    make("p", {}, make("a", { href: "studio", textContent: "Open the studio" }), ": it has examples; press Plan there. Or from a shell, with this server's address:"),
+    make("pre", { textContent: `curl -X POST ${location.origin}${location.pathname}api/plan -H 'Content-Type: application/yaml' --data-binary @problem.yaml` }));
+
+  function draw() {
+    const found = runs.filter(wanted), robots = [...new Set(runs.map((run) => run.robot))].sort(), chosenRobot = byId("robot").value;
+    const now = JSON.stringify([found.map((run) => [run.id, run.status, run.finished]), [...chosen]]);
+    if (now === drawn) return; // what has not changed stays as it is, with its pictures and where the keyboard is
+    drawn = now;
+    byId("robot").replaceChildren(new Option("any", ""), ...robots.map((name) => new Option(name, name, false, name === chosenRobot)));
+    byId("runs").replaceChildren(...(found.length ? found.map(card) : [runs.length ? make("p", { className: "none", textContent: "No run is like that." }) : EMPTY()]));
+    byId("found").textContent = found.length === runs.length ? "" : `${found.length} of ${runs.length}`;
+    byId("filters").hidden = !runs.length;
+    byId("more").hidden = !older;
+  }
+
+  async function show() {
+    clearTimeout(waiting);
+    const { runs: newest, counts } = await get(`api/runs?limit=${PAGE}`);
+    if (newest.length < PAGE || !runs.length) older = newest.length === PAGE;
+    const last = newest.length ? newest.at(-1).submitted : 0;
+    runs = newest.length < PAGE ? newest : [...newest, ...runs.filter((run) => run.submitted < last)];
+    draw();
+    byId("counts").textContent = Object.entries(counts).map(([state, count]) => `${count} ${state}`).join(" · ");
+    waiting = setTimeout(show, counts.queued || counts.running ? OFTEN : SELDOM);
+  }
+
+  let stored = "";
+  async function showProblems() {
+    const problems = await get("api/problems"), now = JSON.stringify(problems);
+    if (now !== stored) byId("problems").replaceChildren(...(problems.length ? problems.map(problemCard) : [make("p", { className: "none", textContent: "None stored: the studio has a button for that." })]));
+    stored = now;
+  }
+
+  byId("more").addEventListener("click", async () => {
+    const { runs: found } = await get(`api/runs?limit=${PAGE}&before=${runs.at(-1).submitted}`);
+    runs.push(...found);
+    older = found.length === PAGE;
+    draw();
+  });
+  for (const id of ["search", "robot", "verdict"]) byId(id).addEventListener("input", draw);
+  addEventListener("optiplan:back", () => { show(); showProblems(); });
   byId("compare").addEventListener("click", () => { location.href = "compare?" + [...chosen].map((run) => "run=" + run).join("&"); });
   show();
+  showProblems();
 })();

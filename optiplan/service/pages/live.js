@@ -62,7 +62,7 @@
   async function stop() {
     const { id } = live;
     ended("stopped");
-    await fetch("api/live/" + id, { method: "DELETE" });
+    await Page.ask("api/live/" + id, { method: "DELETE" });
   }
 
   function draw(state) {
@@ -93,7 +93,7 @@
     byId("example").append(...Object.keys(examples).map((name) => make("option", { value: name, textContent: name })));
     if (!named) byId("example").value = "02_shelf";
     byId("example").addEventListener("change", () => { if (!live.id) show(examples[byId("example").value]); });
-    const found = running ? await fetch("api/live/" + running.id) : null; // one that runs is watched by all who come
+    const found = running ? await Page.ask("api/live/" + running.id) : null; // one that runs is watched by all who come
     if (found && found.ok && (await show((await found.json()).problem))) watch(running.id);
     else await show(examples[byId("example").value]);
   }

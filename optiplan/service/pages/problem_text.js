@@ -160,6 +160,12 @@ const ProblemText = (() => {
     return isSeq(list) ? list.items.findIndex((one) => isMap(one) && one.get("name") === name) : -1;
   }
 
+  // Whether the text is YAML with a map at its top: only then are there keys to be edited.
+  function sound(text) {
+    const document = parse(text);
+    return !document.errors.length && isMap(document.contents);
+  }
+
   // Where what stands at `path` begins and ends in the text; null where nothing does.
   function place(text, path) {
     const node = at(parse(text).contents, path);
@@ -180,5 +186,5 @@ const ProblemText = (() => {
       if (!node) return { path, node: null };
     }
   }
-  return { set, add, remove, value, applied, named, place, around, flow };
+  return { set, add, remove, value, sound, applied, named, place, around, flow };
 })();

@@ -17,7 +17,7 @@
     },
     obstacle: (name, pose) => placed(name, pose),
     selected: (name) => choose(name),
-    resized(name, shape, pose, ended) { if (ended) write(sized(name, shape), placement(name, pose)); },
+    resized(name, shape, pose, ended) { if (ended && here(name)) write(sized(name, shape), placement(name, pose)); },
     branch: (k) => takeBranch(k),
     surface: (point, normal) => { point_at(false); moved(onSurface(point, normal)); },
   });
@@ -26,6 +26,11 @@
   function write(...wishes) {
     let text = editor.text();
     const before = text;
+    if (!ProblemText.sound(text)) { // the scene shows what the text last said
+      tell("The text is not valid YAML: mend it first, then drag.");
+      redraw();
+      return;
+    }
     for (const edits of wishes) text = ProblemText.applied(text, edits(text));
     editor.edit(difference(before, text));
     check();
@@ -47,10 +52,14 @@
   const sized = (name, shape) => (text) => ProblemText.set(text, [...place(name), "shape"], rounded(shape));
   const rounded = (value) => (typeof value === "number" ? PoseText.round(value, 1e-3) : Array.isArray(value) ? value.map(rounded) : Object.fromEntries(Object.entries(value).map(([key, one]) => [key, rounded(one)])));
 
-  function placed(name, pose) {
-    if (place(name)[2] < 0) { tell(`${name} is not in this text: it cannot be moved here`); return; }
-    write(placement(name, pose));
+  // Whether an obstacle stands in this text, and not in a file that it names, or no more.
+  function here(name) {
+    if (place(name)[2] >= 0) return true;
+    tell(`${name} is not in this text: it cannot be changed here`);
+    return false;
   }
+
+  function placed(name, pose) { if (here(name)) write(placement(name, pose)); }
 
   // The pose that is dragged goes to where the file has it; an end of joint values becomes a pose.
   function moved(pose) {
@@ -75,7 +84,7 @@
 
   function does(what, value) {
     const { chosen } = state, at = place(chosen);
-    if (at[2] < 0) { tell(`${chosen} is not in this text`); return; }
+    if (!here(chosen)) return;
     if (what === "pose") write(placement(chosen, value));
     else if (what === "shape") write(sized(chosen, value));
     else if (what === "show") editor.show(ProblemText.place(editor.text(), at));
@@ -179,6 +188,9 @@
     if (drawn.status === 200 && asked === state.asked) draw(drawn.data);
   });
 
+  // The scene as it was drawn last: what was dragged goes back.
+  function redraw() { if (state.drawn) draw(state.drawn); }
+
   function unknown() {
     byId("issues").replaceChildren(make("div", { className: "none", textContent: "The server does not answer: the text is not checked. It is kept in this browser." }));
     byId("plan").disabled = byId("store").disabled = true;
@@ -193,7 +205,7 @@
 
   function draw(found) {
     const fresh = JSON.stringify(found.start) !== JSON.stringify(state.start), known = new Set(found.problem.scene.obstacles.map((one) => one.name));
-    Object.assign(state, { problem: found.problem, start: found.start, tool: found.tool, joints: found.joints, handles: found.handles });
+    Object.assign(state, { drawn: found, problem: found.problem, start: found.start, tool: found.tool, joints: found.joints, handles: found.handles });
     state.active = Math.min(state.active, Math.max(0, state.handles.length - 1));
     scene.show(found.scene, found.problem.task ? null : found.tool);
     if (state.handles.length) scene.handles(state.handles.map((one) => one.pose), state.active);

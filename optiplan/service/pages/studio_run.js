@@ -71,7 +71,7 @@ const StudioRun = (() => {
     byId("page").hidden = byId("back").hidden = false;
   }
 
-  byId("cancel").addEventListener("click", () => fetch(`api/runs/${state.run}/cancel?submission=${state.submission}`, { method: "POST" }));
+  byId("cancel").addEventListener("click", () => Page.ask(`api/runs/${state.run}/cancel?submission=${state.submission}`, { method: "POST" }));
   byId("back").addEventListener("click", () => { byId("page").hidden = byId("back").hidden = true; byId("page").src = "about:blank"; });
   return { plan, clear };
 })();

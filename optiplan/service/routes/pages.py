@@ -3,12 +3,12 @@
 from importlib import resources
 from importlib.util import find_spec
 from pathlib import Path
-from string import Template
 from typing import Annotated, NamedTuple
 
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
+from optiplan.service.framing import framed
 from optiplan.service.refusals import not_found
 from optiplan.service.routes.answers import HashPath, RunPath, Service, whole_page
 
@@ -16,10 +16,9 @@ router = APIRouter(include_in_schema=False)
 
 
 class Page(NamedTuple):
-    """A page: heading, its name in the links of the others, its scripts in their order, and the class of its body."""
+    """A page: heading, its scripts in their order, and the class of its body."""
 
     heading: str
-    link: str
     scripts: tuple[str, ...]
     kind: str = ""
 
@@ -30,11 +29,11 @@ SCENE = ("viewer", "common", "goal_frame", "gizmo", "scene_hand", "studio_scene"
 EDITOR = ("codemirror", "problem_text", "pose_text", "schema_words", "editor")
 """Scripts of a page that edits the text of a problem."""
 PAGES = {
-    "": Page("OptiPlan", "Runs", ("common", "home")),
-    "studio": Page("OptiPlan studio", "Studio", (*SCENE, *EDITOR, "studio_card", "studio_run", "studio"), "studio"),
-    "live": Page("OptiPlan live", "Live", (*SCENE, "live"), "studio live"),
-    "execution": Page("OptiPlan execution", "Execution", (*SCENE, "execution"), "studio live execution"),
-    "benches": Page("OptiPlan benches", "Benches", ("common", "benches")),
+    "": Page("OptiPlan", ("common", "home")),
+    "studio": Page("OptiPlan studio", (*SCENE, *EDITOR, "studio_card", "studio_run", "studio"), "studio"),
+    "live": Page("OptiPlan live", (*SCENE, "live"), "studio live"),
+    "execution": Page("OptiPlan execution", (*SCENE, "execution"), "studio live execution"),
+    "benches": Page("OptiPlan benches", ("common", "benches")),
 }
 """Pages by their address."""
 
@@ -100,17 +99,9 @@ async def page(name: str = "") -> Response:
     """A page."""
     if name not in PAGES:
         raise not_found("page", name)
-    shown, folder = PAGES[name], resources.files("optiplan.service.pages")
-    links = {address or ".": other.link for address, other in PAGES.items() if address != name}
-    links |= {} if name else {"openapi.json": "OpenAPI"}
-    text = Template((folder / "frame.html").read_text("utf-8")).substitute(
-        title=f"{shown.link} · OptiPlan" if name else "OptiPlan",
-        heading=shown.heading,
-        kind=shown.kind,
-        links=" ".join(f'<a href="{address}">{words}</a>' for address, words in links.items()),
-        scripts="\n".join(f'<script src="pages/{script}.js" defer></script>' for script in shown.scripts),
-        content=(folder / f"{name or 'home'}.html").read_text("utf-8"),
-    )
+    shown = PAGES[name]
+    content = (resources.files("optiplan.service.pages") / f"{name or 'home'}.html").read_text("utf-8")
+    text = framed(shown.heading, name, content, shown.scripts, shown.kind)
     return Response(text, media_type="text/html; charset=utf-8")
 
 

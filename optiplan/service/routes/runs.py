@@ -92,6 +92,15 @@ async def record(run: RunPath, archive: Kept) -> Response:
     return await _file(archive, run, RUN)
 
 
+@router.get("/runs/{run}/problem", response_class=Response, responses=files("application/yaml") | errors(404, 422))
+async def problem(run: RunPath, archive: Kept) -> Response:
+    """The problem of the run as it was submitted: the text, or its data as JSON, which is YAML too."""
+    given = (await archive.stored_request(await archive.run(run)))["problem"]
+    return Response(
+        given if isinstance(given, str) else json.dumps(given, indent=2), media_type="application/yaml; charset=utf-8"
+    )
+
+
 @router.get("/runs/{run}/scene", responses=errors(404, 422, 503))
 async def scene(run: RunPath, service: Service) -> Response:
     """What a page draws of a run: the scene and the motion."""

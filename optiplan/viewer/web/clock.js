@@ -14,6 +14,13 @@ const OptiPlanClock = (() => {
     tell() { for (const listener of this.heard) listener(this); }
     get still() { return this.duration === 0; }
 
+    // What is shown lasts another time now.
+    last(duration, end = duration) {
+      if (duration === this.duration && end === this.end) return;
+      Object.assign(this, { duration, end, time: Math.min(this.time, duration) });
+      this.tell();
+    }
+
     seek(t) { this.time = Math.min(this.duration, Math.max(0, t)); this.waited = 0; this.tell(); }
     pause() { this.playing = false; this.tell(); }
     play() {

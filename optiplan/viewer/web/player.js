@@ -3,8 +3,11 @@
 (() => {
   const byId = (id) => document.getElementById(id), { make } = OptiPlanCurves, { millimetres } = OptiPlanFacts;
   const data = JSON.parse(byId("data").textContent), wish = OptiPlanAddress.parsed();
-  const several = data.runs.length > 1, crowd = data.runs.length > 3;
-  const duration = Math.max(0, ...data.runs.map((run) => run.duration || 0));
+  const several = data.runs.length > 1, crowd = data.runs.length > 3, anyVerified = data.runs.some((run) => run.badge === "verified" && run.duration);
+  const lasting = (runs) => Math.max(0, ...runs.map((run) => run.duration || 0));
+  // Of several runs those are shown first that are verified: a refused one of a minute would stretch the others' clock.
+  const shownFirst = (run) => run.row.duration !== null && (!several || !anyVerified || run.badge === "verified");
+  const duration = lasting(data.runs.filter(shownFirst).length ? data.runs.filter(shownFirst) : data.runs);
   const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
   const SLOW = 70, LEAST_SHARPNESS = 0.6; // ms a frame, and share of the screen's pixels that is drawn at the least
 
@@ -15,8 +18,8 @@
   // A motion that was refused is played up to where bodies touch.
   function endOf(run) {
     const contact = run.clearance && run.clearance.contacts[0], witness = run.witnesses.find((one) => one.time !== undefined);
-    if (!run.duration || run.badge === "verified" || !contact) return duration;
-    return Math.min(duration, Math.max(contact[0], witness && witness.time >= contact[0] ? witness.time : contact[0]));
+    if (!run.duration || run.badge === "verified" || !contact) return run.duration || duration;
+    return Math.min(run.duration, Math.max(contact[0], witness && witness.time >= contact[0] ? witness.time : contact[0]));
   }
 
   function makeScene() {
@@ -37,11 +40,11 @@
 
   const app = {
     data, scene, clock, selected: first, alone: null, chosen: false,
-    shown: data.runs.map((run) => run.row.duration !== null), robots: data.runs.map((_, k) => !crowd || k === first),
+    shown: data.runs.map(shownFirst), robots: data.runs.map((_, k) => !crowd || k === first),
     colour: (k) => (scene ? scene.runs[k].colour : OptiPlanCurves.COLOURS[k % OptiPlanCurves.COLOURS.length]),
     joint(name) { if (scene) scene.lightJoint(name); },
     solo(k) { app.alone = k === null || k < 0 ? null : k; show(); },
-    update() { app.chosen = true; show(); app.dock.draw(); app.changed(); },
+    update() { app.chosen = true; rewind(); show(); app.dock.draw(); app.changed(); },
     select, changed: () => OptiPlanAddress.write(app),
   };
   app.layers = new OptiPlanLayers.Layers(byId("layers"), () => { fillLegend(); app.changed(); });
@@ -66,7 +69,15 @@
       if (run.path) run.path.visible = path;
       if (run.ellipsoids) run.ellipsoids.group.visible = robot;
     });
+    if (app.arrangement && app.arrangement.mode === "beside") app.arrangement.set("beside");
     scene.dirty();
+  }
+
+  // The clock of the runs that are shown.
+  function rewind() {
+    if (!several || mode() === "turn") return;
+    const shown = data.runs.filter((_, k) => app.shown[k] || k === app.selected);
+    clock.last(lasting(shown));
   }
 
   // Position by straight line, orientation by slerp between the two samples around t; at the end each run rests.
@@ -108,7 +119,9 @@
     app.selected = k;
     const run = data.runs[k];
     if (!run) return;
-    clock.end = run.row.duration === null ? endOf(run) : mode() === "turn" ? run.duration : several ? duration : clock.end;
+    if (several && mode() === "turn") clock.last(run.duration || clock.duration);
+    rewind();
+    clock.end = run.row.duration === null ? Math.min(clock.duration, endOf(run)) : several ? clock.duration : clock.end;
     if (app.arrangement) app.arrangement.follow(k);
     byId("selected").hidden = !several;
     byId("selected").replaceChildren(run.label, OptiPlanVerdict.badge(run));
@@ -150,6 +163,7 @@
     const said = several ? run.label + ": " : "", facts = run.facts.map(([name, value]) => (name === "duration" ? value : `${name} ${value}`));
     byId("key").textContent = said + (run.problems[0] || facts.slice(0, 3).join(" · "));
     byId("key").title = byId("key").textContent;
+    byId("origin").textContent = run.origin.join(" · ");
   }
 
   function fillLegend() {
@@ -279,7 +293,7 @@
     ArrowUp: () => clock.step(1),
     ArrowDown: () => clock.step(-1),
     Home: () => clock.seek(0),
-    End: () => clock.seek(duration),
+    End: () => clock.seek(clock.duration),
     0: home,
     p: () => scene && OptiPlanPictures.picture(app),
   };
@@ -312,7 +326,7 @@
   byId("runs").hidden = !several;
   if (several) app.comparison.fillList(byId("runs"));
   if (several && scene) {
-    app.arrangement = new OptiPlanArrangement.Arrangement(scene);
+    app.arrangement = new OptiPlanArrangement.Arrangement(scene, (k) => app.shown[k] !== false && data.runs[k].row.duration !== null);
     const label = make("label", "field arrangement", "Play "), choice = make("select");
     for (const [name, words] of OptiPlanArrangement.MODES) choice.append(new Option(words, name));
     choice.addEventListener("change", () => arrange(choice.value));
@@ -333,5 +347,5 @@
   requestAnimationFrame(tick);
 
   const poses = () => scene.runs.map((run) => run.figure.bodies.slice(1).map((b) => [...b.position.toArray(), ...b.quaternion.toArray()]));
-  window.optiplan = { app, scene, clock, state: clock, duration, play: () => clock.play(), pause: () => clock.pause(), seek: (t) => clock.seek(t), poses, film, picture: () => OptiPlanPictures.picture(app) };
+  window.optiplan = { app, scene, clock, state: clock, get duration() { return clock.duration; }, play: () => clock.play(), pause: () => clock.pause(), seek: (t) => clock.seek(t), poses, film, picture: () => OptiPlanPictures.picture(app) };
 })();

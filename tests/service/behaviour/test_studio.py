@@ -1,7 +1,8 @@
-"""The studio in a real browser: the text, the scene and the history of both; each test failed before the editor came."""
+"""The studio in a real browser: the text, the scene and the history of both."""
 
 import json
 from importlib import resources
+from pathlib import Path
 
 import pytest
 
@@ -11,7 +12,8 @@ pytestmark = pytest.mark.timeout(300)
 wide = pytest.mark.parametrize("page", [(1280, 800)], indirect=True, ids=["wide"])
 
 PAGES = resources.files("optiplan.service.pages")
-SCRIPTS = (PAGES / "codemirror" / "codemirror.min.js", PAGES / "problem_text.js")
+EDITS = Path(__file__).parent / "edits.js"
+SCRIPTS = (PAGES / "codemirror" / "codemirror.min.js", PAGES / "problem_text.js", EDITS)
 
 
 @pytest.fixture
@@ -24,47 +26,10 @@ def bare(browser):
     page.close()
 
 
-EVERY_EDIT = """(text) => {
-  const { set, add, remove, applied } = ProblemText, read = (text) => CM.parseDocument(text).toJS(), wrong = [];
-  const near = (key, value) => typeof value === "number" ? Number(value.toPrecision(7)) : value;
-  const same = (a, b) => JSON.stringify(a, near) === JSON.stringify(b, near);
-  const comments = (text) => (text.match(/#.*/g) || []).length, whole = read(text);
-  let count = 0;
-  function changed(path, act) {
-    const copy = structuredClone(whole);
-    act(path.slice(0, -1).reduce((one, key) => one[key], copy), path.at(-1));
-    return copy;
-  }
-  function expect(what, path, edits, wish) {
-    count++;
-    const after = applied(text, edits);
-    if (!same(read(after), wish)) wrong.push([what, path, after]);
-    return after;
-  }
-  function visit(value, path) {
-    if (path.length) {
-      const inner = value && typeof value === "object" && !Array.isArray(value) && Object.keys(value).length ? value : {};
-      if (typeof value === "number") {
-        const after = expect("number", path, set(text, path, value + 0.125), changed(path, (of, key) => { of[key] = value + 0.125; }));
-        if (comments(after) !== comments(text) || after.split("\\n").length !== text.split("\\n").length) wrong.push(["comments", path]);
-      }
-      expect("list", path, set(text, path, [1, 2, 3]), changed(path, (of, key) => { of[key] = [1, 2, 3]; }));
-      expect("map", path, set(text, path, { a: 1 }), changed(path, (of, key) => { of[key] = { ...inner, a: 1 }; }));
-      if (Array.isArray(value)) expect("entry", path, add(text, path, { a: [1] }), changed(path, (of, key) => { of[key].push({ a: [1] }); }));
-      const parent = path.slice(0, -1).reduce((one, key) => one[key], whole);
-      if (Object.keys(parent).length > 1) expect("gone", path, remove(text, path), changed(path, (of, key) => { if (Array.isArray(of)) of.splice(key, 1); else delete of[key]; }));
-    }
-    if (value && typeof value === "object") for (const key of Object.keys(value)) visit(value[key], [...path, Array.isArray(value) ? Number(key) : key]);
-  }
-  visit(whole, []);
-  return { count, wrong };
-}"""
-
-
 def test_an_edit_changes_what_it_names_and_nothing_else(bare, problems):
     count = 0
     for path in sorted(problems.glob("*.yaml")):
-        found = bare.evaluate(EVERY_EDIT, path.read_text("utf-8"))
+        found = bare.evaluate("text => everyEdit(text)", path.read_text("utf-8"))
         assert found["wrong"] == [], path.name
         count += found["count"]
     assert count > 8000
@@ -95,36 +60,11 @@ def test_typing_and_dragging_share_one_history(page, server):
     assert text_of(page) == after
 
 
-RANDOM_EDITS = """(seed) => {
-  const { editor, scene, state } = optiplanStudio, pick = (list) => list[Math.floor(random() * list.length)];
-  const random = () => { seed = (seed * 1103515245 + 12345) % 2147483648; return seed / 2147483648; };
-  const first = editor.text();
-  let edits = 0;
-  while (edits < 1000) {
-    const act = Math.floor(random() * 7), at = Math.floor(random() * editor.view.state.doc.length);
-    const pose = [0.4 + random(), random() - 0.5, random(), 0, 0, Math.sin(random()), 1];
-    const { name } = pick(state.problem.scene.obstacles);
-    if (act === 0) editor.view.dispatch({ changes: { from: at, insert: pick(["1", " ", "# word", "\\n", "x: {"]) }, userEvent: "input.type" });
-    else if (act === 1) editor.view.dispatch({ changes: { from: at, to: Math.min(at + 3, editor.view.state.doc.length) }, userEvent: "delete" });
-    else if (act === 2) scene.events.goal(pose, true);
-    else if (act === 3) scene.events.obstacle(name, pose);
-    else if (act === 4) scene.events.resized(name, { box: [0.1 + random(), 0.2, 0.3] }, pose, true);
-    else if (act === 5) for (let k = 0; k < 3 * random(); k++) editor.undo();
-    else editor.redo();
-    edits++;
-  }
-  const last = editor.text();
-  while (editor.undo());
-  const undone = editor.text();
-  while (editor.redo());
-  return { first, undone, steps: CM.undoDepth(editor.view.state) };
-}"""
-
-
 @wide
 def test_a_thousand_random_edits_are_undone_byte_for_byte(page, server):
     open_studio(page, server)
-    found = page.evaluate(RANDOM_EDITS, page.viewport_size["width"])
+    page.evaluate(EDITS.read_text("utf-8") + "window.randomEdits = randomEdits; null")
+    found = page.evaluate("seed => randomEdits(seed)", page.viewport_size["width"])
     assert found["undone"] == found["first"]
     assert found["steps"] > 100
 
@@ -154,7 +94,9 @@ def test_a_drag_in_a_task_moves_the_pose_of_its_step(page, server, problems):
 @wide
 def test_drafts_survive_a_reload_and_another_example(page, server):
     open_studio(page, server)
-    page.evaluate("optiplanStudio.editor.view.dispatch({ changes: { from: 0, insert: '# mine\\n' }, userEvent: 'input.type' })")
+    page.evaluate(
+        "optiplanStudio.editor.view.dispatch({ changes: { from: 0, insert: '# mine\\n' }, userEvent: 'input.type' })"
+    )
     mine = text_of(page)
     page.reload()
     page.wait_for_function("window.optiplanStudio && optiplanStudio.editor.text().startsWith('# mine')")
@@ -248,7 +190,10 @@ def test_a_surface_becomes_the_goal(page, server):
 @wide
 def test_the_schema_completes_and_explains(page, server):
     open_studio(page, server)
-    write(page, "version: 1\nname: words\nrobot: panda\nstart: {configuration: ready}\ngoal: {joints: [0, 0, 0, -1.5, 0, 1.5, 0]}\n")
+    write(
+        page,
+        "version: 1\nname: words\nrobot: panda\nstart: {configuration: ready}\ngoal: {configuration: ready}\n",
+    )
     page.click("#text .cm-content")
     page.keyboard.press("Control+End")
     page.keyboard.type("sce", delay=20)

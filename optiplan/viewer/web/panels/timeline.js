@@ -10,8 +10,8 @@ const OptiPlanTimeline = (() => {
     byId("scrub").addEventListener("input", (event) => clock.jump(Number(event.target.value) * clock.duration));
     byId("scrub").addEventListener("change", () => byId("scrub").blur()); // the space bar plays again
     byId("play").addEventListener("click", () => clock.toggle());
-    byId("play").disabled = byId("scrub").disabled = clock.still;
     clock.listen(() => {
+      byId("play").disabled = byId("scrub").disabled = clock.still;
       byId("scrub").value = clock.duration ? clock.time / clock.duration : 0;
       byId("scrub").setAttribute("aria-valuetext", clock.time.toFixed(2) + " s");
       byId("clock").textContent = clock.time.toFixed(2) + " / " + clock.duration.toFixed(2) + " s";

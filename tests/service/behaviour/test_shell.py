@@ -1,0 +1,96 @@
+"""What all pages of the service have around them: links, errors, news of others, a server that goes and comes back."""
+
+import numpy as np
+import pytest
+
+from tests.service.browsing import open_studio
+from tests.service.conftest import QUICK
+
+pytestmark = pytest.mark.timeout(300)
+wide = pytest.mark.parametrize("page", [(1280, 800)], indirect=True, ids=["wide"])
+
+
+def test_a_server_that_goes_and_comes_back(browser, server):
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.set_default_timeout(90_000)
+    open_studio(page, server)
+    for pattern in ("**/api/**", "**/healthz"):
+        page.route(pattern, lambda route: route.abort("connectionrefused"))
+    page.evaluate(
+        "optiplanStudio.editor.view.dispatch({ changes: { from: 0, insert: '# x' }, userEvent: 'input.type' })"
+    )
+    page.wait_for_selector("#banner:not([hidden])")
+    page.wait_for_function("!document.querySelector('#issues .fine')")
+    assert page.is_disabled("#plan")
+    assert "not checked" in page.inner_text("#issues")
+    page.unroute_all()
+    page.wait_for_selector("#banner", state="hidden")
+    page.wait_for_selector("#issues .fine")
+    assert page.is_enabled("#plan")
+    page.close()
+
+
+@wide
+def test_a_run_has_links_and_says_what_made_it(page, server):
+    run = server.ended(server.submit(seed=7)["id"])["id"]
+    page.goto(f"{server.url}/runs/{run}")
+    page.wait_for_selector("html[data-ready='1']")
+    assert page.inner_text("#origin") == "robot planar2r · planner quintic · seed 7"
+    links = page.eval_on_selector_all(
+        "#head a", "all => Object.fromEntries(all.map((one) => [one.textContent, one.href]))"
+    )
+    assert {"Runs", "Edit in the studio", "Problem", "Files", "CSV", "Execute"} == set(links)
+    for words in ("Problem", "Files", "CSV"):
+        assert server.http.get(links[words]).status_code == 200
+    assert server.http.get(links["Problem"]).text == QUICK
+    page.goto(links["Edit in the studio"])
+    page.wait_for_function("window.optiplanStudio && optiplanStudio.editor.text().includes('name: free')")
+
+
+@wide
+def test_home_shows_what_others_submit_and_asks_before_it_deletes(page, server):
+    page.goto(server.url)
+    page.wait_for_selector(".run, .panel")
+    run = server.ended(server.submit(seed=8)["id"])["id"]
+    link = f"a[href='runs/{run}']"
+    page.wait_for_selector(link)  # without a reload
+    card = page.locator(".run", has=page.locator(link))
+    asked = []
+    page.once("dialog", lambda dialog: (asked.append(dialog.message), dialog.dismiss()))
+    card.locator("button:text('Delete')").click()
+    assert "cannot be brought back" in asked[0]
+    assert server.http.get(f"/api/runs/{run}").status_code == 200
+    page.fill("#search", "no such run")
+    page.wait_for_selector("#runs p:text('No run is like that')")
+    page.fill("#search", "free quintic")
+    page.wait_for_selector(link)
+    page.once("dialog", lambda dialog: dialog.accept())
+    card.locator("button:text('Delete')").click()
+    page.wait_for_selector(link, state="detached")
+    assert server.http.get(f"/api/runs/{run}").status_code == 404
+
+
+@wide
+def test_a_comparison_lasts_as_long_as_what_it_shows(page, server):
+    names = ("quintic", "cubic", "septic")
+    runs = [server.ended(server.submit(planner=name, seed=9)["id"]) for name in names]
+    page.goto(f"{server.url}/compare?" + "&".join("run=" + run["id"] for run in runs))
+    page.wait_for_selector("html[data-ready='1']")
+    durations = [run["duration"] for run in runs]
+    page.evaluate("optiplan.app.shown.fill(true); optiplan.app.update()")  # first shown are those that are verified
+    assert page.evaluate("optiplan.duration") == pytest.approx(max(durations))
+    longest = durations.index(max(durations))
+    page.evaluate(
+        "optiplan.app.select([0, 1, 2].find((k) => k !== arguments[0]))".replace("arguments[0]", str(longest))
+    )
+    page.evaluate(f"optiplan.app.shown[{longest}] = false; optiplan.app.update()")
+    assert page.evaluate("optiplan.duration") == pytest.approx(sorted(durations)[-2])
+    cells = "[...document.querySelectorAll('table.compare td.number')].map((one) => one.textContent)"
+    page.evaluate("optiplan.app.dock.choose('table')")
+    filled = [text for text in page.evaluate(cells) if text != "–"]
+    assert len(filled) >= 8 * len(names)
+    page.evaluate("optiplan.app.arrange('beside')")
+    places = page.evaluate("optiplan.scene.runs.map((run) => run.figure.position.toArray())")
+    shown = [places[k] for k in range(3) if k != longest]
+    assert np.abs(np.subtract(*shown)).max() > 0.1
+    assert page.evaluate("optiplan.app.arrangement.scenery.children.length") == 1  # the second has its obstacle, too
