@@ -13,6 +13,7 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.common_bound import duration_bound
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.viewer.goal_marks import targets
 from optiplan.viewer.run_data.attempts import found_by
 from optiplan.viewer.run_data.checks import about, checks_of
 from optiplan.viewer.run_data.clearance import clearance_of
@@ -133,7 +134,7 @@ def run_for_page(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail 
     shown["witnesses"] = [
         shown_witness
         for source in (failure, *refused)
-        if (shown_witness := _witness(poses, problem.robot.n, source)) is not None
+        if (shown_witness := _witness(problem, poses, source)) is not None
     ]
     return shown
 
@@ -221,8 +222,12 @@ def _words(check: Mapping[str, Any]) -> str:
     return f"{check.get('name')}: {detail}{when}"
 
 
-def _witness(poses: Poses, n: int, source: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the place of a failure: the configuration, the nearest points of the two bodies (m), and their names."""
+def _witness(problem: Problem, poses: Poses, source: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the place of a failure: the configuration, the nearest points of the two bodies (m), and their names.
+
+    Of a goal that cannot be reached, `gap` leads from where the tool comes to where it should be, m.
+    """
+    n = problem.robot.n
     witness = source.get("witness") or {}
     q, points = witness.get("q"), _points(witness.get("points"))
     if q is None and not points:
@@ -234,7 +239,12 @@ def _witness(poses: Poses, n: int, source: Mapping[str, Any]) -> dict[str, Any] 
     if time is not None:
         shown["time"] = float(time)
     if q is not None and np.shape(q) == (n,) and np.all(np.isfinite(np.asarray(q, dtype=float))):
-        shown["poses"] = base64_of(poses.of(np.asarray([q], dtype=float))[0])
+        joints, tool = poses.of(np.asarray([q], dtype=float))
+        shown["poses"] = base64_of(joints)
+        wanted = [np.asarray(pose[:3]) for pose in targets(problem)]
+        if witness.get("position_error") is not None and wanted:
+            nearest = min(wanted, key=lambda point: float(np.linalg.norm(point - tool[0])))
+            shown["gap"] = [tool[0].tolist(), nearest.tolist()]
     return shown
 
 

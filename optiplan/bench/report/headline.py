@@ -3,6 +3,7 @@
 import html
 import json
 import math
+from collections.abc import Sequence
 
 from optiplan.bench.report.analysis import Analysis, PlannerNumbers
 from optiplan.bench.report.tables.cells import number, percent
@@ -28,19 +29,37 @@ def cards(analysis: Analysis) -> list[Card]:
     sure = "" if ends is None else f", 95 % confidence {' to '.join(map(percent, ends))}"
     found = [("Most reliable", _names(first), f"verified {percent(best)}: {every}{sure}")]
     if best > 0.0 and len(planners) > 1 and analysis.common:
-        quick = _leaders([(one.quickest, one) for one in planners])
-        short = _leaders([(one.shortest, one) for one in planners])
-        seconds = [f"{one.label} {number(one.plan_time.median.value)} s" for one in quick[:3]]
-        bounds = [f"{one.label} {number(one.ratio.median.value)} × bound" for one in short[:3]]
         found += [
-            ("Quickest to plan", _names(quick), _rests("first", quick[0].quickest, seconds)),
-            ("Shortest motions", _names(short), _rests("shortest", short[0].shortest, bounds)),
+            _by_median(
+                "Quickest to plan", "s", "first", [(one.plan_time.median.value, one.quickest, one) for one in planners]
+            ),
+            _by_median(
+                "Shortest motions",
+                "× bound",
+                "shortest",
+                [(one.ratio.median.value, one.shortest, one) for one in planners],
+            ),
         ]
     return found
 
 
-def _rests(what: str, share: float, medians: list[str]) -> str:
-    return f"{what} on {percent(share)} of the tasks; median: {html.escape(', '.join(medians))}"
+def _by_median(heading: str, unit: str, what: str, scored: Sequence[tuple[float, float, PlannerNumbers]]) -> Card:
+    """Return the card of the least median, as the tables have it, and of who is ahead most often.
+
+    Args:
+        heading: of the card.
+        unit: of the medians.
+        what: it means to be ahead on a task.
+        scored: median over the verified runs, share of the tasks on which it is ahead, planner.
+    """
+    least = _leaders([(-median, one) for median, _, one in scored])
+    ranked = sorted((median, one.label) for median, _, one in scored if not math.isnan(median))
+    medians = ", ".join(f"{label} {number(median)}" for median, label in ranked[:3])
+    often = _leaders([(share, one) for _, share, one in scored])
+    share = next(share for _, share, one in scored if one is often[0])
+    ahead = f"most often {what}: {_names(often)}, {percent(share)} of the tasks"
+    rests = f"median of the verified runs, {unit}: {html.escape(medians)}; {ahead}"
+    return (f"{heading}, median", _names(least), rests)
 
 
 def _leaders(scored: list[tuple[float, PlannerNumbers]]) -> list[PlannerNumbers]:

@@ -16,7 +16,9 @@ ADDRESS = ("t", "paused", "speed", "cam", "layers", "run", "runs", "tab", "panel
 
 def view(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="run folders of one robot")],
-    export: Annotated[Path | None, typer.Option(metavar="PAGE.html", help="write one file, serve nothing")] = None,
+    export: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="write PAGE.html, FILE.mcap or FILE.rrd, serve nothing")
+    ] = None,
     png: Annotated[Path | None, typer.Option(metavar="FILE.png", help="write a picture of the page")] = None,
     gif: Annotated[
         Path | None, typer.Option(metavar="FILE.gif", help="write a film of the scene (or FILE.webp, FILE.mp4)")
@@ -30,6 +32,7 @@ def view(
     Several runs play together, in turn or side by side; of different problems each with its own obstacles.
 
     An exported page needs no network and no OptiPlan; `#t=0.6&paused` behind its address shows one instant.
+    FILE.mcap opens in Foxglove, FILE.rrd in Rerun: scene, motion, curves and verdict of one run (extra `recordings`).
     Pictures and films need chromium and the extra `pictures`, FILE.mp4 also ffmpeg.
 
     [bold]Examples[/]
@@ -38,6 +41,8 @@ def view(
 
       optiplan view runs/trajopt runs/rrtconnect --export compare.html
 
+      optiplan view runs/shelf --export shelf.mcap
+
       optiplan view runs/shelf --png shelf.png --at "t=0.4&tab=jerk"
 
       optiplan view runs/shelf --gif shelf.gif --at "speed=0.25" --size 800x500
@@ -45,6 +50,8 @@ def view(
     from optiplan.cli.viewing import open_runs, serve_page
     from optiplan.viewer.page import render_page
     from optiplan.viewer.pictures import save_film, save_picture
+    from optiplan.viewer.recordings.formats import FORMATS as RECORDINGS
+    from optiplan.viewer.recordings.formats import save_recording
     from optiplan.viewer.scene import build_scene
 
     wanted = {"export": export, "png": png, "gif": gif}
@@ -54,6 +61,15 @@ def view(
     if not any(wanted.values()):
         serve_page(problem, shown, port)
         return 0
+    if export is not None and export.suffix.lower() in RECORDINGS:
+        if len(shown) > 1:
+            expected = "one run; a page (PAGE.html) takes several"
+            raise InputError([Issue("view", None, "export", f"{len(shown)} runs", expected)])
+        save_recording(problem, shown[0], export)
+        say(f"written: {export}")
+        del wanted["export"]
+        if not any(wanted.values()):
+            return 0
     page = render_page(build_scene(problem, shown))
     for name, path in wanted.items():
         if path is None:

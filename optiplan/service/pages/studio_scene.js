@@ -24,7 +24,10 @@ const StudioScene = (() => {
       this.viewer.handle_command({ type: "set_property", path: "/Background", property: "visible", value: false });
       const { scene, renderer } = this.viewer, sun = new THREE.DirectionalLight(0xffffff, 0.65);
       renderer.outputEncoding = THREE.sRGBEncoding;
-      scene.background = new THREE.Color("#eef1f3");
+      const ground = () => { scene.background = new THREE.Color(getComputedStyle(document.documentElement).getPropertyValue("--ground").trim()); this.viewer.set_dirty(); };
+      ground();
+      addEventListener("optiplan:theme", ground);
+      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", ground);
       sun.position.set(2, -2, 4);
       this.root = new THREE.Group();
       scene.add(sun, new THREE.HemisphereLight(0xffffff, 0xd8d2ca, 0.65), this.root);

@@ -11,6 +11,7 @@ from fastapi.responses import Response
 from optiplan.service.framing import framed
 from optiplan.service.refusals import not_found
 from optiplan.service.routes.answers import HashPath, RunPath, Service, whole_page
+from optiplan.viewer.assets import asset
 
 router = APIRouter(include_in_schema=False)
 
@@ -85,6 +86,13 @@ async def codemirror() -> Response:
 async def cell() -> Response:
     """The client for cells, one file."""
     return _file("optiplan.service", "cell.py")
+
+
+@router.get("/pages/service.css")
+async def styles() -> Response:
+    """The theme of all pages, and what those of the service add to it."""
+    text = asset("theme.css") + (resources.files("optiplan.service.pages") / "service.css").read_text("utf-8")
+    return Response(text, media_type="text/css; charset=utf-8")
 
 
 @router.get("/pages/{name}")

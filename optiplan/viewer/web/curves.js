@@ -30,7 +30,7 @@ const OptiPlanCurves = (() => {
   function digits(value) {
     if (value === null || !Number.isFinite(value)) return "–";
     const size = Math.abs(value);
-    return size === 0 ? "0" : size >= 1000 ? value.toFixed(0) : size < 1e-3 ? value.toExponential(1) : value.toPrecision(3);
+    return size < 1e-12 ? "0" : size >= 1000 ? value.toFixed(0) : size < 1e-3 ? value.toExponential(1) : value.toPrecision(3);
   }
 
   // Ticks of an axis that is logarithmic beyond `unit`.

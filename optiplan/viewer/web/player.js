@@ -160,8 +160,9 @@
   function fillHead(run) {
     const count = data.runs.filter((one) => one.badge === "verified").length;
     byId("verdict").replaceChildren(several ? make("span", "badge " + (count ? "good" : "bad"), `${count} of ${data.runs.length} verified`) : OptiPlanVerdict.badge(run));
-    const said = several ? run.label + ": " : "", facts = run.facts.map(([name, value]) => (name === "duration" ? value : `${name} ${value}`));
-    byId("key").textContent = said + (run.problems[0] || facts.slice(0, 3).join(" · "));
+    const said = several ? run.label + ": " : "", words = (name, value) => (name === "duration" ? value : name.startsWith("×") ? OptiPlanFacts.quality(Number(value)) : `${name} ${value}`);
+    const facts = run.facts.map(([name, value]) => words(name, value));
+    byId("key").textContent = said + (run.problems.length ? run.problems[0].split(":")[0].replaceAll("-", " ") : facts.slice(0, 3).join(" · ")); // the whole sentence stands below
     byId("key").title = byId("key").textContent;
     byId("origin").textContent = run.origin.join(" · ");
   }

@@ -6,11 +6,17 @@ const OptiPlanFacts = (() => {
     return (size >= 100 ? value.toFixed(0) : size >= 10 ? value.toFixed(1) : value.toFixed(2)) + " mm";
   }
 
+  // How good a duration is, in words a person knows; `ratio` to the least possible time for the end that was reached.
+  function quality(ratio) {
+    const more = 100 * (ratio - 1);
+    return more < 0.5 ? "at the least possible time for this end" : `${more < 10 ? more.toFixed(1) : more.toFixed(0)} % above the least possible time for this end`;
+  }
+
   // Verified runs first, then refused ones, both by duration; then those without a motion: [run, its index] each.
   function sorted(runs) {
     const rank = (run) => (run.badge === "verified" ? 0 : run.row.duration === null ? 2 : 1);
     return runs.map((run, k) => [run, k]).sort(([a, i], [b, j]) => rank(a) - rank(b) || (a.row.duration || 0) - (b.row.duration || 0) || i - j);
   }
 
-  return { millimetres, sorted };
+  return { millimetres, quality, sorted };
 })();

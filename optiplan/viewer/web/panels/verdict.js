@@ -12,6 +12,17 @@ const OptiPlanVerdict = (() => {
   // The curve on which a check is seen.
   const CURVES = { position: "position", start: "position", goal: "position", velocity: "velocity", rest: "velocity", acceleration: "acceleration", continuity: "acceleration", jerk: "jerk", torque: "torque", collision: "clearance", contact: "clearance" };
 
+  // What a person asks first; the others follow in the verifier's order.
+  const ORDER = ["collision", "contact", "position", "velocity", "acceleration", "jerk", "torque", "path_constraint", "goal", "start", "rest"];
+  const TRIVIAL = new Set(["finite", "joints", "continuity", "statements", "samples", "duration"]); // hold of every motion that is one: told when they fail
+
+  const rank = (check) => { const place = ORDER.findIndex((name) => check.name.startsWith(name)); return (check.passed ? 100 : 0) + (place < 0 ? ORDER.length : place); };
+
+  function ordered(checks) {
+    const sorted = checks.map((check, k) => [check, k]).sort(([a, i], [b, j]) => rank(a) - rank(b) || i - j).map(([check]) => check);
+    return [sorted.filter((check) => !check.passed || !TRIVIAL.has(check.name)), sorted.filter((check) => check.passed && TRIVIAL.has(check.name))];
+  }
+
   const badge = (run) => make("span", "badge " + (BADGES[run.badge] || "bad"), run.badge);
 
   function figures(check) {
@@ -90,10 +101,16 @@ const OptiPlanVerdict = (() => {
       const checks = make("div", "checks"), failed = run.checks.filter((check) => !check.passed).length;
       checks.setAttribute("role", "group");
       checks.setAttribute("aria-label", "Checks");
-      checks.append(...run.checks.map((check) => row(check, jump)));
+      const [asked, trivial] = ordered(run.checks);
+      checks.append(...asked.map((check) => row(check, jump)));
       const details = make("details", "opened");
       details.open = true;
       details.append(make("summary", "", failed ? `${failed} of ${run.checks.length} checks failed` : `${run.checks.length} checks passed`), checks);
+      if (trivial.length) {
+        const rows = make("div", "checks");
+        rows.append(...trivial.map((check) => row(check, jump)));
+        details.append(folded(`${trivial.length} that hold of any motion`, rows));
+      }
       told.push(details);
     }
     if (run.about) told.push(about(run));

@@ -27,6 +27,7 @@ const OptiPlanFailure = (() => {
         ball.renderOrder = 5;
         this.run.witness.add(ball);
       }
+      if (witness.gap) this.addGap(...witness.gap);
       if (!this.point) return;
       const deep = witness.distance !== null && witness.distance < 0 ? `overlap ${millimetres(-witness.distance)}` : witness.distance > 0 ? `${millimetres(witness.distance)} apart` : "contact";
       const label = scene.labels.add(`${witness.pair.join(" – ") || "here"}: ${deep}`, "bad");
@@ -39,6 +40,18 @@ const OptiPlanFailure = (() => {
         mesh.geometry.computeBoundingBox();
         this.labels.push(Object.assign(scene.labels.add(name, "bad"), { lift: -30, body: mesh, middle: mesh.geometry.boundingBox.getCenter(new THREE.Vector3()) }));
       }
+    }
+
+    // From where the tool comes to where it should be.
+    addGap(from, to) {
+      const { scene } = this, ends = [from, to].map((point) => new THREE.Vector3(...point)), dash = 0.012 * scene.size;
+      const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(ends), new THREE.LineDashedMaterial({ color: named(RED), dashSize: dash, gapSize: 0.6 * dash, depthTest: false }));
+      line.computeLineDistances();
+      line.renderOrder = 5;
+      this.run.witness.add(line);
+      const label = scene.labels.add(`${millimetres(ends[0].distanceTo(ends[1]))} missing`, "bad");
+      label.point.copy(scene.world(from.map((x, k) => 0.5 * (x + to[k]))));
+      this.labels.push(label);
     }
 
     show(on) {

@@ -196,6 +196,7 @@ const OptiPlanScene = (() => {
       }
       const still = [this.runs[0].figure.bodies[0], ...this.layers.obstacle.children, ...this.runs[0].objects.group.children];
       if (box.isEmpty()) box.setFromObject(still[0]);
+      for (const pose of this.data.targets) box.expandByPoint(this.world(pose.slice(0, 3))); // also one that is out of reach
       this.low = still.filter((mesh) => !mesh.userData.plane).reduce((low, mesh) => Math.min(low, one.setFromObject(mesh).min.y), box.min.y);
       const around = box.clone().expandByScalar(0.12 * box.getSize(new THREE.Vector3()).length());
       for (const mesh of still) {
