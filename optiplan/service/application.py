@@ -16,10 +16,10 @@ from starlette.types import ASGIApp
 import optiplan
 from optiplan.config.messages import expected_by
 from optiplan.errors import OptiPlanError
-from optiplan.service.framing import error_page, wants_page
 from optiplan.service.guard.gate import Gate
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.yaml_bodies import YamlBodies
+from optiplan.service.pages.framing import error_page, wants_page
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.refusals import Refusal, error_body
 from optiplan.service.routes import benches, events, executions, health, live, pages, problems, robots, runs, uploads

@@ -19,9 +19,9 @@ from urllib.parse import parse_qsl, urlencode
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from optiplan.service.framing import error_page, wants_page
 from optiplan.service.guard.metrics import RequestCounts
 from optiplan.service.guard.rates import Rates, client_of
+from optiplan.service.pages.framing import error_page, wants_page
 from optiplan.service.refusals import Refusal, busy, error_body
 from optiplan.service.settings import ServiceSettings
 from optiplan.viewer.safety import HEADERS, LOOPBACK, host_name, same_origin

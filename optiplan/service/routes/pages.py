@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
-from optiplan.service.framing import framed
+from optiplan.service.pages.framing import framed
 from optiplan.service.refusals import not_found
 from optiplan.service.routes.answers import HashPath, RunPath, Service, whole_page
 from optiplan.viewer.assets import asset

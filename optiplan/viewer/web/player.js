@@ -5,8 +5,8 @@
   const data = JSON.parse(byId("data").textContent), wish = OptiPlanAddress.parsed();
   const several = data.runs.length > 1, crowd = data.runs.length > 3, anyVerified = data.runs.some((run) => run.badge === "verified" && run.duration);
   const lasting = (runs) => Math.max(0, ...runs.map((run) => run.duration || 0));
-  // Of several runs those are shown first that are verified: a refused one of a minute would stretch the others' clock.
-  const shownFirst = (run) => run.row.duration !== null && (!several || !anyVerified || run.badge === "verified");
+  // Of many runs those are shown first that are verified: a refused one of a minute would stretch the clock of all.
+  const shownFirst = (run) => run.row.duration !== null && (!crowd || !anyVerified || run.badge === "verified");
   const duration = lasting(data.runs.filter(shownFirst).length ? data.runs.filter(shownFirst) : data.runs);
   const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
   const SLOW = 70, LEAST_SHARPNESS = 0.6; // ms a frame, and share of the screen's pixels that is drawn at the least

@@ -2,7 +2,7 @@
 
 import pytest
 
-from optiplan.service.framing import LINKS, error_page, framed, wants_page
+from optiplan.service.pages.framing import LINKS, error_page, framed, wants_page
 from optiplan.service.refusals import Refusal
 from optiplan.service.settings import ServiceSettings
 from tests.service.guard.test_gate import TOKEN, ask
