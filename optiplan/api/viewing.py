@@ -44,8 +44,9 @@ class View:
         return f"View: {self.url}{'' if self._thread.is_alive() else ' (closed)'}"
 
     def _repr_html_(self) -> str:
-        """A link for notebooks."""
-        return f'<a href="{self.url}" target="_blank">{self.url}</a>'
+        """The page inside a notebook, and a link to it."""
+        frame = f'<iframe src="{self.url}" title="OptiPlan" style="width: 100%; height: 640px; border: 0"></iframe>'
+        return f'{frame}<br><a href="{self.url}" target="_blank">{self.url}</a>'
 
 
 def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT) -> View:

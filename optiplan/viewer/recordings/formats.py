@@ -11,7 +11,7 @@ from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
 from optiplan.files import write_bytes
 from optiplan.problem.problem import Problem
-from optiplan.viewer.recordings.recording import Recording, recording_of
+from optiplan.viewer.recordings.recording import RecordedBody, Recording, recording_of
 from optiplan.viewer.runs import ViewedRun
 
 WORLD = "world"
@@ -50,40 +50,15 @@ def mcap(recording: Recording) -> bytes:
     level = fm.LogLevel.Info if recording.verified else fm.LogLevel.Error
     log.log(fm.Log(level=level, message=recording.verdict, name="optiplan"), log_time=0)
 
-    def pose(row: Array) -> dict[str, Any]:
-        x, y, z, qx, qy, qz, qw = map(float, row)
-        return {"translation": fm.Vector3(x=x, y=y, z=z), "rotation": fm.Quaternion(x=qx, y=qy, z=qz, w=qw)}
-
-    def points(rows: Array) -> list[Any]:
-        return [fm.Point3(x=float(x), y=float(y), z=float(z)) for x, y, z in rows]
-
-    entities = [
-        fm.SceneEntity(
-            id=body.name,
-            frame_id=body.name,
-            triangles=[
-                fm.TriangleListPrimitive(
-                    points=points(body.vertices),
-                    indices=[int(k) for k in body.faces.ravel()],
-                    colors=[fm.Color(r=r, g=g, b=b, a=a) for r, g, b, a in body.colours.tolist()],
-                )
-            ],
-        )
-        for body in recording.bodies
-    ]
+    entities = [_entity(fm, body) for body in recording.bodies]
     scene.log(fm.SceneUpdate(entities=entities), log_time=0)
     colour = fm.Color(r=0.14, g=0.45, b=0.78, a=1.0)
-    line = fm.LinePrimitive(points=points(recording.tool), thickness=0.004, color=colour)
+    line = fm.LinePrimitive(points=_points(fm, recording.tool), thickness=0.004, color=colour)
     path.log(fm.SceneUpdate(entities=[fm.SceneEntity(id="tool", frame_id=WORLD, lines=[line])]), log_time=0)
     for k, time in enumerate(recording.t):
-        moved = [
-            fm.FrameTransform(
-                parent_frame_id=WORLD, child_frame_id=body.name, **pose(body.poses[min(k, len(body.poses) - 1)])
-            )
-            for body in recording.bodies
-            if body.name != WORLD and (k == 0 or len(body.poses) > 1)
-        ]
-        transforms.log(fm.FrameTransforms(transforms=moved), log_time=int(time * _SECOND))
+        moved = [one for one in recording.bodies if one.name != WORLD and (k == 0 or len(one.poses) > 1)]
+        frames = [_frame(fm, body.name, body.poses[min(k, len(body.poses) - 1)]) for body in moved]
+        transforms.log(fm.FrameTransforms(transforms=frames), log_time=int(time * _SECOND))
     values = {curve.name: curve for curve in recording.curves}
     joints, position, velocity = JointStatesChannel("/joints", context=context), values["position"], values["velocity"]
     for k, time in enumerate(position.t):
@@ -98,6 +73,30 @@ def mcap(recording: Recording) -> bytes:
             channel.log(dict(zip(curve.names, row.tolist(), strict=True)), log_time=int(time * _SECOND))
     writer.close()
     return file.getvalue()
+
+
+def _points(fm: Any, rows: Array) -> list[Any]:
+    return [fm.Point3(x=float(x), y=float(y), z=float(z)) for x, y, z in rows]
+
+
+def _entity(fm: Any, body: RecordedBody) -> Any:
+    """Return a body as Foxglove draws it, in its own frame."""
+    triangles = fm.TriangleListPrimitive(
+        points=_points(fm, body.vertices),
+        indices=[int(k) for k in body.faces.ravel()],
+        colors=[fm.Color(r=r, g=g, b=b, a=a) for r, g, b, a in body.colours.tolist()],
+    )
+    return fm.SceneEntity(id=body.name, frame_id=body.name, triangles=[triangles])
+
+
+def _frame(fm: Any, name: str, pose: Array) -> Any:
+    x, y, z, qx, qy, qz, qw = map(float, pose)
+    return fm.FrameTransform(
+        parent_frame_id=WORLD,
+        child_frame_id=name,
+        translation=fm.Vector3(x=x, y=y, z=z),
+        rotation=fm.Quaternion(x=qx, y=qy, z=qz, w=qw),
+    )
 
 
 def rrd(recording: Recording) -> bytes:

@@ -23,7 +23,7 @@ _WIDE = 4.0  # m, side of the square that stands for a plane
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class RecordedBody:
     """A body that moves as one.
 
     Attributes:
@@ -42,7 +42,7 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class RecordedCurve:
     """A quantity over time: `names` (m) of its series, `t` (k,), s, `y` (k, m) in `unit`."""
 
     name: str
@@ -58,9 +58,9 @@ class Recording:
 
     name: str
     t: Array
-    bodies: list[Body]
+    bodies: list[RecordedBody]
     tool: Array
-    curves: list[Curve]
+    curves: list[RecordedCurve]
     verified: bool
     verdict: str
 
@@ -105,7 +105,7 @@ def recording_of(problem: Problem, run: ViewedRun) -> Recording:
 
 def _body(
     name: str, parts: list[tuple[Mapping[str, Any], pin.SE3]], surfaces: list[trimesh.Trimesh], poses: Array
-) -> Body:
+) -> RecordedBody:
     vertices, faces, colours, count = [], [], [], 0
     for part, own in parts:
         surface = surfaces[part["geometry"]]
@@ -113,7 +113,7 @@ def _body(
         faces.append(np.asarray(surface.faces) + count)
         colours.append(np.tile(_colour(part["colour"]), (len(surface.vertices), 1)))
         count += len(surface.vertices)
-    return Body(name, np.vstack(vertices), np.vstack(faces), np.vstack(colours), poses)
+    return RecordedBody(name, np.vstack(vertices), np.vstack(faces), np.vstack(colours), poses)
 
 
 def _colour(colour: Colour) -> Array:
@@ -145,17 +145,17 @@ def _object_poses(one: Mapping[str, Any], joints: Array, t: Array) -> Array:
     return rows
 
 
-def _curves(shown: Mapping[str, Any]) -> list[Curve]:
+def _curves(shown: Mapping[str, Any]) -> list[RecordedCurve]:
     t = _floats(shown["curves"]["t"])
     found = [
-        Curve(one["name"], one["unit"], list(one["series"]), t, _floats(one["y"]).reshape(len(t), -1))
+        RecordedCurve(one["name"], one["unit"], list(one["series"]), t, _floats(one["y"]).reshape(len(t), -1))
         for one in shown["curves"]["quantities"]
         if "t" not in one
     ]
     clearance = shown.get("clearance")
     if clearance:
         measured = _floats(clearance["distance"])
-        found.append(Curve("clearance", "m", ["measured"], _floats(clearance["t"]), measured[:, None]))
+        found.append(RecordedCurve("clearance", "m", ["measured"], _floats(clearance["t"]), measured[:, None]))
     return found
 
 

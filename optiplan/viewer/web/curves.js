@@ -13,7 +13,9 @@
 //     bands: [[t0, t1]],        // optional: stretches of time drawn in red
 //     marks: [{ t, y, words }], // optional: points to click on, which seek
 //     said: "…",                // optional: a sentence beside the title
-//     onSeek: (t) => …, onHover: (name or null) => … });
+//     range: [from, to],        // optional: the stretch of time that is shown; null for all
+//     onSeek: (t) => …, onHover: (name or null) => …,
+//     onRange: ([from, to] or null) => … });   // wheel and drag with shift zoom, a double click shows all again
 //   plot.time(t); plot.single(name or null); plot.say(text); plot.set(spec); plot.destroy();
 const OptiPlanCurves = (() => {
   const COLOURS = ["#4477aa", "#ee6677", "#228833", "#b58a00", "#2ba3c4", "#aa3377", "#8a6d5c", "#7a7fd1", "#d97b2b", "#5f9e8f", "#c2577e", "#6b7a0f", "#3b5bb5", "#9a9a9a"];
@@ -150,7 +152,7 @@ const OptiPlanCurves = (() => {
       this.plot = new uPlot({
         width: Math.max(60, width), height: Math.max(40, height), padding: [6, 18, 0, 0], legend: { show: false },
         series: [{}, ...this.series.map(line)],
-        scales: { x: { time: false, range: [0, end] }, y },
+        scales: { x: { time: false, range: () => this.spec.range || [0, end] }, y },
         axes: [{ ...axis, size: 22, gap: 2, values: (_, ticks) => ticks.map((v) => String(+v.toFixed(6)) + (v === ticks[ticks.length - 1] ? " s" : "")) },
           { ...axis, ...(this.spec.asinh ? { splits: (_, __, least, most) => decades(this.spec.asinh, least, most) } : {}), size: 46, gap: 3, space: 26, values: (_, ticks) => ticks.map((v) => (v === null ? "" : this.spec.share ? Math.round(100 * v) + " %" : String(+v.toPrecision(4)))) }],
         cursor: { y: false, x: false, drag: { x: false, y: false }, points: { show: false }, focus: { prox: this.series.length > 1 ? 18 : -1 } },
@@ -158,8 +160,11 @@ const OptiPlanCurves = (() => {
         hooks: { drawClear: [(u) => this.paintBands(u)], draw: [(u) => { this.paintLimits(u); this.place(); }], setSeries: [(u, k, how) => { if ("focus" in how && !this.asked) this.hover(k === null ? this.pinned || null : this.series[k - 1].name, true); }] },
       }, data, this.canvas);
       this.shape = `${width}x${height}`;
+      this.end = end;
       this.line = make("div", "now");
-      this.plot.over.append(this.line);
+      this.chosen = make("div", "chosen");
+      this.chosen.hidden = true;
+      this.plot.over.append(this.line, this.chosen);
       this.marks = (this.spec.marks || []).map((mark) => this.addMark(mark));
       this.addSeeking(this.plot.over);
       this.focus(this.name);
@@ -190,9 +195,44 @@ const OptiPlanCurves = (() => {
         const t = this.plot.posToVal(event.clientX - over.getBoundingClientRect().left, "x");
         if (this.spec.onSeek) this.spec.onSeek(Math.min(this.plot.scales.x.max, Math.max(0, t)));
       };
-      over.addEventListener("pointerdown", (event) => { over.setPointerCapture(event.pointerId); this.dragged = true; seek(event); });
-      over.addEventListener("pointermove", (event) => { if (this.dragged) seek(event); });
-      for (const name of ["pointerup", "pointercancel"]) over.addEventListener(name, () => { this.dragged = false; });
+      const at = (event) => this.plot.posToVal(event.clientX - over.getBoundingClientRect().left, "x");
+      let from = null; // where a range begins that is being drawn
+      over.addEventListener("pointerdown", (event) => {
+        over.setPointerCapture(event.pointerId);
+        if (event.shiftKey && this.spec.onRange) { from = at(event); this.choose(from, from); return; }
+        this.dragged = true;
+        seek(event);
+      });
+      over.addEventListener("pointermove", (event) => { if (this.dragged) seek(event); else if (from !== null) this.choose(from, at(event)); });
+      for (const name of ["pointerup", "pointercancel"]) over.addEventListener(name, (event) => {
+        this.dragged = false;
+        if (from !== null && name === "pointerup" && Math.abs(at(event) - from) > 0.01 * this.end) this.spec.onRange([from, at(event)]);
+        from = null;
+        this.chosen.hidden = true;
+      });
+      if (!this.spec.onRange) return;
+      over.addEventListener("wheel", (event) => {
+        event.preventDefault();
+        const [low, high] = this.spec.range || [0, this.end], middle = Math.min(high, Math.max(low, at(event))), factor = Math.exp(0.0015 * event.deltaY);
+        const wish = [Math.max(0, middle - factor * (middle - low)), Math.min(this.end, middle + factor * (high - middle))];
+        if (wish[1] - wish[0] > 0.002 * this.end) this.spec.onRange(wish[0] <= 0 && wish[1] >= this.end ? null : wish);
+      }, { passive: false });
+      over.addEventListener("dblclick", () => this.spec.onRange(null));
+    }
+
+    // A band over the range that is being drawn.
+    choose(from, to) {
+      const [left, right] = [from, to].map((t) => this.plot.valToPos(t, "x")).sort((a, b) => a - b);
+      this.chosen.hidden = false;
+      Object.assign(this.chosen.style, { left: left + "px", width: right - left + "px" });
+    }
+
+    // Shows a stretch of time; null for all.
+    zoom(range) {
+      if (JSON.stringify(range) === JSON.stringify(this.spec.range || null)) return;
+      this.spec.range = range;
+      if (this.plot) this.plot.setScale("x", { min: range ? range[0] : 0, max: range ? range[1] : this.end });
+      this.time(this.now);
     }
 
     paintBands(u) {
@@ -263,7 +303,11 @@ const OptiPlanCurves = (() => {
 
     time(t) {
       this.now = t;
-      if (this.line && this.plot.scales.x.max) this.line.style.transform = `translateX(${this.plot.valToPos(Math.min(t, this.plot.scales.x.max), "x").toFixed(1)}px)`;
+      if (this.line && this.plot.scales.x.max) {
+        const { min, max } = this.plot.scales.x;
+        this.line.style.transform = `translateX(${this.plot.valToPos(Math.min(Math.max(t, min), max), "x").toFixed(1)}px)`;
+        this.line.hidden = t < min || (t > max && max < this.end);
+      }
       this.series.forEach((one, k) => {
         const value = valueAt(one, t), text = this.spec.share && value !== null ? Math.round(100 * value) + " %" : digits(value);
         if (this.values[k].textContent !== text) this.values[k].textContent = text;

@@ -191,7 +191,7 @@ def test_a_comparison_is_a_table_and_single_runs_can_be_pointed_at(visit, compar
     assert page.evaluate(shown) == [False, False, False, True, False, False]
     page.mouse.move(700, 200)
     page.locator(".tabs [data-name='velocity']").click()
-    assert page.locator(".own .key button").count() == 4
+    assert page.locator(".own .key button").count() == 3
     colours = page.evaluate("optiplan.scene.runs.map((run) => run.colour)")
     assert len(set(colours)) == 6
     page.locator("#runs .more summary").click()
@@ -239,3 +239,46 @@ def test_facts_can_be_read_and_curves_used_without_webgl(browser, proof_page, pr
     assert time_of(page) == pytest.approx(0.5 * proof.trajectory.duration, rel=0.02)
     context.close()
     assert thrown == []
+
+
+def test_curves_are_zoomed_and_a_range_is_played_again_and_again(visit, proof_page):
+    page = visit(proof_page)
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.evaluate("optiplan.pause()")
+    page.wait_for_timeout(500)  # plots take their new size
+    over = page.locator(".own .u-over")
+    box = over.bounding_box()
+    middle = (box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.move(*middle)
+    page.mouse.wheel(0, -600)
+    until(page, "optiplan.clock.range !== null")
+    low, high = page.evaluate("optiplan.clock.range")
+    duration = page.evaluate("optiplan.duration")
+    assert 0.3 * duration < high - low < 0.5 * duration
+    assert low + high == pytest.approx(duration, rel=0.05)
+    for plot in page.evaluate("optiplan.app.dock.plots.map((one) => [one.plot.scales.x.min, one.plot.scales.x.max])"):
+        assert plot == pytest.approx([low, high])
+    page.click(".dockbar .range")
+    assert page.evaluate("optiplan.clock.range") is None
+    page.keyboard.down("Shift")
+    page.mouse.move(box["x"] + 0.2 * box["width"], middle[1])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], middle[1], steps=4)
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    assert page.evaluate("optiplan.clock.range") == pytest.approx([0.2 * duration, 0.6 * duration], rel=0.02)
+    page.evaluate("optiplan.seek(0.59 * optiplan.duration); optiplan.play()")
+    until(page, "optiplan.state.time < 0.3 * optiplan.duration")  # from its begin again
+    page.evaluate("optiplan.pause()")
+    over.dblclick()
+    until(page, "optiplan.clock.range === null")
+
+
+def test_a_table_tells_differences_to_the_selected_run(visit, comparison_page):
+    page = visit(comparison_page)
+    page.evaluate("optiplan.app.select(0)")
+    told = page.locator(".compare tbody tr", has_text="scaled 0").locator("td.number").nth(1).text_content()
+    assert told.endswith("+100 %")
+    page.evaluate("optiplan.app.select(2)")
+    told = page.locator(".compare tbody tr", has_text="as planned").locator("td.number").nth(1).text_content()
+    assert told.endswith("−50 %")

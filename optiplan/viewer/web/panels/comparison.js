@@ -17,6 +17,7 @@ const OptiPlanComparison = (() => {
       for (const run of app.data.runs) run.row.ratio = bound && run.row.duration !== null ? run.row.duration / bound : null;
       this.order = OptiPlanFacts.sorted(app.data.runs);
       this.rows = [];
+      this.differences = [];
     }
 
     checkbox(checked, words, change) {
@@ -72,6 +73,7 @@ const OptiPlanComparison = (() => {
     }
 
     fillTable(element) {
+      this.differences = [];
       const table = make("table", "compare"), head = make("tr"), body = make("tbody"), [bound, words] = this.app.data.bound;
       head.append(make("th", "", "planner"), make("th", "", ""), ...COLUMNS.map(([, title, , quantity]) => make("th", "number", quantity ? `${title}, ${this.unit(quantity)}` : title)));
       for (const [run, k] of this.order) {
@@ -84,7 +86,7 @@ const OptiPlanComparison = (() => {
         name.append(swatch, pick);
         const verdict = make("td");
         verdict.append(OptiPlanVerdict.badge(run));
-        row.append(name, verdict, ...COLUMNS.map(([key, , form]) => make("td", "number", run.row[key] === null || run.row[key] === undefined ? "–" : form(run.row[key]))));
+        row.append(name, verdict, ...COLUMNS.map(([key, , form]) => this.cell(run, k, key, form)));
         row.addEventListener("pointerenter", (event) => { if (event.pointerType === "mouse") this.app.solo(k); });
         row.addEventListener("pointerleave", () => this.app.solo(null));
         body.append(row);
@@ -97,8 +99,24 @@ const OptiPlanComparison = (() => {
       element.replaceChildren(table, said);
     }
 
-    // Marks the selected run.
-    mark() { for (const [row, k] of this.rows) row.classList.toggle("selected", k === this.app.selected); }
+    // A figure of a run, and behind it how far it is from that of the selected run.
+    cell(run, k, key, form) {
+      const cell = make("td", "number"), value = run.row[key];
+      if (value === null || value === undefined) { cell.textContent = "–"; return cell; }
+      const difference = make("small", "difference");
+      cell.append(form(value), difference);
+      this.differences.push(() => {
+        const base = this.app.data.runs[this.app.selected].row[key], share = k === this.app.selected || !base ? null : value / base - 1;
+        difference.textContent = share === null || Math.abs(share) < 5e-4 ? "" : ` ${share > 0 ? "+" : "−"}${Math.abs(100 * share).toFixed(Math.abs(share) < 0.1 ? 1 : 0)} %`;
+      });
+      return cell;
+    }
+
+    // Marks the selected run, with which the others are compared.
+    mark() {
+      for (const [row, k] of this.rows) row.classList.toggle("selected", k === this.app.selected);
+      for (const tell of this.differences) tell();
+    }
   }
   return { Comparison };
 })();

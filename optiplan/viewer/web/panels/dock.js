@@ -48,9 +48,13 @@ const OptiPlanDock = (() => {
       this.tabs.setAttribute("role", "tablist");
       this.tabs.setAttribute("aria-label", "Curves");
       this.options = make("div", "options");
+      this.range = make("button", "range");
+      this.range.type = "button";
+      this.range.hidden = true;
+      this.range.addEventListener("click", () => app.clock.view(null));
       this.body = make("div", "plots");
       const bar = make("div", "dockbar");
-      bar.append(this.tabs, this.options);
+      bar.append(this.tabs, this.range, this.options);
       element.replaceChildren(bar, this.body);
       this.near = make("div", "plot near");
       this.own = make("div", "plot own");
@@ -98,9 +102,9 @@ const OptiPlanDock = (() => {
     }
 
     add(element, spec) {
-      const plot = new Plot(element, { ...spec, onSeek: (t) => this.app.clock.jump(t) });
+      const { clock } = this.app, plot = new Plot(element, { ...spec, range: clock.range, onSeek: (t) => clock.jump(t), onRange: (range) => clock.view(range) });
       plot.canvas.setAttribute("role", "group");
-      plot.canvas.setAttribute("aria-label", `${spec.title} over time; drag to move the time`);
+      plot.canvas.setAttribute("aria-label", `${spec.title} over time; drag to move the time, with shift to choose a range; the wheel zooms`);
       this.plots.push(plot);
       return plot;
     }
@@ -167,10 +171,19 @@ const OptiPlanDock = (() => {
 
     time() {
       const { clock } = this.app;
-      for (const plot of this.plots) plot.time(clock.time);
+      for (const plot of this.plots) { plot.zoom(clock.range); plot.time(clock.time); }
+      this.shownRange();
       if (!this.nearPlot || !this.run.near) return;
       const moment = nearest(this.run, clock.time);
       this.nearPlot.say(`${moment.pair.join(" – ")}, ${millimetres(moment.distance)}`);
+    }
+
+    // The range that is shown and played, with a way back to all.
+    shownRange() {
+      const { range } = this.app.clock;
+      this.range.hidden = !range;
+      if (range) this.range.textContent = `${range.map((t) => t.toFixed(2)).join("–")} s ×`;
+      this.range.title = "Show all of the time again";
     }
 
     single(name) { if (this.plot && this.plots.includes(this.plot) && !this.several) this.plot.single(name); }

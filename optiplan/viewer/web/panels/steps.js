@@ -46,7 +46,9 @@ const OptiPlanSteps = (() => {
         const row = make("button", "step-row"), time = make("span", "time", one.begin.toFixed(2) + " s");
         row.type = "button";
         row.append(make("span", "", named(one)), time);
+        row.title = "Click: go there. Twice: play this step again and again.";
         row.addEventListener("click", () => clock.jump(one.begin));
+        row.addEventListener("dblclick", () => { clock.view([one.begin, one.end]); clock.play(); });
         return row;
       });
       const list = byId("steps"), stops = run.stops || [];
