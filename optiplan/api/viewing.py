@@ -1,5 +1,6 @@
 """`view`: runs in the browser, from Python."""
 
+import html
 import threading
 from pathlib import Path
 from types import TracebackType
@@ -44,8 +45,9 @@ class View:
         return f"View: {self.url}{'' if self._thread.is_alive() else ' (closed)'}"
 
     def _repr_html_(self) -> str:
-        """The page inside a notebook, and a link to it."""
-        frame = f'<iframe src="{self.url}" title="OptiPlan" style="width: 100%; height: 640px; border: 0"></iframe>'
+        """The whole page inside a notebook, which then plays it without this server, too; and a link."""
+        page = html.escape(self._server.page.decode())
+        frame = f'<iframe srcdoc="{page}" title="OptiPlan" style="width: 100%; height: 640px; border: 0"></iframe>'
         return f'{frame}<br><a href="{self.url}" target="_blank">{self.url}</a>'
 
 

@@ -167,14 +167,14 @@ def test_overlay_names_planners_with_colours_and_durations(visit, overlay):
     assert page.locator(f"{moving} .badge").all_text_contents() == ["not verified"]
     assert page.locator(".still-run b").all_text_contents() == ["stuck"]
     assert len(set(page.evaluate("optiplan.scene.runs.map((run) => run.colour)"))) == 4
-    assert shown(page, "run.path && run.path.visible") == [False, True, True, True]
+    assert shown(page, "run.path && run.path.visible") == [False, True, False, True]  # one that is refused is not
     assert shown(page, "run.figure.bodies[1].visible") == [False, True, False, False]
     page.locator(moving).nth(1).locator(".tick input").nth(1).check()
     page.mouse.move(300, 150)
     assert shown(page, "run.figure.bodies[1].visible") == [False, True, False, True]
     page.locator(moving).nth(0).locator(".tick input").first.uncheck()
     page.mouse.move(300, 150)
-    assert shown(page, "run.path && run.path.visible") == [False, False, True, True]
+    assert shown(page, "run.path && run.path.visible") == [False, False, False, True]
     assert shown(page, "run.figure.bodies[1].visible") == [False, False, False, True]
 
 
