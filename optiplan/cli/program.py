@@ -34,6 +34,7 @@ COMMANDS = {
     "bench": "bench.app.app",
     "serve": "serve.serve",
     "worker": "serve.worker",
+    "mcp": "mcp.mcp",
 }
 """Module in `optiplan.cli.commands` and the function in it, or the `Typer` with commands of its own; as --help lists
 them."""
