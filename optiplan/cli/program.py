@@ -23,6 +23,8 @@ COMMANDS = {
     "export": "export.export",
     "plot": "plot.plot",
     "check": "check.check",
+    "new": "new.new",
+    "schema": "new.schema",
     "run": "run.run",
     "control": "control.control",
     "workspace": "workspace.workspace",

@@ -21,6 +21,7 @@ from optiplan.config.values import (
 from optiplan.geometry.pose import PoseSpec
 from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.schema.ends import GoalSpec, StartSpec, ViaSpec, timed
+from optiplan.problem.schema.meanings import with_meanings
 from optiplan.problem.schema.scene import SceneSpec
 from optiplan.problem.schema.task import TaskStepSpec
 
@@ -100,6 +101,6 @@ class ProblemSpec(Strict):
 
 
 def problem_schema() -> dict[str, Any]:
-    """JSON schema of a problem file, for editors that complete and check YAML."""
+    """JSON schema of a problem file, for editors that complete, explain and check YAML."""
     schema = ProblemSpec.model_json_schema(mode="validation")
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **with_meanings(schema)}

@@ -1,0 +1,87 @@
+"""`optiplan new`: a first problem after a few questions; `optiplan schema`: the schema for editors."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from optiplan.cli.completion import robot_names
+from optiplan.cli.output import Exit, results
+from optiplan.errors import InputError, Issue
+from optiplan.files import write_text
+
+SCHEMA = "problem.schema.json"
+"""Name of the schema that is written beside a new problem."""
+
+
+def schema(
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="write it there; to standard output without")] = None,
+) -> int:
+    """Print the JSON schema of a problem file: editors complete, explain and check YAML by it.
+
+    A first line [cyan]# yaml-language-server: $schema=problem.schema.json[/] tells an editor which file has it.
+
+    [bold]Example[/]
+
+      optiplan schema --out problem.schema.json
+    """
+    from optiplan.problem.schema.problem import problem_schema
+
+    text = json.dumps(problem_schema(), indent=1, ensure_ascii=False) + "\n"
+    if out is None:
+        sys.stdout.write(text)
+    else:
+        write_text(out, text)
+    return 0
+
+
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE.yaml", help="the problem to write")],
+    robot: Annotated[str, typer.Option(metavar="NAME", help="a bundled robot", autocompletion=robot_names)] = "",
+    goal: Annotated[str, typer.Option(metavar="X,Y,Z", help="where the tool should go, m")] = "",
+    yes: Annotated[bool, typer.Option("--yes", help="ask nothing: take what is proposed")] = False,
+) -> int:
+    """Ask for a robot and a goal, and write a first problem, with the schema for editors beside it.
+
+    The proposed goal is one that the robot reaches. The tool keeps the orientation that it has at the start.
+
+    [bold]Examples[/]
+
+      optiplan new first.yaml
+
+      optiplan new first.yaml --robot ur5 --goal 0.4,0.2,0.5
+
+    Exit code: 0 written · 2 the file exists, or an answer is wrong.
+    """
+    from optiplan.cli.first_problem import first_problem, proposed_goal, start_of
+    from optiplan.robot.robot import load_robot
+
+    if file.exists():
+        raise InputError([Issue(str(file), None, "file", "a file that exists", "a name that is not taken")])
+    ask = not yes and sys.stdin.isatty()
+    chosen = robot or (typer.prompt("Robot (optiplan robots lists them)", default="panda") if ask else "panda")
+    loaded = load_robot(chosen)
+    start = start_of(loaded)
+    proposed = proposed_goal(loaded, start)
+    offered = ",".join(f"{x:g}" for x in proposed)
+    said = goal or (typer.prompt("Where should the tool go? x,y,z in m", default=offered) if ask else offered)
+    text = first_problem(loaded, chosen, start, _point(said), file.stem, SCHEMA)
+    if not (beside := file.parent / SCHEMA).exists():
+        schema(beside)
+    write_text(file, text)
+    results().print(f"written: {file}; next: [cyan]optiplan plan {file} --view[/]", soft_wrap=True)
+    return Exit.VERIFIED
+
+
+def _point(said: str) -> list[float]:
+    try:
+        values = [float(part) for part in said.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not all(abs(x) < 1e6 for x in values):
+        raise InputError(
+            [Issue("new", None, "--goal", f"'{said}'", "three numbers with commas between them: X,Y,Z, m")]
+        )
+    return values

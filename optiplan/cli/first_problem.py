@@ -1,0 +1,72 @@
+"""A first problem of a robot: a start, a goal that it reaches, and the text of the file."""
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.collision.kept_models import collision_model
+from optiplan.geometry.scene import Scene
+from optiplan.kinematics.ik.solve import answer
+from optiplan.robot.frames import frame_pose
+from optiplan.robot.robot import Robot
+
+SHIFTS = ((0.0, 0.25, -0.1), (0.0, -0.25, -0.1), (0.1, 0.2, 0.0), (-0.15, 0.1, 0.0), (0.0, 0.1, 0.05), (0.0, 0.0, 0.05))
+"""From the tool at the start to proposed goals, m, the largest first."""
+
+
+def start_of(robot: Robot) -> str | None:
+    """Return the named configuration to start from; None where the robot has none: then zero, within its limits."""
+    return next(
+        (name for name in ("ready", "home") if name in robot.configurations), next(iter(robot.configurations), None)
+    )
+
+
+def _q(robot: Robot, start: str | None) -> Array:
+    if start is not None:
+        return np.asarray(robot.configurations[start], float)
+    lower, upper = (np.nan_to_num(x, posinf=0.0, neginf=0.0) for x in (robot.limits.lower, robot.limits.upper))
+    return np.clip(np.zeros(robot.n), lower, np.maximum(lower, upper))
+
+
+def proposed_goal(robot: Robot, start: str | None) -> list[float]:
+    """Return a point [x, y, z], m, that the tool reaches as it is turned at the start, and touches nothing itself."""
+    q = _q(robot, start)
+    X_WT = frame_pose(robot, q, robot.tool_frame)
+    model = collision_model(robot, Scene())
+    for shift in SHIFTS:
+        point = np.round(X_WT.translation + shift, 3)
+        found = answer(robot, robot.tool_frame, pin.SE3(X_WT.rotation, point), q).solutions
+        if any(one.within_limits and not model.collides(one.q) for one in found):
+            return [float(x) for x in point]
+    return [round(float(x), 3) for x in X_WT.translation]
+
+
+def first_problem(robot: Robot, name: str, start: str | None, goal: list[float], title: str, schema: str) -> str:
+    """Return the text of a problem file.
+
+    Args:
+        robot: the robot.
+        name: how the file calls it.
+        start: named configuration; None: zero.
+        goal: [x, y, z] of the tool, m.
+        title: name of the problem.
+        schema: file name of the JSON schema beside it.
+    """
+    q = _q(robot, start)
+    rpy = pin.rpy.matrixToRpy(frame_pose(robot, q, robot.tool_frame).rotation)
+    position, turned = (", ".join(f"{round(float(x), 4) + 0.0:g}" for x in row) for row in (goal, rpy))
+    begins = f"{{configuration: {start}}}" if start is not None else f"{{joints: [{', '.join(f'{x:g}' for x in q)}]}}"
+    rows = [
+        f"# yaml-language-server: $schema={schema}",
+        "# Metres and radians. optiplan plan --view shows the motion; optiplan check tells what is wrong.",
+        "version: 1",
+        f"name: {title}",
+        f"robot: {name}",
+        f"start: {begins}",
+        "goal:",
+        f"  pose: {{position: [{position}], rpy: [{turned}]}}",
+        "# scene:    # take the # away, and put the box in the way",
+        "#   obstacles:",
+        "#     - {name: box, shape: {box: [0.1, 0.1, 0.3]}, pose: {position: [0.5, 0.1, 0.15]}}",
+    ]
+    return "\n".join(rows) + "\n"
