@@ -342,7 +342,9 @@ class Executor(LawFollower):
         self.time += step
         if self._pending and self._replace_law():
             self._yield()
-        if self._rests:
+        before = None
+        while self._rests and self._law is not before:  # a way back may be over within the tick in which it begins
+            before = self._law
             self._turn()
         point = self._point()
         place = self._stretch.place(point.place.s)

@@ -205,3 +205,29 @@ def test_stops_beyond_the_limits_of_torque_are_refused(run_of):
     limits = replace(run.problem.limits, torque=weak)
     path.run = replace(run, problem=derived(run.problem, limits=limits))
     assert JointStops(path).leave(path.forwards, law, 0.0, SeenScene(SceneWatch(path, 0.0))) is None
+
+
+@pytest.mark.parametrize(("name", "at"), [("01_reach", 0.55), ("01_reach", 0.65), ("09_ur5", 0.7), ("09_ur5", 1.05)])
+def test_a_way_back_that_is_over_within_a_tick_leads_on_without_a_jump(run_of, name, at):
+    """Stopped and resumed just before the path: rounding leaves a way back that is shorter than a tick."""
+    run, fine = run_of(name), 1e-4
+
+    def going_back(ticks):
+        executor = stopped(run, at)[0]
+        executor.resume()
+        for _ in range(ticks):
+            executor.tick(fine)
+        return executor
+
+    executor, ticks = going_back(0), 0
+    while executor.tick(fine).status.off_path:
+        ticks += 1
+    executor = going_back(ticks - 20)
+    executor.stop()
+    before = executor.tick(fine)
+    executor.resume()
+    for _ in range(30):
+        tick = executor.tick(DT)
+        assert (np.abs(tick.a - before.a) <= run.problem.limits.jerk * DT * (1.0 + 1e-5) + 1e-6).all()
+        before = tick
+    assert not tick.status.off_path
