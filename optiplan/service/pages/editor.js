@@ -15,6 +15,7 @@ const Editor = (() => {
     // changed(text, byHand) after every change; `words` completes and explains keys, from the problem's schema.
     constructor(host, changed, words) {
       this.view = new EditorView({ parent: host, state: this.begun("", changed, words) });
+      this.view.scrollDOM.tabIndex = 0; // the keyboard scrolls it, too
       this.begin = (text) => this.view.setState(this.begun(text, changed, words));
     }
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.axe import serious
 from tests.service.browsing import open_studio
 from tests.service.conftest import QUICK
 
@@ -94,3 +95,26 @@ def test_a_comparison_lasts_as_long_as_what_it_shows(page, server):
     shown = [places[k] for k in range(3) if k != longest]
     assert np.abs(np.subtract(*shown)).max() > 0.1
     assert page.evaluate("optiplan.app.arrangement.scenery.children.length") == 1  # the second has its obstacle, too
+
+
+@wide
+def test_axe_finds_nothing_serious_on_any_page_light_or_dark(page, server):
+    server.ended(server.submit(seed=10)["id"])
+    for path in ("", "studio", "live", "execution", "benches"):
+        page.goto(f"{server.url}/{path}")
+        page.wait_for_selector("header nav a")
+        if path == "studio":
+            page.wait_for_selector("#issues .fine")
+        page.wait_for_timeout(300)
+        for theme in ("light", "dark"):
+            page.evaluate("theme => { document.documentElement.dataset.theme = theme; }", theme)
+            assert serious(page) == [], (path, theme)
+
+
+@wide
+def test_the_theme_is_kept(page, server):
+    page.goto(f"{server.url}/benches")
+    page.click("#theme")
+    assert page.evaluate("getComputedStyle(document.documentElement).colorScheme") == "dark"
+    page.goto(server.url)
+    assert page.evaluate("getComputedStyle(document.documentElement).colorScheme") == "dark"
