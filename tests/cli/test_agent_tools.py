@@ -3,12 +3,12 @@
 import json
 import sys
 
-import anyio
 import pytest
 
 from optiplan.cli.agent_tools import agent_server
 from optiplan.errors import OptiPlanError
 from tests.service.conftest import NO_WAY, QUICK
+from tests.waiting import answer_of
 
 mcp = pytest.importorskip("mcp")
 
@@ -36,7 +36,7 @@ def answers(tmp_path_factory) -> dict:
             refused = await client.call_tool("plan", {"problem": QUICK, "budget": 1e6})
             return found | {"refused": refused, "folder": folder}
 
-    return anyio.run(ask)
+    return answer_of(ask())
 
 
 def test_the_client_lists_tools_with_their_arguments(answers):

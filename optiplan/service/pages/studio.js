@@ -2,7 +2,7 @@
 // The studio: the text is the truth; the scene shows what it says, and writes into it.
 (() => {
   const { byId, make, post, get, latest } = Page, DRAFT = "optiplan.draft", SURFACE_GAP = 0.01; // m between a surface and the goal on it
-  const state = { valid: "", problem: null, hash: "", q: [], start: [], asked: 0, handles: [], active: 0, chosen: null, branches: [], branch: -1, examples: {}, opened: "" };
+  const state = { valid: "", problem: null, hash: "", q: [], start: [], asked: 0, handles: [], active: 0, chosen: null, coming: null, branches: [], branch: -1, examples: {}, opened: "" };
   const names = { robots: [], planners: [] };
 
   const words = SchemaWords.from(get("api/schema"), (path) => ({ robot: names.robots, "planner.name": names.planners, planner: names.planners })[path.join(".")] || []);
@@ -78,7 +78,7 @@
   }
 
   function put(one) {
-    state.chosen = one.name;
+    state.coming = one.name; // chosen once the scene has it: an older answer may still come before
     write((text) => ProblemText.add(text, ["scene", "obstacles"], one));
   }
 
@@ -220,7 +220,9 @@
     }
     scene.branches(state.branches, state.branch);
     move();
-    choose(known.has(state.chosen) ? state.chosen : null);
+    const coming = known.has(state.coming) ? state.coming : null;
+    if (coming) state.coming = null;
+    choose(coming || (known.has(state.chosen) ? state.chosen : null));
     sliders();
     byId("steps").replaceChildren(...state.handles.map((one, k) => make("option", { value: k, textContent: one.label, selected: k === state.active })));
     byId("steps").parentElement.hidden = state.handles.length < 2;

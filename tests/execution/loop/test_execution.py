@@ -102,7 +102,7 @@ def test_subscribers_get_states_and_the_end(run):
     execution.subscribe(bad.append)()  # ended at once
     execution.start()
     execution.wait(20.0)
-    until(lambda: got[-1]["kind"] == "end")
+    until(lambda: got and got[-1]["kind"] == "end")
     assert len(bad) == 1
     states = [one for one in got if one["kind"] == "state"]
     assert 3 < len(states) < 100
@@ -122,7 +122,7 @@ def test_events_of_a_task_are_reported():
     execution.start()
     found = execution.wait(30.0)
     assert [(one["kind"], one["object"]) for one in found["events"]] == [("attach", "cube"), ("detach", "cube")]
-    until(lambda: got[-1]["kind"] == "end")
+    until(lambda: got and got[-1]["kind"] == "end")
     assert [one["event"] for one in got if one["kind"] == "event"] == found["events"]
     assert found["phase"] == "done"
 
