@@ -78,7 +78,7 @@ if TYPE_CHECKING:
     from optiplan.problem.problem import Problem
     from optiplan.problem.regions.region import RegionGoal
     from optiplan.problem.statement import Region, ViaPoint
-    from optiplan.problem.task.builder import Task
+    from optiplan.problem.task.builder import Task, Tour
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
     from optiplan.service.cell import RemoteExecution
@@ -153,7 +153,7 @@ _ROOMS = {
     "problem.problem": ("Problem",),
     "geometry.pose": ("Pose",),
     "problem.statement": ("Region", "ViaPoint"),
-    "problem.task.builder": ("Task",),
+    "problem.task.builder": ("Task", "Tour"),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
     "simulation.log": ("Log", "ObjectLog", "WheelLog"),
@@ -256,6 +256,7 @@ __all__ = [
     "ToolSpeed",
     "ToolSpeedLimit",
     "TorqueLimit",
+    "Tour",
     "TrackingPolicy",
     "Trajectory",
     "TrajectoryNlp",

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.tour_order import in_order
 from optiplan.robot.self_collision.pairs import count_reasons
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
@@ -14,6 +15,7 @@ from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.scope import scope
 from optiplan.verify.statements import complete, covering
 from optiplan.verify.task_check import loaded_torque, task_checks, task_scope
+from optiplan.verify.tour_check import tour_checks
 from optiplan.verify.via_check import vias
 
 _DEFAULT = VerifyPolicy()
@@ -51,6 +53,8 @@ def verify(
     if not all(check.passed for check in found):
         unread = "nothing else was checked: the trajectory cannot be read as a motion of this robot"
         return replace(report, notes=(*robot.notes, unread))
+    found += tour_checks(problem, trajectory)
+    problem = in_order(problem, trajectory)
     found += task_checks(problem, trajectory, policy) if problem.task else _motion(problem, trajectory, policy)
     if problem.task or trajectory.segments:
         found.append(names(problem, trajectory))

@@ -1,0 +1,168 @@
+"""The order of a tour: what it must keep to, and the steps from target to target of a motion."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.problem.goals_and_vias import JointGoal
+from optiplan.problem.problem import Problem, derived
+from optiplan.problem.task.scene_change import columns
+from optiplan.problem.task.steps import Dwell, Move, TaskStep, Tour
+from optiplan.trajectory.segments import TOUR, Segment
+from optiplan.trajectory.trajectory import Trajectory
+
+BACK = "back"
+"""Name of the move that closes a tour."""
+
+_ROUNDING = 1e-9
+"""s, by which an arrival may be outside its window."""
+
+
+def in_order(problem: Problem, trajectory: Trajectory) -> Problem:
+    """Return the problem with each tour replaced by its steps, in the order in which the motion visits the targets.
+
+    That is the order of the names of its segments; where these are not all targets once, that of the list.
+    """
+    if not any(isinstance(step.action, Tour) for step in problem.task):
+        return problem
+    steps: list[TaskStep] = []
+    for step in problem.task:
+        if isinstance(step.action, Tour):
+            own = [one for one in trajectory.segments if one.step == step.number]
+            begin = problem.start if not own else trajectory(own[0].begin)
+            steps += tour_steps(step, step.action, _order(step.action, own), begin[columns_of(problem, step.action)])
+        else:
+            steps.append(step)
+    return derived(problem, task=tuple(steps))
+
+
+def columns_of(problem: Problem, tour: Tour) -> list[int]:
+    """Return the places of the joints of a tour in a configuration of the robot."""
+    return columns(problem.robot, tour.joints)
+
+
+def tour_steps(step: TaskStep, tour: Tour, order: Sequence[int], begin: Array) -> Iterator[TaskStep]:
+    """Yield the steps of a tour that visits its targets in an order, from a configuration `begin` (k,) of its joints.
+
+    A move to each target, of the kind `tour` and with the target's name, and what is done there; `BACK` closes it.
+    """
+    for k in order:
+        target = tour.targets[k]
+        yield replace(step, kind=TOUR, name=target.name, action=Move(tour.joints, (target.goal,), rests=True))
+        for one in tour.at_each:
+            kind = "process" if one.name else "dwell"
+            yield replace(step, kind=kind, name=one.name or kind, action=Dwell(one.seconds), constraints=())
+    if tour.closed:
+        yield replace(step, kind=TOUR, name=BACK, action=Move(tour.joints, (JointGoal(begin),), rests=True))
+
+
+def arrivals(tour: Tour, segments: Sequence[Segment]) -> dict[str, float]:
+    """Return when the motion arrives at each target, s from the start of the tour, in the order of the arrivals."""
+    led = [one for one in segments if one.kind == TOUR][: len(tour.targets)]
+    return {one.name: one.end - segments[0].begin for one in led}
+
+
+def wrong_order(tour: Tour, arrived: dict[str, float]) -> str:
+    """Return in words what is wrong with a tour that arrives at targets at these times, s; empty if nothing is.
+
+    `arrived` is in the order of the arrivals.
+    """
+    names = list(arrived)
+    if sorted(names) != sorted(target.name for target in tour.targets):
+        missing = [target.name for target in tour.targets if target.name not in arrived]
+        return f"not every target is visited once: {', '.join(missing[:6]) or 'some have other names'}"
+    for target in tour.targets:
+        for other in target.after:
+            if arrived[other] > arrived[target.name] or names.index(other) > names.index(target.name):
+                return f"'{target.name}' is visited before '{other}'"
+        low, high = target.window
+        if not low - _ROUNDING <= arrived[target.name] <= high + _ROUNDING:
+            return f"'{target.name}' is reached at {arrived[target.name]:.6g} s, outside [{low:g}, {high:g}] s"
+    clusters = {target.name: target.cluster for target in tour.targets}
+    visited = [cluster for cluster, _ in groupby(names, clusters.__getitem__) if cluster]
+    if len(set(visited)) < len(visited):
+        return f"the cluster '{next(one for one in visited if visited.count(one) > 1)}' is not visited in one go"
+    for wanted, found, words in ((tour.first, names[0], "first"), (tour.last, names[-1], "last")):
+        if wanted and wanted != found:
+            return f"'{found}' is visited {words}, not '{wanted}'"
+    if not tour.free and names != [target.name for target in tour.targets]:
+        return "the order is not that of the list"
+    return ""
+
+
+def precedence(tour: Tour) -> Array:
+    """Return which target is visited before which, (m, m) of 0 and 1: entry [i, j] where i comes before j.
+
+    From `after`, `first`, `last` and the order of the list where it is given, closed under transitivity. Where a
+    target of one cluster comes before one of another, all of the one come before all of the other.
+    """
+    names = [target.name for target in tour.targets]
+    m = len(names)
+    before = np.zeros((m, m), dtype=bool)
+    for j, target in enumerate(tour.targets):
+        before[[names.index(other) for other in target.after], j] = True
+    if tour.first:
+        before[names.index(tour.first), [name != tour.first for name in names]] = True
+    if tour.last:
+        before[[name != tour.last for name in names], names.index(tour.last)] = True
+    if not tour.free:
+        before |= np.triu(np.ones((m, m), dtype=bool), 1)
+    clusters = [{k for k, one in enumerate(tour.targets) if one.cluster == c} for c in _clusters(tour)]
+    while True:
+        closed = before | (before.astype(np.uint8) @ before.astype(np.uint8) > 0)
+        for own in map(list, clusters):
+            others = np.ones(m, dtype=bool)
+            others[own] = False
+            closed[np.ix_(own, np.flatnonzero(closed[own].any(axis=0) & others))] = True
+            closed[np.ix_(np.flatnonzero(closed[:, own].any(axis=1) & others), own)] = True
+        if (closed == before).all():
+            return before
+        before = closed
+
+
+def cycle(tour: Tour) -> list[str]:
+    """Return the names of targets that would each have to come before the next, and the last before the first.
+
+    Empty where the order is possible.
+    """
+    before = precedence(tour)
+    caught = np.flatnonzero(np.diag(before))
+    if not len(caught):
+        return []
+    names = [target.name for target in tour.targets]
+    direct = {target.name: target.after for target in tour.targets}
+    for k in caught:  # a short one that `after` alone makes, if there is one
+        path = _path_back(direct, names[int(k)])
+        if path:
+            return path
+    return [names[int(k)] for k in caught]
+
+
+def _path_back(direct: dict[str, tuple[str, ...]], name: str) -> list[str]:
+    came: dict[str, str] = {}
+    waiting = [name]
+    while waiting:
+        here = waiting.pop(0)
+        for other in direct[here]:
+            if other == name:
+                path = [here]
+                while path[-1] != name:
+                    path.append(came[path[-1]])
+                return path
+            if other not in came:
+                came[other] = here
+                waiting.append(other)
+    return []
+
+
+def _clusters(tour: Tour) -> list[str]:
+    return list(dict.fromkeys(target.cluster for target in tour.targets if target.cluster))
+
+
+def _order(tour: Tour, segments: Sequence[Segment]) -> list[int]:
+    places = {target.name: k for k, target in enumerate(tour.targets)}
+    found = [places.get(one.name, -1) for one in segments if one.kind == TOUR][: len(places)]
+    return found if sorted(found) == list(range(len(places))) else list(range(len(places)))

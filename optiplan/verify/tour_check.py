@@ -1,0 +1,23 @@
+"""Check the order of tours: every target once, and before, after, first, last, in one go and in time as stated."""
+
+from collections.abc import Iterator
+
+from optiplan.problem.problem import Problem
+from optiplan.problem.task.steps import Tour
+from optiplan.problem.task.tour_order import arrivals, wrong_order
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.report import Check
+
+
+def tour_checks(problem: Problem, trajectory: Trajectory) -> Iterator[Check]:
+    """Yield a check of each tour: the order and the times in which the motion's segments arrive at its targets.
+
+    That the tool is at the targets then, and rests, is checked as of any move; see `tour_order.in_order`.
+    """
+    for step in problem.task:
+        if isinstance(step.action, Tour):
+            own = [one for one in trajectory.segments if one.step == step.number]
+            arrived = arrivals(step.action, own) if own else {}
+            words = wrong_order(step.action, arrived)
+            detail = f"{step.words}: {words or f'{len(arrived)} targets, each visited once, in an order as stated'}"
+            yield Check("tour", "exact", not words, detail=detail)
