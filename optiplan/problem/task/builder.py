@@ -17,6 +17,10 @@ from optiplan.problem.statement import End, ViaPoint, end_data, is_configuration
 from optiplan.problem.to_data import path_constraint_data
 
 
+Targets = str | Path | Array | Sequence[Pose | Mapping[str, Any]]
+"""Targets of a tour, see `Tour`."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Task:
     """Steps of a task, in order; every method returns a task with one step more.
@@ -186,11 +190,9 @@ class Tour(Task):
         Task: tour
     """
 
-    def __init__(self, targets: "Targets", order: str = "free", **tour: Any) -> None:
+    def __init__(self, targets: Targets, order: str = "free", **tour: Any) -> None:
         super().__init__(Task().tour(targets, order, **tour).steps)
 
-
-Targets = str | Path | Array | Sequence[Pose | Mapping[str, Any]]
 
 
 def _targets(targets: Any) -> Any:
