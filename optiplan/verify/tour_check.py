@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import Tour
-from optiplan.problem.task.tour_order import arrivals, wrong_order
+from optiplan.problem.task.tour_order import wrong_order
+from optiplan.problem.task.tour_steps import arrivals
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check
 
@@ -12,7 +13,7 @@ from optiplan.verify.report import Check
 def tour_checks(problem: Problem, trajectory: Trajectory) -> Iterator[Check]:
     """Yield a check of each tour: the order and the times in which the motion's segments arrive at its targets.
 
-    That the tool is at the targets then, and rests, is checked as of any move; see `tour_order.in_order`.
+    That the tool is at the targets then, and rests, is checked as of any move; see `tour_steps.in_order`.
     """
     for step in problem.task:
         if isinstance(step.action, Tour):

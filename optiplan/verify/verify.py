@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.tour_order import in_order
+from optiplan.problem.task.tour_steps import in_order
 from optiplan.robot.self_collision.pairs import count_reasons
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory

@@ -95,7 +95,11 @@ class Vertices:
         middle = 0.5 * (before + after)
         for k, sampler in enumerate(self._samplers):
             seeds = (middle[k], 0.5 * (chosen[k] + middle[k]), 0.5 * (chosen[k] + before[k]))
-            seeds = (*seeds, 0.5 * (chosen[k] + after[k]), chosen[k] + step * self._rng.uniform(-1.0, 1.0, len(middle[k])))
+            seeds = (
+                *seeds,
+                0.5 * (chosen[k] + after[k]),
+                chosen[k] + step * self._rng.uniform(-1.0, 1.0, len(middle[k])),
+            )
             there = [q for q, inside in map(sampler.onto, seeds) if inside]
             found.append(np.array(there).reshape(-1, self.problem.robot.n))
         return self._free(found)
@@ -159,7 +163,8 @@ class Vertices:
 
     def _images(self, Q: Array) -> Array:
         """Return configurations within limits equal to Q (k, n) up to whole turns: those nearest to the start, and
-        those with one joint a turn farther."""
+        those with one joint a turn farther.
+        """
         limits, start = self.problem.limits, self.problem.start
         wide = [j for j in np.flatnonzero(self.problem.robot.revolute) if limits.upper[j] - limits.lower[j] > _TURN]
         base = Q.copy()

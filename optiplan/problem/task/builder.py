@@ -16,7 +16,6 @@ from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.statement import End, ViaPoint, end_data, is_configuration, via_point_data
 from optiplan.problem.to_data import path_constraint_data
 
-
 Targets = str | Path | Array | Sequence[Pose | Mapping[str, Any]]
 """Targets of a tour, see `Tour`."""
 
@@ -192,7 +191,6 @@ class Tour(Task):
 
     def __init__(self, targets: Targets, order: str = "free", **tour: Any) -> None:
         super().__init__(Task().tour(targets, order, **tour).steps)
-
 
 
 def _targets(targets: Any) -> Any:

@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes
 from optiplan.problem.schema.tour import TARGET_COLUMNS, TargetSpec
-from pydantic import ValidationError
 
 MOST = 10_000
 """Targets of a tour."""

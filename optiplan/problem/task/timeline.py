@@ -9,7 +9,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.scene_change import carrying, scene_after, scene_during
 from optiplan.problem.task.steps import Attach, Detach, TaskStep
-from optiplan.problem.task.tour_order import in_order
+from optiplan.problem.task.tour_steps import in_order
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory

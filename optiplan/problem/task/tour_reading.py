@@ -22,9 +22,7 @@ _SAME = 1e-6
 """m and rad: targets that are nearer are one."""
 
 
-def read_tour(
-    compiler: Compiler, robot: Robot, place: Place, spec: TourSpec, joints: tuple[str, ...]
-) -> Tour | None:
+def read_tour(compiler: Compiler, robot: Robot, place: Place, spec: TourSpec, joints: tuple[str, ...]) -> Tour | None:
     """Return a tour of these joints with its targets; None where there are issues, which go to the compiler."""
     count = len(compiler.issues)
     frame = compiler.frame(robot, place, spec.frame)
