@@ -122,3 +122,16 @@ class Ladder:
             if seconds is not None:
                 found[a + 1, b + 1] = seconds
         return found
+
+    def relaxed(self, layers: Sequence[Layer], choice: Choice) -> Array:
+        """Return lower bounds (m + 1, m + 1), s, of legs one end of which may be in any configuration of its layer.
+
+        The other end is the configuration of a tour; of both ends' bounds the smaller one. Rows are as of
+        `between_targets`.
+        """
+        every = np.concatenate([self.start[None], *(layer.Q for layer in layers)])
+        firsts = np.cumsum([0, 1, *(len(layer.Q) for layer in layers[:-1])])
+        found = np.empty((len(layers) + 1, len(layers) + 1))
+        for k, q in zip((START, *choice.order), (self.start, *choice.Q), strict=True):
+            found[k + 1] = np.minimum.reduceat(self.times.between(q[None], every)[0], firsts)
+        return np.minimum(found, found.T)

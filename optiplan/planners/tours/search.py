@@ -42,6 +42,9 @@ _SETTLING, _REPLANNING = 8, 4
 _FINER, _STEPS = 0.6, 8
 """Factor of one step about the free axis to the next, and how many."""
 
+_REORDERING = 3
+"""Steps of finer configurations, after which the order is searched again."""
+
 _ROUNDS = 60
 """Solutions of guided local search in a search of orders that is to leave a local optimum."""
 
@@ -92,6 +95,7 @@ class TourSearch:
     progress: Progress
     found: Callable[[FoundTour], None]
     best: FoundTour | None = None
+    rounds: int = 0
     info: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -118,7 +122,8 @@ class TourSearch:
         while stale < _STALE and not self.budget.over:
             self.progress("tour", 1.0 - self.budget.remaining / max(self.budget.seconds, 1e-9))
             before = np.inf if self.best is None else self.best.seconds
-            choice = self._refined(self._alternated(layers, choice, _ROUNDS if stale else 0), stale)
+            choice = self._refined(self._alternated(layers, choice, 0 if self.rounds == 0 else _ROUNDS), stale)
+            self.rounds += 1
             failure = self._offer(layers, choice) or failure
             gained = self.best is not None and self.best.seconds < before * (1.0 - _NO_GAIN)
             stale = 0 if gained and self.tour.free else stale + 1
@@ -146,7 +151,7 @@ class TourSearch:
         return self._orders
 
     def _estimates(self, layers: Sequence[Layer]) -> Array:
-        """Return estimated times (m + 1, m + 1), s: from how far the tool goes; the least of all where windows count."""
+        """Return estimated times (m + 1, m + 1), s: by how far the tool goes; with windows the least of all."""
         every = [self.ladder.home, *layers]
         m = len(every)
         if any(target.window != (0.0, np.inf) for target in self.tour.targets):
@@ -163,24 +168,32 @@ class TourSearch:
         return found
 
     def _alternated(self, layers: Sequence[Layer], choice: Choice, rounds: int) -> Choice:
-        """Improve order and configurations in turn while that gains."""
+        """Improve order and configurations in turn while that gains.
+
+        With `rounds` of guided local search the first order is one for the relaxed times: either end of a leg free.
+        """
         best = choice
-        for _ in range(_ALTERNATING if self.tour.free else 1):
-            if self.budget.over:
-                break
-            order: Sequence[int] | None = best.order
-            if self.tour.free and work_of(layers) <= _EXACT:
-                exact = best_tour(self.ladder, layers)
-                order = None if exact is None else exact.order
-            elif self.tour.free:
-                most = 0.2 * self.budget.remaining
-                order = self._order_search().improved(self.ladder.between_targets(best), best.order, rounds, most)
+        layers = self.vertices.joined(_layers_of(choice), layers)
+        for k in range(_ALTERNATING):
+            order = self._reordered(layers, best, rounds, relaxed=rounds > 0 and k == 0)
             other = best if order is None else self._settled(layers, order)
             gained = other.seconds < best.seconds * (1.0 - _NO_GAIN)
             best = other if other.seconds < best.seconds else best
-            if not gained:
+            if self.budget.over or not self.tour.free or not (gained or (rounds > 0 and k == 0)):
                 break
         return best
+
+    def _reordered(
+        self, layers: Sequence[Layer], choice: Choice, rounds: int, *, relaxed: bool = False
+    ) -> Sequence[int] | None:
+        """Return an order that is better for the configurations of a tour, or for all of the layers."""
+        if not self.tour.free:
+            return choice.order
+        if work_of(layers) <= _EXACT:
+            exact = best_tour(self.ladder, layers)
+            return None if exact is None else exact.order
+        seconds = self.ladder.relaxed(layers, choice) if relaxed else self.ladder.between_targets(choice)
+        return self._order_search().improved(seconds, choice.order, rounds, 0.2 * self.budget.remaining)
 
     def _refined(self, choice: Choice, stale: int) -> Choice:
         """Improve the configurations with further ones around them, at smaller and smaller steps."""
@@ -191,7 +204,8 @@ class TourSearch:
             layers = self._around(choice, step * _FINER**k)
             better = self._settled(layers, choice.order)
             choice = better if better.seconds < choice.seconds else choice
-            choice = self._alternated(layers, choice, 0)
+            if k % _REORDERING == _REORDERING - 1:
+                choice = self._alternated(layers, choice, 0)
         return choice
 
     def _around(self, choice: Choice, step: float) -> list[Layer]:
@@ -199,8 +213,7 @@ class TourSearch:
         places = np.argsort(choice.order)
         ways = np.concatenate([self.ladder.home.Q, choice.Q, self.ladder.home.Q if self.tour.closed else choice.Q[-1:]])
         chosen, before, after = choice.Q[places], ways[:-2][places], ways[2:][places]
-        own = [Layer(choice.Q[k : k + 1], np.array(choice.numbers[k : k + 1])) for k in places]
-        return self.vertices.joined(own, self.vertices.near(chosen, before, after, step))
+        return self.vertices.joined(_layers_of(choice), self.vertices.near(chosen, before, after, step))
 
     def _settled(self, layers: Sequence[Layer], order: Sequence[int]) -> Choice:
         """Return the cheapest configurations whose straight motions are free, as far as there are such."""
@@ -232,8 +245,7 @@ class TourSearch:
     def _offer(self, layers: Sequence[Layer], choice: Choice) -> Failure | None:
         """Plan what is not straight; where that takes longer than thought, choose again. Offer a better tour."""
         failure: Failure | None = None
-        own = [Layer(choice.Q[k : k + 1], np.array(choice.numbers[k : k + 1])) for k in np.argsort(choice.order)]
-        every = self.vertices.joined(own, [layer.Q for layer in layers])
+        every = self.vertices.joined(_layers_of(choice), layers)
         for _ in range(_REPLANNING):
             failure, surprised = None, False
             for targets, numbers, a, b in self._ways(choice):
@@ -282,3 +294,8 @@ class TourSearch:
     def _words(self, targets: tuple[int, int]) -> str:
         names = ["the start" if k == START else f"'{self.tour.targets[k].name}'" for k in targets]
         return f"from {names[0]} to {names[1]}"
+
+
+def _layers_of(choice: Choice) -> list[Layer]:
+    """Return the configurations of a tour as layers, by target."""
+    return [Layer(choice.Q[k : k + 1], np.array(choice.numbers[k : k + 1])) for k in np.argsort(choice.order)]

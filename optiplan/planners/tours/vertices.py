@@ -32,6 +32,9 @@ _NEW = 1e-4
 _MOST = 200
 """Configurations of a target at first: the soonest from the start, where there are more."""
 
+_NEAR = 0.5
+"""s: configurations that are farther from a chosen one are on another branch."""
+
 _NAMED = 8
 """Targets out of reach that a failure describes; it names all."""
 
@@ -76,20 +79,22 @@ class Vertices:
                     refused[k] = goals
         return self._failure(refused) if refused else [self.layer(Q) for Q in found]
 
-    def near(self, chosen: Array, before: Array, after: Array, step: float) -> list[Array]:
-        """Return further free configurations near the chosen ones, (k, n) for each of the m targets.
+    def near(self, chosen: Array, before: Array, after: Array, step: float) -> list[Layer]:
+        """Return further free configurations near the chosen ones, for each of the m targets.
 
         Args:
             chosen: (m, n) the configurations of the tour, by target.
             before: (m, n) those of the target before each.
             after: (m, n) those of the target after each.
-            step: rad, of the turn about a free axis: up to four to either side are tried, on every branch.
+            step: rad, of the turn about a free axis: up to four to either side are tried.
         """
         if self._closed is not None:
             turns = np.zeros((len(chosen), 1))
             if any(goal.free for goal in self.goals):
                 turns = self._turns_of(chosen)[:, None] + step * np.arange(-4, 5)
-            return self._free(self._solved(turns))
+            solved = self._solved(turns)
+            soon = [self.times.between(q[None], Q)[0] < _NEAR for q, Q in zip(chosen, solved, strict=True)]
+            return self._layers([Q[kept] for Q, kept in zip(solved, soon, strict=True)])
         assert self._samplers is not None
         found = []
         middle = 0.5 * (before + after)
@@ -102,20 +107,24 @@ class Vertices:
             )
             there = [q for q, inside in map(sampler.onto, seeds) if inside]
             found.append(np.array(there).reshape(-1, self.problem.robot.n))
-        return self._free(found)
+        return self._layers(found)
+
+    def _layers(self, found: list[Array]) -> list[Layer]:
+        return [self.layer(Q) for Q in self._free(found)]
 
     def layer(self, Q: Array) -> Layer:
         """Return configurations (k, n) as a layer, with numbers of their own."""
         self._count += len(Q)
         return Layer(Q, np.arange(self._count - len(Q), self._count))
 
-    def joined(self, layers: Sequence[Layer], more: Sequence[Array]) -> list[Layer]:
+    def joined(self, layers: Sequence[Layer], more: Sequence[Layer]) -> list[Layer]:
         """Return layers with further configurations, those left out that are there already."""
         found = []
-        for layer, Q in zip(layers, more, strict=True):
-            apart = np.abs(Q[:, None] - layer.Q[None]).max(axis=2, initial=0.0).min(axis=1, initial=np.inf)
-            new = self.layer(Q[apart > _NEW])
-            found.append(Layer(np.concatenate([layer.Q, new.Q]), np.concatenate([layer.numbers, new.numbers])))
+        for layer, other in zip(layers, more, strict=True):
+            apart = np.abs(other.Q[:, None] - layer.Q[None]).max(axis=2, initial=0.0).min(axis=1, initial=np.inf)
+            new = apart > _NEW
+            numbers = np.concatenate([layer.numbers, other.numbers[new]])
+            found.append(Layer(np.concatenate([layer.Q, other.Q[new]]), numbers))
         return found
 
     def _at_turns(self, turns: int) -> list[Array]:
@@ -162,8 +171,9 @@ class Vertices:
         return found
 
     def _images(self, Q: Array) -> Array:
-        """Return configurations within limits equal to Q (k, n) up to whole turns: those nearest to the start, and
-        those with one joint a turn farther.
+        """Return configurations within limits equal to Q (k, n) up to whole turns.
+
+        Those nearest to the start, and those with one joint a turn farther.
         """
         limits, start = self.problem.limits, self.problem.start
         wide = [j for j in np.flatnonzero(self.problem.robot.revolute) if limits.upper[j] - limits.lower[j] > _TURN]

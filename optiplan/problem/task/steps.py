@@ -146,8 +146,8 @@ class TaskStep:
 
     Attributes:
         number: in the problem file, from 1.
-        kind: its key there: `move`, `line`, `approach`, `retreat`, `attach`, `detach`, `gripper`, `dwell`, `tour`; `process` of what is
-            done at the targets of a tour.
+        kind: its key there: `move`, `line`, `approach`, `retreat`, `attach`, `detach`, `gripper`, `dwell`, `tour`; or
+            `process`: what is done at the targets of a tour.
         name: its own, or its kind and what it is about.
         action: what is done.
         allowed: pairs of names that may touch during the step, besides those of the scene.
