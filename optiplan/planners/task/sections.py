@@ -48,7 +48,7 @@ class SectionPlanner:
     planner: Planner[Any]
     budget: Budget
     progress: Progress
-    found: Callable[[list[TaskPart]], None]
+    found: Callable[[Sequence[TaskPart]], object]
     moves: list[dict[str, Any]] = field(default_factory=list)
     info: dict[str, Any] = field(default_factory=lambda: {"attempts": 0, "cut_short": False})
 

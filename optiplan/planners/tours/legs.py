@@ -54,11 +54,10 @@ class TourLegs:
         if np.abs(b - a).max() <= NO_MOTION:
             return None
         if numbers not in self._motions:
-            found = self._straight_motion(a, b) if self.straight(numbers, a, b) else None
-            if found is None:
-                found = self._planned_motion(a, b, budget)
-                if isinstance(found, Failure) and found.kind in ("budget", "cancelled"):
-                    return found
+            straight = self._straight_motion(a, b) if self.straight(numbers, a, b) else None
+            found = straight or self._planned_motion(a, b, budget)
+            if isinstance(found, Failure) and found.kind in ("budget", "cancelled"):
+                return found
             self._motions[numbers] = found
         return self._motions[numbers]
 

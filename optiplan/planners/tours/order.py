@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.errors import OptiPlanError
 from optiplan.libraries import loading
 from optiplan.problem.task.steps import Tour
@@ -112,7 +112,7 @@ class OrderSearch:
             time.SetSpanCostCoefficientForAllVehicles(1)
 
 
-def _without_implied(before: Array) -> Array:
+def _without_implied(before: Flags) -> Flags:
     """Return a precedence relation (m, m) without the pairs that others imply."""
     small = before.astype(np.uint8)
     return np.asarray(before & ~(small @ small > 0))

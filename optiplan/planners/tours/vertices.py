@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.kinematics.ik.numeric import random_seeds
-from optiplan.planners.base import Budget, Failure
+from optiplan.planners.base import Budget, Failure, FailureKind
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck
@@ -46,7 +46,7 @@ class Layer:
     """Configurations Q (k, n) at a target, rad or m, with a number (k,) of each that no other has."""
 
     Q: Array
-    numbers: Array
+    numbers: Index
 
 
 class Vertices:
@@ -99,12 +99,9 @@ class Vertices:
         found = []
         middle = 0.5 * (before + after)
         for k, sampler in enumerate(self._samplers):
-            seeds = (middle[k], 0.5 * (chosen[k] + middle[k]), 0.5 * (chosen[k] + before[k]))
-            seeds = (
-                *seeds,
-                0.5 * (chosen[k] + after[k]),
-                chosen[k] + step * self._rng.uniform(-1.0, 1.0, len(middle[k])),
-            )
+            seeds = [middle[k], 0.5 * (chosen[k] + middle[k]), 0.5 * (chosen[k] + before[k])]
+            apart = step * self._rng.uniform(-1.0, 1.0, chosen.shape[1])
+            seeds += [0.5 * (chosen[k] + after[k]), chosen[k] + apart]
             there = [q for q, inside in map(sampler.onto, seeds) if inside]
             found.append(np.array(there).reshape(-1, self.problem.robot.n))
         return self._layers(found)
@@ -196,7 +193,8 @@ class Vertices:
     def _descended(self, budget: Budget) -> list[Array]:
         """Return configurations of every target by descents: from the start, those of its neighbours, and random."""
         assert self._samplers is not None
-        robot, found = self.problem.robot, []
+        robot = self.problem.robot
+        found: list[Array] = []
         own = [self.problem.start, *robot.configurations.values()]
         for sampler in self._samplers:
             random = random_seeds(robot, self.problem.start, self._rng, _STARTS)
@@ -237,5 +235,5 @@ class Vertices:
         listed = f" ({', '.join(names)})" if len(names) > _NAMED else ""
         detail = f"{len(names)} of {len(self.goals)} targets cannot be reached{listed}: {'; '.join(reasons[:_NAMED])}"
         first = next(iter(refused.values())).witness
-        kind = "goal-in-collision" if every else "goal-unreachable"
+        kind: FailureKind = "goal-in-collision" if every else "goal-unreachable"
         return Failure(kind, detail, {**({"q": first["q"]} if "q" in first else {}), "targets": told})

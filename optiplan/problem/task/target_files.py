@@ -39,8 +39,8 @@ def read_targets(file: Path) -> list[TargetSpec]:
     try:
         text = read_bytes(file).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        found = (error.strerror or str(error)).lower() if isinstance(error, OSError) else "not UTF-8 text"
-        raise InputError([Issue(str(file), None, "targets", found, "a CSV file of targets")]) from None
+        why = (error.strerror or str(error)).lower() if isinstance(error, OSError) else "not UTF-8 text"
+        raise InputError([Issue(str(file), None, "targets", why, "a CSV file of targets")]) from None
     rows = list(csv.reader(text.splitlines()))
     header = [name.strip() for name in rows[0]] if rows else []
     known = [name for names in TARGET_COLUMNS.values() for name in names]

@@ -4,7 +4,7 @@ from itertools import groupby
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Flags
 from optiplan.problem.task.steps import Tour
 
 _ROUNDING = 1e-9
@@ -39,7 +39,7 @@ def wrong_order(tour: Tour, arrived: dict[str, float]) -> str:
     return ""
 
 
-def precedence(tour: Tour) -> Array:
+def precedence(tour: Tour) -> Flags:
     """Return which target is visited before which, (m, m) of 0 and 1: entry [i, j] where i comes before j.
 
     From `after`, `first`, `last` and the order of the list where it is given, closed under transitivity. Where a
@@ -56,14 +56,12 @@ def precedence(tour: Tour) -> Array:
         before[[name != tour.last for name in names], names.index(tour.last)] = True
     if not tour.free:
         before |= np.triu(np.ones((m, m), dtype=bool), 1)
-    clusters = [{k for k, one in enumerate(tour.targets) if one.cluster == c} for c in _clusters(tour)]
+    clusters = [np.array([one.cluster == name for one in tour.targets]) for name in _clusters(tour)]
     while True:
         closed = before | (before.astype(np.uint8) @ before.astype(np.uint8) > 0)
-        for own in map(list, clusters):
-            others = np.ones(m, dtype=bool)
-            others[own] = False
-            closed[np.ix_(own, np.flatnonzero(closed[own].any(axis=0) & others))] = True
-            closed[np.ix_(np.flatnonzero(closed[:, own].any(axis=1) & others), own)] = True
+        for own in clusters:
+            closed |= np.outer(own, closed[own].any(axis=0) & ~own)
+            closed |= np.outer(closed[:, own].any(axis=1) & ~own, own)
         if (closed == before).all():
             return before
         before = closed
