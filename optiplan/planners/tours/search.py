@@ -30,7 +30,7 @@ from optiplan.problem.task.steps import Tour
 from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.trajectory import Trajectory
 
-_EXACT = 1e8
+EXACT = 1e8
 """Pairs of configurations that the exact search compares at most, about a second."""
 
 _BLOCKED = 1.5, 0.3
@@ -85,6 +85,9 @@ class TourSearch:
     Attributes:
         problem: of the joints that move; its start is where the tour begins.
         found: called with each better tour.
+        best: of those planned so far.
+        exact: pairs of configurations up to which the best order is found by comparing all.
+        rounds: done so far.
     """
 
     problem: Problem
@@ -95,6 +98,7 @@ class TourSearch:
     progress: Progress
     found: Callable[[FoundTour], None]
     best: FoundTour | None = None
+    exact: float = EXACT
     rounds: int = 0
     info: dict[str, Any] = field(default_factory=dict)
 
@@ -117,14 +121,14 @@ class TourSearch:
         choice = self._first(layers)
         if isinstance(choice, Failure):
             return choice
-        failure = self._offer(layers, choice)
+        failure = self.offer(layers, choice)
         stale = 0
         while stale < _STALE and not self.budget.over:
             self.progress("tour", 1.0 - self.budget.remaining / max(self.budget.seconds, 1e-9))
             before = np.inf if self.best is None else self.best.seconds
             choice = self._refined(self._alternated(layers, choice, 0 if self.rounds == 0 else _ROUNDS), stale)
             self.rounds += 1
-            failure = self._offer(layers, choice) or failure
+            failure = self.offer(layers, choice) or failure
             gained = self.best is not None and self.best.seconds < before * (1.0 - _NO_GAIN)
             stale = 0 if gained and self.tour.free else stale + 1
         self.info |= {"legs_planned": self.legs.planned, "cut_short": self.budget.over}
@@ -134,7 +138,7 @@ class TourSearch:
         """Return a tour in a first order."""
         if not self.tour.free:
             order: Sequence[int] | None = range(len(layers))
-        elif work_of(layers) <= _EXACT:
+        elif work_of(layers) <= self.exact:
             exact = best_tour(self.ladder, layers)
             order = None if exact is None else exact.order
         else:
@@ -189,7 +193,7 @@ class TourSearch:
         """Return an order that is better for the configurations of a tour, or for all of the layers."""
         if not self.tour.free:
             return choice.order
-        if work_of(layers) <= _EXACT:
+        if work_of(layers) <= self.exact:
             exact = best_tour(self.ladder, layers)
             return None if exact is None else exact.order
         seconds = self.ladder.relaxed(layers, choice) if relaxed else self.ladder.between_targets(choice)
@@ -242,7 +246,7 @@ class TourSearch:
         Q = [self.ladder.start, *choice.Q, *([self.ladder.start] if home else [])]
         return list(zip(pairwise(targets), pairwise(numbers), Q, Q[1:], strict=False))
 
-    def _offer(self, layers: Sequence[Layer], choice: Choice) -> Failure | None:
+    def offer(self, layers: Sequence[Layer], choice: Choice) -> Failure | None:
         """Plan what is not straight; where that takes longer than thought, choose again. Offer a better tour."""
         failure: Failure | None = None
         every = self.vertices.joined(_layers_of(choice), layers)
