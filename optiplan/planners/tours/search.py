@@ -54,6 +54,9 @@ _ALTERNATING = 12
 _NO_GAIN = 1e-4
 """Share of the duration: less is no gain."""
 
+_TOLD = 5e-3
+"""Share of the duration by which a tour is shorter than the last one reported on the way."""
+
 _STALE = 2
 """Rounds without a gain after which a search ends."""
 
@@ -84,7 +87,7 @@ class TourSearch:
 
     Attributes:
         problem: of the joints that move; its start is where the tour begins.
-        found: called with each better tour.
+        found: called with tours on the way, each noticeably better than the one before.
         best: of those planned so far.
         exact: pairs of configurations up to which the best order is found by comparing all.
         rounds: done so far.
@@ -110,6 +113,7 @@ class TourSearch:
         self.ladder = Ladder(self.tour, self.problem.start, times)
         self.legs = TourLegs(self.problem, check, self.planner, self.progress)
         self._orders: OrderSearch | None = None
+        self._told = np.inf
 
     def run(self) -> FoundTour | Failure:
         """Search until nothing is gained any more or the budget is over; the best tour counts."""
@@ -293,7 +297,9 @@ class TourSearch:
             legs.append(motion)
         if self.best is None or now < self.best.seconds * (1.0 - _NO_GAIN):
             self.best = FoundTour(choice.order, choice.Q, tuple(legs), now)
-            self.found(self.best)
+            if now < self._told * (1.0 - _TOLD):
+                self._told = now
+                self.found(self.best)
 
     def _words(self, targets: tuple[int, int]) -> str:
         names = ["the start" if k == START else f"'{self.tour.targets[k].name}'" for k in targets]
