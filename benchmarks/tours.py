@@ -32,7 +32,7 @@ from optiplan.planners.task.stages import Stages, WorldState
 from optiplan.planners.tours.order import OrderSearch
 from optiplan.planners.tours.search import FoundTour, TourSearch
 from optiplan.problem.load import problem_from_dict
-from optiplan.problem.task.steps import Tour
+from optiplan.problem.task.steps import TargetTour
 from optiplan.runs.pipeline import run
 
 AIRBUS = SHARED / "tours" / "airbus"
@@ -98,7 +98,7 @@ def planned(problem: op.Problem, budget: float) -> dict[str, Any]:
 def searching(problem: op.Problem, budget: float, exact: float) -> TourSearch:
     """Return a search of a problem's only tour."""
     step = problem.task[0]
-    assert isinstance(step.action, Tour)
+    assert isinstance(step.action, TargetTour)
     stage = Stages(problem).at(WorldState(problem.start, problem.scene), step, step.action.joints)
     planner = make_planner("trajopt", {})
     quiet = lambda *_: None  # noqa: E731

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.steps import Tour
+from optiplan.problem.task.steps import TargetTour
 from optiplan.problem.task.tour_order import wrong_order
 from optiplan.problem.task.tour_steps import arrivals
 from optiplan.trajectory.trajectory import Trajectory
@@ -16,7 +16,7 @@ def tour_checks(problem: Problem, trajectory: Trajectory) -> Iterator[Check]:
     That the tool is at the targets then, and rests, is checked as of any move; see `tour_steps.in_order`.
     """
     for step in problem.task:
-        if isinstance(step.action, Tour):
+        if isinstance(step.action, TargetTour):
             own = [one for one in trajectory.segments if one.step == step.number]
             arrived = arrivals(step.action, own) if own else {}
             words = wrong_order(step.action, arrived)

@@ -13,7 +13,7 @@ from optiplan.planners.task.stages import Stages, WorldState
 from optiplan.planners.task.timed_step import timed_step
 from optiplan.planners.tours.search import FoundTour, TourSearch
 from optiplan.problem.problem import Problem, derived
-from optiplan.problem.task.steps import Dwell, TaskStep, Tour
+from optiplan.problem.task.steps import Dwell, TargetTour, TaskStep
 from optiplan.problem.task.tour_steps import tour_steps
 
 _TOUR = 0.9
@@ -26,8 +26,8 @@ def sections_of(task: Sequence[TaskStep]) -> list[Section]:
     """Divide a task: every tour alone, and the steps before, between and after them."""
     found: list[list[TaskStep]] = []
     for step in task:
-        alone = isinstance(step.action, Tour)
-        if alone or not found or isinstance(found[-1][0].action, Tour):
+        alone = isinstance(step.action, TargetTour)
+        if alone or not found or isinstance(found[-1][0].action, TargetTour):
             found.append([])
         found[-1].append(step)
     return list(found)
@@ -60,7 +60,7 @@ class SectionPlanner:
         for k, section in enumerate(sections):
             share = self.budget if len(sections) == 1 else self.budget.share(1.0 / (len(sections) - k))
             action = section[0].action
-            if isinstance(action, Tour):
+            if isinstance(action, TargetTour):
                 with watch.stage("tour"):
                     last = k == len(sections) - 1
                     done = self._tour(section[0], action, state, share.share(_TOUR), parts if last else None)
@@ -97,7 +97,7 @@ class SectionPlanner:
         return parts
 
     def _tour(
-        self, step: TaskStep, tour: Tour, state: WorldState, budget: Budget, before: list[TaskPart] | None
+        self, step: TaskStep, tour: TargetTour, state: WorldState, budget: Budget, before: list[TaskPart] | None
     ) -> list[TaskPart] | Failure:
         """Return the parts of a tour; `before` are those before it where it ends the task."""
         stages = Stages(self.problem)
@@ -118,7 +118,7 @@ class SectionPlanner:
         return parts_of(found)
 
 
-def _parts(stages: Stages, step: TaskStep, tour: Tour, state: WorldState, found: FoundTour) -> Iterator[TaskPart]:
+def _parts(stages: Stages, step: TaskStep, tour: TargetTour, state: WorldState, found: FoundTour) -> Iterator[TaskPart]:
     """Yield the steps of a tour as parts: motions from rest to rest, and pauses."""
     legs = iter(found.legs)
     begin = stages.at(state, step, tour.joints)

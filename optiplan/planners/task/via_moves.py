@@ -7,7 +7,7 @@ from typing import Any
 from optiplan.planners.base import Failure, Planner
 from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.problem import Problem, derived
-from optiplan.problem.task.steps import Move, TaskStep, Tour
+from optiplan.problem.task.steps import Move, TargetTour, TaskStep
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -61,7 +61,7 @@ class ViaMoves:
         parts = [_moves(step) if planner.joins_legs else [step] for step in problem.task]
         task = tuple(one for part in parts for one in part)
         counts = [
-            (1,) * one.action.count if isinstance(one.action, Tour) else (len(part),)
+            (1,) * one.action.count if isinstance(one.action, TargetTour) else (len(part),)
             for one, part in zip(problem.task, parts, strict=True)
         ]
         return cls(derived(problem, task=task), tuple(count for own in counts for count in own))

@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.planners.tours.travel_times import TravelTimes
 from optiplan.planners.tours.vertices import Layer
-from optiplan.problem.task.steps import Tour
+from optiplan.problem.task.steps import TargetTour
 
 START = -1
 """Number of the configuration in which a tour begins, and the target that stands for it."""
@@ -54,7 +54,7 @@ class Ladder:
         start: (n,) the configuration in which it begins, and ends if it is closed.
     """
 
-    def __init__(self, tour: Tour, start: Array, times: TravelTimes) -> None:
+    def __init__(self, tour: TargetTour, start: Array, times: TravelTimes) -> None:
         self.tour, self.start, self.times = tour, start, times
         self.known = KnownLegs()
         self._windows = np.array([target.window for target in tour.targets])

@@ -11,7 +11,7 @@ import numpy as np
 from optiplan.arrays import Array, Flags
 from optiplan.errors import OptiPlanError
 from optiplan.libraries import loading
-from optiplan.problem.task.steps import Tour
+from optiplan.problem.task.steps import TargetTour
 from optiplan.problem.task.tour_order import precedence
 
 _UNIT = 1e6
@@ -28,7 +28,7 @@ class OrderSearch:
         OptiPlanError: OR-Tools is not installed.
     """
 
-    def __init__(self, tour: Tour) -> None:
+    def __init__(self, tour: TargetTour) -> None:
         with loading():
             try:
                 from ortools.constraint_solver import pywrapcp, routing_enums_pb2

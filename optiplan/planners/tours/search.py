@@ -26,7 +26,7 @@ from optiplan.planners.tours.order import OrderSearch
 from optiplan.planners.tours.travel_times import TravelTimes
 from optiplan.planners.tours.vertices import TURNS, Layer, Vertices
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.steps import Tour
+from optiplan.problem.task.steps import TargetTour
 from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -94,7 +94,7 @@ class TourSearch:
     """
 
     problem: Problem
-    tour: Tour
+    tour: TargetTour
     model: CollisionModel
     planner: Planner[Any]
     budget: Budget

@@ -17,7 +17,7 @@ from optiplan.planners.tours.travel_times import TravelTimes
 from optiplan.problem.goals import GoalOptions, GoalSet, goal_configurations
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.regions.sampling import RegionSampler
-from optiplan.problem.task.steps import Tour
+from optiplan.problem.task.steps import TargetTour
 from optiplan.robot.frames import frame_pose
 
 TURNS = 24
@@ -57,7 +57,7 @@ class Vertices:
         times: of straight motions.
     """
 
-    def __init__(self, problem: Problem, tour: Tour, check: MotionCheck, times: TravelTimes) -> None:
+    def __init__(self, problem: Problem, tour: TargetTour, check: MotionCheck, times: TravelTimes) -> None:
         self.problem, self.tour, self.check, self.times = problem, tour, check, times
         self.goals = [target.goal for target in tour.targets]
         self._closed = closed_form(problem.robot, self.goals[0].frame)

@@ -28,7 +28,7 @@ from optiplan.problem.schema.task import (
 )
 from optiplan.problem.schema.tour import TourSpec
 from optiplan.problem.task.scene_change import held_body
-from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep, Tour
+from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
 from optiplan.problem.task.tour_reading import read_tour
 from optiplan.robot.robot import Robot
 
@@ -103,7 +103,7 @@ class TaskReader:
         kind = part.value.kind
         return readers[kind]((*part.place, kind), getattr(part.value, kind))
 
-    def _tour(self, place: Place, spec: TourSpec) -> Iterator[Tour]:
+    def _tour(self, place: Place, spec: TourSpec) -> Iterator[TargetTour]:
         joints = self._joints(place, spec.group)
         tour = read_tour(self.compiler, self._with_tool_of(spec.group), place, spec, joints or ())
         if tour is not None and joints is not None:

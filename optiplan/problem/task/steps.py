@@ -106,7 +106,7 @@ class Process:
 
 
 @dataclass(frozen=True, eq=False)
-class Tour:
+class TargetTour:
     """Some joints take the tool to every target, where it rests; the others stand still.
 
     Attributes:
@@ -137,7 +137,7 @@ class Tour:
         return len(self.targets) * (1 + len(self.at_each)) + self.closed
 
 
-Action: TypeAlias = Move | StraightLine | Attach | Detach | Dwell | Tour
+Action: TypeAlias = Move | StraightLine | Attach | Detach | Dwell | TargetTour
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,13 +5,13 @@ from itertools import groupby
 import numpy as np
 
 from optiplan.arrays import Flags
-from optiplan.problem.task.steps import Tour
+from optiplan.problem.task.steps import TargetTour
 
 _ROUNDING = 1e-9
 """s, by which an arrival may be outside its window."""
 
 
-def wrong_order(tour: Tour, arrived: dict[str, float]) -> str:
+def wrong_order(tour: TargetTour, arrived: dict[str, float]) -> str:
     """Return in words what is wrong with a tour that arrives at targets at these times, s; empty if nothing is.
 
     `arrived` is in the order of the arrivals.
@@ -39,7 +39,7 @@ def wrong_order(tour: Tour, arrived: dict[str, float]) -> str:
     return ""
 
 
-def precedence(tour: Tour) -> Flags:
+def precedence(tour: TargetTour) -> Flags:
     """Return which target is visited before which, (m, m) of 0 and 1: entry [i, j] where i comes before j.
 
     From `after`, `first`, `last` and the order of the list where it is given, closed under transitivity. Where a
@@ -67,7 +67,7 @@ def precedence(tour: Tour) -> Flags:
         before = closed
 
 
-def cycle(tour: Tour) -> list[str]:
+def cycle(tour: TargetTour) -> list[str]:
     """Return the names of targets that would each have to come before the next, and the last before the first.
 
     Empty where the order is possible.
@@ -102,5 +102,5 @@ def _path_back(direct: dict[str, tuple[str, ...]], name: str) -> list[str]:
     return []
 
 
-def _clusters(tour: Tour) -> list[str]:
+def _clusters(tour: TargetTour) -> list[str]:
     return list(dict.fromkeys(target.cluster for target in tour.targets if target.cluster))

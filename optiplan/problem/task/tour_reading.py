@@ -13,7 +13,7 @@ from optiplan.problem.builder import Compiler
 from optiplan.problem.constraints.base import pose_of
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.schema.tour import TargetSpec, TourSpec
-from optiplan.problem.task.steps import Process, Target, Tour
+from optiplan.problem.task.steps import Process, Target, TargetTour
 from optiplan.problem.task.target_files import read_targets
 from optiplan.problem.task.tour_order import cycle
 from optiplan.robot.robot import Robot
@@ -22,7 +22,9 @@ _SAME = 1e-6
 """m and rad: targets that are nearer are one."""
 
 
-def read_tour(compiler: Compiler, robot: Robot, place: Place, spec: TourSpec, joints: tuple[str, ...]) -> Tour | None:
+def read_tour(
+    compiler: Compiler, robot: Robot, place: Place, spec: TourSpec, joints: tuple[str, ...]
+) -> TargetTour | None:
     """Return a tour of these joints with its targets; None where there are issues, which go to the compiler."""
     count = len(compiler.issues)
     frame = compiler.frame(robot, place, spec.frame)
@@ -50,7 +52,7 @@ def read_tour(compiler: Compiler, robot: Robot, place: Place, spec: TourSpec, jo
     reader.axes(named, spec)
     processes = tuple(Process(one.dwell, one.do or "") for one in spec.at_each)
     ends = spec.first or "", spec.last or ""
-    tour = Tour(joints, targets, spec.order == "free", *ends, spec.closed, processes)
+    tour = TargetTour(joints, targets, spec.order == "free", *ends, spec.closed, processes)
     caught = cycle(tour) if len(compiler.issues) == count else []
     if caught:
         names = " before ".join(f"'{name}'" for name in (*caught[:6], caught[0]))

@@ -10,7 +10,7 @@ from optiplan.planners.tours.ladder import Ladder
 from optiplan.planners.tours.travel_times import TravelTimes
 from optiplan.planners.tours.vertices import Layer
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.task.steps import Process, Target, Tour
+from optiplan.problem.task.steps import Process, Target, TargetTour
 from optiplan.problem.task.tour_order import wrong_order
 
 GOAL = RegionGoal("tool", pin.SE3.Identity(), pin.SE3.Identity(), np.zeros(6), np.zeros(6))
@@ -20,7 +20,7 @@ def ladder_of(targets, **tour):
     """Return a ladder from zero for targets given by what is stated of them."""
     named = tuple(Target(name, GOAL, **stated) for name, stated in targets.items())
     limits = op.load_robot("ur5").limits
-    return Ladder(Tour((), named, at_each=(Process(0.25),), **tour), np.zeros(6), TravelTimes(limits))
+    return Ladder(TargetTour((), named, at_each=(Process(0.25),), **tour), np.zeros(6), TravelTimes(limits))
 
 
 def random_layers(m, k, seed):
@@ -33,7 +33,7 @@ def seconds_of(ladder, order, Q):
     """Return the duration of a tour, s; infinite where it is not as stated."""
     tour, now, arrived = ladder.tour, 0.0, {}
     for target, (a, b) in zip(order, pairwise([ladder.start, *Q]), strict=True):
-        low, high = tour.targets[target].window
+        low, _ = tour.targets[target].window
         now = max(now + ladder.times.along(np.array([a, b]))[0], low)
         arrived[tour.targets[target].name] = now
         now += tour.dwelling

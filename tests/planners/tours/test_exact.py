@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from tests.planners.tours.layers import best_of_all, ladder_of, random_layers, seconds_of
 
 from optiplan.planners.tours.exact import best_tour
 from optiplan.planners.tours.order import OrderSearch
+from tests.planners.tours.layers import best_of_all, ladder_of, random_layers, seconds_of
 
 CASES = {
     "free": ({name: {} for name in "abcd"}, {}),

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.task.steps import Target, Tour
+from optiplan.problem.task.steps import Target, TargetTour
 from optiplan.problem.task.tour_order import cycle, precedence, wrong_order
 
 GOAL = RegionGoal("tool", pin.SE3.Identity(), pin.SE3.Identity(), np.zeros(6), np.zeros(6))
@@ -27,19 +27,19 @@ B, D = Target("b", GOAL, window=(2.0, 4.0)), Target("d", GOAL, after=("a",))
     ],
 )
 def test_each_broken_statement_is_told(tour, arrived, words):
-    assert wrong_order(Tour((), (A, B, C, D), **tour), arrived) == words
+    assert wrong_order(TargetTour((), (A, B, C, D), **tour), arrived) == words
 
 
 def test_precedence_is_transitive_and_of_whole_clusters():
-    before = precedence(Tour((), (A, B, C, D)))
+    before = precedence(TargetTour((), (A, B, C, D)))
     assert before[[0, 2], 3].all()  # d after a, so after all of a's cluster
     assert before.sum() == 2
     e = Target("e", GOAL, after=("d",))
-    assert precedence(Tour((), (A, B, C, D, e)))[[0, 2, 3], 4].all()
+    assert precedence(TargetTour((), (A, B, C, D, e)))[[0, 2, 3], 4].all()
 
 
 def test_a_circle_is_named():
     f = Target("f", GOAL, after=("g",))
     g = Target("g", GOAL, after=("f",))
-    assert sorted(cycle(Tour((), (A, f, g)))) == ["f", "g"]
-    assert cycle(Tour((), (A, B, C, D))) == []
+    assert sorted(cycle(TargetTour((), (A, f, g)))) == ["f", "g"]
+    assert cycle(TargetTour((), (A, B, C, D))) == []

@@ -79,5 +79,5 @@ def test_clusters_with_members_before_each_other_are_refused():
 
 def test_arguments_of_another_kind_are_refused():
     for wrong in (3, {"a": 1}, [1], [op.Pose((0.4, 0, 0.3), frame="tool0")]):
-        with pytest.raises(InputError, match="op.Tour: targets"):
+        with pytest.raises(InputError, match=r"op\.Tour: targets"):
             op.Tour(wrong)
