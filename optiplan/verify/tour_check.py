@@ -9,6 +9,20 @@ from optiplan.problem.task.tour_steps import arrivals
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check
 
+_NAMED = 12
+"""Targets of a tour that a report names, in their order."""
+
+
+def tour_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
+    """Return in what order the motion visits the targets of each tour."""
+    said = []
+    for step in problem.task:
+        if isinstance(step.action, TargetTour):
+            names = list(arrivals(step.action, [one for one in trajectory.segments if one.step == step.number]))
+            more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+            said.append(f"{step.words} visits: {', '.join(names[:_NAMED])}{more}")
+    return tuple(said)
+
 
 def tour_checks(problem: Problem, trajectory: Trajectory) -> Iterator[Check]:
     """Yield a check of each tour: the order and the times in which the motion's segments arrive at its targets.
