@@ -26,6 +26,7 @@ import yaml
 from published import SHARED, print_json, print_table, table_parser, write_markdown
 
 import optiplan as op
+from optiplan.planners import base
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
 from optiplan.planners.task.stages import Stages, WorldState
@@ -189,7 +190,8 @@ def _cells(one: dict[str, Any]) -> list[str]:
 
 
 def main() -> None:
-    """Plan the tours and print the table."""
+    """Plan the tours and print the table; budgets count the processor's time, so that another load hardly shows."""
+    base.clock = time.process_time
     parser = table_parser(__doc__)
     parser.add_argument("sizes", nargs="*", type=int, default=list(SIZES), help="numbers of holes")
     parser.add_argument("--budget", type=float, default=8.0, help="s, of each tour; the last proofs come after it")

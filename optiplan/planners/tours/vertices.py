@@ -67,7 +67,7 @@ class Vertices:
 
     def first(self, budget: Budget, turns: int = TURNS) -> list[Layer] | Failure:
         """Return the first configurations of every target, or a failure that names all targets without any."""
-        found = self._at_turns(turns) if self._closed else self._descended(budget)
+        found = self.candidates(turns, budget)
         if budget.over:
             return out_of_time(budget, "looking for configurations at the targets")
         refused: dict[int, GoalSet] = {}
@@ -78,6 +78,10 @@ class Vertices:
                 if not len(found[k]):
                     refused[k] = goals
         return self._failure(refused) if refused else [self.layer(Q) for Q in found]
+
+    def candidates(self, turns: int, budget: Budget, starts: int = _STARTS) -> list[Array]:
+        """Return free configurations (k, n) of every target; none where none was found by so many descents."""
+        return self._at_turns(turns) if self._closed else self._descended(budget, starts)
 
     def near(self, chosen: Array, before: Array, after: Array, step: float) -> list[Layer]:
         """Return further free configurations near the chosen ones, for each of the m targets.
@@ -190,14 +194,14 @@ class Vertices:
     def _free(self, found: list[Array]) -> list[Array]:
         return [Q[[not self.check.blocked(q) for q in Q]] if len(Q) else Q for Q in found]
 
-    def _descended(self, budget: Budget) -> list[Array]:
+    def _descended(self, budget: Budget, starts: int) -> list[Array]:
         """Return configurations of every target by descents: from the start, those of its neighbours, and random."""
         assert self._samplers is not None
         robot = self.problem.robot
         found: list[Array] = []
         own = [self.problem.start, *robot.configurations.values()]
         for sampler in self._samplers:
-            random = random_seeds(robot, self.problem.start, self._rng, _STARTS)
+            random = random_seeds(robot, self.problem.start, self._rng, starts)
             there: list[Array] = []
             for seed in (*(q for Q in found[-1:] for q in Q[:4]), *own, *random):
                 q, inside = sampler.onto(seed)
