@@ -30,8 +30,9 @@ from optiplan.planners import base
 from optiplan.planners.base import Budget
 from optiplan.planners.registry import make_planner
 from optiplan.planners.task.stages import Stages, WorldState
+from optiplan.planners.tours.ladder import Choice
 from optiplan.planners.tours.order import OrderSearch
-from optiplan.planners.tours.search import FoundTour, TourSearch
+from optiplan.planners.tours.search import TourSearch
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.task.steps import TargetTour
 from optiplan.runs.pipeline import run
@@ -42,7 +43,9 @@ BEST = (17.7, 25.0, 39.3, 53.0, 64.5, 74.7)
 """s, the shortest published execution of each size, of any method."""
 
 GROWTH = (10, 30, 100, 300, 1000)
-FEW = (6, 8, 10, 12)
+FEW = (4, 6, 8, 10, 12)
+TURNS, FEW_TURNS = 24, 12
+"""Turns of the drill: of the tour with one configuration a hole, and where all orders are compared."""
 
 
 def airbus(targets: Sequence[dict[str, Any]], *, jerk: bool) -> op.Problem:
@@ -109,15 +112,15 @@ def searching(problem: op.Problem, budget: float, exact: float) -> TourSearch:
 def joint_distances(problem: op.Problem) -> float | None:
     """Return the execution, s, with one configuration a hole and OR-Tools' order for their joint distances."""
     search = searching(problem, 100.0, 0.0)
-    layers = search.vertices.first(search.budget)
+    layers = search.vertices.first(search.budget, TURNS)
     assert isinstance(layers, list)
     soonest = [layer.Q[[search.ladder.times.between(problem.start[None], layer.Q)[0].argmin()]] for layer in layers]
     alone = [search.vertices.layer(Q) for Q in soonest]
     Q = np.concatenate([problem.start[None], *soonest])
     far = np.abs(Q[:, None] - Q[None]).max(axis=2)
     order = OrderSearch(search.tour).improved(far, None, 200, 5.0)
-    if order is None or search.offer(alone, search.ladder.cheapest(alone, order)) is not None:
-        return None
+    if order is not None:
+        search.offer(alone, search.ladder.cheapest(alone, order))
     return None if search.best is None else search.best.seconds
 
 
@@ -170,16 +173,19 @@ def growth(arguments: Any) -> tuple[tuple[str, ...], list[list[str]], list[dict[
 
 
 def optimality(arguments: Any) -> tuple[tuple[str, ...], list[list[str]], list[dict[str, Any]]]:
-    """Return the table of small tours: local search beside the comparison of all orders."""
+    """Return the table of small tours, over the same configurations: local search beside the best of all orders."""
     headings = ("targets", "best of all orders, s", "local search, s", "gap")
     rows, runs = [], []
     for count in FEW:
         problem = airbus(holes(25)[:count], jerk=False)
         seconds = []
         for exact in (np.inf, 0.0):
-            found = searching(problem, 600.0, exact).run()
-            assert isinstance(found, FoundTour)
-            seconds.append(found.seconds)
+            search = searching(problem, 600.0, exact)
+            layers = search.vertices.first(search.budget, FEW_TURNS)
+            assert isinstance(layers, list)
+            first = search.first(layers)
+            assert isinstance(first, Choice)
+            seconds.append(search.improved(layers, first).seconds)
         rows.append([str(count), *(f"{s:.3f}" for s in seconds), f"{100.0 * (seconds[1] / seconds[0] - 1.0):.2f} %"])
         runs.append({"targets": count, "exact": seconds[0], "local": seconds[1]})
     return headings, rows, runs

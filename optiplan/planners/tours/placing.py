@@ -80,7 +80,8 @@ class PlaceScores:
 
     def ranked(self) -> list[int]:
         """Return the base poses, the best first; of those with places missing the one with the fewest."""
-        return np.lexsort((np.abs(self.moved).sum(axis=1), self.seconds, self.missing)).tolist()
+        order = np.lexsort((np.abs(self.moved).sum(axis=1), self.seconds, self.missing))
+        return [int(k) for k in order]
 
 
 def moved_base(X_WB: pin.SE3, moved: Array) -> pin.SE3:

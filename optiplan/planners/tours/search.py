@@ -23,21 +23,25 @@ from optiplan.planners.tours.exact import best_tour, work_of
 from optiplan.planners.tours.ladder import START, Choice, Ladder
 from optiplan.planners.tours.legs import Numbers, TourLegs
 from optiplan.planners.tours.order import OrderSearch
+from optiplan.planners.tours.order_rules import OrderRules, kicked
 from optiplan.planners.tours.travel_times import TravelTimes
-from optiplan.planners.tours.vertices import TURNS, Layer, Vertices
+from optiplan.planners.tours.vertices import Layer, Vertices
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import TargetTour
 from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.trajectory import Trajectory
 
-EXACT = 1e8
-"""Pairs of configurations that the exact search compares at most, about a second."""
+EXACT = 2e7
+"""Pairs of configurations that the exact search compares at most, a tenth of a second."""
 
-_BLOCKED = 1.5, 0.3
+_BLOCKED = 1.15, 0.15
 """A straight motion that is not free counts as so many times as long, and s longer, until it is planned."""
 
-_SETTLING, _REPLANNING = 8, 4
-"""Rounds of dynamic programming until the legs of a tour are free, and until their planned durations are known."""
+_SETTLING, _REPLANNING = (60, 8), 4
+"""Rounds of dynamic programming until the legs of few and of many targets are free, and until their planned durations are known."""
+
+_TURNS = 72, 24
+"""Turns about a free axis that are tried first, of few targets and of many."""
 
 _FINER, _STEPS = 0.6, 8
 """Factor of one step about the free axis to the next, and how many."""
@@ -50,6 +54,12 @@ _ROUNDS = 60
 
 _ALTERNATING = 12
 """Orders and configurations in turn, at most."""
+
+_KICKS, _FEW = 40, 30
+"""Random exchanges in a tour of at most so many targets."""
+
+_SURPRISE = 1e-3
+"""Share of its duration by which a leg differs from what it counted, so that the new duration counts."""
 
 _NO_GAIN = 1e-4
 """Share of the duration: less is no gain."""
@@ -91,6 +101,7 @@ class TourSearch:
         best: of those planned so far.
         exact: pairs of configurations up to which the best order is found by comparing all.
         rounds: done so far.
+        failure: of the last tour whose legs could not all be planned.
     """
 
     problem: Problem
@@ -103,6 +114,7 @@ class TourSearch:
     best: FoundTour | None = None
     exact: float = EXACT
     rounds: int = 0
+    failure: Failure | None = None
     info: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -113,37 +125,40 @@ class TourSearch:
         self.ladder = Ladder(self.tour, self.problem.start, times)
         self.legs = TourLegs(self.problem, check, self.planner, self.progress)
         self._orders: OrderSearch | None = None
-        self._told = np.inf
+        self._many = len(self.tour.targets) > _FEW
+        self._turns = _TURNS[self._many]
+        self._told, self._stopped = np.inf, False
+        self._kept: Choice | None = None
+        self._rules = OrderRules(self.tour)
 
     def run(self) -> FoundTour | Failure:
         """Search until nothing is gained any more or the budget is over; the best tour counts."""
         self.progress("configurations of the targets", 0.0)
-        layers = self.vertices.first(self.budget)
+        layers = self.vertices.first(self.budget, self._turns)
         if isinstance(layers, Failure):
             return layers
         self.info["configurations"] = sum(len(layer.Q) for layer in layers)
-        choice = self._first(layers)
+        choice = self.first(layers)
         if isinstance(choice, Failure):
             return choice
-        failure = self.offer(layers, choice)
-        stale = 0
+        choice, stale = self.offer(layers, choice), 0
         while stale < _STALE and not self.budget.over:
             self.progress("tour", 1.0 - self.budget.remaining / max(self.budget.seconds, 1e-9))
             before = np.inf if self.best is None else self.best.seconds
-            choice = self._refined(self._alternated(layers, choice, 0 if self.rounds == 0 else _ROUNDS), stale)
+            choice = self._refined(self.improved(layers, choice), stale)
             self.rounds += 1
-            failure = self.offer(layers, choice) or failure
+            choice = self.offer(layers, choice)
             gained = self.best is not None and self.best.seconds < before * (1.0 - _NO_GAIN)
             stale = 0 if gained and self.tour.free else stale + 1
         self.info |= {"legs_planned": self.legs.planned, "cut_short": self.budget.over}
-        return self.best or failure or out_of_time(self.budget, "looking for a tour")
+        return self.best or self.failure or out_of_time(self.budget, "looking for a tour")
 
-    def _first(self, layers: Sequence[Layer]) -> Choice | Failure:
+    def first(self, layers: Sequence[Layer]) -> Choice | Failure:
         """Return a tour in a first order."""
         if not self.tour.free:
             order: Sequence[int] | None = range(len(layers))
         elif work_of(layers) <= self.exact:
-            exact = best_tour(self.ladder, layers)
+            exact = self._best_of_all(layers)
             order = None if exact is None else exact.order
         else:
             order = self._order_search().improved(self._estimates(layers), None, 0, 0.3 * self.budget.remaining)
@@ -183,29 +198,52 @@ class TourSearch:
         best = choice
         layers = self.vertices.joined(_layers_of(choice), layers)
         for k in range(_ALTERNATING):
-            order = self._reordered(layers, best, rounds, relaxed=rounds > 0 and k == 0)
-            other = best if order is None else self._settled(layers, order)
+            other = self._reordered(layers, best, rounds, relaxed=rounds > 0 and k == 0) or best
             gained = other.seconds < best.seconds * (1.0 - _NO_GAIN)
             best = other if other.seconds < best.seconds else best
             if self.budget.over or not self.tour.free or not (gained or (rounds > 0 and k == 0)):
                 break
         return best
 
+    def improved(self, layers: Sequence[Layer], choice: Choice) -> Choice:
+        """Improve a tour by searches of orders over the configurations of the layers alone."""
+        return self._kicked(layers, self._alternated(layers, choice, 0 if self.rounds == 0 else _ROUNDS))
+
+    def _kicked(self, layers: Sequence[Layer], choice: Choice) -> Choice:
+        """Exchange parts of a small tour at random, improve that, and keep what is better."""
+        rng = np.random.default_rng(self.problem.seed)
+        few = self.tour.free and not self._many and work_of(layers) > self.exact
+        for _ in range(_KICKS if few else 0):
+            order = kicked(choice.order, rng)
+            if self.budget.over or not self._rules.allow(order):
+                continue
+            other = self._alternated(layers, self._settled(layers, order), 0)
+            choice = other if other.seconds < choice.seconds else choice
+        return choice
+
     def _reordered(
         self, layers: Sequence[Layer], choice: Choice, rounds: int, *, relaxed: bool = False
-    ) -> Sequence[int] | None:
-        """Return an order that is better for the configurations of a tour, or for all of the layers."""
+    ) -> Choice | None:
+        """Return a tour in an order that is better for the configurations of a tour, or for all of the layers."""
         if not self.tour.free:
-            return choice.order
+            return self._settled(layers, choice.order)
         if work_of(layers) <= self.exact:
-            exact = best_tour(self.ladder, layers)
-            return None if exact is None else exact.order
+            return self._best_of_all(layers)
         seconds = self.ladder.relaxed(layers, choice) if relaxed else self.ladder.between_targets(choice)
-        return self._order_search().improved(seconds, choice.order, rounds, 0.2 * self.budget.remaining)
+        order = self._order_search().improved(seconds, choice.order, rounds, 0.2 * self.budget.remaining)
+        return None if order is None else self._settled(layers, order)
+
+    def _best_of_all(self, layers: Sequence[Layer]) -> Choice | None:
+        """Return the best tour of all orders and configurations whose straight motions are free, see `_settled`."""
+        for _ in range(_SETTLING[self._many]):
+            choice = best_tour(self.ladder, layers)
+            if choice is None or not self._blocked(choice):
+                break
+        return choice
 
     def _refined(self, choice: Choice, stale: int) -> Choice:
         """Improve the configurations with further ones around them, at smaller and smaller steps."""
-        step = 2.0 * np.pi / TURNS * 0.5 * _FINER**stale
+        step = 2.0 * np.pi / self._turns * 0.5 * _FINER**stale
         for k in range(_STEPS):
             if self.budget.over:
                 break
@@ -225,7 +263,7 @@ class TourSearch:
 
     def _settled(self, layers: Sequence[Layer], order: Sequence[int]) -> Choice:
         """Return the cheapest configurations whose straight motions are free, as far as there are such."""
-        for _ in range(_SETTLING):
+        for _ in range(_SETTLING[self._many]):
             choice = self.ladder.cheapest(layers, order)
             if not np.isfinite(choice.seconds) or not self._blocked(choice):
                 break
@@ -250,34 +288,44 @@ class TourSearch:
         Q = [self.ladder.start, *choice.Q, *([self.ladder.start] if home else [])]
         return list(zip(pairwise(targets), pairwise(numbers), Q, Q[1:], strict=False))
 
-    def offer(self, layers: Sequence[Layer], choice: Choice) -> Failure | None:
-        """Plan what is not straight; where that takes longer than thought, choose again. Offer a better tour."""
-        failure: Failure | None = None
+    def offer(self, layers: Sequence[Layer], choice: Choice) -> Choice:
+        """Plan what is not straight; where that takes longer than thought, choose again. Keep and report a better tour.
+
+        Returns:
+            The tour to go on from, with its duration as it is known now: the best one, once there is one.
+        """
         every = self.vertices.joined(_layers_of(choice), layers)
         for _ in range(_REPLANNING):
-            failure, surprised = None, False
-            for targets, numbers, a, b in self._ways(choice):
-                motion = self.legs.motion(numbers, a, b, self.budget)
-                if isinstance(motion, Failure):
-                    failure = replace(motion, detail=f"{self._words(targets)}: {motion.detail}")
-                    if motion.kind in ("budget", "cancelled"):
-                        return failure
-                seconds = np.inf if isinstance(motion, Failure) else 0.0 if motion is None else motion.duration
-                thought = self.ladder.known.of(targets).get(numbers)
-                if thought is not None and thought != seconds:
-                    self.ladder.known.set(targets, numbers, seconds)
-                    surprised |= seconds > thought
-                elif thought is None and failure is not None:
-                    self.ladder.known.set(targets, numbers, seconds)
-            if failure is None:
+            self.failure = None
+            surprised = self._planned(choice)
+            if self.failure is None:
                 self._keep(choice)
-            if not surprised and failure is None:
-                return None
+            if self._stopped or not surprised:
+                break
             again = self._settled(every, choice.order)
             if not np.isfinite(again.seconds) or again.numbers == choice.numbers:
-                return failure
+                break
             choice = again
-        return failure
+        kept = self._kept or choice
+        return self.ladder.cheapest(_layers_of(kept), kept.order)
+
+    def _planned(self, choice: Choice) -> bool:
+        """Plan the legs of a tour, and record what they take; return whether one takes longer than it counted."""
+        surprised = False
+        for targets, numbers, a, b in self._ways(choice):
+            motion = self.legs.motion(numbers, a, b, self.budget)
+            if isinstance(motion, Failure):
+                self.failure = replace(motion, detail=f"{self._words(targets)}: {motion.detail}")
+                self._stopped = motion.kind in ("budget", "cancelled")
+                if self._stopped:
+                    return True
+            seconds = np.inf if isinstance(motion, Failure) else 0.0 if motion is None else motion.duration
+            thought = self.ladder.known.of(targets).get(numbers)
+            counted = float(self.ladder.times.along(np.array([a, b]))[0]) if thought is None else thought
+            if abs(seconds - counted) > _SURPRISE * counted:
+                self.ladder.known.set(targets, numbers, seconds)
+                surprised |= seconds > counted
+        return surprised
 
     def _keep(self, choice: Choice) -> None:
         """Keep a tour of which all legs are planned, if it is the best."""
@@ -296,6 +344,7 @@ class TourSearch:
             now = max(arrival, low) + (0.0 if target == START else self.tour.dwelling)
             legs.append(motion)
         if self.best is None or now < self.best.seconds * (1.0 - _NO_GAIN):
+            self._kept = choice
             self.best = FoundTour(choice.order, choice.Q, tuple(legs), now)
             if now < self._told * (1.0 - _TOLD):
                 self._told = now

@@ -20,9 +20,6 @@ from optiplan.problem.regions.sampling import RegionSampler
 from optiplan.problem.task.steps import TargetTour
 from optiplan.robot.frames import frame_pose
 
-TURNS = 24
-"""Turns about a free axis that are tried first, in equal steps."""
-
 _NUMERIC, _STARTS = 12, 60
 """Configurations of a target that the numeric inverse kinematics looks for at first, and its starts at most."""
 
@@ -65,7 +62,7 @@ class Vertices:
         self._rng = np.random.default_rng(problem.seed)
         self._count = 0
 
-    def first(self, budget: Budget, turns: int = TURNS) -> list[Layer] | Failure:
+    def first(self, budget: Budget, turns: int) -> list[Layer] | Failure:
         """Return the first configurations of every target, or a failure that names all targets without any."""
         found = self.candidates(turns, budget)
         if budget.over:
