@@ -68,7 +68,9 @@ class Ladder:
         """Return the times (i, j), s, from each configuration of target a to each of b; infinite where not free."""
         found = self.times.between(before.Q, after.Q)
         for (one, other), seconds in self.known.of((a, b)).items():
-            found[np.ix_(before.numbers == one, after.numbers == other)] = seconds
+            i, j = before.places.get(one), after.places.get(other)
+            if i is not None and j is not None:
+                found[i, j] = seconds
         return found
 
     def arrivals(self, departures: Array, legs: Array, target: int) -> tuple[Array, Array]:

@@ -37,10 +37,11 @@ EXACT = 2e7
 _BLOCKED = 1.15, 0.15
 """A straight motion that is not free counts as so many times as long, and s longer, until it is planned."""
 
-_SETTLING, _REPLANNING = (60, 8), 4
-"""Rounds of dynamic programming until the legs of few and of many targets are free, and until their planned durations are known."""
+_SETTLING, _REPLANNING = (20, 8), 4
+"""Rounds of dynamic programming until the legs of few and of many targets are free, and until their planned durations
+are known."""
 
-_TURNS = 72, 24
+_TURNS = 36, 24
 """Turns about a free axis that are tried first, of few targets and of many."""
 
 _FINER, _STEPS = 0.6, 8
@@ -55,7 +56,7 @@ _ROUNDS = 60
 _ALTERNATING = 12
 """Orders and configurations in turn, at most."""
 
-_KICKS, _FEW = 40, 30
+_KICKS, _FEW = 12, 30
 """Random exchanges in a tour of at most so many targets."""
 
 _SURPRISE = 1e-3
@@ -213,7 +214,7 @@ class TourSearch:
         """Exchange parts of a small tour at random, improve that, and keep what is better."""
         rng = np.random.default_rng(self.problem.seed)
         few = self.tour.free and not self._many and work_of(layers) > self.exact
-        for _ in range(_KICKS if few else 0):
+        for _ in range(_KICKS if few and self.rounds == 0 else 0):
             order = kicked(choice.order, rng)
             if self.budget.over or not self._rules.allow(order):
                 continue

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -44,6 +45,11 @@ class Layer:
 
     Q: Array
     numbers: Index
+
+    @cached_property
+    def places(self) -> dict[int, int]:
+        """The place of each number in the layer."""
+        return {number: k for k, number in enumerate(self.numbers.tolist())}
 
 
 class Vertices:

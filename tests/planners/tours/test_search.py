@@ -46,7 +46,7 @@ def problem():
 
 @pytest.fixture(scope="module")
 def run(problem):
-    found = op.plan(problem, budget=60.0)
+    found = op.plan(problem, budget=6.0)
     assert found.verified, (found.failure, found.report)
     return found
 
@@ -121,7 +121,7 @@ def test_better_tours_are_told_on_the_way(problem):
     progress = Told()
     targets = [{"position": place, "axis": [1, 0, 0]} for place in PLACES]
     own = op.Problem("ur5", "ready", task=op.Tour(targets), scene=[WALL])
-    found = plan_with(own, "trajopt", {}, Budget(30.0), progress)
+    found = plan_with(own, "trajopt", {}, Budget(5.0), progress)
     assert found.verified
     durations = [motion.duration for motion in progress.found_motions]
     assert durations == sorted(durations, reverse=True)
