@@ -10,7 +10,7 @@ import numpy as np
 
 from optiplan.api.planning import plan
 from optiplan.arrays import is_finite
-from optiplan.errors import InputError, described, path_argument, whole_argument, wrong_argument
+from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
 from optiplan.files import replacing
 from optiplan.geometry.poses import pose_to_data
 from optiplan.planners.base import Budget, Progress
@@ -134,6 +134,10 @@ def place(
     """
     if not isinstance(problem, Problem) or not problem.source:
         raise wrong_argument("place", "problem", described(problem), "a problem that was read, or made by op.Problem")
+    progress_argument("place", progress)
+    if not isinstance(robot, Robot | str | Path | None):
+        expected = "a Robot, the name of a shipped one, or the path of a robot.yaml"
+        raise wrong_argument("place", "robot", described(robot), expected)
     if not is_finite(budget) or budget <= 0.0:
         raise wrong_argument("place", "budget", described(budget), "a number of seconds > 0")
     where = _checked(where or PlaceRange())
