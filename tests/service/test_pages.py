@@ -110,7 +110,17 @@ def test_a_running_controller_is_watched_and_its_target_dragged(page, server):
     page.wait_for_function("optiplanLive.live.last.error.position < 1e-3")
     after = page.evaluate("optiplanLive.live.last")
     assert np.linalg.norm(np.subtract(after["tool"][:3], began["tool"][:3])) > 0.03
-    assert page.locator("#errors path").count() == 1
+    titles = page.locator("#strips .head b").all_text_contents()
+    assert titles == ["errors of the tool", "smallest distance", "joint velocities"]
+    strip = "optiplanLive.live.strips.strips[{}].plot"
+    assert page.evaluate(strip.format(1) + ".series[0].low") == 5.0  # the distance that is kept, mm
+    page.wait_for_function("Math.max(...optiplanLive.live.strips.strips[2].columns.flat().map(Math.abs)) > 0.01")
+    assert page.evaluate(strip.format(2) + ".series.map((one) => [one.low, one.high])") == [[-1, 1]] * 7
+    with page.expect_download() as saving:
+        page.click("#save")
+    first, *rows = Path(saving.value.path()).read_text().splitlines()
+    assert first.split(",")[:3] == ["t", "status", "panda_joint1"]
+    assert len(rows) > 5
     page.click("#home")
     page.wait_for_function(
         "began => Math.hypot(...optiplanLive.live.last.tool.slice(0, 3).map((x, k) => x - began[k])) < 1e-3",
@@ -167,6 +177,15 @@ def test_an_execution_is_steered_and_an_obstacle_dragged_into_its_way(page, serv
         page.wait_for_timeout(20)
     assert max(np.linalg.norm(one["velocities"]["ball"]) for one in sent) > 0.01
     assert "ball" in page.inner_text("#reason")
+    assert "ball" in page.evaluate(f"{LAST}.blocked_by")
+    red = "optiplanExecution.scene.obstacles.children.filter((one) => one.material.emissive.getHex())"
+    assert page.evaluate(red + ".map((one) => one.name)") == ["ball"]  # what holds the robot back
+    assert page.locator("#strips .head b").all_text_contents() == ["speed along the path", "joint velocities"]
+    with page.expect_download() as saving:
+        page.click("#save")
+    lines = Path(saving.value.path()).read_text().splitlines()
+    assert lines[0].startswith("t,phase,place,speed,override,set-point panda_joint1")
+    assert any(",waiting," in line for line in lines[1:])
     page.evaluate("optiplanExecution.live.events.close()")  # a stream that breaks
     page.wait_for_selector("#state:text('stale')")
     page.evaluate("optiplanExecution.live.events.dispatchEvent(new Event('error'))")

@@ -110,6 +110,7 @@ class LiveLoop:
         return {
             "t": self.t,
             "q": q.tolist(),
+            "v": self._plant.v.tolist(),
             "poses": self._poses.of(q[None])[0][0].tolist(),
             "tool": pin.SE3ToXYZQUAT(tool).tolist(),
             "target": pin.SE3ToXYZQUAT(self._target).tolist(),
@@ -134,8 +135,15 @@ class LiveLoop:
 
 def live_about(loop: LiveLoop) -> Mapping[str, Any]:
     """What is told of a loop before it begins."""
-    robot = loop.problem.robot
-    return {"engine": loop.engine, "period": PERIOD, "joint_names": list(robot.joint_names), "frame": robot.tool_frame}
+    robot, limits = loop.problem.robot, loop.problem.limits
+    return {
+        "engine": loop.engine,
+        "period": PERIOD,
+        "joint_names": list(robot.joint_names),
+        "frame": robot.tool_frame,
+        "velocity_limits": [float(x) if np.isfinite(x) else None for x in limits.velocity],
+        "clearance": TaskSpaceSpec().clearance,
+    }
 
 
 def _engine(problem: Problem) -> str:

@@ -17,6 +17,7 @@
 //     range: [from, to],        // optional: the stretch of time that is shown; null for all
 //     onSeek: (t) => …, onHover: (name or null) => …,
 //     onRange: ([from, to] or null) => … });   // wheel and drag with shift zoom, a double click shows all again
+//   plot.feed(t, columns, from);   // of a curve that goes on while it is looked at
 //   plot.time(t); plot.single(name or null); plot.say(text); plot.set(spec); plot.destroy();
 const OptiPlanCurves = (() => {
   const COLOURS = ["#4477aa", "#ee6677", "#228833", "#b58a00", "#2ba3c4", "#aa3377", "#8a6d5c", "#7a7fd1", "#d97b2b", "#5f9e8f", "#c2577e", "#6b7a0f", "#3b5bb5", "#9a9a9a"];
@@ -142,9 +143,10 @@ const OptiPlanCurves = (() => {
 
     draw() {
       if (this.plot) this.plot.destroy();
-      const { clientWidth: width, clientHeight: height } = this.canvas, [low, high] = this.spec.axis || range({ ...this.spec, series: this.series }), data = this.data();
+      const { clientWidth: width, clientHeight: height } = this.canvas, [low] = this.spec.axis || range({ ...this.spec, series: this.series }), data = this.data();
       const axis = { stroke: () => css("--soft"), grid: { stroke: () => css("--axis"), width: 1 }, ticks: { show: false }, font: "11px system-ui, sans-serif" };
-      const y = this.spec.asinh ? { distr: 4, asinh: this.spec.asinh, range: [low, high] } : { range: [low, high] };
+      const limits = () => this.spec.axis || range({ ...this.spec, series: this.series });
+      const y = this.spec.asinh ? { distr: 4, asinh: this.spec.asinh, range: limits } : { range: limits };
       const end = Math.max(...data[0].slice(-1), this.spec.end || 0, 1e-9);
       const line = (one) => ({
         label: one.name, stroke: one.colour.startsWith("--") ? () => css(one.colour) : one.colour, width: one.width || 1.5, dash: one.dash, spanGaps: true, points: { show: false },
@@ -234,6 +236,14 @@ const OptiPlanCurves = (() => {
       this.spec.range = range;
       if (this.plot) this.plot.setScale("x", { min: range ? range[0] : 0, max: range ? range[1] : this.end });
       this.time(this.now);
+    }
+
+    // Other samples of the same series: times t (k,) rise, a column (k,) a series; shown from `from` on, s.
+    feed(t, columns, from) {
+      this.series.forEach((one, k) => { one.t = t; one.y = columns[k]; });
+      this.spec.range = [from, Math.max(t[t.length - 1], from + 1e-3)];
+      this.plot.setData([t, ...columns]);
+      this.time(t[t.length - 1]);
     }
 
     paintBands(u) {
