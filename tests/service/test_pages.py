@@ -177,15 +177,7 @@ def test_an_execution_is_steered_and_an_obstacle_dragged_into_its_way(page, serv
         page.wait_for_timeout(20)
     assert max(np.linalg.norm(one["velocities"]["ball"]) for one in sent) > 0.01
     assert "ball" in page.inner_text("#reason")
-    assert "ball" in page.evaluate(f"{LAST}.blocked_by")
-    red = "optiplanExecution.scene.obstacles.children.filter((one) => one.material.emissive.getHex())"
-    assert page.evaluate(red + ".map((one) => one.name)") == ["ball"]  # what holds the robot back
-    assert page.locator("#strips .head b").all_text_contents() == ["speed along the path", "joint velocities"]
-    with page.expect_download() as saving:
-        page.click("#save")
-    lines = Path(saving.value.path()).read_text().splitlines()
-    assert lines[0].startswith("t,phase,place,speed,override,set-point panda_joint1")
-    assert any(",waiting," in line for line in lines[1:])
+    assert_strips_and_recording(page)
     page.evaluate("optiplanExecution.live.events.close()")  # a stream that breaks
     page.wait_for_selector("#state:text('stale')")
     page.evaluate("optiplanExecution.live.events.dispatchEvent(new Event('error'))")
@@ -195,6 +187,19 @@ def test_an_execution_is_steered_and_an_obstacle_dragged_into_its_way(page, serv
     page.wait_for_selector("#state:text('ended')")
     assert page.inner_text("#reason") == "asked to stop"
     assert page.is_enabled("#begin")
+
+
+def assert_strips_and_recording(page):
+    """Of a robot that waits for the ball: what holds it back is red, and all that was seen can be saved."""
+    assert "ball" in page.evaluate(f"{LAST}.blocked_by")
+    red = "optiplanExecution.scene.obstacles.children.filter((one) => one.material.emissive.getHex())"
+    assert page.evaluate(red + ".map((one) => one.name)") == ["ball"]  # what holds the robot back
+    assert page.locator("#strips .head b").all_text_contents() == ["speed along the path", "joint velocities"]
+    with page.expect_download() as saving:
+        page.click("#save")
+    lines = Path(saving.value.path()).read_text().splitlines()
+    assert lines[0].startswith("t,phase,place,speed,override,set-point panda_joint1")
+    assert any(",waiting," in line for line in lines[1:])
 
 
 TURN = """percent => {
