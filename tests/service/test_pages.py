@@ -1,6 +1,8 @@
 """The pages in a real browser: edit, drag, plan, watch, play, compare, cancel; without a word of complaint."""
 
+import json
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +10,11 @@ import pytest
 
 from optiplan.config.document import parse_yaml
 from optiplan.problem.load import problem_from_dict
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.viewer.page import render_page
+from optiplan.viewer.run_data.closed_loop import read_log
+from optiplan.viewer.runs import ViewedRun
+from optiplan.viewer.scene import build_scene
 from tests.service.browsing import CHANGED, drag, open_studio, text_of, write
 from tests.service.conftest import NO_WAY, QUICK
 from tests.waiting import PATIENCE
@@ -118,9 +125,10 @@ def test_a_running_controller_is_watched_and_its_target_dragged(page, server):
     assert page.evaluate(strip.format(2) + ".series.map((one) => [one.low, one.high])") == [[-1, 1]] * 7
     with page.expect_download() as saving:
         page.click("#save")
-    first, *rows = Path(saving.value.path()).read_text().splitlines()
-    assert first.split(",")[:3] == ["t", "status", "panda_joint1"]
-    assert len(rows) > 5
+    record, log = recorded(saving.value)
+    assert record["planner"] == "controller (own)"
+    assert log["tool_error"].max() > 0.01  # when the target was moved
+    assert len(log["t"]) > 5
     page.click("#home")
     page.wait_for_function(
         "began => Math.hypot(...optiplanLive.live.last.tool.slice(0, 3).map((x, k) => x - began[k])) < 1e-3",
@@ -197,9 +205,25 @@ def assert_strips_and_recording(page):
     assert page.locator("#strips .head b").all_text_contents() == ["speed along the path", "joint velocities"]
     with page.expect_download() as saving:
         page.click("#save")
-    lines = Path(saving.value.path()).read_text().splitlines()
-    assert lines[0].startswith("t,phase,place,speed,override,set-point panda_joint1")
-    assert any(",waiting," in line for line in lines[1:])
+    record, log = recorded(saving.value)
+    assert record["planner"] == "executed (paper)"
+    assert record["problem"]["robot"] == "panda"
+    assert np.abs(log["q"] - log["wanted"]).max() < 1e-3
+    assert np.abs(np.diff(log["q"], axis=0)).max() > 1e-4
+
+
+def recorded(download):
+    """The record and the log of a run folder that was saved, which the viewer shows."""
+    folder = Path(download.path()).with_suffix(".recording")
+    with zipfile.ZipFile(download.path()) as packed:
+        packed.extractall(folder)
+    record, log = json.loads((folder / "run.json").read_text()), read_log(folder)
+    motion = Trajectory.from_dict(json.loads((folder / "trajectory.json").read_text()))
+    assert motion.duration > 0.1
+    problem = problem_from_dict(record["problem"])
+    viewed = ViewedRun("seen", motion, record["report"], None, record, log)
+    assert "tracking error" in render_page(build_scene(problem, [viewed]))
+    return record, log
 
 
 TURN = """percent => {

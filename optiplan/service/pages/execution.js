@@ -2,7 +2,7 @@
 // A motion that is executed: its states are drawn as they come; speed, stop and obstacles that are dragged are sent back.
 (() => {
   const { byId, make, post, get, latest } = Page, KNOBS = ["stop", "pause", "resume", "reverse"], STALE = 1000, STILL = 120, LEASE = 3; // ms, ms, s
-  const live = { id: null, events: null, last: null, states: 0, heard: 0, strips: null, recording: null, motion: -1, seen: [] };
+  const live = { id: null, events: null, last: null, states: 0, heard: 0, strips: null, motion: -1, seen: [] };
   let motions = {};
 
   const scene = new StudioScene.Scene(byId("pane"), { moving: (name, pose) => carried(name, pose), obstacle: (name) => carried(name, null) });
@@ -89,8 +89,8 @@
     if (live.events) live.events.close();
     if (live.strips) live.strips.destroy();
     const speed = { title: "speed along the path", unit: "of the planned", axis: [-1.1, 1.1], series: [{ name: "now", low: -1, high: 1, colour: "--accent", width: 2 }, { name: "wanted", dash: [4, 4], step: true, colour: "--soft" }], values: (state) => [state.speed, state.override] };
+    byId("save").href = `api/executions/${id}/recording.zip`;
     live.strips = new Strips.Strips(byId("strips"), [speed, Strips.joints(names, limits)]);
-    live.recording = new Strips.Recording(["t", "phase", "place", "speed", "override", ...names.map((name) => `set-point ${name}`), ...names.map((name) => `measured ${name}`), "deviation", "reason"]);
     Object.assign(live, { id, last: null, states: 0, heard: performance.now(), motion: 0, events: new EventSource(`api/executions/${id}/events`) });
     history.replaceState(null, "", "#" + id);
     for (const knob of KNOBS) byId(knob).disabled = false;
@@ -148,8 +148,7 @@
     byId("time").textContent = state.t.toFixed(1) + " s";
     scene.touching(new Set(state.blocked_by || []));
     live.strips.add(state);
-    live.recording.add([state.t, state.phase, state.place, state.speed, state.override, ...state.q, ...(state.measured || state.q.map(() => null)), state.deviation, state.reason]);
-    byId("save").disabled = false;
+    byId("save").hidden = false;
     if (state.motion !== live.motion) { live.motion = state.motion; if (live.states > 1) show(live.id); }
   }
 
@@ -186,7 +185,6 @@
     live.turned = true;
     override(byId("speed").value / 100).then(() => { live.turned = false; });
   });
-  byId("save").addEventListener("click", () => live.recording.save("execution.csv"));
   setInterval(look, 500);
   setInterval(() => { if (live.id && byId("lease").checked) send("alive"); }, (1000 * LEASE) / 3);
   window.optiplanExecution = { scene, live };

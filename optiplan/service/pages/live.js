@@ -2,7 +2,7 @@
 // A controller that runs on the server: its states are drawn as they come, and the frame that is dragged is its target.
 (() => {
   const { byId, make, post, get, latest } = Page, HOLDS = "clearance: "; // how the controller names the bodies that hold it back
-  const live = { id: null, events: null, last: null, first: null, states: 0, strips: null, recording: null };
+  const live = { id: null, events: null, last: null, first: null, states: 0, strips: null };
   let examples = {};
 
   const aim = latest(async (pose) => {
@@ -53,9 +53,9 @@
       { title: "smallest distance", unit: "mm", asinh: 10, series: [{ name: "measured", low: mm(clearance), colour: "--measured", width: 2 }], values: ({ nearest }) => [nearest ? mm(nearest.distance) : null] },
       Strips.joints(names, limits),
     ]);
-    live.recording = new Strips.Recording(["t", "status", ...names, ...names.map((name) => `velocity ${name}`), "position error", "rotation error", "smallest distance", "active", "reason"]);
     Object.assign(live, { id, first: null, states: 0, events: new EventSource(`api/live/${id}/events`) });
     byId("stop").disabled = byId("home").disabled = false;
+    byId("save").href = `api/live/${id}/recording.zip`;
     live.events.addEventListener("state", (event) => draw(JSON.parse(event.data)));
     live.events.addEventListener("end", (event) => ended(JSON.parse(event.data).reason));
     live.events.addEventListener("error", () => { if (live.events && live.events.readyState === EventSource.CLOSED) ended("the server does not answer"); });
@@ -64,7 +64,7 @@
   function ended(reason) {
     if (live.events) live.events.close();
     Object.assign(live, { id: null, events: null });
-    byId("stop").disabled = byId("home").disabled = true;
+    byId("stop").disabled = byId("home").disabled = byId("save").hidden = true;
     say("ended", reason);
   }
 
@@ -90,8 +90,7 @@
     byId("time").textContent = state.t.toFixed(1) + " s" + (state.lost > 0.05 ? `, ${state.lost.toFixed(1)} s left out: the machine is busy` : "");
     scene.touching(new Set(state.active.filter((name) => name.startsWith(HOLDS)).flatMap((name) => name.slice(HOLDS.length).split(" and "))));
     live.strips.add(state);
-    live.recording.add([state.t, state.status, ...state.q, ...state.v, state.error.position, state.error.rotation, state.nearest && state.nearest.distance, state.active.join("; "), state.reason]);
-    byId("save").disabled = false;
+    byId("save").hidden = false;
   }
 
   async function open() {
@@ -108,7 +107,6 @@
 
   byId("begin").addEventListener("click", begin);
   byId("stop").addEventListener("click", stop);
-  byId("save").addEventListener("click", () => live.recording.save("controller.csv"));
   byId("home").addEventListener("click", () => aim(live.first));
   window.optiplanLive = { scene, live };
   open();

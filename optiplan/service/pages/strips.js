@@ -1,7 +1,7 @@
 "use strict";
-// The last seconds of what runs, as curves with axes and limits; and all that was seen of it, to be saved.
+// The last seconds of what runs, as curves with axes and limits.
 const Strips = (() => {
-  const WINDOW = 12, REST = 150, MOST = 90_000; // s that are shown; ms between two pictures; rows that are kept, an hour of them
+  const WINDOW = 12, REST = 150; // s that are shown; ms between two pictures
   const { Plot, COLOURS } = OptiPlanCurves;
 
   // `specs`: as of OptiPlanCurves.Plot, each with `values(state)`, which returns one value a series, null where there is none.
@@ -41,19 +41,5 @@ const Strips = (() => {
     };
   }
 
-  // Rows of what was seen, saved as a table for other programs.
-  class Recording {
-    constructor(names) { Object.assign(this, { names, rows: [] }); }
-    add(row) { this.rows.push(row); if (this.rows.length > MOST) this.rows.shift(); }
-
-    save(name) {
-      const cell = (value) => { const text = value === null || value === undefined ? "" : String(value); return /[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text; };
-      const text = [this.names, ...this.rows].map((row) => row.map(cell).join(",")).join("\n") + "\n";
-      const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(new Blob([text], { type: "text/csv" })), download: name });
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-    }
-  }
-
-  return { Strips, Recording, joints };
+  return { Strips, joints };
 })();
