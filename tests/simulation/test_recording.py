@@ -16,7 +16,8 @@ def test_the_folder_has_the_motion_and_its_errors(reach, tmp_path):
     motion = swing(reach.robot.joint_names, READY, 0.3, 2.0)
     t = np.linspace(0.0, 2.0, 51)
     wanted, v = motion(t), motion(t, 1)
-    q = wanted + [1e-3, 0, 0, 0, 0, 0, 0]
+    q = wanted.copy()
+    q[:, 0] += 1e-3
     files = RecordedMotion(reach, "somebody", t + 7.0, q, v, wanted).files()
     record, motion = (json.loads(files[name]) for name in ("run.json", "trajectory.json"))
     assert (record["planner"], record["duration"]) == ("somebody", 2.0)

@@ -22,7 +22,7 @@ from optiplan.service.execution_models import (
     SpliceInput,
     StopInput,
 )
-from optiplan.service.routes.answers import Json, Service, errors, recorded
+from optiplan.service.routes.answers import PACKED, Json, Service, errors, recorded
 from optiplan.service.sessions.execution_sessions import PROOF, ExecutionSession
 from optiplan.service.streams import Lines, event_stream
 
@@ -72,7 +72,7 @@ async def scene(execution: ExecutionPath, service: Service) -> Response:
 @router.get(
     "/{execution}/recording.zip",
     response_class=Response,
-    responses=files("application/zip") | errors(404, 409, 422, 503),
+    responses=PACKED,
 )
 async def recording(execution: ExecutionPath, service: Service) -> Response:
     """What was seen of the robot, the last ten minutes at most, as a run folder: `optiplan view` shows it."""

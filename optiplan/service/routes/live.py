@@ -9,7 +9,7 @@ from fastapi.responses import Response
 from sse_starlette.sse import EventSourceResponse
 
 from optiplan.service.models import LiveAnswer, LiveRequest, LiveTarget, LiveView
-from optiplan.service.routes.answers import Json, Service, errors, recorded
+from optiplan.service.routes.answers import PACKED, Json, Service, errors, recorded
 from optiplan.service.sessions.live_sessions import LiveSession
 from optiplan.service.streams import Lines, event_stream
 
@@ -44,9 +44,7 @@ async def one(session: SessionPath, service: Service) -> Json:
     return Json({**_answer(found), "problem": found.problem})
 
 
-@router.get(
-    "/{session}/recording.zip", response_class=Response, responses=files("application/zip") | errors(404, 409, 422, 503)
-)
+@router.get("/{session}/recording.zip", response_class=Response, responses=PACKED)
 async def recording(session: SessionPath, service: Service) -> Response:
     """What was seen of the robot, the last ten minutes at most, as a run folder: `optiplan view` shows it."""
     found = service.live.get(session)
