@@ -1,5 +1,7 @@
 """The run page as an instrument: one time for scene, curves, clearance, verdict and slider; failures; comparisons."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -322,7 +324,7 @@ def test_distances_of_the_scene_alone_and_signals_made_of_curves(visit, proof_pa
 def test_bodies_are_hidden_and_their_names_pinned(visit, proof_page):
     page = visit(proof_page + "#t=0.3&paused&cam=2.2,-1.6,1.4,0.4,0,0.4")
     page.set_viewport_size({"width": 1280, "height": 800})
-    page.wait_for_timeout(300)
+    settled(page, "#pane")
     place = page.evaluate("""() => { for (let x = 200; x < 900; x += 10) for (let y = 100; y < 400; y += 10) {
       const name = optiplan.scene.bodyAt(x, y); if (name && name.startsWith("panda_link")) return [x, y, name]; } }""")
     box, (x, y, name) = page.locator("#pane").bounding_box(), place
@@ -331,12 +333,14 @@ def test_bodies_are_hidden_and_their_names_pinned(visit, proof_page):
     page.locator(".label.pin", has_text=name).wait_for()
     before = page.locator(".label.pin").bounding_box()
     page.evaluate("optiplan.seek(optiplan.duration)")
-    page.wait_for_timeout(200)
-    assert page.locator(".label.pin").bounding_box() != before  # it goes along
+    end = time.monotonic() + 60.0
+    while page.locator(".label.pin").bounding_box() == before:  # it goes along
+        assert time.monotonic() < end
+        page.wait_for_timeout(50)
     page.evaluate("optiplan.seek(0.3)")
-    page.wait_for_timeout(200)
     page.mouse.click(box["x"] + x, box["y"] + y)
     page.get_by_role("button", name="Hide").click()
+    assert name in page.locator("#hidden button").text_content()
     assert page.evaluate(f"optiplan.scene.bodyAt({x}, {y})") != name
     assert f"hide={name}" in page.evaluate("location.hash")
     again = visit(page.evaluate("location.href"))
