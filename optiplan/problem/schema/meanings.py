@@ -44,6 +44,7 @@ MEANINGS = {
     "file": "Path of the file, relative to the problem file.",
     "fixed_orientation": "The tool keeps an orientation.",
     "frame": "A frame of the robot; its tool frame without it.",
+    "frames": "Names of poses, each in the world, an obstacle or another frame: {tray: {in: table, position: …}}.",
     "from": "Where the line or arc begins, [x, y, z], m, in the world.",
     "goal": "The end of the motion: joints, a named configuration, a pose, a region, or any_of several.",
     "gravity": "Acceleration of free fall in the world, m/s²; [0, 0, -9.81] without it.",
