@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
+from markdown.extensions.toc import slugify
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
@@ -27,7 +28,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     pages = {
         "changelog.md": (ROOT / "CHANGELOG.md").read_text(),
         "contributing.md": moved((ROOT / "CONTRIBUTING.md").read_text()),
-        "benchmarks.md": moved((ROOT / "benchmarks" / "README.md").read_text()),
+        **benchmarks(moved((ROOT / "benchmarks" / "README.md").read_text())),
         "peers.md": moved((ROOT / "benchmarks" / "peers" / "README.md").read_text()),
         "reference/command-line.md": command_line(),
         "reference/planners.md": planners(),
@@ -40,6 +41,42 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for figure in sorted(FIGURES.glob("*.svg")):
         files.append(File.generated(config, f"figures/{figure.name}", abs_src_path=str(figure)))
     return files
+
+
+BENCHMARKS = {
+    "problems": (
+        "Problems and planners",
+        ("MotionBenchMaker", "Every planner", "Shipped examples", "Robots that nobody prepared"),
+    ),
+    "execution": ("Execution", ("Planned, then executed", "Execution", "Action chunks", "Three kilograms")),
+    "control": ("Control and kinematics", ("The controller", "Solvers of", "Inverse kinematics", "The symbolic twin")),
+    "others": ("Beside others", ("Beside others", "A report of", "Peers in one run")),
+    "planning": ("Budgets, replanning, ends", ("",)),
+}
+"""Pages of the benchmarks: a title, and how the headings of their sections begin; the last one takes what is left."""
+
+
+def benchmarks(text: str) -> dict[str, str]:
+    """The benchmarks as pages by their path: the first has what comes before all sections."""
+    first, *sections = re.split(r"(?m)^(?=## )", text)
+    where: dict[str, str] = {}
+    content = {
+        name: [f"# {title}\n\nEvery table names its command and its commit.\n\n"]
+        for name, (title, _) in BENCHMARKS.items()
+    }
+    for section in sections:
+        heading = section.partition("\n")[0].removeprefix("## ")
+        name = next(name for name, (_, begins) in BENCHMARKS.items() if heading.startswith(begins))
+        content[name].append(section)
+        for title in re.findall(r"(?m)^##+ (.*)$", section):
+            where[slugify(title, "-")] = f"benchmarks-{name}.md"
+    listed = "".join(f"- [{title}](benchmarks-{name}.md)\n" for name, (title, _) in BENCHMARKS.items())
+    pages = {"benchmarks.md": first.replace("\n| script |", f"\n{listed}\n| script |", 1)}
+    pages |= {f"benchmarks-{name}.md": "".join(parts) for name, parts in content.items()}
+    return {
+        page: re.sub(r"\]\((?:benchmarks\.md)?#([\w-]+)\)", lambda link: f"]({where[link[1]]}#{link[1]})", text)
+        for page, text in pages.items()
+    }
 
 
 def moved(text: str) -> str:

@@ -197,17 +197,20 @@ class CollisionModel:
         if not self.pairs:
             return None
         if self.outline.pairs or self._queries.many:
-            return self._nearest(q)
+            return self.nearest_of(q, np.arange(len(self.pairs)))
         return self._read(*self._queries.nearest(self._data, self.full(q)))
 
-    def _nearest(self, q: Array) -> Contact:
-        """Return the nearest pair at q (n,), in the order of lower bounds, until one exceeds the least distance."""
+    def nearest_of(self, q: Array, which: Index) -> Contact:
+        """Return the nearest of chosen pairs (K,), K > 0, at q (n,), m.
+
+        They are asked in the order of lower bounds, until one exceeds the least distance.
+        """
         self.place(q)
         bounds = self.lower_bounds(q[None])[0]
         for pair in self.outline.pairs:
             bounds[pair] = max(bounds[pair], self.outline.distance(pair))
         best: Contact | None = None
-        for pair in np.argsort(bounds, kind="stable").tolist():
+        for pair in which[np.argsort(bounds[which], kind="stable")].tolist():
             if best is not None and bounds[pair] >= best.distance:
                 break
             found = self.pair_distance(pair)

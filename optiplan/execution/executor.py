@@ -109,10 +109,10 @@ class Executor(LawFollower):
         self._stops.prepare()
         self._detour: Detour | None = None
         self.time = 0.0
-        self._override, self._wanted = float(override), float(override)
+        self._override = self._wanted = float(override)
         self._law: TimeLaw = self._start_law(self._path, float(override), 0.0)
         self._held: Held = "" if override > 0.0 else "paused"
-        self._reason = ""
+        self._reason, self._blocking = "", None
         self._events = DueEvents(self._path)
         self._turned: Turned | None = None  # what follows the law, if the robot is to turn
         self._predicted: deque[tuple[float, State, TimeLaw]] = deque(maxlen=KEPT_STATES)
@@ -155,7 +155,7 @@ class Executor(LawFollower):
                 proved clear and faster; `clearance` is kept from all obstacles. `resume` then leads back to the path.
         """
         known = how in ("path", "joints")
-        self._held, self._next = "stopped", None
+        self._held, self._next, self._blocking = "stopped", None, None
         self._reason = reason if known else f"stop: found {told(how)}; expected 'path' or 'joints'"
         self._aim()
         if how == "joints" and self._detour is None and self._people is None and not self._rests:
@@ -219,7 +219,7 @@ class Executor(LawFollower):
         begins = found is not None and not self._held
         if found is not None and begins:
             self._held, self._next = "stopped" if self._policy.reaction == "stop" else "waiting", None
-            self._reason = f"'{found.pair[0]}' would meet '{found.pair[1]}' at {found.place:.3f} s of the path"
+            self._reason, self._blocking = str(found), found.pair
         again = self._held == "waiting" and self._next is None and (found or self._policy.reaction == "slow")
         if begins or again:
             self._avoid()
@@ -380,8 +380,8 @@ class Executor(LawFollower):
             if self._held != "waiting":
                 return
             self._held, self._reason, self._planning.number = "", "", coming.number
-        path, then = coming.path, coming.then
-        point, start = self._stretch.laws.set_point(self._law, then), path.run.problem.start_state
+        path, then, start = coming.path, coming.then, coming.path.run.problem.start_state
+        point = self._stretch.laws.set_point(self._law, then)
         if then < self.time or not same_state(State(point.q, point.v, point.a), start):  # whatever led elsewhere
             self.stop(ELSEWHERE)
             return
@@ -390,8 +390,7 @@ class Executor(LawFollower):
         self._path, self._stretch = path, path.forwards
         self._scene, self._stops, self._detour = self._scene.over(coming), JointStops(path), None
         self._tracking.take_over(path)
-        self._backwards = False
-        self._wanted = 0.0 if self._held else self._override
+        self._backwards, self._wanted = False, 0.0 if self._held else self._override
         self._law = self._start_law(path, self._wanted, then)
         self._pending = self._wanted != self._law.target
         if not self._pending:
@@ -417,4 +416,5 @@ class Executor(LawFollower):
             clearance=self._tracking.clearance,
             separation=None if people is None else people.kept,
             off_path=self._detour is not None,
+            blocked_by=self._blocking if self._held in ("waiting", "stopped") else None,
         )

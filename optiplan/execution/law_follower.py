@@ -42,6 +42,7 @@ class LawFollower:
     _next: NextPath | None
     _events: DueEvents
     _scene: SeenScene
+    _blocking: tuple[str, str] | None  # the bodies for which the robot stopped by itself last
 
     @property
     def _people(self) -> SeparationMonitor | None:

@@ -47,6 +47,7 @@ class Status:
         clearance: what was left then of the proved clearance, m; None where `TrackingPolicy` does not ask for it.
         separation: from people, where `Executor` was given what to keep and somebody is near.
         off_path: whether the robot left the path at `place` to stop, and is not back.
+        blocked_by: the two bodies that would meet on the path, for which the robot waits or was stopped.
     """
 
     phase: Phase
@@ -60,6 +61,7 @@ class Status:
     clearance: float | None = None
     separation: KeptSeparation | None = None
     off_path: bool = False
+    blocked_by: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.nonzero_ends import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import LocatedValue
+from optiplan.problem.schema.frames import in_world
 from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists, with_names
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
@@ -64,6 +65,23 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     Raises:
         InputError: all issues, in file order.
     """
+    document, wrong = in_world(document)
+    if wrong:
+        rest = _issues_of(document, base, robots)
+        raise _error([*wrong, *rest])
+    return _read_named(document, base, robots)
+
+
+def _issues_of(document: Document, base: Path, robots: RobotLoader) -> Sequence[Issue]:
+    try:
+        _read_named(document, base, robots)
+    except InputError as error:
+        return error.issues
+    return ()
+
+
+def _read_named(document: Document, base: Path, robots: RobotLoader) -> Mapping[str, Any]:
+    """Read a problem file whose poses are in the world."""
     orders = joint_orders(document.data)
     if not orders:
         return _read_lists(document, base, robots)

@@ -142,6 +142,8 @@ class ExecutionState(BaseModel):
     override: float = Field(description="The speed that is wanted")
     deviation: float | None = Field(description="Largest so far of a measured joint, rad or m")
     q: list[float] = Field(description="Set-point, rad or m")
+    v: list[float] | None = Field(description="Its velocity, rad/s or m/s; null before the first")
+    blocked_by: list[str] | None = Field(description="The two bodies for which it waits or was stopped")
 
 
 class ExecutionAnswer(BaseModel):
@@ -155,6 +157,7 @@ class ExecutionAnswer(BaseModel):
     duration: float = Field(description="Of the planned motion, s")
     rate: float = Field(description="Set-points a second")
     joint_names: list[str]
+    velocity_limits: list[float | None] = Field(description="Of the joints, rad/s or m/s; null: none")
     lease: float | None
     ended: str | None = Field(description="Why it has ended; null: it runs")
     clean: bool | None = Field(description="Whether it ended with the robot at rest, as was asked; null: it runs")

@@ -231,6 +231,8 @@ class LiveAnswer(BaseModel):
     period: float = Field(description="Of the controller, s")
     joint_names: list[str]
     frame: str = Field(description="The frame that follows the target")
+    velocity_limits: list[float | None] = Field(description="Of the joints, rad/s or m/s; null: none")
+    clearance: float | None = Field(description="Distance that is kept, m")
 
 
 class LiveView(LiveAnswer):

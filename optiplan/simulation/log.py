@@ -1,5 +1,6 @@
 """`Log`: what happened in a closed loop, as arrays over time, and what it comes to."""
 
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,6 +11,9 @@ from scipy.interpolate import CubicHermiteSpline
 from optiplan.arrays import Array
 from optiplan.simulation.plants.base import Input
 from optiplan.trajectory.trajectory import Trajectory
+
+LOG = "log.npz"
+"""The file of its arrays, beside `run.json`."""
 
 MOST_SAMPLES = 60_000
 """Rows of a log; a longer loop is logged more thinly, its largest and mean errors are still of every step."""
@@ -198,6 +202,18 @@ class Log:
         errors = [found.error for found in self.objects.values()]
         objects = f"; objects end within {1e3 * max(errors):.3g} mm of the plan" if errors else ""
         return f"Log: {self.t[-1]:.3f} s, {tool}{touching}{objects}"
+
+
+def npz_of(log: Log) -> bytes:
+    """Return the arrays as a file: t, q, v, wanted, applied, tool_error; `slack <limit>`; joint_names."""
+    arrays: dict[str, Any] = {"joint_names": np.array(log.joint_names)}
+    arrays |= {name: getattr(log, name) for name in ("t", "q", "v", "wanted", "applied", "tool_error")}
+    arrays |= {f"slack {name}": values for name, values in log.slack.items()}
+    if len(log.solve_seconds):
+        arrays["step_seconds"] = log.solve_seconds
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)
+    return file.getvalue()
 
 
 def _percentiles(seconds: Array) -> dict[str, float] | None:

@@ -1,12 +1,9 @@
 """`Simulation`: a control file that was run, and its log."""
 
-import io
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from optiplan.errors import InputError, Issue, path_argument
 from optiplan.files import write_bytes
@@ -18,11 +15,9 @@ from optiplan.simulation.execution_report import execution_report
 from optiplan.simulation.files.build import build_loop
 from optiplan.simulation.files.read import ControlFile, read_control
 from optiplan.simulation.files.schema import StepSpec
-from optiplan.simulation.log import Log
+from optiplan.simulation.log import LOG, Log, npz_of
 from optiplan.simulation.step_response import StepResponse, step_response
 from optiplan.trajectory.trajectory import Trajectory
-
-LOG = "log.npz"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,7 +91,7 @@ class Simulation:
             if self.log is not None:
                 from optiplan.simulation.pictures import pictures
 
-                write_bytes(where / LOG, _npz(self.log))
+                write_bytes(where / LOG, npz_of(self.log))
                 for name, content in pictures(self.log, self.control.problem.limits).items():
                     write_bytes(where / name, content)
         except OSError as error:
@@ -127,15 +122,3 @@ def run_control(
     if isinstance(loop, Failure):
         return Simulation(control, None, loop)
     return Simulation(control, simulate(loop, progress))
-
-
-def _npz(log: Log) -> bytes:
-    """The arrays: t, q, v, wanted, applied, tool_error; `slack <limit>`; joint_names."""
-    arrays: dict[str, Any] = {"joint_names": np.array(log.joint_names)}
-    arrays |= {name: getattr(log, name) for name in ("t", "q", "v", "wanted", "applied", "tool_error")}
-    arrays |= {f"slack {name}": values for name, values in log.slack.items()}
-    if len(log.solve_seconds):
-        arrays["step_seconds"] = log.solve_seconds
-    file = io.BytesIO()
-    np.savez_compressed(file, **arrays)
-    return file.getvalue()

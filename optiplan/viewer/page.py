@@ -34,7 +34,18 @@ SCENE_SCRIPTS = tuple(
 )
 PANEL_SCRIPTS = tuple(
     f"panels/{name}.js"
-    for name in ("attempts", "verdict", "comparison", "dock", "timeline", "steps", "layers", "pictures")
+    for name in (
+        "attempts",
+        "verdict",
+        "comparison",
+        "derived",
+        "dock",
+        "timeline",
+        "steps",
+        "layers",
+        "picked",
+        "pictures",
+    )
 )
 SCRIPTS = ("packed.js", "panels/facts.js", *CURVES_SCRIPTS, *SCENE_SCRIPTS, *PANEL_SCRIPTS, "address.js", "player.js")
 

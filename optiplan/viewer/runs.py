@@ -58,19 +58,21 @@ class Detail(NamedTuple):
         samples: of the curves.
         distances: measured along the motion.
         ellipsoids: whether those of velocity and force are there.
+        choices: whether the clearance of the scene, of the robot itself and of single pairs is there, each alone.
     """
 
     rate: float = RATE
     samples: int = 500
     distances: int = 160
     ellipsoids: bool = True
+    choices: bool = True
 
     @classmethod
     def of(cls, motions: int) -> "Detail":
         """For a page with so many motions."""
         if motions <= 3:
-            return cls()
-        return cls(max(25.0, 3.0 * RATE / motions), max(40, 600 // motions), max(30, 400 // motions), False)
+            return cls(choices=motions <= 1)
+        return cls(max(25.0, 3.0 * RATE / motions), max(40, 600 // motions), max(30, 400 // motions), False, False)
 
 
 _WHOLE = Detail()
@@ -122,7 +124,7 @@ def run_for_page(problem: Problem, poses: Poses, run: ViewedRun, detail: Detail 
         shown["curves"] = curves_of(problem, motion, detail.samples)
         if run.log is not None:
             shown["curves"]["quantities"] += log_quantities(problem, run.log, 2 * detail.samples)
-        shown["clearance"] = clearance_of(problem, motion, detail.distances)
+        shown["clearance"] = clearance_of(problem, motion, detail.distances, detail.choices)
     if run.trajectory is not None:
         shown["facts"] = _facts(problem, run.trajectory, run.report)
     shown["checks"], shown["about"] = checks_of(problem, report), about(problem, report) if report else None

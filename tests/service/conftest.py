@@ -78,6 +78,17 @@ def server(tmp_path_factory) -> Iterator[Running]:
     assert not thread.is_alive()
 
 
+@pytest.fixture(autouse=True)
+def nothing_is_left_moving(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A test that fails while a robot moves leaves the driver free for the next ones."""
+    yield
+    if "server" in request.fixturenames:
+        http = request.getfixturevalue("server").http
+        for one in http.get("/api/executions").json()["executions"]:
+            if one["ended"] is None:
+                http.post(f"/api/executions/{one['id']}/stop", json={"reason": "the test is over"})
+
+
 @pytest.fixture(params=[(1280, 800), (390, 844)], ids=["wide", "narrow"])
 def page(browser, request, server):
     """A page that fails the test by any complaint, and by any request to somewhere else."""

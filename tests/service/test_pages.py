@@ -1,5 +1,8 @@
 """The pages in a real browser: edit, drag, plan, watch, play, compare, cancel; without a word of complaint."""
 
+import json
+import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +10,14 @@ import pytest
 
 from optiplan.config.document import parse_yaml
 from optiplan.problem.load import problem_from_dict
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.viewer.page import render_page
+from optiplan.viewer.run_data.closed_loop import read_log
+from optiplan.viewer.runs import ViewedRun
+from optiplan.viewer.scene import build_scene
 from tests.service.browsing import CHANGED, drag, open_studio, text_of, write
 from tests.service.conftest import NO_WAY, QUICK
+from tests.waiting import PATIENCE
 
 OBSTACLE = """
 scene:
@@ -108,7 +117,18 @@ def test_a_running_controller_is_watched_and_its_target_dragged(page, server):
     page.wait_for_function("optiplanLive.live.last.error.position < 1e-3")
     after = page.evaluate("optiplanLive.live.last")
     assert np.linalg.norm(np.subtract(after["tool"][:3], began["tool"][:3])) > 0.03
-    assert page.locator("#errors path").count() == 1
+    titles = page.locator("#strips .head b").all_text_contents()
+    assert titles == ["errors of the tool", "smallest distance", "joint velocities"]
+    strip = "optiplanLive.live.strips.strips[{}].plot"
+    assert page.evaluate(strip.format(1) + ".series[0].low") == 5.0  # the distance that is kept, mm
+    page.wait_for_function("Math.max(...optiplanLive.live.strips.strips[2].columns.flat().map(Math.abs)) > 0.01")
+    assert page.evaluate(strip.format(2) + ".series.map((one) => [one.low, one.high])") == [[-1, 1]] * 7
+    with page.expect_download() as saving:
+        page.click("#save")
+    record, log = recorded(saving.value)
+    assert record["planner"] == "controller (own)"
+    assert log["tool_error"].max() > 0.01  # when the target was moved
+    assert len(log["t"]) > 5
     page.click("#home")
     page.wait_for_function(
         "began => Math.hypot(...optiplanLive.live.last.tool.slice(0, 3).map((x, k) => x - began[k])) < 1e-3",
@@ -159,9 +179,13 @@ def test_an_execution_is_steered_and_an_obstacle_dragged_into_its_way(page, serv
     page.wait_for_function(f"{LAST}.obstacles.ball")
     page.mouse.up()
     page.wait_for_selector("#state:text('waiting')")
-    speeds = [np.linalg.norm(one["velocities"]["ball"]) for one in sent]
-    assert (max(speeds) > 0.01, speeds[-1]) == (True, 0.0)
+    end = time.monotonic() + PATIENCE
+    while not (sent and not any(sent[-1]["velocities"]["ball"])):  # one let go stands still
+        assert time.monotonic() < end, sent
+        page.wait_for_timeout(20)
+    assert max(np.linalg.norm(one["velocities"]["ball"]) for one in sent) > 0.01
     assert "ball" in page.inner_text("#reason")
+    assert_strips_and_recording(page)
     page.evaluate("optiplanExecution.live.events.close()")  # a stream that breaks
     page.wait_for_selector("#state:text('stale')")
     page.evaluate("optiplanExecution.live.events.dispatchEvent(new Event('error'))")
@@ -171,6 +195,35 @@ def test_an_execution_is_steered_and_an_obstacle_dragged_into_its_way(page, serv
     page.wait_for_selector("#state:text('ended')")
     assert page.inner_text("#reason") == "asked to stop"
     assert page.is_enabled("#begin")
+
+
+def assert_strips_and_recording(page):
+    """Of a robot that waits for the ball: what holds it back is red, and all that was seen can be saved."""
+    assert "ball" in page.evaluate(f"{LAST}.blocked_by")
+    red = "optiplanExecution.scene.obstacles.children.filter((one) => one.material.emissive.getHex())"
+    assert page.evaluate(red + ".map((one) => one.name)") == ["ball"]  # what holds the robot back
+    assert page.locator("#strips .head b").all_text_contents() == ["speed along the path", "joint velocities"]
+    with page.expect_download() as saving:
+        page.click("#save")
+    record, log = recorded(saving.value)
+    assert record["planner"] == "executed (paper)"
+    assert record["problem"]["robot"] == "panda"
+    assert np.abs(log["q"] - log["wanted"]).max() < 1e-3
+    assert np.abs(np.diff(log["q"], axis=0)).max() > 1e-4
+
+
+def recorded(download):
+    """The record and the log of a run folder that was saved, which the viewer shows."""
+    folder = Path(download.path()).with_suffix(".recording")
+    with zipfile.ZipFile(download.path()) as packed:
+        packed.extractall(folder)
+    record, log = json.loads((folder / "run.json").read_text()), read_log(folder)
+    motion = Trajectory.from_dict(json.loads((folder / "trajectory.json").read_text()))
+    assert motion.duration > 0.1
+    problem = problem_from_dict(record["problem"])
+    viewed = ViewedRun("seen", motion, record["report"], None, record, log)
+    assert "tracking error" in render_page(build_scene(problem, [viewed]))
+    return record, log
 
 
 TURN = """percent => {

@@ -227,3 +227,21 @@ def test_a_planners_run_tells_the_page_how_it_was_found():
     first, *_ = shown.to_dict()["runs"][0]["found"]["attempts"]
     assert first["begun_at"] == "straight line"
     assert len(first["log"]["duration"]) == len(first["log"]["radius"]) > 0
+
+
+def test_distances_of_the_scene_of_the_robot_itself_and_of_pairs_are_measured_alone(proof):
+    shown = clearance_of(proof.problem, proof.trajectory)
+    t, distance = floats(shown["t"]), floats(shown["distance"])
+    scene, own, *pairs = shown["choices"]
+    assert (scene["of"], own["of"]) == ("robot – scene", "robot – itself")
+    both = np.minimum(floats(scene["distance"]), floats(own["distance"]))
+    assert np.allclose(both, distance, atol=1e-6)
+    model = CollisionModel(proof.problem.robot, proof.problem.scene)
+    for one in pairs:
+        alike = [found.index for found in model.pairs if f"{found.name_a} – {found.name_b}" == one["of"]]
+        for k in (0, len(t) // 2):
+            q = proof.trajectory(t[k : k + 1])[0]
+            assert floats(one["distance"])[k] == pytest.approx(
+                min(model.distance(q, pair).distance for pair in alike), abs=1e-4
+            )
+    assert clearance_of(proof.problem, proof.trajectory, chosen=False)["choices"] == []

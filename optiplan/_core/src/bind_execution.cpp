@@ -87,7 +87,9 @@ nb::tuple set_point(const PathLaws &self, const TimeLaw &law, double t) {
         at[2 * n + j] = at[2 * n + j] * state.ds * state.ds + at[n + j] * state.dds;
         at[n + j] *= state.ds;
     }
-    self.tables->torques(state.s, false, at.data(), at.data() + n, at.data() + 2 * n, at.data() + 3 * n);
+    // At the end of a way back the robot still carries what it does on the stretch: the event there is not undone.
+    const bool back_at_event = state.s >= self.end && self.end < self.tables->length();
+    self.tables->torques(state.s, back_at_event, at.data(), at.data() + n, at.data() + 2 * n, at.data() + 3 * n);
     return nb::make_tuple(to_numpy(std::move(at), {4, n}), state.s, state.ds, state.dds);
 }
 

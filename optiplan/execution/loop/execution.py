@@ -198,8 +198,9 @@ class Execution:
         """Return what the execution is doing, ready for JSON.
 
         `t` since the first tick, s; `phase`, `place`, `duration`, `progress`, `speed`, `override`, `reason`,
-        `deviation` of the status (`op.Status`); `q` the last set-point and `measured` the last state, lists or None;
-        `age` of that state, s; `events` done; `missed` ticks; `longest` time between two, s; `driver` and `rate`.
+        `deviation`, `blocked_by` of the status (`op.Status`); `q`, `v` the last set-point and `measured` the last
+        positions, lists or None; `age` of these, s; `events` done; `missed` ticks; `longest` time between two, s;
+        `driver` and `rate`.
         `over` says whether it has ended.
         """
         loop, tick = self._loop, self._loop.tick
@@ -215,7 +216,9 @@ class Execution:
             "override": status.override,
             "reason": self._failed or status.reason,
             "deviation": status.deviation,
+            "blocked_by": status.blocked_by and list(status.blocked_by),
             "q": None if tick is None else tick.q.tolist(),
+            "v": None if tick is None else tick.v.tolist(),
             "measured": None if seen is None else _finite(seen.q),
             "age": None if seen is None else seen.age,
             "events": [one.to_data() for one in list(loop.events)],

@@ -41,16 +41,18 @@ class PathStretch:
         start: on the path, s.
         direction: 1.0 or -1.0; 0.0 off the path, which was left at `start`.
         model: off the path: the robot with what it carries, in the scene of the run.
+        least: place at which a way back ends; rounding leads to none before it.
     """
 
     laws: PathLaws
     start: float
     direction: float
     model: NativeCollisionModel | None = None
+    least: float = 0.0
 
     def place(self, s: float) -> float:
         """Return the place on the whole path."""
-        return self.start + self.direction * s
+        return max(self.least, self.start + self.direction * s)
 
 
 class Turned(NamedTuple):
@@ -159,7 +161,7 @@ class ProvedPath:
     def _way_back(self, laws: PathLaws, stop: float) -> PathStretch | None:
         """Return the stretch from the end back to a place; None where the robot does not stand still there."""
         T = self.motion.duration
-        return PathStretch(laws.until(T - stop), T, -1.0) if self._rests(stop) else None
+        return PathStretch(laws.until(T - stop), T, -1.0, least=stop) if self._rests(stop) else None
 
     @property
     def starts_at_rest(self) -> bool:

@@ -52,6 +52,10 @@ class BlockedPlace(NamedTuple):
     place: float
     pair: tuple[str, str]
 
+    def __str__(self) -> str:
+        """What would happen, in words."""
+        return f"'{self.pair[0]}' would meet '{self.pair[1]}' at {self.place:.3f} s of the path"
+
 
 class NearestPlace(NamedTuple):
     """The place of a path that leaves the least of a distance, s, the two bodies, and how much it leaves, m."""

@@ -51,6 +51,7 @@ MEANINGS = {
     "first": "Name of the target that is visited first.",
     "fixed_orientation": "The tool keeps an orientation.",
     "frame": "A frame of the robot; its tool frame without it.",
+    "frames": "Names of poses, each in the world, an obstacle or another frame: {tray: {in: table, position: …}}.",
     "free_axis": "Axis of a target about which the tool may turn as it likes.",
     "from": "Where the line or arc begins, [x, y, z], m, in the world.",
     "goal": "The end of the motion: joints, a named configuration, a pose, a region, or any_of several.",

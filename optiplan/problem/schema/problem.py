@@ -77,7 +77,8 @@ class ProblemSpec(Strict):
     planned (fingers), over those of the robot file. `base` is the pose of the robot's root in the world, the identity
     without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one. There is
     either a `goal` or a `task` of several steps. `tracking_error` says how far joints may be from the motion, rad or m:
-    one number, a list, or values by joint.
+    one number, a list, or values by joint. A file may
+    also have `frames`, which `frames.py` takes out before anything is read here.
     """
 
     version: FileVersion
@@ -100,7 +101,24 @@ class ProblemSpec(Strict):
     seed: Annotated[Whole, Field(ge=0)] = 0
 
 
+def with_frames(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema with `frames`, and with `in` and `offset` of poses: files have them, what is read has not."""
+    own = {"type": "string", "description": "The frame or obstacle that the pose is said in; the world without it."}
+    words = "A pose from there on, in its own axes: position, m, and rotation."
+    offset = {"$ref": "#/$defs/PoseSpec", "description": words}
+
+    def placed(definition: dict[str, Any]) -> dict[str, Any]:
+        keys = definition.get("properties", {})
+        if not {"position", "quaternion"} <= keys.keys():
+            return definition
+        return {**definition, "properties": {**keys, "in": own, **({} if "offset" in keys else {"offset": offset})}}
+
+    definitions = {name: placed(one) for name, one in schema["$defs"].items()}
+    frames = {"type": "object", "additionalProperties": {"$ref": "#/$defs/PoseSpec"}}
+    return {**schema, "$defs": definitions, "properties": {**schema["properties"], "frames": frames}}
+
+
 def problem_schema() -> dict[str, Any]:
     """JSON schema of a problem file, for editors that complete, explain and check YAML."""
-    schema = ProblemSpec.model_json_schema(mode="validation")
+    schema = with_frames(ProblemSpec.model_json_schema(mode="validation"))
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **with_meanings(schema)}

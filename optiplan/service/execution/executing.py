@@ -83,6 +83,7 @@ class Executing:
             "duration": run.duration,
             "rate": self._execution.capabilities.rate,
             "joint_names": list(robot.joint_names),
+            "velocity_limits": [float(x) if np.isfinite(x) else None for x in run.problem.limits.velocity],
         }
 
     def run(self, channel: Any) -> Message:

@@ -64,6 +64,7 @@ class LiveLoop:
         self._frame = robot.model.getFrameId(robot.tool_frame)
         self._target = self._tool(problem.start)
         self._step: ControlStep | None = None
+        self._wanted = np.asarray(problem.start, float)
         self._slowest = self.t = self.lost = 0.0
 
     def run(self, channel: Any) -> None:
@@ -95,7 +96,7 @@ class LiveLoop:
         plant = self._plant
         command = self._loop.command(plant.q, plant.v, ToolTarget(self._target, STILL, STILL))
         plant.advance(command.value, round(PERIOD / plant.step))
-        self._step = command.step
+        self._step, self._wanted = command.step, command.q
         if command.step is not None:
             self._slowest = max(self._slowest, command.step.seconds)
         self.t += PERIOD
@@ -110,6 +111,8 @@ class LiveLoop:
         return {
             "t": self.t,
             "q": q.tolist(),
+            "v": self._plant.v.tolist(),
+            "wanted": self._wanted.tolist(),
             "poses": self._poses.of(q[None])[0][0].tolist(),
             "tool": pin.SE3ToXYZQUAT(tool).tolist(),
             "target": pin.SE3ToXYZQUAT(self._target).tolist(),
@@ -134,8 +137,15 @@ class LiveLoop:
 
 def live_about(loop: LiveLoop) -> Mapping[str, Any]:
     """What is told of a loop before it begins."""
-    robot = loop.problem.robot
-    return {"engine": loop.engine, "period": PERIOD, "joint_names": list(robot.joint_names), "frame": robot.tool_frame}
+    robot, limits = loop.problem.robot, loop.problem.limits
+    return {
+        "engine": loop.engine,
+        "period": PERIOD,
+        "joint_names": list(robot.joint_names),
+        "frame": robot.tool_frame,
+        "velocity_limits": [float(x) if np.isfinite(x) else None for x in limits.velocity],
+        "clearance": TaskSpaceSpec().clearance,
+    }
 
 
 def _engine(problem: Problem) -> str:

@@ -1,5 +1,6 @@
 """What a solver process can be asked: check a problem, plan, draw, export, solve inverse kinematics."""
 
+import base64
 import json
 import sys
 import tempfile
@@ -131,6 +132,16 @@ class Tasks:
         from optiplan.service.execution.executing import Executing
 
         return Executing(self._reader.read, request).run(progress), {}
+
+    def recording(self, request: Mapping[str, Any], progress: Any) -> Answer:
+        """The run folder of what was seen of a robot that moved; see `SeenStates`."""
+        from optiplan.simulation.recording import RecordedMotion
+
+        problem = self._reader.read(request)
+        rows = np.frombuffer(base64.b64decode(request["rows"])).reshape(-1, request["columns"])
+        t, q, v, wanted, target = np.split(rows, np.cumsum([1, *(problem.robot.n,) * 3]), axis=1)
+        recording = RecordedMotion(problem, request["by"], t[:, 0], q, v, wanted, target if target.size else None)
+        return {}, recording.files()
 
     def bench_report(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """The report of a bench, of the texts of its runs."""

@@ -92,16 +92,5 @@ const Page = (() => {
     for (const [name, value] of Object.entries({ d, fill: "none", stroke: colour, "stroke-width": "2", "vector-effect": "non-scaling-stroke" })) line.setAttribute(name, value);
     svg.append(line);
   }
-
-  // The last seconds of one column of rows [time, ...] as a curve from 0 to `top`; gaps where there is no value.
-  function strip(svg, past, column, seconds, colour, top = 0) {
-    const rows = past.filter((row) => row[column] !== null), values = rows.map((row) => row[column]);
-    svg.replaceChildren();
-    if (rows.length < 2) return values;
-    const end = past.at(-1)[0], least = Math.min(0, ...values), most = Math.max(top, ...values, 1e-6);
-    const points = rows.map((row) => `${(300 * (row[0] - end + seconds)) / seconds} ${57 - (54 * (row[column] - least)) / (most - least)}`);
-    drawn(svg, "M" + points.join(" L"), colour);
-    return values;
-  }
-  return { byId, make, ask, lost, post, get, latest, named, drawn, strip };
+  return { byId, make, ask, lost, post, get, latest, named, drawn };
 })();

@@ -1,8 +1,8 @@
 "use strict";
 // A motion that is executed: its states are drawn as they come; speed, stop and obstacles that are dragged are sent back.
 (() => {
-  const { byId, make, post, get, latest } = Page, KNOBS = ["stop", "pause", "resume", "reverse"], WINDOW = 12, STALE = 1000, STILL = 120, LEASE = 3; // s, ms, ms, s
-  const live = { id: null, events: null, last: null, states: 0, heard: 0, past: [], motion: -1, seen: [] };
+  const { byId, make, post, get, latest } = Page, KNOBS = ["stop", "pause", "resume", "reverse"], STALE = 1000, STILL = 120, LEASE = 3; // ms, ms, s
+  const live = { id: null, events: null, last: null, states: 0, heard: 0, strips: null, motion: -1, seen: [] };
   let motions = {};
 
   const scene = new StudioScene.Scene(byId("pane"), { moving: (name, pose) => carried(name, pose), obstacle: (name) => carried(name, null) });
@@ -79,13 +79,19 @@
       const { status, data } = await post("api/executions", asked);
       if (status !== 201) { say("refused", data.error, "failed"); return; }
       choose(data);
-      await watch(data.id);
+      await watch(data);
     } catch { say("refused", "the server does not answer", "failed"); } finally { byId("begin").disabled = live.id !== null; }
   }
 
-  async function watch(id) {
+  // Watches an execution; `about` is the server's answer about it.
+  async function watch(about) {
+    const { id, joint_names: names, velocity_limits: limits } = about;
     if (live.events) live.events.close();
-    Object.assign(live, { id, last: null, states: 0, heard: performance.now(), past: [], motion: 0, events: new EventSource(`api/executions/${id}/events`) });
+    if (live.strips) live.strips.destroy();
+    const speed = { title: "speed along the path", unit: "of the planned", axis: [-1.1, 1.1], series: [{ name: "now", low: -1, high: 1, colour: "--accent", width: 2 }, { name: "wanted", dash: [4, 4], step: true, colour: "--soft" }], values: (state) => [state.speed, state.override] };
+    byId("save").href = `api/executions/${id}/recording.zip`;
+    live.strips = new Strips.Strips(byId("strips"), [speed, Strips.joints(names, limits)]);
+    Object.assign(live, { id, last: null, states: 0, heard: performance.now(), motion: 0, events: new EventSource(`api/executions/${id}/events`) });
     history.replaceState(null, "", "#" + id);
     for (const knob of KNOBS) byId(knob).disabled = false;
     byId("begin").disabled = byId("lease").disabled = true;
@@ -102,7 +108,7 @@
       const answer = await Page.ask("api/executions/" + id), found = answer.ok ? await answer.json() : null;
       if (answer.status === 404) ended("the server does not know it any more");
       else if (found && found.ended !== null) ended(found.ended);
-      else if (found) watch(id);
+      else if (found) watch(found);
       else setTimeout(() => again(id), 1000);
     } catch { setTimeout(() => again(id), 1000); }
   }
@@ -140,10 +146,9 @@
     byId("late").textContent = `${ms(state.lateness.p50)} / ${ms(state.lateness.p99)} / ${ms(state.lateness.max)} ms`;
     byId("missed").textContent = `${state.missed}, at ${state.rate} a second`;
     byId("time").textContent = state.t.toFixed(1) + " s";
-    live.past.push([state.t, state.speed]);
-    while (live.past[0][0] < state.t - WINDOW) live.past.shift();
-    byId("fast").textContent = Math.round(100 * state.speed) + " %";
-    Page.strip(byId("past"), live.past, 1, WINDOW, "#1769aa", 1);
+    scene.touching(new Set(state.blocked_by || []));
+    live.strips.add(state);
+    byId("save").hidden = false;
     if (state.motion !== live.motion) { live.motion = state.motion; if (live.states > 1) show(live.id); }
   }
 
@@ -166,7 +171,7 @@
     const found = executions.find((one) => one.id === named) || executions.find((one) => one.ended === null); // one that runs is watched by all who come
     if (found && !wanted) {
       choose(found);
-      await watch(found.id);
+      await watch(found);
       if (found.ended !== null) ended(found.ended);
     } else await preview();
     window.optiplanExecution.ready = true;

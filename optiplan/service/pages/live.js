@@ -1,8 +1,8 @@
 "use strict";
 // A controller that runs on the server: its states are drawn as they come, and the frame that is dragged is its target.
 (() => {
-  const { byId, make, post, get, latest } = Page, WINDOW = 12;
-  const live = { id: null, events: null, last: null, first: null, states: 0, past: [] };
+  const { byId, make, post, get, latest } = Page, HOLDS = "clearance: "; // how the controller names the bodies that hold it back
+  const live = { id: null, events: null, last: null, first: null, states: 0, strips: null };
   let examples = {};
 
   const aim = latest(async (pose) => {
@@ -40,13 +40,22 @@
         answer = await post("api/live", asked);
       }
       if (answer.status !== 201) { say("refused", answer.data.error, "failed"); return; }
-      watch(answer.data.id);
+      watch(answer.data);
     } finally { byId("begin").disabled = false; }
   }
 
-  function watch(id) {
-    Object.assign(live, { id, first: null, states: 0, past: [], events: new EventSource(`api/live/${id}/events`) });
+  // Watches a controller; `about` is the server's answer about it.
+  function watch({ id, joint_names: names, velocity_limits: limits, clearance }) {
+    if (live.strips) live.strips.destroy();
+    const mm = (metres) => (metres === null ? null : 1000 * metres);
+    live.strips = new Strips.Strips(byId("strips"), [
+      { title: "errors of the tool", unit: "mm, mrad", asinh: 1, series: [{ name: "position", colour: "--accent", width: 2 }, { name: "rotation", colour: "--soft" }], values: ({ error }) => [mm(error.position), mm(error.rotation)] },
+      { title: "smallest distance", unit: "mm", asinh: 10, series: [{ name: "measured", low: mm(clearance), colour: "--measured", width: 2 }], values: ({ nearest }) => [nearest ? mm(nearest.distance) : null] },
+      Strips.joints(names, limits),
+    ]);
+    Object.assign(live, { id, first: null, states: 0, events: new EventSource(`api/live/${id}/events`) });
     byId("stop").disabled = byId("home").disabled = false;
+    byId("save").href = `api/live/${id}/recording.zip`;
     live.events.addEventListener("state", (event) => draw(JSON.parse(event.data)));
     live.events.addEventListener("end", (event) => ended(JSON.parse(event.data).reason));
     live.events.addEventListener("error", () => { if (live.events && live.events.readyState === EventSource.CLOSED) ended("the server does not answer"); });
@@ -55,7 +64,7 @@
   function ended(reason) {
     if (live.events) live.events.close();
     Object.assign(live, { id: null, events: null });
-    byId("stop").disabled = byId("home").disabled = true;
+    byId("stop").disabled = byId("home").disabled = byId("save").hidden = true;
     say("ended", reason);
   }
 
@@ -79,11 +88,9 @@
     byId("active").textContent = state.active.length ? state.active.join(", ") : "none";
     byId("seconds").textContent = (1000 * state.step_seconds).toFixed(2) + " ms";
     byId("time").textContent = state.t.toFixed(1) + " s" + (state.lost > 0.05 ? `, ${state.lost.toFixed(1)} s left out: the machine is busy` : "");
-    live.past.push([state.t, off, state.nearest ? state.nearest.distance : null]);
-    while (live.past[0][0] < state.t - WINDOW) live.past.shift();
-    byId("most").textContent = "at most " + mm(Math.max(...Page.strip(byId("errors"), live.past, 1, WINDOW, "#1769aa")));
-    const near = Page.strip(byId("distances"), live.past, 2, WINDOW, "#2e8b3d");
-    byId("least").textContent = near.length ? "at least " + mm(Math.min(...near)) : "nothing near";
+    scene.touching(new Set(state.active.filter((name) => name.startsWith(HOLDS)).flatMap((name) => name.slice(HOLDS.length).split(" and "))));
+    live.strips.add(state);
+    byId("save").hidden = false;
   }
 
   async function open() {
@@ -94,7 +101,7 @@
     if (!named) byId("example").value = "02_shelf";
     byId("example").addEventListener("change", () => { if (!live.id) show(examples[byId("example").value]); });
     const found = running ? await Page.ask("api/live/" + running.id) : null; // one that runs is watched by all who come
-    if (found && found.ok && (await show((await found.json()).problem))) watch(running.id);
+    if (found && found.ok && (await show((await found.json()).problem))) watch(running);
     else await show(examples[byId("example").value]);
   }
 

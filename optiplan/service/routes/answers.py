@@ -1,7 +1,9 @@
 """Answers as routes give them, and what may go wrong with each, for OpenAPI."""
 
+import io
 import json
-from collections.abc import Iterable
+import zipfile
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any
 
 from fastapi import Depends, Path, Request
@@ -10,6 +12,8 @@ from fastapi.responses import JSONResponse, Response
 from optiplan.service.archive import Archive
 from optiplan.service.models import ErrorAnswer, RunAnswer
 from optiplan.service.planner_service import PlannerService
+from optiplan.service.refusals import Refusal
+from optiplan.service.sessions.sessions import Session
 from optiplan.service.store.run_table import Record
 from optiplan.viewer.safety import PAGE_POLICY
 
@@ -41,6 +45,10 @@ def files(*kinds: str) -> Responses:
     return {200: {"description": "The file", "content": {kind: {} for kind in kinds}}}
 
 
+PACKED = files("application/zip") | errors(404, 409, 422, 503)
+"""Of a route that packs what was seen of a session."""
+
+
 def service(request: Request) -> PlannerService:
     """The service behind the application."""
     found: PlannerService = request.app.state.service
@@ -64,6 +72,27 @@ class Json(JSONResponse):
     def render(self, content: Any) -> bytes:
         """The bytes."""
         return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
+
+
+def zipped(contents: Mapping[str, bytes]) -> Response:
+    """Return files by their names as one."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as packing:
+        for name, content in contents.items():
+            packing.writestr(name, content)
+    return Response(packed.getvalue(), media_type="application/zip")
+
+
+async def recorded(service: PlannerService, session: Session, problem: Mapping[str, Any], by: str) -> Response:
+    """Return what was seen of a session, as a run folder.
+
+    Raises:
+        Refusal: there is nothing yet.
+    """
+    asked = session.seen.request(by)
+    if asked is None:
+        raise Refusal(409, f"nothing has been seen of '{session.id}' yet")
+    return zipped((await service.requests.ask({**problem, **asked}, "recording")).files)
 
 
 def whole_page(page: bytes) -> Response:

@@ -22,7 +22,7 @@ from optiplan.service.execution_models import (
     SpliceInput,
     StopInput,
 )
-from optiplan.service.routes.answers import Json, Service, errors
+from optiplan.service.routes.answers import PACKED, Json, Service, errors, recorded
 from optiplan.service.sessions.execution_sessions import PROOF, ExecutionSession
 from optiplan.service.streams import Lines, event_stream
 
@@ -67,6 +67,17 @@ async def scene(execution: ExecutionPath, service: Service) -> Response:
     motion = session.motions[(session.state or {}).get("motion", 0)]
     answer = await service.requests.ask(motion, "scene")
     return Response(answer.files["scene.json"], media_type="application/json")
+
+
+@router.get(
+    "/{execution}/recording.zip",
+    response_class=Response,
+    responses=PACKED,
+)
+async def recording(execution: ExecutionPath, service: Service) -> Response:
+    """What was seen of the robot, the last ten minutes at most, as a run folder: `optiplan view` shows it."""
+    session = service.executions.get(execution)
+    return await recorded(service, session, session.motions[0], f"executed ({session.about['driver']})")
 
 
 @router.get("/{execution}/events", response_class=EventSourceResponse, responses=STREAM | errors(404, 422))

@@ -9,7 +9,7 @@ from fastapi.responses import Response
 from sse_starlette.sse import EventSourceResponse
 
 from optiplan.service.models import LiveAnswer, LiveRequest, LiveTarget, LiveView
-from optiplan.service.routes.answers import Json, Service, errors
+from optiplan.service.routes.answers import PACKED, Json, Service, errors, recorded
 from optiplan.service.sessions.live_sessions import LiveSession
 from optiplan.service.streams import Lines, event_stream
 
@@ -42,6 +42,13 @@ async def one(session: SessionPath, service: Service) -> Json:
     """A controller that runs, with its problem, so that others can watch it too."""
     found = service.live.get(session)
     return Json({**_answer(found), "problem": found.problem})
+
+
+@router.get("/{session}/recording.zip", response_class=Response, responses=PACKED)
+async def recording(session: SessionPath, service: Service) -> Response:
+    """What was seen of the robot, the last ten minutes at most, as a run folder: `optiplan view` shows it."""
+    found = service.live.get(session)
+    return await recorded(service, found, found.request, f"controller ({found.about['engine']})")
 
 
 @router.get("/{session}/events", response_class=EventSourceResponse, responses=STREAM | errors(404, 422))

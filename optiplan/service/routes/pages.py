@@ -11,7 +11,8 @@ from fastapi.responses import Response
 from optiplan.service.pages.framing import framed
 from optiplan.service.refusals import not_found
 from optiplan.service.routes.answers import HashPath, RunPath, Service, whole_page
-from optiplan.viewer.assets import asset
+from optiplan.viewer.assets import CURVES_SCRIPTS, CURVES_STYLES
+from optiplan.viewer.assets import styles as viewer_styles
 
 router = APIRouter(include_in_schema=False)
 
@@ -32,8 +33,8 @@ EDITOR = ("codemirror", "problem_text", "pose_text", "schema_words", "editor")
 PAGES = {
     "": Page("OptiPlan", ("common", "home")),
     "studio": Page("OptiPlan studio", (*SCENE, *EDITOR, "studio_card", "studio_run", "studio"), "studio"),
-    "live": Page("OptiPlan live", (*SCENE, "live"), "studio live"),
-    "execution": Page("OptiPlan execution", (*SCENE, "execution"), "studio live execution"),
+    "live": Page("OptiPlan live", (*SCENE, "strips", "live"), "studio live"),
+    "execution": Page("OptiPlan execution", (*SCENE, "strips", "execution"), "studio live execution"),
     "benches": Page("OptiPlan benches", ("common", "benches")),
 }
 """Pages by their address."""
@@ -65,9 +66,9 @@ async def problem_picture(hash: HashPath, service: Service) -> Response:
 
 @router.get("/pages/viewer.js")
 async def viewer() -> Response:
-    """What draws: meshcat's bundle, and the viewer's shapes."""
-    scripts = resources.files("optiplan.viewer")
-    ours = [path for name in ("packed.js", "shapes.js") for path in sorted(Path(str(scripts)).rglob(name))]
+    """What draws: meshcat's bundle, and the viewer's shapes and curves."""
+    web = Path(str(resources.files("optiplan.viewer"))) / "web"
+    ours = [web / name for name in ("packed.js", "scene/shapes.js", *CURVES_SCRIPTS)]
     found = find_spec("meshcat")
     if found is None or not found.origin:
         raise not_found("package", "meshcat")
@@ -90,8 +91,8 @@ async def cell() -> Response:
 
 @router.get("/pages/service.css")
 async def styles() -> Response:
-    """The theme of all pages, and what those of the service add to it."""
-    text = asset("theme.css") + (resources.files("optiplan.service.pages") / "service.css").read_text("utf-8")
+    """The theme and the curves of all pages, and what those of the service add."""
+    text = viewer_styles(CURVES_STYLES) + (resources.files("optiplan.service.pages") / "service.css").read_text("utf-8")
     return Response(text, media_type="text/css; charset=utf-8")
 
 

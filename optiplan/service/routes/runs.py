@@ -1,10 +1,8 @@
 """Routes of runs: submit, look, cancel, delete, and the files of a run."""
 
-import io
 import json
 import tempfile
 import uuid
-import zipfile
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +15,7 @@ from optiplan.runs.run_folder import RUN, TRAJECTORY
 from optiplan.service.archive import Archive
 from optiplan.service.models import PlanAnswer, PlanRequest, QueuedSubmission, RunAnswer, RunId, RunList, SubmittedRun
 from optiplan.service.refusals import Refusal, not_found
-from optiplan.service.routes.answers import Json, Kept, RunPath, Service, errors, files, run_answer, run_answers
+from optiplan.service.routes.answers import Json, Kept, RunPath, Service, errors, files, run_answer, run_answers, zipped
 from optiplan.service.store.run_table import ENDED
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -112,11 +110,8 @@ async def scene(run: RunPath, service: Service) -> Response:
 @router.get("/runs/{run}/run.zip", response_class=Response, responses=files("application/zip") | errors(404, 422))
 async def folder(run: RunPath, archive: Kept) -> Response:
     """The run folder, as `optiplan verify` and `optiplan view` read it."""
-    found, packed = await archive.run(run), io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as packing:
-        for name in found["contents"] or {RUN: ""}:
-            packing.writestr(name, await archive.content(found, name))
-    return Response(packed.getvalue(), media_type="application/zip")
+    found = await archive.run(run)
+    return zipped({name: await archive.content(found, name) for name in found["contents"] or {RUN: ""}})
 
 
 @router.get(

@@ -68,7 +68,7 @@ class ExecutionSession(Session):
                 waiting.set_result(message)
         else:
             self.state = message["state"]
-            self.publish({"type": "state", **message["state"]})
+            super().take(message["state"])
 
     async def ask(self, what: str, seconds: float = ANSWER, **given: Any) -> State:
         """Say something, and return the answer.

@@ -20,12 +20,13 @@ class LiveSession(Session):
 
     Attributes:
         about: `engine`, `period`, `joint_names`, `frame`.
-        problem: as it was given.
+        problem: as it was given; `request`: as processes take it.
     """
 
     def __init__(self, about: State, job: SolverJob) -> None:
         super().__init__(about, job)
-        self.problem: str | dict[str, Any] = job.request["problem"]
+        self.request = dict(job.request)
+        self.problem: str | dict[str, Any] = self.request["problem"]
         self._unseen: float | None = None
 
     def aim(self, pose: list[float]) -> None:

@@ -12,6 +12,7 @@ import anyio
 from optiplan.service.execution.solver_pool import Lane, SolverAnswer, SolverJob, SolverPool
 from optiplan.service.refusals import Refusal, not_found
 from optiplan.service.requests import refusal_of
+from optiplan.service.sessions.seen_states import SeenStates
 from optiplan.service.streams import next_of
 
 LOOK = 0.01
@@ -29,10 +30,11 @@ class Session:
     Attributes:
         id: of the session.
         about: what is reported of it before it begins.
+        seen: its last states.
     """
 
     def __init__(self, about: State, job: SolverJob) -> None:
-        self.id, self.about = uuid.uuid4().hex, about
+        self.id, self.about, self.seen = uuid.uuid4().hex, about, SeenStates()
         self._job = job
         self._watchers: set[asyncio.Queue[State]] = set()
 
@@ -45,7 +47,8 @@ class Session:
         self.say({"stop": True})
 
     def take(self, message: State) -> None:
-        """Take a message of the process: a state, which all watchers see."""
+        """Take a message of the process: a state, which is kept and all watchers see."""
+        self.seen.add(message)
         self.publish({"type": "state", **message})
 
     def publish(self, event: State) -> None:

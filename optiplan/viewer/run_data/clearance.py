@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.collision.contacts import Contact
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
@@ -23,6 +23,7 @@ _EVEN = 160  # samples of the distance, evenly spread
 _NEAR = 0.75  # times as many at the most, where the certificate looked closely
 _CLOSE = 0.01  # m: closely looked at is what was proved by less
 _BISECTIONS = 24
+_CHOICES = 8  # pairs that can be looked at alone: those nearest of all at some sample, the nearest first
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,7 @@ class _Measured:
 
     model: CollisionModel
     t: Array
+    Q: Array
     near: list[Contact]
     proved: float | None
     bound: ClearanceBound | None
@@ -40,14 +42,28 @@ class _Measured:
         """Return the bodies of a pair."""
         return self.model.pairs[pair].name_a, self.model.pairs[pair].name_b
 
+    def named(self, names: tuple[str, str]) -> Flags:
+        """Return which pairs (P,) are of these bodies."""
+        return np.array([self.names(pair) == names for pair in range(len(self.model.pairs))])
 
-def clearance_of(problem: Problem, trajectory: Trajectory, even: int = _EVEN) -> dict[str, Any] | None:
+    @property
+    def of_scene(self) -> Flags:
+        """Which pairs (P,) are of a body of the scene."""
+        scene = {body.name for body in self.model.scene.obstacles}
+        return np.array([not scene.isdisjoint(self.names(pair)) for pair in range(len(self.model.pairs))])
+
+
+def clearance_of(
+    problem: Problem, trajectory: Trajectory, even: int = _EVEN, chosen: bool = True
+) -> dict[str, Any] | None:
     """JSON-ready clearance over time; None where no two bodies can meet. Lengths in m, arrays packed.
 
     `t` (k,), `distance` (k,), `points` (k, 2, 3), `pair` (k,): the nearest pair of `pairs`, measured at samples.
     `edges` (m + 1,), `proved` (m,), `proved_pair` (m,): the certificate's bound on each interval, only for what is
     proved; its least is the clearance in the report. `least`: the smallest distance. `contacts`: times from and to, s,
     in which bodies overlap. Of a task each part of the motion is measured in its own scene.
+    `choices`, if `chosen`: [{`of`, `distance` (k,), `points` (k, 2, 3)}], the same of the scene's pairs alone, of the
+    robot's own, and of single pairs; NaN where there is none.
     """
     if problem.task and mismatch(problem, trajectory):
         return None
@@ -76,6 +92,7 @@ def clearance_of(problem: Problem, trajectory: Trajectory, even: int = _EVEN) ->
         "pair": [index[names] for names in at],
         "least": _moment(float(t[k]), near[k]),
         "contacts": [contact for part in parts for contact in part.contacts],
+        "choices": _choices(parts, [names for names in index if names in at]) if chosen else [],
     }
     if len(bounds) < len(parts):
         return shown
@@ -104,7 +121,48 @@ def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -
     if bound is not None:
         bound = replace(bound, edges=bound.edges + part.begin)
     later = [[begin + part.begin, end + part.begin] for begin, end in contacts]
-    return _Measured(model, t + part.begin, near, proof.clearance if proof.proved else None, bound, later)
+    return _Measured(
+        model,
+        t + part.begin,
+        motion(t)[:, : model.robot.n],
+        near,
+        proof.clearance if proof.proved else None,
+        bound,
+        later,
+    )
+
+
+def _choices(parts: list[_Measured], pairs: list[tuple[str, str]]) -> list[dict[str, Any]]:
+    """What can be looked at alone: the nearest of the robot and the scene, of the robot itself, and single pairs."""
+    nearest = {
+        names: min(one.distance for part in parts for one in part.near if part.names(one.pair.index) == names)
+        for names in pairs
+    }
+    found = [
+        _chosen("robot – scene", parts, [part.of_scene for part in parts]),
+        _chosen("robot – itself", parts, [~part.of_scene for part in parts]),
+        *(
+            _chosen(" – ".join(names), parts, [part.named(names) for part in parts])
+            for names in sorted(nearest, key=nearest.__getitem__)[:_CHOICES]
+        ),
+    ]
+    return [one for one in found if one is not None]
+
+
+def _chosen(of: str, parts: list[_Measured], which: list[Flags]) -> dict[str, Any] | None:
+    """The nearest of some pairs, (P,) of each part, at every sample; None where no part has such a pair."""
+    distance = np.full(sum(len(part.t) for part in parts), np.nan)
+    points = np.full((len(distance), 2, 3), np.nan)
+    k = 0
+    for part, chosen in zip(parts, which, strict=True):
+        pairs = np.flatnonzero(chosen)
+        for i, q in enumerate(part.Q if len(pairs) else (), k):
+            found = part.model.nearest_of(q, pairs)
+            distance[i], points[i] = found.distance, (found.point_a, found.point_b)
+        k += len(part.t)
+    if np.isnan(distance).all():
+        return None
+    return {"of": of, "distance": base64_of(distance), "points": base64_of(points)}
 
 
 def _nearest(model: CollisionModel, trajectory: Trajectory, time: float) -> Contact:

@@ -1,8 +1,17 @@
 "use strict";
 // The address of the page holds what is seen: #t=0.6&paused&speed=2&cam=…&layers=…&runs=a,b&run=a&tab=velocity&theme=dark
+// &hide=table&pin=cube&of=robot%20–%20scene&multiples&signals=[…]
 const OptiPlanAddress = (() => {
   const numbers = (text) => text.split(",").map(Number);
   const parsed = () => new URLSearchParams((location.hash || location.search).slice(1));
+
+  const names = (wish, key) => (wish.get(key) || "").split(",").filter(Boolean);
+  const joined = (found) => found.map(encodeURIComponent).join();
+
+  // Signals as the address holds them; one that cannot be read is none.
+  function signals(text) {
+    try { return JSON.parse(text).filter(({ kind, a }) => ["rate", "sum", "difference"].includes(kind) && typeof a === "string"); } catch { return []; }
+  }
 
   // Does what the address says; what it does not mention stays as it is.
   function obey(app, wish = parsed()) {
@@ -15,6 +24,10 @@ const OptiPlanAddress = (() => {
       if (!wish.has("run")) app.select(Math.max(0, app.shown.indexOf(true)));
       app.update();
     }
+    if (wish.has("signals")) dock.signal(signals(wish.get("signals")));
+    if (wish.has("multiples")) { dock.multiples = true; dock.draw(); }
+    if (wish.has("of")) dock.look(wish.get("of"));
+    if (scene && (wish.has("hide") || wish.has("pin"))) app.picked.wish = { hidden: names(wish, "hide"), pinned: names(wish, "pin") };
     if (wish.has("tab") && [...dock.tabs.children].some((tab) => tab.dataset.name === wish.get("tab"))) dock.choose(wish.get("tab"));
     const panel = [...document.getElementById("panels").children].find((button) => button.dataset.panel === wish.get("panel"));
     if (panel) panel.click();
@@ -39,6 +52,11 @@ const OptiPlanAddress = (() => {
     if (data.runs.length > 1) parts.push(`run=${encodeURIComponent(data.runs[app.selected].label)}`);
     if (app.chosen) parts.push(`runs=${data.runs.filter((_, k) => app.shown[k]).map((run) => encodeURIComponent(run.label)).join()}`);
     if (dock.quantity !== (data.runs.length > 3 ? "table" : "velocity")) parts.push(`tab=${encodeURIComponent(dock.quantity)}`);
+    if (scene && app.picked && app.picked.hidden.size) parts.push(`hide=${joined(app.picked.wish.hidden)}`);
+    if (scene && app.picked && app.picked.pins.size) parts.push(`pin=${joined(app.picked.wish.pinned)}`);
+    if (dock.run && dock.run.only) parts.push(`of=${encodeURIComponent(dock.run.only)}`);
+    if (dock.multiples) parts.push("multiples");
+    if (dock.signals.length) parts.push(`signals=${encodeURIComponent(JSON.stringify(dock.signals))}`);
     if (document.documentElement.dataset.theme) parts.push(`theme=${document.documentElement.dataset.theme}`);
     const hash = parts.length ? "#" + parts.join("&") : "";
     if (hash === location.hash) return;

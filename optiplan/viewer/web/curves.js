@@ -13,9 +13,11 @@
 //     bands: [[t0, t1]],        // optional: stretches of time drawn in red
 //     marks: [{ t, y, words }], // optional: points to click on, which seek
 //     said: "…",                // optional: a sentence beside the title
+//     axis: [low, high], end,   // optional: what both axes show, where several plots are to be compared
 //     range: [from, to],        // optional: the stretch of time that is shown; null for all
 //     onSeek: (t) => …, onHover: (name or null) => …,
 //     onRange: ([from, to] or null) => … });   // wheel and drag with shift zoom, a double click shows all again
+//   plot.feed(t, columns, from);   // of a curve that goes on while it is looked at
 //   plot.time(t); plot.single(name or null); plot.say(text); plot.set(spec); plot.destroy();
 const OptiPlanCurves = (() => {
   const COLOURS = ["#4477aa", "#ee6677", "#228833", "#b58a00", "#2ba3c4", "#aa3377", "#8a6d5c", "#7a7fd1", "#d97b2b", "#5f9e8f", "#c2577e", "#6b7a0f", "#3b5bb5", "#9a9a9a"];
@@ -60,6 +62,21 @@ const OptiPlanCurves = (() => {
     if (!Number.isFinite(series.low ?? NaN) || !Number.isFinite(series.high ?? NaN) || series.high <= series.low) return null;
     const middle = 0.5 * (series.low + series.high), half = 0.5 * (series.high - series.low), share = (v) => (v - middle) / half;
     return { ...series, y: Array.from(series.y, share), low: -1, high: 1, extrema: (series.extrema || []).map(([t, v]) => [t, share(v)]) };
+  }
+
+  // What the axis of a plot must show, [low, high]: the curves, and limits that do not flatten them.
+  function range({ series, most, asinh }) {
+    let low = Infinity, high = -Infinity;
+    for (const { y } of series) for (const v of y) if (v !== null && Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
+    if (!(low <= high)) return [-1, 1];
+    if (most !== undefined) high = Math.min(high, most);
+    if (asinh) return [Math.min(0, 1.3 * low), 1.6 * Math.max(high, asinh)];
+    const size = Math.max(Math.abs(low), Math.abs(high)) || 1;
+    for (const one of series) for (const limit of [one.low ?? null, one.high ?? null]) {
+      if (limit !== null && Number.isFinite(limit) && Math.abs(limit) <= FAR * size) { low = Math.min(low, limit); high = Math.max(high, limit); }
+    }
+    const room = 0.06 * (high - low || size);
+    return [low - room, high + room];
   }
 
   class Plot {
@@ -117,21 +134,6 @@ const OptiPlanCurves = (() => {
       this.key.hidden = !this.series.length;
     }
 
-    // What the axis must show: the curves, and limits that do not flatten them.
-    range() {
-      let low = Infinity, high = -Infinity;
-      for (const { y } of this.series) for (const v of y) if (Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
-      if (!(low <= high)) return [-1, 1];
-      if (this.spec.most !== undefined) high = Math.min(high, this.spec.most);
-      if (this.spec.asinh) return [Math.min(0, 1.3 * low), 1.6 * Math.max(high, this.spec.asinh)];
-      const size = Math.max(Math.abs(low), Math.abs(high)) || 1;
-      for (const one of this.series) for (const limit of [one.low, one.high]) {
-        if (limit !== null && Number.isFinite(limit) && Math.abs(limit) <= FAR * size) { low = Math.min(low, limit); high = Math.max(high, limit); }
-      }
-      const room = 0.06 * (high - low || size);
-      return [low - room, high + room];
-    }
-
     data() {
       if (!this.series.length) return [[0, 1]];
       const tables = this.series.map((one) => [one.t, one.y]);
@@ -141,10 +143,11 @@ const OptiPlanCurves = (() => {
 
     draw() {
       if (this.plot) this.plot.destroy();
-      const { clientWidth: width, clientHeight: height } = this.canvas, [low, high] = this.range(), data = this.data();
+      const { clientWidth: width, clientHeight: height } = this.canvas, [low] = this.spec.axis || range({ ...this.spec, series: this.series }), data = this.data();
       const axis = { stroke: () => css("--soft"), grid: { stroke: () => css("--axis"), width: 1 }, ticks: { show: false }, font: "11px system-ui, sans-serif" };
-      const y = this.spec.asinh ? { distr: 4, asinh: this.spec.asinh, range: [low, high] } : { range: [low, high] };
-      const end = Math.max(...data[0].slice(-1), 1e-9);
+      const limits = () => this.spec.axis || range({ ...this.spec, series: this.series });
+      const y = this.spec.asinh ? { distr: 4, asinh: this.spec.asinh, range: limits } : { range: limits };
+      const end = Math.max(...data[0].slice(-1), this.spec.end || 0, 1e-9);
       const line = (one) => ({
         label: one.name, stroke: one.colour.startsWith("--") ? () => css(one.colour) : one.colour, width: one.width || 1.5, dash: one.dash, spanGaps: true, points: { show: false },
         ...(one.step ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}), ...(one.fill ? { fill: () => css(one.fill), fillTo: Math.max(0, low) } : {}),
@@ -233,6 +236,14 @@ const OptiPlanCurves = (() => {
       this.spec.range = range;
       if (this.plot) this.plot.setScale("x", { min: range ? range[0] : 0, max: range ? range[1] : this.end });
       this.time(this.now);
+    }
+
+    // Other samples of the same series: times t (k,) rise, a column (k,) a series; shown from `from` on, s.
+    feed(t, columns, from) {
+      this.series.forEach((one, k) => { one.t = t; one.y = columns[k]; });
+      this.spec.range = [from, Math.max(t[t.length - 1], from + 1e-3)];
+      this.plot.setData([t, ...columns]);
+      this.time(t[t.length - 1]);
     }
 
     paintBands(u) {
@@ -324,5 +335,5 @@ const OptiPlanCurves = (() => {
     // After a change of colours.
     redraw() { if (this.plot) this.plot.redraw(false, true); }
   }
-  return { Plot, valueAt, shared, digits, make, css, COLOURS };
+  return { Plot, range, valueAt, shared, digits, make, css, COLOURS };
 })();

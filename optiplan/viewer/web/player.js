@@ -45,6 +45,7 @@
     joint(name) { if (scene) scene.lightJoint(name); },
     solo(k) { app.alone = k === null || k < 0 ? null : k; show(); },
     update() { app.chosen = true; rewind(); show(); app.dock.draw(); app.changed(); },
+    looked() { posed = null; pose(); },
     select, changed: () => OptiPlanAddress.write(app),
   };
   app.layers = new OptiPlanLayers.Layers(byId("layers"), () => { fillLegend(); app.changed(); });
@@ -178,6 +179,7 @@
       const most = Math.max(...speed.series.map((one) => Math.max(...one.y)));
       add(`tool, 0 to ${most.toPrecision(3)} m/s`, { background: `linear-gradient(90deg, ${OptiPlanPaths.SPEEDS.join()})`, width: "44px" });
     }
+    if (data.runs.some((run) => OptiPlanSteps.hasEvents(run))) add("attach, detach", {}, "diamond");
     if (seen("rod") && moving.some((run) => run.clearance)) add("nearest points", { background: OptiPlanRod.COLOUR });
     byId("legend").replaceChildren(...rows);
   }
@@ -233,12 +235,13 @@
     scene.tool = scene.addTriad(scene.layers.frames, [0, 0, 0, 0, 0, 0, 1], 0.05);
     scene.frame();
     data.runs.forEach((run, k) => run.witnesses.forEach((witness) => scene.failures.push(new OptiPlanFailure.Failure(scene, scene.runs[k], witness))));
-    scene.beforeDrawing = () => { for (const failure of scene.failures) failure.update(); placeTool(); };
+    scene.beforeDrawing = () => { for (const failure of scene.failures) failure.update(); app.picked.update(); placeTool(); };
     const { controls } = scene.viewer;
     controls.addEventListener("change", () => { scene.viewer.set_dirty(); });
     controls.addEventListener("end", () => { scene.turned = true; app.changed(); });
     new ResizeObserver(() => scene.resize(byId("pane"))).observe(byId("pane"));
     addTips();
+    app.picked = new OptiPlanPicked.Picked(scene, byId("pane"), byId("hidden"), () => app.changed());
   }
 
   function placeTool() {

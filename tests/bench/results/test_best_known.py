@@ -86,7 +86,7 @@ def test_what_is_no_table_is_refused_with_its_line(tmp_path, old, new, words):
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs the problems of MotionBenchMaker")
-@pytest.mark.parametrize("robot", ["panda", "ur5", "fetch"])
+@pytest.mark.parametrize("robot", ["panda", "fetch"])  # ur5: its pairs are proved for 20 s first
 def test_a_stored_recipe_is_verified_again(robot, tmp_path):
     table = BestKnownTable(TABLES / f"mbm-{robot}.csv")
     if not len(table):

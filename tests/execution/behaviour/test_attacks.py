@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import optiplan as op
@@ -11,6 +12,8 @@ from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.path_laws import PathPlace
 from optiplan.execution.paths.proved_path import ProvedPath
 from optiplan.problem.problem import derived
+from optiplan.problem.task.scene_change import carrying
+from optiplan.problem.task.timeline import scene_parts
 
 DT = 1e-3
 
@@ -141,6 +144,24 @@ def test_reverse_at_an_event_that_was_done_stays_there(run_of):
     done += [event for tick in (executor.tick(5e-3) for _ in range(200)) for event in tick.events]
     assert executor.status.place >= grip.end - 1e-9
     assert done == []
+
+
+def test_at_the_end_of_a_way_back_the_object_is_still_carried(run_of):
+    """Rounding, or the mirrored path, must not put the robot before the event that is not undone."""
+    run = run_of("40_panda_sorts_cubes")
+    attach = next(event for event in run.trajectory.segments if event.kind == "attach")
+    executor = op.Executor(run)
+    while executor.status.place < attach.begin + 0.05:
+        executor.tick(5e-3)
+    executor.reverse()
+    ticks = [executor.tick(5e-3) for _ in range(200)]
+    assert attach.begin <= ticks[-1].status.place <= attach.begin + 1e-9
+    carried = next(part for part in scene_parts(run.problem, run.trajectory) if part.begin >= attach.begin)
+    robot = carrying(carried.problem.robot, carried.problem.scene)
+    models, still = (robot.model, run.problem.robot.model), np.zeros(robot.n)
+    wanted, empty = (pin.rnea(model, model.createData(), ticks[-1].q, still, still) for model in models)
+    assert np.abs(wanted - empty).max() > 0.1
+    np.testing.assert_allclose(ticks[-1].torque, wanted, atol=1e-6)
 
 
 def test_events_before_another_run_takes_over_are_handed_out(run_of, monkeypatch):

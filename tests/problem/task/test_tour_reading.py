@@ -44,6 +44,22 @@ def test_file_csv_and_python_are_one_problem(tmp_path):
     assert problem_from_dict(read.source).hash == read.hash  # the source holds the targets themselves
 
 
+def test_targets_stand_in_frames():
+    """An axis and a place `in` a frame that is turned by a quarter about z."""
+    tray = {"in": "world", "position": [0.4, 0.1, 0.2], "rpy_deg": [0, 0, 90]}
+    targets = [
+        {"in": "tray", "position": [0.1, 0, 0.1], "axis": [1, 0, 0]},
+        {"in": "tray", "position": [0, 0, 0.2], "rpy": [0, 0, 0]},
+    ]
+    data = {"version": 1, "robot": "ur5", "start": {"configuration": "ready"}, "frames": {"tray": tray}}
+    read = problem_from_dict({**data, "task": [{"tour": {"targets": targets}}]})
+    first, second = (target.goal.X_WR for target in read.task[0].action.targets)
+    assert np.allclose(first.translation, [0.4, 0.2, 0.3])
+    assert np.allclose(first.rotation[:, 2], [0, 1, 0])
+    assert np.allclose(second.translation, [0.4, 0.1, 0.4])
+    assert np.allclose(second.rotation[:, 0], [0, 1, 0])
+
+
 @pytest.mark.parametrize(
     ("targets", "tour", "found"),
     [

@@ -77,6 +77,7 @@ def test_a_motion_is_steered_to_its_end(server, planned):
         "duration": 0.0,
         "rate": 0.0,
         "joint_names": ["shoulder", "elbow"],
+        "velocity_limits": [2.0, 2.0],
         "lease": None,
         "ended": None,
         "clean": None,

@@ -1,5 +1,7 @@
 """The run page as an instrument: one time for scene, curves, clearance, verdict and slider; failures; comparisons."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -282,3 +284,82 @@ def test_a_table_tells_differences_to_the_selected_run(visit, comparison_page):
     page.evaluate("optiplan.app.select(2)")
     told = page.locator(".compare tbody tr", has_text="as planned").locator("td.number").nth(1).text_content()
     assert told.endswith("−50 %")
+
+
+def test_distances_of_the_scene_alone_and_signals_made_of_curves(visit, proof_page):
+    page = visit(proof_page + "#t=0.3&paused")
+    page.set_viewport_size({"width": 1280, "height": 800})
+    offered = page.locator("#distance-of option").all_text_contents()
+    assert offered[:3] == ["of all", "robot – scene", "robot – itself"]
+    nearest = "optiplan.scene.rod.moment"
+    least = page.evaluate(nearest)["distance"]
+    found = []
+    for name in ("robot – scene", "robot – itself", offered[-1]):
+        page.select_option("#distance-of", name)
+        moment = page.evaluate(nearest)  # the rod goes along
+        assert moment["pair"] == [name]
+        assert page.locator(".near .head b").text_content() == f"clearance, {name}"
+        found.append(moment["distance"])
+        assert moment["distance"] == pytest.approx(np.linalg.norm(np.subtract(*moment["points"])), abs=1e-4)
+    assert min(found[:2]) == pytest.approx(least, abs=1e-5)
+    assert found[0] != pytest.approx(found[1], abs=1e-3)
+    page.locator(".derive summary").click()
+    page.get_by_label("curve", exact=True).select_option("velocity: joint2")
+    page.get_by_role("button", name="Add", exact=True).click()
+    assert page.locator(".tabs [aria-selected='true']").text_content() == "derived"
+    rate, own = page.evaluate("""() => { const { quantities } = OptiPlanDock.decoded(optiplan.app.data.runs[0]);
+      const at = (name, k) => quantities.find((one) => one.name === name).series[k], some = [0.13, 0.29, 0.41, 0.6];
+      return [at("derived", 0), at("acceleration", 1)].map((one) =>
+        some.map((x) => OptiPlanCurves.valueAt(one, x))); }""")
+    assert rate == pytest.approx(own, rel=0.02, abs=0.1)
+    address = page.evaluate("location.href")
+    page.locator(".derive summary").click()
+    page.get_by_role("button", name="× rate").click()
+    assert page.locator(".tabs [data-name='derived']").count() == 0
+    again = visit(address)
+    assert again.locator(".tabs [aria-selected='true']").text_content() == "derived"
+    assert again.input_value("#distance-of") == offered[-1]
+
+
+def test_bodies_are_hidden_and_their_names_pinned(visit, proof_page):
+    page = visit(proof_page + "#t=0.3&paused&cam=2.2,-1.6,1.4,0.4,0,0.4")
+    page.set_viewport_size({"width": 1280, "height": 800})
+    settled(page, "#pane")
+    place = page.evaluate("""() => { for (let x = 200; x < 900; x += 10) for (let y = 100; y < 400; y += 10) {
+      const name = optiplan.scene.bodyAt(x, y); if (name && name.startsWith("panda_link")) return [x, y, name]; } }""")
+    box, (x, y, name) = page.locator("#pane").bounding_box(), place
+    page.mouse.click(box["x"] + x, box["y"] + y)
+    page.get_by_role("button", name="Pin name").click()
+    page.locator(".label.pin", has_text=name).wait_for()
+    before = page.locator(".label.pin").bounding_box()
+    page.evaluate("optiplan.seek(optiplan.duration)")
+    end = time.monotonic() + 60.0
+    while page.locator(".label.pin").bounding_box() == before:  # it goes along
+        assert time.monotonic() < end
+        page.wait_for_timeout(50)
+    page.evaluate("optiplan.seek(0.3)")
+    page.mouse.click(box["x"] + x, box["y"] + y)
+    page.get_by_role("button", name="Hide").click()
+    assert name in page.locator("#hidden button").text_content()
+    assert page.evaluate(f"optiplan.scene.bodyAt({x}, {y})") != name
+    assert f"hide={name}" in page.evaluate("location.hash")
+    again = visit(page.evaluate("location.href"))
+    assert again.evaluate("[...optiplan.app.picked.hidden]") == [name]
+    page.get_by_role("button", name=f"{name} ×").click()
+    assert page.evaluate(f"optiplan.scene.bodyAt({x}, {y})") == name
+    assert page.locator("#hidden").is_hidden()
+
+
+def test_each_run_of_a_comparison_has_a_small_picture_with_the_same_axes(visit, comparison_page):
+    page = visit(comparison_page + "#t=0.3&paused&tab=clearance")
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.get_by_role("button", name="a picture a run").click()
+    shown = "optiplan.app.dock.plots.map((one) => [one.spec.title, one.plot.scales.x.max, ...one.spec.axis])"
+    (first, *_), *_ = plots = page.evaluate(shown)
+    assert (first, len(plots)) == ("as planned", 3)
+    assert len({tuple(one[1:]) for one in plots}) == 1
+    page.locator(".tabs [data-name='velocity']").click()
+    assert len({tuple(one[1:]) for one in page.evaluate(shown)}) == 1
+    assert page.evaluate("optiplan.app.dock.plots.map((one) => one.series.length)") == [7, 7, 7]
+    for width, height in SIZES:
+        assert overlaps(page, width, height) == []

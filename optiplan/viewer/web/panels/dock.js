@@ -23,27 +23,33 @@ const OptiPlanDock = (() => {
     if (run.near || !run.clearance) return run.near || null;
     const own = run.clearance;
     run.near = { ...own, t: floats(own.t), distance: floats(own.distance), points: floats(own.points) };
+    run.near.choices = (own.choices || []).map((one) => ({ of: one.of, distance: Array.from(floats(one.distance), (d) => (Number.isFinite(d) ? d : null)), points: floats(one.points) }));
     if (own.edges) Object.assign(run.near, { edges: doubles(own.edges), proved: doubles(own.proved) });
     return run.near;
   }
 
+  // What of a clearance is looked at alone, `run.only`: the scene's, the robot's own, or that of one pair; null: all.
+  const only = (run) => (run.only && clearance(run) ? run.near.choices.find((one) => one.of === run.only) || null : null);
+
   // The nearest two bodies at time t: { distance, points, pair }, between two samples of one pair by a straight line.
   function nearest(run, t) {
-    const near = clearance(run);
-    if (!near) return null;
+    const all = clearance(run), alone = only(run);
+    if (!all) return null;
+    const near = alone ? { ...all, ...alone } : all;
     let low = 0, high = near.t.length - 1;
     while (high - low > 1) { const middle = (low + high) >> 1; if (near.t[middle] <= t) low = middle; else high = middle; }
-    const x = Math.min(1, Math.max(0, (t - near.t[low]) / (near.t[high] - near.t[low] || 1))), same = near.pair[low] === near.pair[high];
+    if (near.distance[low] === null || near.distance[high] === null) return null;
+    const x = Math.min(1, Math.max(0, (t - near.t[low]) / (near.t[high] - near.t[low] || 1))), same = alone !== null || near.pair[low] === near.pair[high];
     const k = x < 0.5 ? low : high, share = same ? x : k - low;
     const at = (array, i) => array[6 * low + i] + share * (array[6 * high + i] - array[6 * low + i]);
     const points = [[0, 1, 2].map((i) => at(near.points, i)), [3, 4, 5].map((i) => at(near.points, i))];
-    return { distance: near.distance[low] + share * (near.distance[high] - near.distance[low]), points, pair: near.pairs[near.pair[k]] };
+    return { distance: near.distance[low] + share * (near.distance[high] - near.distance[low]), points, pair: alone ? [alone.of] : near.pairs[near.pair[k]] };
   }
 
   class Dock {
     // app: { data, selected, shown, colour(k), clock, joint(name or null) }; its elements are in the page.
     constructor(app, element) {
-      Object.assign(this, { app, element, quantity: app.data.runs.length > 3 ? "table" : "velocity", share: false, joint: WORST, plots: [] });
+      Object.assign(this, { app, element, quantity: app.data.runs.length > 3 ? "table" : "velocity", share: false, joint: WORST, plots: [], signals: [], multiples: false });
       this.tabs = make("div", "tabs");
       this.tabs.setAttribute("role", "tablist");
       this.tabs.setAttribute("aria-label", "Curves");
@@ -67,12 +73,31 @@ const OptiPlanDock = (() => {
 
     // The selected run, or which runs are shown, has changed.
     fill() {
+      this.derive();
       const found = decoded(this.run) || decoded(this.app.data.runs.find((run) => run.curves) || {});
       const names = [...(this.several ? ["table"] : []), ...(this.app.data.runs.some((run) => run.clearance) ? ["clearance"] : []), ...(found ? found.quantities.map((one) => one.name) : [])];
       this.element.hidden = !names.length;
       if (!names.includes(this.quantity)) this.quantity = names[names.length - 1] || "velocity";
       this.tabs.replaceChildren(...names.map((name) => this.tab(name)));
       this.draw();
+    }
+
+    // The signals that were made of curves, as a quantity of each run.
+    derive() {
+      for (const run of this.app.data.runs) {
+        const found = decoded(run);
+        if (!found) continue;
+        const own = found.quantities.filter((one) => one.name !== OptiPlanDerived.NAME), made = OptiPlanDerived.quantity(this.signals, own);
+        found.quantities = made ? [...own, made] : own;
+      }
+    }
+
+    // Other signals, [{kind, a, b}]; the last of them is looked at.
+    signal(signals) {
+      this.signals = signals;
+      if (signals.length) Object.assign(this, { quantity: OptiPlanDerived.NAME, joint: WORST });
+      this.fill();
+      this.app.changed();
     }
 
     tab(name) {
@@ -94,11 +119,32 @@ const OptiPlanDock = (() => {
       this.fillOptions();
       this.own.replaceChildren();
       this.near.replaceChildren();
-      this.nearPlot = this.clearanceSpec() ? this.add(this.near, this.clearanceSpec()) : null;
+      this.element.classList.toggle("multiples", this.small);
+      this.nearPlot = this.clearanceSpec() && !this.small ? this.add(this.near, this.clearanceSpec()) : null;
       this.near.hidden = !this.nearPlot;
+      if (this.small) { this.addMultiples(); this.time(); return; }
       if (this.quantity === "table") { const box = make("div", "scrolled"); box.tabIndex = 0; box.setAttribute("aria-label", "Comparison"); this.app.comparison.fillTable(box); this.own.append(box); this.app.comparison.mark(); }
       else if (this.quantity !== "clearance" && this.quantitySpec()) this.plot = this.add(this.own, this.quantitySpec());
       this.time();
+    }
+
+    // Whether each run has a small picture of its own.
+    get small() { return this.multiples && this.several && this.quantity !== "table"; }
+
+    // A small picture a run, all with the same axes, in the order of the table.
+    addMultiples() {
+      const near = this.quantity === "clearance", specs = [];
+      for (const [run, k] of this.app.comparison.order) {
+        if (!this.app.shown[k] || !(near ? clearance(run) : run.curves)) continue;
+        const spec = near ? this.ownClearance(run, k) : { ...this.chosen(run), series: this.chosen(run).series.filter((one) => this.joint === WORST || this.chosen(run).of !== "joints" || one.name === this.joint) };
+        specs.push({ ...spec, title: run.label, unit: spec.unit, said: "", marks: spec.marks });
+      }
+      const axes = specs.map((spec) => OptiPlanCurves.range(spec)), end = Math.max(...specs.map((spec) => Math.max(...spec.series.map((one) => one.t[one.t.length - 1]))));
+      for (const spec of specs) {
+        const cell = make("div", "cell");
+        this.own.append(cell);
+        this.add(cell, { ...spec, end, axis: [Math.min(...axes.map(([low]) => low)), Math.max(...axes.map(([, high]) => high))] });
+      }
     }
 
     add(element, spec) {
@@ -124,7 +170,32 @@ const OptiPlanDock = (() => {
         label.append(choice);
         found.push(label);
       }
+      if (this.several && this.quantity !== "table") {
+        const button = make("button", "", this.multiples ? "one picture" : "a picture a run");
+        button.type = "button";
+        button.addEventListener("click", () => { this.multiples = !this.multiples; this.draw(); this.app.changed(); });
+        found.push(button);
+      }
+      const choices = (clearance(this.run) || { choices: [] }).choices;
+      if (choices.length) {
+        const label = make("label", "", "distance "), choice = make("select");
+        choice.id = "distance-of";
+        choice.append(new Option("of all", "", false, !this.run.only), ...choices.map((one) => new Option(one.of, one.of, false, one.of === this.run.only)));
+        choice.addEventListener("change", () => this.look(choice.value || null));
+        label.append(choice);
+        found.push(label);
+      }
+      const all = decoded(this.run);
+      if (all) found.push(OptiPlanDerived.form(this.signals, all.quantities.filter((one) => one.name !== OptiPlanDerived.NAME), () => this.signal(this.signals)));
       this.options.replaceChildren(...found);
+    }
+
+    // Which distance is shown: of all, the scene's, the robot's own, or of a pair.
+    look(of) {
+      this.run.only = of;
+      this.draw();
+      this.app.looked();
+      this.app.changed();
     }
 
     chosen(run = this.run) {
@@ -156,14 +227,25 @@ const OptiPlanDock = (() => {
     }
 
     clearanceSpec() {
-      const run = this.run, own = clearance(run), series = [];
+      const run = this.run, own = clearance(run), alone = only(run), series = [];
+      if (alone) {
+        const y = alone.distance.map((d) => (d === null ? null : 1e3 * d)), known = y.map((d, k) => [d, own.t[k]]).filter(([d]) => d !== null), [least, at] = known.reduce((a, b) => (b[0] < a[0] ? b : a));
+        return { title: `clearance, ${alone.of}`, unit: "mm", series: [{ name: "measured", t: own.t, y, colour: "--measured", width: 2 }], asinh: 1, most: MOST, marks: [{ t: at, y: Math.min(MOST, least), words: `the least: ${millimetres(1e-3 * least)} at ${at.toFixed(3)} s` }] };
+      }
       this.app.data.runs.forEach((other, k) => {
         const near = other !== run && this.app.shown[k] && clearance(other);
         if (near) series.push({ name: other.label, t: near.t, y: near.distance.map((d) => 1e3 * d), colour: this.app.colour(k), width: 1 });
       });
       if (!own) return series.length ? { title: "clearance", unit: "mm", series, asinh: 1, most: MOST } : null;
+      const spec = this.ownClearance(run, this.app.selected);
+      return { ...spec, series: [...spec.series, ...series] };
+    }
+
+    // The clearance of one run: what was measured over what is proved.
+    ownClearance(run, k) {
+      const own = clearance(run), series = [];
       const millis = (array) => Float64Array.from(array, (d) => 1e3 * d), marks = [{ t: own.least.t, y: Math.min(MOST, 1e3 * own.least.distance), words: `the least: ${millimetres(own.least.distance)}, ${own.least.pair.join(" – ")}, at ${own.least.t.toFixed(3)} s` }];
-      const colour = this.several ? this.app.colour(this.app.selected) : "--measured";
+      const colour = this.several ? this.app.colour(k) : "--measured";
       series.unshift({ name: "measured", t: own.t, y: millis(own.distance), colour, width: 2 });
       if (own.proved) series.unshift({ name: "proved", t: own.edges, y: millis([...own.proved, own.proved[own.proved.length - 1]]), colour: "--proved", step: true, fill: "--proved-fill", width: 1 });
       return { title: "clearance", unit: "mm", series, asinh: 1, most: MOST, marks, bands: own.contacts };
@@ -175,7 +257,7 @@ const OptiPlanDock = (() => {
       this.shownRange();
       if (!this.nearPlot || !this.run.near) return;
       const moment = nearest(this.run, clock.time);
-      this.nearPlot.say(`${moment.pair.join(" – ")}, ${millimetres(moment.distance)}`);
+      if (moment) this.nearPlot.say(`${moment.pair.join(" – ")}, ${millimetres(moment.distance)}`);
     }
 
     // The range that is shown and played, with a way back to all.

@@ -83,5 +83,6 @@ const OptiPlanSteps = (() => {
       this.rows.forEach((row, i) => row.classList.toggle("selected", i === k));
     }
   }
-  return { Steps };
+  const hasEvents = (run) => (run.segments || []).some((one) => EVENTS.includes(one.kind));
+  return { Steps, hasEvents };
 })();

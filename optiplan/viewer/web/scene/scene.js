@@ -279,6 +279,7 @@ const OptiPlanScene = (() => {
 
     // The body under a place of the picture: its name, or null.
     bodyAt(x, y) {
+      this.root.updateMatrixWorld(); // bodies may have been moved since the last picture
       const rays = new THREE.Raycaster(), seen = [...(this.layers.obstacle.visible ? this.layers.obstacle.children : [])];
       for (const run of this.runs) for (const part of [run.figure, run.objects.group]) part.traverse((o) => { if (o.isMesh && o.visible && o.parent.visible) seen.push(o); });
       rays.setFromCamera({ x: (2 * x) / this.width - 1, y: 1 - (2 * y) / this.height }, this.viewer.camera);

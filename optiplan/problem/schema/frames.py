@@ -1,0 +1,161 @@
+"""Named frames of a problem file: poses that are said in an object or a frame become poses in the world.
+
+A pose X_WB that the file says `in` F, with an `offset`, is X_WF X_FB X_BO: the pose of the file in F, and then the
+offset in its own axes. An obstacle's frame is where the file puts it, also where a task takes it away later.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.config.document import Document
+from optiplan.config.messages import choices, describe
+from optiplan.errors import Issue
+from optiplan.geometry.poses import pose_from_data, pose_to_data
+from optiplan.problem.partial import mapping
+
+WORLD = "world"
+OWN = ("in", "offset", "position", "rpy", "rpy_deg", "quaternion")
+"""Keys of a pose that say where it is."""
+FARTHEST = 5.0
+"""m; an offset that is longer was meant in mm."""
+NOT_POSES = frozenset({"by", "distance", "pose", "speed"})
+"""Keys of lines, whose direction is said `in` the world or the tool."""
+OF_REGIONS = frozenset({"along", "about"})
+"""Keys of a region, whose `offset` is its own."""
+APART = ("robot", "frames")
+"""Parts of a file whose poses are of their own kind."""
+
+Place = tuple[str | int, ...]
+
+
+class FrameReader:
+    """The frames of a document.
+
+    Attributes:
+        issues: what is wrong with them, and with poses that name them.
+    """
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        root = mapping(document.data)
+        self._said: dict[str, tuple[Place, Mapping[str, Any]]] = {}
+        for k, one in enumerate(_listed(mapping(root.get("scene")).get("obstacles"))):
+            if isinstance(name := mapping(one).get("name"), str):
+                self._said[name] = ("scene", "obstacles", k, "pose"), mapping(one.get("pose"))
+        self.issues: list[Issue] = []
+        for name, pose in mapping(root.get("frames")).items():
+            self._add(name, pose)
+        self._known: dict[str, pin.SE3 | None] = {WORLD: pin.SE3.Identity()}
+
+    def _add(self, name: str, pose: Any) -> None:
+        place: Place = ("frames", name)
+        if name == WORLD or name in self._said:
+            taken = "the world's own name" if name == WORLD else "the name of an obstacle"
+            self._report(place, f"'{name}', {taken}", "a name that nothing else has")
+        elif not isinstance(pose, Mapping):
+            self._report(place, describe(pose), "a pose: {in: …, position: […], rpy: […]}")
+        else:
+            unknown = [key for key in pose if key not in OWN]
+            for key in unknown:
+                self._report((*place, key), "a key that a frame does not have", choices(key, OWN))
+            self._said[name] = place, pose
+
+    def check(self) -> None:
+        """Find what is wrong with frames that no pose names."""
+        for name in self._said:
+            self.pose_of(name, (name,))
+
+    def pose_of(self, name: str, way: tuple[str, ...]) -> pin.SE3 | None:
+        """Return X_WF of a frame that is there; None where it cannot be said. `way` has the names that led to it."""
+        if name not in self._known:
+            self._known[name] = None  # for whoever asks again on the way
+            place, pose = self._said[name]
+            self._known[name] = self.in_world(place, pose, way)
+        return self._known[name]
+
+    def in_world(self, place: Place, pose: Mapping[str, Any], way: tuple[str, ...] = ()) -> pin.SE3 | None:
+        """Return X_WO of a pose of the file; None where it cannot be said, which has been reported or will be."""
+        parent = pose.get("in", WORLD)
+        if not isinstance(parent, str) or parent not in (WORLD, *self._said):
+            expected = choices(str(parent), [WORLD, *self._said])
+            self._report((*place, "in"), f"unknown frame {describe(parent)}", expected)
+            return None
+        if parent in way:
+            found = f"a circle of frames: {' in '.join([*way, parent])}"
+            self._report((*place, "in"), found, "frames that lead to the world")
+            return None
+        X_WF = self.pose_of(parent, (*way, parent))
+        offset = {} if _is_region(pose) else mapping(pose.get("offset"))
+        if wrong := [key for key in offset if key not in OWN[2:]]:
+            self._report((*place, "offset", wrong[0]), "a key that an offset does not have", choices(wrong[0], OWN[2:]))
+            return None
+        try:
+            X_FB, X_BO = pose_from_data(pose), pose_from_data(offset)
+        except (TypeError, ValueError):  # the check of the pose says what is wrong with it; not so of offset and frames
+            if place[0] == "frames" or offset:
+                self._report(place, "a pose that cannot be read", "position: [x, y, z], m, and at most one rotation")
+            return None
+        if (far := max(abs(float(x)) for x in X_BO.translation)) > FARTHEST:
+            self._report((*place, "offset", "position"), f"{far:g} m", f"metres, at most {FARTHEST:g}")
+        return None if X_WF is None else X_WF * X_FB * X_BO
+
+    def _report(self, place: Place, found: str, expected: str) -> None:
+        self.issues.append(self._document.issue(place, found, expected))
+
+
+def in_world(document: Document) -> tuple[Document, list[Issue]]:
+    """Return a problem file whose poses are all in the world, without frames; and what is wrong with these."""
+    if not isinstance(document.data, Mapping):
+        return document, []
+    placed = list(_placed(document.data))
+    if not placed and "frames" not in document.data:
+        return document, []
+    frames = FrameReader(document)
+    frames.check()
+    poses = {place: frames.in_world(place, pose) for place, pose in placed}
+    data = {key: value for key, value in document.data.items() if key != "frames"}
+    unique = {(issue.field, issue.found): issue for issue in frames.issues}
+    return replace(document, data=_replaced(data, poses, ())), list(unique.values())
+
+
+def _listed(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []
+
+
+def _is_placed(value: Any) -> bool:
+    """Whether it is a pose in a frame, or with an offset; the directions of lines have `in`, and regions `offset`."""
+    if not isinstance(value, Mapping) or not NOT_POSES.isdisjoint(value):
+        return False
+    return "in" in value or (isinstance(value.get("offset"), Mapping) and "position" in value and not _is_region(value))
+
+
+def _is_region(value: Mapping[str, Any]) -> bool:
+    return not OF_REGIONS.isdisjoint(value)
+
+
+def _placed(data: Any, place: Place = ()) -> Iterator[tuple[Place, Mapping[str, Any]]]:
+    """Poses in frames below a place."""
+    if _is_placed(data):
+        yield place, data
+        return
+    items = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in items:
+        if place or key not in APART:
+            yield from _placed(value, (*place, key))
+
+
+def _replaced(data: Any, poses: Mapping[Place, pin.SE3 | None], place: Place) -> Any:
+    if place in poses:
+        own = set(OWN) - ({"offset"} if _is_region(data) else set())
+        pose, kept = poses[place], {key: value for key, value in data.items() if key not in own}
+        stated = {key: data[key] for key in OWN[2:] if key in data} if pose is None else pose_to_data(pose)
+        if pose is not None and "targets" in place and len(axis := _listed(data.get("axis"))) == 3:
+            stated = {"position": stated["position"], "axis": (pose.rotation @ np.array(axis, float)).tolist()}
+        return {**kept, **stated}
+    if isinstance(data, Mapping):
+        return {key: _replaced(value, poses, (*place, key)) for key, value in data.items()}
+    return [_replaced(value, poses, (*place, k)) for k, value in enumerate(data)] if isinstance(data, list) else data

@@ -1,0 +1,92 @@
+"""Poses that are said in obstacles and named frames."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from optiplan.config.document import parse_yaml
+from optiplan.errors import InputError
+from optiplan.geometry.poses import pose_from_data
+from optiplan.problem.from_data import read_problem
+from optiplan.problem.load import problem_from_dict
+from optiplan.problem.schema.problem import problem_schema
+
+TABLE = {"name": "table", "shape": {"box": [0.6, 1.0, 0.04]}, "pose": {"position": [0.5, 0, 0.1], "rpy": [0, 0, 0.3]}}
+TRAY = {"in": "table", "position": [0.1, 0.2, 0.02], "rpy_deg": [0, 0, 45]}
+SLOT = {"in": "tray", "position": [0.05, 0, 0]}
+GOAL = {"in": "slot", "position": [0, 0, 0.1], "rpy_deg": [180, 0, 0], "offset": {"position": [0, 0, -0.02]}}
+
+
+def problem(**more):
+    data = {"version": 1, "robot": "panda", "start": {"configuration": "ready"}, "goal": {"pose": GOAL}}
+    return data | {"frames": {"slot": SLOT, "tray": TRAY}, "scene": {"obstacles": [TABLE]}} | more
+
+
+def test_a_pose_is_the_product_of_its_frames_and_its_offset():
+    found = problem_from_dict(problem())
+    chain = [TABLE["pose"], TRAY, SLOT, GOAL, GOAL["offset"]]
+    wanted = pin.SE3.Identity()
+    for pose in chain:
+        wanted = wanted * pose_from_data(pose)
+    np.testing.assert_allclose(pose_from_data(found.source["goal"]["pose"]).homogeneous, wanted.homogeneous, atol=1e-12)
+    again = problem_from_dict(found.source)
+    assert again.hash == found.hash
+    assert "frames" not in found.source
+
+
+def test_obstacles_vias_regions_and_steps_of_a_task_are_said_in_frames():
+    cup = {"name": "cup", "shape": {"sphere": 0.03}, "pose": {"in": "tray", "position": [0, 0.1, 0.06]}}
+    region = {"region": {"in": "tray", "position": [0, 0, 0.2], "rpy": [3.1416, 0, 0], "along": {"x": 0.02}}}
+    found = problem_from_dict(problem(goal=region, scene={"obstacles": [TABLE, cup]}))
+    X_WT = pose_from_data(TABLE["pose"]) * pose_from_data(TRAY)
+    np.testing.assert_allclose(found.scene.obstacles[1].X_WO.translation, X_WT.act(np.array([0, 0.1, 0.06])))
+    np.testing.assert_allclose(found.source["goal"]["region"]["position"], X_WT.act(np.array([0, 0, 0.2])))
+    approach = {"approach": {"pose": {"in": "tray", "position": [0, 0, 0.1], "rpy": [3.1416, 0, 0]}, "distance": 0.05}}
+    steps = [approach, {"line": {"by": [0, 0, 0.05], "in": "tool"}}]
+    task = problem_from_dict({key: value for key, value in problem(task=steps).items() if key != "goal"})
+    np.testing.assert_allclose(task.source["task"][0]["approach"]["pose"]["position"], X_WT.act(np.array([0, 0, 0.1])))
+
+
+WRONG = """\
+version: 1
+robot: panda
+start: {configuration: ready}
+frames:
+  a: {in: b}
+  b: {in: a, position: [0, 0, 1]}
+  table: {position: [0, 0, 0]}
+  far: {in: table, position: [0, 0, 1], offset: {position: [0, 0, 100]}}
+  odd: {in: table, positions: [0, 0, 1]}
+  world: {}
+goal: {pose: {in: tabel, position: [0, 0, 0.1]}}
+scene: {obstacles: [{name: table, shape: {box: [0.6, 1.0]}, pose: {position: [0.5, 0, 0.1]}}]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("line", "field", "words"),
+    [
+        (6, "frames.b.in", "a circle of frames: a in b in a"),
+        (7, "frames.table", "the name of an obstacle"),
+        (8, "frames.far.offset.position", ": 100 m; expected metres, at most 5"),
+        (9, "frames.odd.positions", "position"),
+        (10, "frames.world", "the world's own name"),
+        (11, "goal.pose.in", "did you mean 'table'"),
+        (12, "scene.obstacles[0].shape.box", "expected"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_line(line, field, words):
+    with pytest.raises(InputError) as refused:
+        read_problem(parse_yaml(WRONG, Path("cell.yaml")), Path())
+    (issue,) = [issue for issue in refused.value.issues if issue.field == field]
+    assert issue.line == line
+    assert words in str(refused.value)
+
+
+def test_editors_know_the_keys():
+    schema = problem_schema()
+    assert "frames" in schema["properties"]
+    for name in ("PoseSpec", "PoseGoalSpec", "RegionSpec"):
+        assert {"in", "offset"} <= set(schema["$defs"][name]["properties"])
