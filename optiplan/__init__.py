@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.many import plan_many
+    from optiplan.api.placing import Placement, place
     from optiplan.api.planning import plan, retime, verify
     from optiplan.api.plotting import plot
     from optiplan.api.replanning import Replanner
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     from optiplan.geometry.pose import Pose
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
+    from optiplan.planners.tours.placing import PlaceRange
     from optiplan.planners.trajopt.program.nlp import TrajectoryNlp
     from optiplan.problem.constraints.expression import Expression
     from optiplan.problem.constraints.motions import (
@@ -78,7 +80,7 @@ if TYPE_CHECKING:
     from optiplan.problem.problem import Problem
     from optiplan.problem.regions.region import RegionGoal
     from optiplan.problem.statement import Region, ViaPoint
-    from optiplan.problem.task.builder import Task
+    from optiplan.problem.task.builder import Task, Tour
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
     from optiplan.service.cell import RemoteExecution
@@ -100,7 +102,9 @@ _ROOMS = {
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.many": ("plan_many",),
+    "api.placing": ("Placement", "place"),
     "api.planning": ("plan", "retime", "verify"),
+    "planners.tours.placing": ("PlaceRange",),
     "api.replanning": ("Replanner",),
     "api.simulating": ("execute", "simulate"),
     "api.plotting": ("plot",),
@@ -153,7 +157,7 @@ _ROOMS = {
     "problem.problem": ("Problem",),
     "geometry.pose": ("Pose",),
     "problem.statement": ("Region", "ViaPoint"),
-    "problem.task.builder": ("Task",),
+    "problem.task.builder": ("Task", "Tour"),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
     "simulation.log": ("Log", "ObjectLog", "WheelLog"),
@@ -221,6 +225,8 @@ __all__ = [
     "OrientationCone",
     "OrientationTask",
     "PairClearance",
+    "PlaceRange",
+    "Placement",
     "PlanResult",
     "Planner",
     "PointCloud",
@@ -256,6 +262,7 @@ __all__ = [
     "ToolSpeed",
     "ToolSpeedLimit",
     "TorqueLimit",
+    "Tour",
     "TrackingPolicy",
     "Trajectory",
     "TrajectoryNlp",
@@ -277,6 +284,7 @@ __all__ = [
     "load_problem",
     "load_robot",
     "load_run",
+    "place",
     "plan",
     "plan_many",
     "planners",

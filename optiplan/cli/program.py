@@ -28,6 +28,7 @@ COMMANDS = {
     "run": "run.run",
     "control": "control.control",
     "workspace": "workspace.workspace",
+    "place": "place.place",
     "robots": "robots.app.app",
     "ik": "ik.ik",
     "kinematics": "kinematics.kinematics",

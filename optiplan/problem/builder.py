@@ -217,15 +217,15 @@ class Compiler:
 
     def pose_goal(self, robot: Robot, place: Place, spec: PoseGoalSpec) -> PoseGoal | None:
         """Return the goal of a pose, if its frame is known."""
-        frame, tolerance = self._frame(robot, place, spec.frame), spec.tolerance
+        frame, tolerance = self.frame(robot, place, spec.frame), spec.tolerance
         return None if frame is None else PoseGoal(frame, pose_of(spec), tolerance.position, tolerance.orientation)
 
     def _region(self, robot: Robot, place: Place, spec: RegionSpec) -> RegionGoal | None:
-        frame = self._frame(robot, place, spec.frame)
+        frame = self.frame(robot, place, spec.frame)
         return None if frame is None else RegionGoal(frame, *spec.region())
 
-    def _frame(self, robot: Robot, place: Place, name: str | None) -> str | None:
-        """Return the frame of a goal, if it is known."""
+    def frame(self, robot: Robot, place: Place, name: str | None) -> str | None:
+        """Return the frame of a goal, the tool frame without a name, if it is known."""
         frame = robot.tool_frame if name is None else name
         if frame != robot.tool_frame and frame not in frame_names(robot):
             self.unknown((*place, "frame"), "frame", frame, frame_names(robot))

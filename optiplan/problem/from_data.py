@@ -27,6 +27,7 @@ from optiplan.problem.schema.loops import written_out
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
+from optiplan.problem.task.target_files import targets_data
 from optiplan.problem.tracking_error import error_of_joints, nearer_than_error
 from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.limits import Limits
@@ -215,6 +216,9 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
     source = spec.model_dump(mode="json", exclude_none=True, by_alias=True)
     source["name"] = spec.name or name
     _in_one_form(source["scene"])
+    for step in source.get("task", ()):
+        if "tour" in step:
+            step["tour"]["targets"] = targets_data(step["tour"]["targets"], base)
     digest = problem_hash(source, base, robot)
     source["robot"] = _named(spec, robot)
     for mesh in shape_files_of(source):

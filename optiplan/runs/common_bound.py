@@ -7,7 +7,7 @@ from optiplan.arrays import Array
 from optiplan.problem.goals import listed_ends
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.runs.run import SMALLEST_BOUND
-from optiplan.trajectory.segments import RESTING
+from optiplan.trajectory.segments import RESTING, TOUR
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bound, moving_bounds
 from optiplan.trajectory.trajectory import Trajectory
@@ -50,7 +50,7 @@ def duration_bound(problem: Problem, trajectory: Trajectory) -> float:
     """Return the lower bound, s, of a motion's duration: of its end, or of all that a task must do at rest.
 
     Of a task: the sum over the stretches between the steps before and after which the robot stands still, each from
-    rest (or the moving start) to rest; what grippers and dwelling take is counted whole.
+    rest (or the moving start) to rest; what grippers and dwelling take is counted whole. It rests at targets of tours.
     """
     if not problem.task:
         return float(problem.lower_bounds([trajectory.end])[0])
@@ -59,6 +59,9 @@ def duration_bound(problem: Problem, trajectory: Trajectory) -> float:
         if segment.kind in RESTING:
             total += _least(problem, trajectory, begin, segment.begin)
             total += segment.end - segment.begin
+            begin = segment.end
+        elif segment.kind == TOUR:
+            total += _least(problem, trajectory, begin, segment.end)
             begin = segment.end
     return total + _least(problem, trajectory, begin, trajectory.duration)
 

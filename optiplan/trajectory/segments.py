@@ -6,11 +6,14 @@ from typing import Any
 
 from optiplan.errors import InputError, Issue
 
-EVENTS = ("attach", "detach", "gripper")
+EVENTS = ("attach", "detach", "gripper", "process")
 """Kinds of segments that other programs act upon."""
 
 RESTING = (*EVENTS, "dwell")
 """Kinds of segments before and after which the arm stands still."""
+
+TOUR = "tour"
+"""Kind of the segments that lead to the targets of a tour, at each of which the arm stands still."""
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,8 @@ _OF_PROBLEM: Mapping[str, Callable[[Problem], Iterable[str]]] = {
 
 
 def _move(action: Move) -> list[str]:
-    return ["end", *(f"via[{k}]" for k in range(len(action.vias)))]
+    rest = ["rest"] if action.rests else []
+    return ["end", *rest, *(f"via[{k}]" for k in range(len(action.vias)))]
 
 
 def _line(action: StraightLine) -> list[str]:

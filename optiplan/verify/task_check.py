@@ -236,7 +236,9 @@ def _speeds_held(parts: Iterable[_Part]) -> Iterator[tuple[TaskStep, LineSpeed]]
 
 
 def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], policy: VerifyPolicy) -> Check:
-    """Check that joints which a step does not move stand still, all of them at events; and that a dwell lasts.
+    """Check that joints which a step does not move stand still, all of them at events and where a move rests.
+
+    A dwell has to last.
 
     Standing still is moving by no more than `jump_tolerance` over the whole step, from the exact extrema.
     """
@@ -247,6 +249,12 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
         covers += [f"{step_place(k)}.standstill"]
         covers += [f"{step_place(k)}.event"] if isinstance(action, Attach | Detach) and part.motion is None else []
         covers += [f"{step_place(k)}.dwell"] if isinstance(action, Dwell) else []
+        if isinstance(action, Move) and action.rests:
+            covers += [f"{step_place(k)}.rest"]
+            end = part.begin + (0.0 if part.motion is None else part.motion.duration)
+            speed = np.abs(trajectory(np.array([end]), 1)[0]) / problem.limits.velocity
+            if speed.max() > policy.rest_tolerance:
+                failed = failed or f"the robot moves at the end of {step.words}"
         if part.motion is None:
             if isinstance(action, Attach | Detach):
                 speed = np.abs(trajectory(np.array([part.begin]), 1)[0]) / problem.limits.velocity

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.tour_steps import in_order
 from optiplan.robot.self_collision.pairs import count_reasons
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
@@ -14,6 +15,7 @@ from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.scope import scope
 from optiplan.verify.statements import complete, covering
 from optiplan.verify.task_check import loaded_torque, task_checks, task_scope
+from optiplan.verify.tour_check import tour_checks, tour_scope
 from optiplan.verify.via_check import vias
 
 _DEFAULT = VerifyPolicy()
@@ -51,6 +53,8 @@ def verify(
     if not all(check.passed for check in found):
         unread = "nothing else was checked: the trajectory cannot be read as a motion of this robot"
         return replace(report, notes=(*robot.notes, unread))
+    stated, problem = problem, in_order(problem, trajectory)
+    found += tour_checks(stated, trajectory)
     found += task_checks(problem, trajectory, policy) if problem.task else _motion(problem, trajectory, policy)
     if problem.task or trajectory.segments:
         found.append(names(problem, trajectory))
@@ -62,7 +66,7 @@ def verify(
         found.append(complete(problem, found))
     about = (*scope(problem, robot, found), *(() if given is None else unread_keys(given)))
     if problem.task:
-        about = (*about, *task_scope(problem, trajectory))
+        about = (*about, *tour_scope(stated, trajectory), *task_scope(problem, trajectory))
     return replace(report, checks=tuple(found), scope=about)
 
 

@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.problem.problem import PoseGoal, Problem, RegionGoal
+from optiplan.problem.task.steps import TargetTour
 from optiplan.robot.frames import frame_pose
 
 _ENDLESS = 0.5
@@ -20,10 +21,13 @@ _RING = 0.06
 
 
 def targets(problem: Problem) -> tuple[list[float], ...]:
-    """Return the poses that goals name and those of vias: the tool's where a via gives joint values."""
+    """Return the poses that goals name, of targets of tours and of vias: the tool's where a via gives joint values."""
     robot = problem.robot
     poses = [end.X_WG for end in problem.goal if isinstance(end, PoseGoal)]
-    poses += [end.pose(_middle(end)) for end in problem.goal if isinstance(end, RegionGoal)]
+    regions = [end for end in problem.goal if isinstance(end, RegionGoal)]
+    tours = [step.action for step in problem.task if isinstance(step.action, TargetTour)]
+    regions += [target.goal for tour in tours for target in tour.targets]
+    poses += [end.pose(_middle(end)) for end in regions]
     for via in problem.vias:
         at = via.at
         poses.append(at.X_WG if isinstance(at, PoseGoal) else frame_pose(robot, at.q, robot.tool_frame))

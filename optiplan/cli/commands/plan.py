@@ -71,7 +71,7 @@ def plan(
     Of several planners: 0 one is verified · 4 one was found, none verified · 3 none found.
     """
     from optiplan.api.planning import with_tracking_error
-    from optiplan.cli.commands import plan_comparison
+    from optiplan.cli import plan_comparison
     from optiplan.problem.load import load_problem
     from optiplan.runs.run_folder import check_folder
 

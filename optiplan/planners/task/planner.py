@@ -8,26 +8,23 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.libraries import clock
-from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.dynamic_obstacles import without_dynamic_obstacles
-from optiplan.planners.common.failures import path_too_heavy
 from optiplan.planners.common.incumbent import Incumbent
-from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.join_steps import join_steps
 from optiplan.planners.task.optimisation.stretch_optimiser import optimised
-from optiplan.planners.task.planned_steps import Group, Pause, PlannedMotion, PlannedStep, Stretch, TaskPart
-from optiplan.planners.task.search import TaskSearch
+from optiplan.planners.task.planned_steps import Group, Pause, PlannedStep, Stretch, TaskPart
+from optiplan.planners.task.sections import SectionPlanner
 from optiplan.planners.task.stops import stops_of
 from optiplan.planners.task.via_moves import ViaMoves, unsupported
 from optiplan.planners.task.waiting import waiting
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.steps import Attach, Detach, Dwell
+from optiplan.problem.task.steps import Attach, Detach
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.segments import Segment
-from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.tolerances import SHORTEST_DURATION
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -51,15 +48,8 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     if refused is not None:
         return PlanResult(None, refused)
     began, watch, moves = clock(), Stopwatch(), ViaMoves.of(problem, planner)
-    search = TaskSearch(without_dynamic_obstacles(moves.problem), planner, budget, stages_of(progress))
-    parts = _stopping(search, budget, watch)
-    if isinstance(parts, Failure):
-        return PlanResult(None, moves.failure(parts), watch.seconds)
-    if problem.scene.dynamic_obstacles:
-        with watch.stage("waiting"):
-            found = _wait_for_obstacles(moves, planner, parts, budget, progress)
-        return replace(found, timings=watch.seconds, info={"moves": search.infos, **found.info})
     incumbent = Incumbent(problem, progress, watch, began)
+    waits = bool(problem.scene.dynamic_obstacles)
 
     def offer(way: Sequence[TaskPart]) -> float:
         """Offer the motion of these parts; return its duration, s."""
@@ -67,7 +57,16 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         incumbent.offer(motion)
         return motion.duration
 
-    info: dict[str, Any] = {"moves": search.infos, "attempts": search.attempts}
+    still = without_dynamic_obstacles(moves.problem)
+    sections = SectionPlanner(still, planner, budget, progress, (lambda _: None) if waits else offer)
+    parts = sections.run(watch)
+    if isinstance(parts, Failure):
+        return PlanResult(None, moves.failure(parts), watch.seconds)
+    info: dict[str, Any] = {"moves": sections.moves, **sections.info}
+    if waits:
+        with watch.stage("waiting"):
+            found = _wait_for_obstacles(moves, planner, parts, budget, progress)
+        return replace(found, timings=watch.seconds, info={**info, **found.info})
     info["duration_with_stops"] = offer(parts)
     with watch.stage("flow"):
         groups = join_steps(parts, budget.share(_JOINING), progress, thorough=not _timed_only(problem))
@@ -75,25 +74,9 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     with watch.stage("optimisation"):
         for whole in _optimised(problem, planner, groups, budget, progress):
             offer(whole)
-    info |= {"cut_short": search.cut_short or budget.over, "stops": stops_of(whole)}
+    info |= {"cut_short": info["cut_short"] or budget.over, "stops": stops_of(whole)}
     info["stops_left_out"] = len(parts) - len(whole)
     return incumbent.result(info)
-
-
-def _stopping(search: TaskSearch, budget: Budget, watch: Stopwatch) -> list[TaskPart] | Failure:
-    """Return all steps one by one, from rest to rest."""
-    with watch.stage("steps"):
-        steps = search.run()
-    if isinstance(steps, Failure):
-        return steps
-    parts: list[TaskPart] = []
-    with watch.stage("timing"):
-        for step in steps:
-            timed = timed_step(step, budget)
-            if isinstance(timed, Failure):
-                return timed
-            parts.append(timed)
-    return parts
 
 
 def _optimised(
@@ -157,22 +140,6 @@ def _wait_for_obstacles(
             return PlanResult(motion, None, {}, {"waited": waited, "stops": stops_of(passed)})
         failure = passed
     return PlanResult(None, moves.failure(failure))
-
-
-def timed_step(planned: PlannedStep, budget: Budget) -> TaskPart | Failure:
-    """Return a step from rest to rest; a line is timed within the limits of joints and tool."""
-    if not isinstance(planned, PlannedMotion):
-        action = planned.step.action
-        return Pause(planned, action.seconds if isinstance(action, Dwell) else 0.0)
-    if not planned.is_line:
-        return Stretch.of(planned, planned.curve)
-    problem, path = planned.stage.problem, planned.curve
-    options = TimingOptions(None, planned.tool_limits, stop=lambda: budget.over)
-    motion = time_path(path, problem.robot, problem.limits, options)
-    if motion is None:
-        heavy = path_too_heavy(problem.robot, problem.limits, path)
-        return of_step(heavy, planned.step, planned.before, problem.robot, planned.stage)
-    return Stretch.of(planned, motion)
 
 
 def joined_parts(problem: Problem, parts: Sequence[TaskPart]) -> Trajectory:

@@ -47,6 +47,8 @@ def _why_rest(planned: PlannedStep) -> str | None:
         return "the move that takes a motion over ends at rest"
     if ends_in_motion(action):
         return "the move that ends in motion begins at rest"
+    if isinstance(action, Move) and action.rests:
+        return f"the target {name}"
     if isinstance(action, Move) and action.vias:
         return "a move with via points begins and ends at rest"
     still = not planned.curve.coefficients[:, 1:].any()

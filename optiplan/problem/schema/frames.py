@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from optiplan.config.document import Document
@@ -152,6 +153,8 @@ def _replaced(data: Any, poses: Mapping[Place, pin.SE3 | None], place: Place) ->
         own = set(OWN) - ({"offset"} if _is_region(data) else set())
         pose, kept = poses[place], {key: value for key, value in data.items() if key not in own}
         stated = {key: data[key] for key in OWN[2:] if key in data} if pose is None else pose_to_data(pose)
+        if pose is not None and "targets" in place and len(axis := _listed(data.get("axis"))) == 3:
+            stated = {"position": stated["position"], "axis": (pose.rotation @ np.array(axis, float)).tolist()}
         return {**kept, **stated}
     if isinstance(data, Mapping):
         return {key: _replaced(value, poses, (*place, key)) for key, value in data.items()}

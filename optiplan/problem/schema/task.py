@@ -27,6 +27,7 @@ from optiplan.problem.schema.ends import (
     timed,
 )
 from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
+from optiplan.problem.schema.tour import TourSpec
 
 
 class MoveSpec(ConfigurationSpec):
@@ -155,7 +156,7 @@ class GripperSpec(ConfigurationSpec, OfGroup):
 
 
 class TaskStepSpec(Strict):
-    """One step of a task: one of the keys from `move` to `dwell` (s), and what holds during this step.
+    """One step of a task: one of the keys from `move` to `tour` (`dwell` in s), and what holds during this step.
 
     `allowed_collisions` of an approach are for its line alone.
     """
@@ -168,6 +169,7 @@ class TaskStepSpec(Strict):
     detach: DetachSpec | None = None
     gripper: GripperSpec | None = None
     dwell: Length | None = None
+    tour: TourSpec | None = None
     name: Name | None = None
     allowed_collisions: tuple[NamePair, ...] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()
@@ -183,5 +185,5 @@ class TaskStepSpec(Strict):
         return next(kind for kind in STEP_KINDS if getattr(self, kind) is not None)
 
 
-STEP_KINDS = ("move", "line", "approach", "retreat", "attach", "detach", "gripper", "dwell")
+STEP_KINDS = ("move", "line", "approach", "retreat", "attach", "detach", "gripper", "dwell", "tour")
 """What a step of a task can be."""

@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from optiplan.arrays import Array
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.pose import Pose, Values, checked
@@ -13,6 +15,9 @@ from optiplan.problem.schema.joint_names import lists_of
 from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.statement import End, ViaPoint, end_data, is_configuration, via_point_data
 from optiplan.problem.to_data import path_constraint_data
+
+Targets = str | Path | Array | Sequence[Pose | Mapping[str, Any]]
+"""Targets of a tour, see `Tour`."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,6 +146,17 @@ class Task:
         """Stand still."""
         return self._with("dwell", seconds, step)
 
+    def tour(self, targets: Targets, order: str = "free", **tour: Any) -> "Task":
+        """Visit every target and rest there; see `Tour` for the arguments, and for those of the step.
+
+        Args:
+            targets: as of `Tour`.
+            order: as of `Tour`.
+            tour: further keys of a `tour` of a problem file, and those of the step.
+        """
+        step = {key: tour.pop(key) for key in _STEP_KEYS if key in tour}
+        return self._with("tour", {"targets": _targets(targets), "order": order} | _given(**tour), step)
+
     def _with(self, kind: str, said: Any, step: Mapping[str, Any]) -> "Task":
         more = {key: value for key, value in step.items() if value is not None}
         if "path_constraints" in more:
@@ -152,6 +168,52 @@ class Task:
     def __repr__(self) -> str:
         """Return the steps in words."""
         return f"Task: {', '.join(map(_words, self.steps)) or 'no steps'}"
+
+
+class Tour(Task):
+    """A task of one step: the tool visits every target and rests there, in an order that may be free.
+
+    Args:
+        targets: a list of `Pose` or of mappings (`position` with `axis`, `rpy` or `quaternion`, `name`, `after`,
+            `cluster`, `window`), an array (k, 6) of positions, m, and axes, or the path of a CSV file.
+        order: `free`, or `given`: that of the list.
+        tour: `free_axis` ("z": the tool may turn about it), `standoff` (m), `first`, `last` (names), `closed` (back to
+            where it began), `at_each` ([{"dwell": 0.4, "do": "weld"}]), `tolerance`, `frame`, `group`.
+
+    Raises:
+        InputError: no targets, or keys that are unknown.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.Tour([op.Pose((0.4, 0.1, 0.3)), op.Pose((0.4, -0.1, 0.3))], free_axis="z")
+        Task: tour
+    """
+
+    def __init__(self, targets: Targets, order: str = "free", **tour: Any) -> None:
+        super().__init__(Task().tour(targets, order, **tour).steps)
+
+
+def _targets(targets: Any) -> Any:
+    """Return `targets` of a file."""
+    if isinstance(targets, str | Path):
+        return str(Path(targets).resolve())
+    if isinstance(targets, np.ndarray) and targets.ndim == 2 and targets.shape[1] == 6:
+        return [{"position": row[:3], "axis": row[3:]} for row in targets]
+    if isinstance(targets, Mapping) or not isinstance(targets, Sequence):
+        expected = "a list of Pose or mappings, an array (k, 6), or the path of a CSV file"
+        raise wrong_argument("Tour", "targets", described(targets), expected)
+    return [_target(one, k) for k, one in enumerate(targets)]
+
+
+def _target(one: Any, k: int) -> Mapping[str, Any]:
+    if isinstance(one, Mapping):
+        return one
+    if not isinstance(one, Pose):
+        raise wrong_argument("Tour", f"targets[{k}]", described(one), "a Pose, or a mapping")
+    data = one.to_data()
+    if data.keys() & {"frame", "tolerance"}:
+        raise wrong_argument("Tour", f"targets[{k}]", "a frame or tolerance of its own", "one of the whole tour")
+    return data
 
 
 def task_data(task: Any) -> list[Any]:
@@ -168,6 +230,9 @@ def _ends(to: Any, function: str, argument: str) -> dict[str, Any]:
     if not several:
         return end_data(to, function, argument)
     return {"any_of": [end_data(end, function, f"{argument}[{k}]") for k, end in enumerate(to)]}
+
+
+_STEP_KEYS = ("name", "allowed_collisions", "path_constraints")
 
 
 def _given(**values: Any) -> dict[str, Any]:

@@ -26,8 +26,10 @@ from optiplan.problem.schema.task import (
     StraightLineSpec,
     TaskStepSpec,
 )
+from optiplan.problem.schema.tour import TourSpec
 from optiplan.problem.task.scene_change import held_body
-from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep
+from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
+from optiplan.problem.task.tour_reading import read_tour
 from optiplan.robot.robot import Robot
 
 Located = LocatedValue[TaskStepSpec]
@@ -96,9 +98,16 @@ class TaskReader:
             "detach": self._detach,
             "gripper": self._gripper,
             "dwell": lambda _, seconds: iter([Dwell(seconds)]),
+            "tour": self._tour,
         }
         kind = part.value.kind
         return readers[kind]((*part.place, kind), getattr(part.value, kind))
+
+    def _tour(self, place: Place, spec: TourSpec) -> Iterator[TargetTour]:
+        joints = self._joints(place, spec.group)
+        tour = read_tour(self.compiler, self._with_tool_of(spec.group), place, spec, joints or ())
+        if tour is not None and joints is not None:
+            yield tour
 
     def _joints(self, place: Place, group: str | None) -> tuple[str, ...] | None:
         """Return the joints of a group, in the robot's order; None where there is none of that name."""

@@ -8,6 +8,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, PoseGoal, Via
+from optiplan.problem.regions.region import RegionGoal
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,11 +19,13 @@ class Move:
         joints: names of the k joints that move, in the robot's order.
         goal: ends; configurations are (k,).
         vias: passed in this order; configurations are (k,).
+        rests: whether the robot stands still at the end.
     """
 
     joints: tuple[str, ...]
     goal: Goal
     vias: tuple[Via, ...] = ()
+    rests: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +78,66 @@ class Dwell:
     seconds: float
 
 
-Action: TypeAlias = Move | StraightLine | Attach | Detach | Dwell
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A place of a tour.
+
+    Attributes:
+        name: unlike those of the others.
+        goal: poses of the tool there.
+        after: names of targets that are visited before.
+        cluster: targets of one cluster are visited in one go; empty: it has none.
+        window: earliest and latest arrival, s from the start of the tour.
+    """
+
+    name: str
+    goal: RegionGoal
+    after: tuple[str, ...] = ()
+    cluster: str = ""
+    window: tuple[float, float] = (0.0, np.inf)
+
+
+@dataclass(frozen=True)
+class Process:
+    """What is done at every target: the robot rests for `seconds`; `name` of an event, empty where it only dwells."""
+
+    seconds: float
+    name: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class TargetTour:
+    """Some joints take the tool to every target, where it rests; the others stand still.
+
+    Attributes:
+        joints: names of the joints that move, in the robot's order.
+        targets: the targets, as listed.
+        free: whether the order is free; else it is that of the list.
+        first, last: names of the targets that are visited first and last; empty: any.
+        closed: whether the tour ends in the configuration in which it began.
+        at_each: what is done at every target, in this order.
+    """
+
+    joints: tuple[str, ...]
+    targets: tuple[Target, ...]
+    free: bool = True
+    first: str = ""
+    last: str = ""
+    closed: bool = False
+    at_each: tuple[Process, ...] = ()
+
+    @property
+    def dwelling(self) -> float:
+        """Time that the robot rests at each target, s."""
+        return sum(process.seconds for process in self.at_each)
+
+    @property
+    def count(self) -> int:
+        """Number of segments of a motion that visits all targets."""
+        return len(self.targets) * (1 + len(self.at_each)) + self.closed
+
+
+Action: TypeAlias = Move | StraightLine | Attach | Detach | Dwell | TargetTour
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +146,8 @@ class TaskStep:
 
     Attributes:
         number: in the problem file, from 1.
-        kind: its key there: `move`, `line`, `approach`, `retreat`, `attach`, `detach`, `gripper`, `dwell`.
+        kind: its key there: `move`, `line`, `approach`, `retreat`, `attach`, `detach`, `gripper`, `dwell`, `tour`; or
+            `process`: what is done at the targets of a tour.
         name: its own, or its kind and what it is about.
         action: what is done.
         allowed: pairs of names that may touch during the step, besides those of the scene.

@@ -9,6 +9,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.scene_change import carrying, scene_after, scene_during
 from optiplan.problem.task.steps import Attach, Detach, TaskStep
+from optiplan.problem.task.tour_steps import in_order
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
@@ -41,6 +42,7 @@ class ScenePart:
 
 def mismatch(problem: Problem, trajectory: Trajectory) -> str:
     """Return in words how the segments of a motion are not the steps of its task in order; empty if they are."""
+    problem = in_order(problem, trajectory)
     segments, task, T = trajectory.segments, problem.task, trajectory.duration
     if len(segments) != len(task):
         return f"{len(segments)} segments for {len(task)} of the task"
@@ -138,8 +140,11 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
 
 
 def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[TaskStep, Scene, float, float]]:
-    """Return each step with the scene in which it is done, its begin and its end, s; see `_bounds`."""
-    scene = problem.scene
+    """Return each step with the scene in which it is done, its begin and its end, s; see `_bounds`.
+
+    A tour is the steps from target to target, in the order of the motion.
+    """
+    scene, problem = problem.scene, in_order(problem, trajectory)
     for step, (begin, end) in zip(problem.task, _bounds(trajectory), strict=True):
         yield step, scene, begin, end
         if isinstance(step.action, Attach | Detach):

@@ -28,6 +28,7 @@ def valid(name):
         "load_robot": lambda: {"source": "panda"},
         "load_run": lambda: {"folder": "nowhere"},
         "plan": lambda: {"problem": problem},
+        "place": lambda: {"problem": problem, "budget": 0.1},
         "plan_many": lambda: {"problems": [problem]},
         "retime": lambda: {"problem": problem, "waypoints": [[0.0, 0.0], [0.1, 0.1]]},
         "simulate": lambda: {"source": {}},
@@ -51,7 +52,19 @@ def valid(name):
 
 
 CALLS = (
-    *("bench", "check", "execute", "ik", "init_robot", "load_problem", "load_robot", "load_run", "plan", "plan_many"),
+    *(
+        "bench",
+        "check",
+        "execute",
+        "ik",
+        "init_robot",
+        "load_problem",
+        "load_robot",
+        "load_run",
+        "place",
+        "plan",
+        "plan_many",
+    ),
     *("retime", "simulate", "verify", "workspace", "Budget", "Controller", "Problem", "Replanner", "State"),
     *("Pose", "Region", "ViaPoint", "Scene", "Box", "Sphere", "Cylinder", "Capsule", "HalfSpace"),
 )

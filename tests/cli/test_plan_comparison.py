@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from optiplan.cli import viewing
-from optiplan.cli.commands.plan_comparison import bound_of
+from optiplan.cli.plan_comparison import bound_of
 from optiplan.planners.point_to_point.quintic import Quintic
 from optiplan.planners.registry import PLANNERS
 from optiplan.problem.load import load_problem

@@ -1,0 +1,219 @@
+"""`place`: where the robot should stand to do a task, and fastest."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optiplan.api.planning import plan
+from optiplan.arrays import is_finite
+from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
+from optiplan.files import replacing
+from optiplan.geometry.poses import pose_to_data
+from optiplan.planners.base import Budget, Progress
+from optiplan.planners.tours.placing import PlaceRange, PlaceScores, moved_base, search_places
+from optiplan.problem.load import problem_from_dict
+from optiplan.problem.problem import Problem
+from optiplan.problem.write import problem_text
+from optiplan.robot.robot import Robot, load_robot
+from optiplan.runs.run import Run
+from optiplan.runs.run_folder import check_folder
+from optiplan.viewer.plots.place_map import draw_map, place_page
+
+BUDGET = 60.0
+"""Seconds for the map and the plans, when none are given."""
+
+_MAP = 0.5
+"""Share of the budget for the map; the rest is for planning at the given base and at the best ones."""
+
+_PLANNED, _APART = 3, 0.1
+"""Bases that are planned, and how far apart they are at least, m and rad."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Placement:
+    """Base poses of a robot for a problem.
+
+    Attributes:
+        scores: of all base poses looked at, moved from the given one.
+        given: the run at the given base; None where the problem cannot be stated there.
+        runs: (moved, run) of the bases that were planned besides, the shortest verified run first.
+    """
+
+    problem: Problem
+    scores: PlaceScores
+    given: Run | None
+    runs: tuple[tuple[tuple[float, ...], Run], ...]
+
+    @property
+    def run(self) -> Run | None:
+        """The shortest verified run at any base; None without one."""
+        verified = [run for run in (self.given, *(run for _, run in self.runs)) if run is not None and run.verified]
+        return min(verified, key=lambda run: float(run.duration or np.inf), default=None)
+
+    @property
+    def moved(self) -> tuple[float, ...] | None:
+        """How far the base of `run` is from the given one: x, y, z, m, and yaw, rad."""
+        found = next((moved for moved, run in self.runs if run is self.run), None)
+        return (0.0, 0.0, 0.0, 0.0) if found is None and self.run is not None else found
+
+    @property
+    def base(self) -> dict[str, Any] | None:
+        """The base of `run` as a problem file says it."""
+        return None if self.run is None else pose_to_data(self.run.problem.robot.mounting.X_WB)
+
+    def save(self, folder: Path) -> list[Path]:
+        """Write `place.html`, `place.png` and, where a base was found, `problem.yaml`; return the paths."""
+        title = f"Where {self.problem.robot.name} stands for {self.problem.name}"
+        picture = draw_map(self.scores, title)
+        rows = [_cells((0.0,) * 4, self.scores.seconds[0], self.given)] if self.given is not None else []
+        rows += [_cells(moved, self._score(moved), run) for moved, run in self.runs]
+        text = problem_text(self.run.problem.source) if self.run is not None else ""
+        page = place_page(title, self.words, picture, rows, problem_text({"base": self.base}) if self.base else "–")
+        files = {"place.png": picture, "place.html": page.encode()} | ({"problem.yaml": text.encode()} if text else {})
+        for name, content in files.items():
+            with replacing(folder / name) as temporary:
+                temporary.write_bytes(content)
+        return [folder / name for name in files]
+
+    @property
+    def words(self) -> str:
+        """The result in a sentence."""
+        given = _seconds(self.given)
+        if self.run is None or self.moved is None:
+            return f"no base was found at which the task is verified; at the given one: {given}"
+        x, y, z, yaw = self.moved
+        where = f"base moved by x {x:.3f} m, y {y:.3f} m, z {z:.3f} m, turned by {yaw:.3f} rad"
+        return f"{where}: {_seconds(self.run)}; at the given one: {given}"
+
+    def _score(self, moved: Sequence[float]) -> float:
+        k = int(np.abs(self.scores.moved - np.array(moved)).max(axis=1).argmin())
+        return float(self.scores.seconds[k])
+
+    def __repr__(self) -> str:
+        """Return the result in a line."""
+        return f"Placement: {self.words}; {len(self.scores.seconds)} bases scored"
+
+
+def place(
+    problem: Problem,
+    robot: Robot | str | Path | None = None,
+    where: PlaceRange | None = None,
+    *,
+    out: Path | str | None = None,
+    budget: float = BUDGET,
+    progress: Progress = lambda stage, fraction: None,
+) -> Placement:
+    """Find where the robot should stand: the base pose at which a task is feasible and fastest, proved.
+
+    Base poses about the given one are scored on a map: all places of the task need a free configuration, and the score
+    is the least time of straight joint motions through them. The best ones are planned and verified.
+
+    Args:
+        problem: the task; its base is the middle of the map.
+        robot: another robot than the problem's; it starts in its configuration `ready`, or its first one.
+        where: how far the base may be moved and turned; None: 0.4 m along x and y, a quarter turn either way.
+        out: folder for the map, a page and the problem with the best base; None: nothing is written.
+        budget: s, half of it for the map.
+        progress: called with the stage and its fraction.
+
+    Returns:
+        The placement: `run` (the shortest verified one), `given`, `moved`, `base`, `scores`.
+
+    Raises:
+        InputError: an argument that does not fit.
+
+    Example:
+        >>> import optiplan as op
+        >>> found = op.place(op.load_problem("12_planar"), where=op.PlaceRange(0.1, 0.1, yaw=0.0, points=2), budget=5)
+        >>> found.run.verified
+        True
+    """
+    if not isinstance(problem, Problem) or not problem.source:
+        raise wrong_argument("place", "problem", described(problem), "a problem that was read, or made by op.Problem")
+    progress_argument("place", progress)
+    if not isinstance(robot, Robot | str | Path | None):
+        expected = "a Robot, the name of a shipped one, or the path of a robot.yaml"
+        raise wrong_argument("place", "robot", described(robot), expected)
+    if not is_finite(budget) or budget <= 0.0:
+        raise wrong_argument("place", "budget", described(budget), "a number of seconds > 0")
+    where = _checked(where or PlaceRange())
+    folder = None if out is None else path_argument("place", "out", out, "the path of a folder")
+    if folder is not None:
+        check_folder(folder)
+    problem = problem if robot is None else _with_robot(problem, robot)
+    whole = Budget(float(budget))
+    scores = search_places(problem, where, whole.share(_MAP), progress)
+    given = plan(problem, budget=whole.remaining / (1 + _PLANNED), progress=partial(_quiet, progress))
+    runs: list[tuple[tuple[float, ...], Run]] = []
+    for count, moved in enumerate(_candidates(scores)):
+        progress("planning at the best places", count / _PLANNED)
+        try:
+            own = problem_from_dict({**problem.source, "base": _base(problem, moved)})
+        except InputError:  # such as a start that the exact shapes of the verifier's model collide at
+            continue
+        runs.append((moved, plan(own, budget=max(1.0, whole.remaining / (_PLANNED - count)))))
+    runs.sort(key=lambda one: (not one[1].verified, float(one[1].duration or np.inf)))
+    found = Placement(problem, scores, given, tuple(runs))
+    if folder is not None:
+        found.save(folder)
+    return found
+
+
+def _quiet(progress: Progress, stage: str, fraction: float) -> None:
+    progress("planning at the given place", fraction)
+
+
+def _candidates(scores: PlaceScores) -> list[tuple[float, ...]]:
+    """Return the best base poses, apart from each other and from the given one."""
+    chosen = [np.zeros(4)]
+    for k in scores.ranked():
+        if scores.missing[k] or len(chosen) > _PLANNED:
+            break
+        if all(np.abs(scores.moved[k] - other).max() > _APART for other in chosen):
+            chosen.append(scores.moved[k])
+    return [tuple(map(float, moved)) for moved in chosen[1:]]
+
+
+def _base(problem: Problem, moved: Sequence[float]) -> Mapping[str, Any]:
+    return pose_to_data(moved_base(problem.robot.mounting.X_WB, np.array(moved)))
+
+
+def _with_robot(problem: Problem, robot: Robot | str | Path) -> Problem:
+    """Return the problem for another robot, at the same base, from its own first configuration."""
+    other = robot if isinstance(robot, Robot) else load_robot(str(robot))
+    if other.name == problem.robot.name:
+        return problem
+    names = list(other.configurations)
+    if not names:
+        found = f"{other.name}, which has no named configuration to start in"
+        raise wrong_argument("place", "robot", found, "the robot of the problem, or one with `configurations`")
+    start = {"configuration": "ready" if "ready" in names else names[0]}
+    source = {key: value for key, value in problem.source.items() if key not in ("group", "locked")}
+    return problem_from_dict({**source, "robot": str(other.source or other.name), "start": start})
+
+
+def _checked(where: PlaceRange) -> PlaceRange:
+    if not isinstance(where, PlaceRange):
+        raise wrong_argument("place", "where", described(where), "an op.PlaceRange")
+    for name in ("x", "y", "z", "yaw"):
+        value = getattr(where, name)
+        if not is_finite(value) or not 0.0 <= value <= (np.pi if name == "yaw" else 100.0):
+            raise wrong_argument("place", f"where.{name}", described(value), "a number >= 0 (yaw: at most pi)")
+    whole_argument("place", "where.points", where.points, 2)
+    return replace(where)
+
+
+def _cells(moved: Sequence[float], score: float, run: Run | None) -> list[str]:
+    planned = "–" if run is None or run.duration is None else f"{run.duration:.3f}"
+    verified = "yes" if run is not None and run.verified else "no"
+    return [*(f"{value:.3f}" for value in moved), f"{score:.3f}", planned, verified]
+
+
+def _seconds(run: Run | None) -> str:
+    if run is None or not run.verified:
+        return "no verified motion"
+    return f"{run.duration:.3f} s"

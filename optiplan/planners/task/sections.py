@@ -1,0 +1,136 @@
+"""Do a task section by section: its tours, and the steps between them."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from optiplan.planners.base import Budget, Failure, Planner, Progress, stages_of
+from optiplan.planners.common.context import Stopwatch
+from optiplan.planners.task.chains import of_step
+from optiplan.planners.task.planned_steps import Pause, PlannedMotion, PlannedStep, Stretch, TaskPart
+from optiplan.planners.task.search import TaskSearch
+from optiplan.planners.task.stages import Stages, WorldState
+from optiplan.planners.task.timed_step import timed_step
+from optiplan.planners.tours.search import FoundTour, TourSearch
+from optiplan.problem.problem import Problem, derived
+from optiplan.problem.task.steps import Dwell, TargetTour, TaskStep
+from optiplan.problem.task.tour_steps import tour_steps
+
+_TOUR = 0.9
+"""Share of the remaining time that the last section may take if it is a tour; the rest joins steps and parts."""
+
+Section = Sequence[TaskStep]
+
+
+def sections_of(task: Sequence[TaskStep]) -> list[Section]:
+    """Divide a task: every tour alone, and the steps before, between and after them."""
+    found: list[list[TaskStep]] = []
+    for step in task:
+        alone = isinstance(step.action, TargetTour)
+        if alone or not found or isinstance(found[-1][0].action, TargetTour):
+            found.append([])
+        found[-1].append(step)
+    return list(found)
+
+
+@dataclass(eq=False)
+class SectionPlanner:
+    """Plans the sections one after another, each from where the one before ends.
+
+    Attributes:
+        problem: of the whole task.
+        found: called with the parts of the whole whenever a better tour is found that ends the task.
+        moves: records of the planned moves.
+        info: `attempts`, `cut_short`, and of tours what `TourSearch` says.
+    """
+
+    problem: Problem
+    planner: Planner[Any]
+    budget: Budget
+    progress: Progress
+    found: Callable[[Sequence[TaskPart]], object]
+    moves: list[dict[str, Any]] = field(default_factory=list)
+    info: dict[str, Any] = field(default_factory=lambda: {"attempts": 0, "cut_short": False})
+
+    def run(self, watch: Stopwatch) -> list[TaskPart] | Failure:
+        """Return all steps as parts, each from rest to rest, or the failure of the step that cannot be done."""
+        state = WorldState(self.problem.start, self.problem.scene)
+        sections = sections_of(self.problem.task)
+        parts: list[TaskPart] = []
+        for k, section in enumerate(sections):
+            share = self.budget if len(sections) == 1 else self.budget.share(1.0 / (len(sections) - k))
+            action = section[0].action
+            if isinstance(action, TargetTour):
+                with watch.stage("tour"):
+                    last = k == len(sections) - 1
+                    done = self._tour(section[0], action, state, share.share(_TOUR), parts if last else None)
+            else:
+                done = self._steps(section, state, share, watch, first=k == 0)
+            if isinstance(done, Failure):
+                return done
+            parts += done
+            state = parts[-1].steps[-1].after
+        return parts
+
+    def _steps(
+        self, steps: Section, state: WorldState, budget: Budget, watch: Stopwatch, *, first: bool
+    ) -> list[TaskPart] | Failure:
+        own = derived(self.problem, task=tuple(steps), start=state.q, scene=state.scene)
+        if not first:
+            still = {"start_velocity": 0.0 * state.q, "start_acceleration": 0.0 * state.q}
+            own = derived(own, **still)
+        search = TaskSearch(own, self.planner, budget, stages_of(self.progress))
+        with watch.stage("steps"):
+            planned = search.run()
+        self.moves += search.infos
+        self.info["attempts"] += search.attempts
+        self.info["cut_short"] |= search.cut_short
+        if isinstance(planned, Failure):
+            return planned
+        parts: list[TaskPart] = []
+        with watch.stage("timing"):
+            for step in planned:
+                timed = timed_step(step, budget)
+                if isinstance(timed, Failure):
+                    return timed
+                parts.append(timed)
+        return parts
+
+    def _tour(
+        self, step: TaskStep, tour: TargetTour, state: WorldState, budget: Budget, before: list[TaskPart] | None
+    ) -> list[TaskPart] | Failure:
+        """Return the parts of a tour; `before` are those before it where it ends the task."""
+        stages = Stages(self.problem)
+        stage = stages.at(state, step, tour.joints)
+
+        def parts_of(found: FoundTour) -> list[TaskPart]:
+            return list(_parts(stages, step, tour, state, found))
+
+        def better(found: FoundTour) -> None:
+            if before is not None:
+                self.found([*before, *parts_of(found)])
+
+        search = TourSearch(stage.problem, tour, stage.model, self.planner, budget, stages_of(self.progress), better)
+        found = search.run()
+        self.info |= search.info | {"cut_short": self.info["cut_short"] or search.info.get("cut_short", False)}
+        if isinstance(found, Failure):
+            return of_step(found, step, state, self.problem.robot, stage)
+        return parts_of(found)
+
+
+def _parts(stages: Stages, step: TaskStep, tour: TargetTour, state: WorldState, found: FoundTour) -> Iterator[TaskPart]:
+    """Yield the steps of a tour as parts: motions from rest to rest, and pauses."""
+    legs = iter(found.legs)
+    begin = stages.at(state, step, tour.joints)
+    for own in tour_steps(step, tour, found.order, begin.problem.start):
+        if isinstance(own.action, Dwell):
+            yield Pause(PlannedStep(own, state, state), own.action.seconds)
+            continue
+        leg = next(legs)
+        if leg is None:
+            yield Pause(PlannedStep(own, state, state), 0.0)
+            continue
+        stage = stages.at(state, own, tour.joints)
+        after = stage.arrived(leg.end, state)
+        yield Stretch.of(PlannedMotion(own, state, after, stage, leg), leg)
+        state = replace(after)

@@ -1,0 +1,1 @@
+"""Tours: the order of targets, the configuration at each, and the motions between them, found together."""

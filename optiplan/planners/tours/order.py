@@ -1,0 +1,118 @@
+"""The order of many targets by OR-Tools: local search over orders that keep to what a tour states.
+
+Source: Perron and Furnon, OR-Tools' routing library; guided local search after Voudouris and Tsang, 1999.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array, Flags
+from optiplan.errors import OptiPlanError
+from optiplan.libraries import loading
+from optiplan.problem.task.steps import TargetTour
+from optiplan.problem.task.tour_order import precedence
+
+_UNIT = 1e6
+"""Whole numbers of the library in a second."""
+
+_LONGEST = 1e6
+"""s, of any tour."""
+
+
+class OrderSearch:
+    """Search of orders for one tour; the times between targets change from call to call.
+
+    Raises:
+        OptiPlanError: OR-Tools is not installed.
+    """
+
+    def __init__(self, tour: TargetTour) -> None:
+        with loading():
+            try:
+                from ortools.constraint_solver import pywrapcp, routing_enums_pb2
+            except ImportError:
+                message = "a tour with a free order of many targets needs OR-Tools: pip install 'optiplan[tours]'"
+                raise OptiPlanError(message) from None
+        self._lib, self._enums = pywrapcp, routing_enums_pb2
+        self._tour = tour
+        self._before = _without_implied(precedence(tour))
+
+    def improved(self, seconds: Array, order: Sequence[int] | None, rounds: int, most: float) -> list[int] | None:
+        """Return a better order by local search, None where none was found that is as stated.
+
+        Args:
+            seconds: (m + 1, m + 1) between the start (0) and the targets (1 + i), s.
+            order: to begin with; None: one that the library makes.
+            rounds: solutions after which guided local search ends; 0: the local search alone.
+            most: s, of wall time.
+        """
+        m = len(self._tour.targets)
+        manager = self._lib.RoutingIndexManager(m + 2, 1, [0], [m + 1])
+        routing = self._lib.RoutingModel(manager)
+        matrix = self._matrix(seconds)
+        routing.SetArcCostEvaluatorOfAllVehicles(routing.RegisterTransitMatrix(matrix.tolist()))
+        self._state(routing, manager, seconds)
+        parameters = self._lib.DefaultRoutingSearchParameters()
+        parameters.first_solution_strategy = self._enums.FirstSolutionStrategy.PATH_CHEAPEST_ARC
+        if rounds:
+            parameters.local_search_metaheuristic = self._enums.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
+            parameters.solution_limit = rounds
+        parameters.time_limit.FromMilliseconds(max(1, int(1e3 * most)))
+        if order is None:
+            found = routing.SolveWithParameters(parameters)
+        else:
+            routing.CloseModelWithParameters(parameters)
+            first = routing.ReadAssignmentFromRoutes([[1 + target for target in order]], True)
+            found = None if first is None else routing.SolveFromAssignmentWithParameters(first, parameters)
+        if found is None:
+            return None
+        way, index = [], found.Value(routing.NextVar(routing.Start(0)))
+        while not routing.IsEnd(index):
+            way.append(manager.IndexToNode(index) - 1)
+            index = found.Value(routing.NextVar(index))
+        return way
+
+    def _matrix(self, seconds: Array) -> Array:
+        """Return costs (m + 2, m + 2): start, targets, end; leaving a cluster costs more than all legs together."""
+        m = len(self._tour.targets)
+        whole = np.zeros((m + 2, m + 2))
+        whole[: m + 1, : m + 1] = np.minimum(seconds, _LONGEST / (m + 2))
+        whole[1 : m + 1, m + 1] = whole[1 : m + 1, 0] if self._tour.closed else 0.0
+        clusters = [target.cluster for target in self._tour.targets]
+        if any(clusters):
+            penalty = float(whole.sum(axis=1).max()) + 1.0
+            numbers = {name: k for k, name in enumerate(dict.fromkeys(name for name in clusters if name))}
+            own = np.array([-1, *(numbers.get(name, -1) for name in clusters), -1])
+            whole += penalty * ((own[:, None] != own[None, :]) & (own[:, None] >= 0))
+        return np.asarray(np.round(whole * _UNIT).astype(np.int64))
+
+    def _state(self, routing: Any, manager: Any, seconds: Array) -> None:
+        """State precedence and windows; leaving a target takes what is done there."""
+        windows = [target.window for target in self._tour.targets]
+        timed = any(low > 0.0 or np.isfinite(high) for low, high in windows)
+        if not self._before.any() and not timed:
+            return
+        m = len(windows)
+        travel = np.zeros((m + 2, m + 2))
+        travel[: m + 1, : m + 1] = np.minimum(seconds, _LONGEST / (m + 2))
+        travel[1 : m + 1] += self._tour.dwelling
+        transit = routing.RegisterTransitMatrix(np.ceil(travel * _UNIT).astype(np.int64).tolist())
+        horizon = int(_LONGEST * _UNIT)
+        routing.AddDimension(transit, horizon if timed else 0, horizon, True, "time")
+        time = routing.GetDimensionOrDie("time")
+        for k, (low, high) in enumerate(windows):
+            index = manager.NodeToIndex(1 + k)
+            time.CumulVar(index).SetRange(int(np.ceil(low * _UNIT)), int(min(high, _LONGEST) * _UNIT))
+        for i, j in zip(*np.nonzero(self._before), strict=True):
+            first, second = (time.CumulVar(manager.NodeToIndex(1 + int(k))) for k in (i, j))
+            routing.solver().Add(first <= second)
+        if timed:
+            time.SetSpanCostCoefficientForAllVehicles(1)
+
+
+def _without_implied(before: Flags) -> Flags:
+    """Return a precedence relation (m, m) without the pairs that others imply."""
+    small = before.astype(np.uint8)
+    return np.asarray(before & ~(small @ small > 0))

@@ -1,0 +1,246 @@
+"""Vertices of a tour: configurations that put the tool at its targets, free and within limits."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array, Index
+from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.kinematics.ik.numeric import random_seeds
+from optiplan.planners.base import Budget, Failure, FailureKind
+from optiplan.planners.common.failures import out_of_time
+from optiplan.planners.common.gravity import Gravity
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.tours.travel_times import TravelTimes
+from optiplan.problem.goals import GoalOptions, GoalSet, goal_configurations
+from optiplan.problem.problem import Problem, derived
+from optiplan.problem.regions.sampling import RegionSampler
+from optiplan.problem.task.steps import TargetTour
+from optiplan.robot.frames import frame_pose
+
+_NUMERIC, _STARTS = 12, 60
+"""Configurations of a target that the numeric inverse kinematics looks for at first, and its starts at most."""
+
+_NEW = 1e-4
+"""rad or m: configurations that differ by less are one."""
+
+_MOST = 200
+"""Configurations of a target at first: the soonest from the start, where there are more."""
+
+_NEAR = 0.5
+"""s: configurations that are farther from a chosen one are on another branch."""
+
+_NAMED = 8
+"""Targets out of reach that a failure describes; it names all."""
+
+_TURN = 2.0 * np.pi
+
+
+@dataclass(eq=False)
+class Layer:
+    """Configurations Q (k, n) at a target, rad or m, with a number (k,) of each that no other has."""
+
+    Q: Array
+    numbers: Index
+
+    @cached_property
+    def places(self) -> dict[int, int]:
+        """The place of each number in the layer."""
+        return {number: k for k, number in enumerate(self.numbers.tolist())}
+
+
+class Vertices:
+    """Configurations at the targets of one tour: in closed form at many turns at once, else by descents.
+
+    Attributes:
+        check: of configurations and straight motions.
+        times: of straight motions.
+    """
+
+    def __init__(self, problem: Problem, tour: TargetTour, check: MotionCheck, times: TravelTimes) -> None:
+        self.problem, self.tour, self.check, self.times = problem, tour, check, times
+        self.goals = [target.goal for target in tour.targets]
+        self._closed = closed_form(problem.robot, self.goals[0].frame)
+        self._samplers = None if self._closed else [RegionSampler(problem.robot, goal) for goal in self.goals]
+        self._rng = np.random.default_rng(problem.seed)
+        self._count = 0
+
+    def first(self, budget: Budget, turns: int) -> list[Layer] | Failure:
+        """Return the first configurations of every target, or a failure that names all targets without any."""
+        found = self.candidates(turns, budget)
+        if budget.over:
+            return out_of_time(budget, "looking for configurations at the targets")
+        refused: dict[int, GoalSet] = {}
+        for k in range(len(found)):
+            if not len(found[k]):
+                goals = self._thoroughly(k, budget)
+                found[k] = np.array(goals.configurations).reshape(-1, self.problem.robot.n)
+                if not len(found[k]):
+                    refused[k] = goals
+        return self._failure(refused) if refused else [self.layer(Q) for Q in found]
+
+    def candidates(self, turns: int, budget: Budget, starts: int = _STARTS) -> list[Array]:
+        """Return free configurations (k, n) of every target; none where none was found by so many descents."""
+        return self._at_turns(turns) if self._closed else self._descended(budget, starts)
+
+    def near(self, chosen: Array, before: Array, after: Array, step: float) -> list[Layer]:
+        """Return further free configurations near the chosen ones, for each of the m targets.
+
+        Args:
+            chosen: (m, n) the configurations of the tour, by target.
+            before: (m, n) those of the target before each.
+            after: (m, n) those of the target after each.
+            step: rad, of the turn about a free axis: up to four to either side are tried.
+        """
+        if self._closed is not None:
+            turns = np.zeros((len(chosen), 1))
+            if any(goal.free for goal in self.goals):
+                turns = self._turns_of(chosen)[:, None] + step * np.arange(-4, 5)
+            solved = self._solved(turns)
+            soon = [self.times.between(q[None], Q)[0] < _NEAR for q, Q in zip(chosen, solved, strict=True)]
+            return self._layers([Q[kept] for Q, kept in zip(solved, soon, strict=True)])
+        assert self._samplers is not None
+        found = []
+        middle = 0.5 * (before + after)
+        for k, sampler in enumerate(self._samplers):
+            seeds = [middle[k], 0.5 * (chosen[k] + middle[k]), 0.5 * (chosen[k] + before[k])]
+            apart = step * self._rng.uniform(-1.0, 1.0, chosen.shape[1])
+            seeds += [0.5 * (chosen[k] + after[k]), chosen[k] + apart]
+            there = [q for q, inside in map(sampler.onto, seeds) if inside]
+            found.append(np.array(there).reshape(-1, self.problem.robot.n))
+        return self._layers(found)
+
+    def _layers(self, found: list[Array]) -> list[Layer]:
+        return [self.layer(Q) for Q in self._free(found)]
+
+    def layer(self, Q: Array) -> Layer:
+        """Return configurations (k, n) as a layer, with numbers of their own."""
+        self._count += len(Q)
+        return Layer(Q, np.arange(self._count - len(Q), self._count))
+
+    def joined(self, layers: Sequence[Layer], more: Sequence[Layer]) -> list[Layer]:
+        """Return layers with further configurations, those left out that are there already."""
+        found = []
+        for layer, other in zip(layers, more, strict=True):
+            apart = np.abs(other.Q[:, None] - layer.Q[None]).max(axis=2, initial=0.0).min(axis=1, initial=np.inf)
+            new = apart > _NEW
+            numbers = np.concatenate([layer.numbers, other.numbers[new]])
+            found.append(Layer(np.concatenate([layer.Q, other.Q[new]]), numbers))
+        return found
+
+    def _at_turns(self, turns: int) -> list[Array]:
+        free = any(goal.free for goal in self.goals)
+        angles = np.arange(turns) * (_TURN / turns) if free else np.zeros(1)
+        found = self._solved(np.broadcast_to(angles, (len(self.goals), len(angles))))
+        return self._free([self._soonest(Q) for Q in found])
+
+    def _soonest(self, Q: Array) -> Array:
+        if len(Q) <= 2 * _MOST:
+            return Q
+        seconds = self.times.between(self.problem.start[None], Q)[0]
+        return np.asarray(Q[np.sort(np.argsort(seconds, kind="stable")[: 2 * _MOST])])
+
+    def _solved(self, turns: Array) -> list[Array]:
+        """Return all configurations within limits of every target at turns (m, t), rad."""
+        assert self._closed is not None
+        X = np.array([goal.X_WR.homogeneous for goal in self.goals])[:, None] @ self._turned(turns)
+        X = X @ np.array([goal.X_RF.homogeneous for goal in self.goals])[:, None]
+        solutions = self._closed.solve(X.reshape(-1, 4, 4))
+        q = solutions.q.reshape(len(self.goals), -1, self.problem.robot.n)
+        valid = solutions.valid.reshape(len(self.goals), -1)
+        return [self._images(q[k][valid[k]]) for k in range(len(self.goals))]
+
+    def _turned(self, turns: Array) -> Array:
+        """Return the turns (m, t), rad, about the free axes as poses (m, t, 4, 4); the identity without one."""
+        found = np.zeros((*turns.shape, 4, 4))
+        found[...] = np.eye(4)
+        for k, goal in enumerate(self.goals):
+            for axis in goal.free[:1]:
+                i, j = (axis + 1) % 3, (axis + 2) % 3
+                found[k, :, i, i] = found[k, :, j, j] = np.cos(turns[k])
+                found[k, :, j, i] = np.sin(turns[k])
+                found[k, :, i, j] = -np.sin(turns[k])
+        return found
+
+    def _turns_of(self, Q: Array) -> Array:
+        """Return the turns (m,), rad, about the free axes of the configurations Q (m, n) of all targets."""
+        assert self._closed is not None
+        found = np.zeros(len(Q))
+        for k, (goal, X) in enumerate(zip(self.goals, self._closed.forward(Q), strict=True)):
+            for axis in goal.free[:1]:
+                found[k] = goal.coordinates(pin.SE3(X))[3 + axis]
+        return found
+
+    def _images(self, Q: Array) -> Array:
+        """Return configurations within limits equal to Q (k, n) up to whole turns.
+
+        Those nearest to the start, and those with one joint a turn farther.
+        """
+        limits, start = self.problem.limits, self.problem.start
+        wide = [j for j in np.flatnonzero(self.problem.robot.revolute) if limits.upper[j] - limits.lower[j] > _TURN]
+        base = Q.copy()
+        for j in wide:
+            base[:, j] -= _TURN * np.round((base[:, j] - start[j]) / _TURN)
+            base[:, j] += _TURN * ((base[:, j] < limits.lower[j]).astype(float) - (base[:, j] > limits.upper[j]))
+        found = [base]
+        for j in wide:
+            for by in (-_TURN, _TURN):
+                other = base.copy()
+                other[:, j] += by
+                found.append(other)
+        every = np.concatenate(found)
+        return np.asarray(every[((every >= limits.lower) & (every <= limits.upper)).all(axis=1)])
+
+    def _free(self, found: list[Array]) -> list[Array]:
+        return [Q[[not self.check.blocked(q) for q in Q]] if len(Q) else Q for Q in found]
+
+    def _descended(self, budget: Budget, starts: int) -> list[Array]:
+        """Return configurations of every target by descents: from the start, those of its neighbours, and random."""
+        assert self._samplers is not None
+        robot = self.problem.robot
+        found: list[Array] = []
+        own = [self.problem.start, *robot.configurations.values()]
+        for sampler in self._samplers:
+            random = random_seeds(robot, self.problem.start, self._rng, starts)
+            there: list[Array] = []
+            for seed in (*(q for Q in found[-1:] for q in Q[:4]), *own, *random):
+                q, inside = sampler.onto(seed)
+                if inside and all(np.abs(q - other).max() > 0.1 for other in there) and not self.check.blocked(q):
+                    there.append(q)
+                if len(there) >= _NUMERIC or budget.over:
+                    break
+            found.append(np.array(there).reshape(-1, robot.n))
+        return found
+
+    def _thoroughly(self, k: int, budget: Budget) -> GoalSet:
+        """Look for configurations of target k as of any goal; the set says why there are none."""
+        goal = derived(self.problem, goal=(self.goals[k],))
+        options = GoalOptions(stop=lambda: budget.over)
+        found = goal_configurations(goal, self.check.model, np.random.default_rng(self.problem.seed), options)
+        gravity = Gravity(self.problem.robot, self.problem.limits.torque)
+        held = [q for q in found.configurations if not gravity.too_much(q)]
+        if found.configurations and not held:
+            witness = {"q": found.configurations[0].tolist()}
+            return GoalSet([], "goal-unreachable", "gravity alone exceeds the torque limits there", witness)
+        return GoalSet(held, found.kind, found.reason, found.witness)
+
+    def _failure(self, refused: dict[int, GoalSet]) -> Failure:
+        """Return a failure that names every target without a configuration, with the nearest pose of some."""
+        names = [self.tour.targets[k].name for k in refused]
+        reasons, told = [], []
+        for k, goals in refused.items():
+            q = np.array(goals.witness.get("q", self.problem.start))
+            X = frame_pose(self.problem.robot, q, self.goals[k].frame)
+            place = ", ".join(f"{x:.4g}" for x in X.translation)
+            near = f"; nearest at [{place}] m" if goals.kind == "goal-unreachable" else ""
+            reasons.append(f"'{self.tour.targets[k].name}': {goals.reason}{near}")
+            told.append({"target": self.tour.targets[k].name, "reason": goals.reason, **goals.witness})
+        every = all(goals.kind == "goal-in-collision" for goals in refused.values())
+        listed = f" ({', '.join(names)})" if len(names) > _NAMED else ""
+        detail = f"{len(names)} of {len(self.goals)} targets cannot be reached{listed}: {'; '.join(reasons[:_NAMED])}"
+        first = next(iter(refused.values())).witness
+        kind: FailureKind = "goal-in-collision" if every else "goal-unreachable"
+        return Failure(kind, detail, {**({"q": first["q"]} if "q" in first else {}), "targets": told})

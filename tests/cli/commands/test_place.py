@@ -1,0 +1,48 @@
+"""`optiplan place`: the table, JSON, files, and a task that no base allows."""
+
+import re
+
+import pytest
+
+TASK = """version: 1
+name: three
+robot: ur5
+start: {configuration: ready}
+goal: {pose: {position: [0.45, 0.2, 0.3], rpy: [3.1416, 0, 0]}}
+"""
+FEW = ("--x", "0.1", "--y", "0.1", "--yaw", "0", "--points", "2", "--budget", "4")
+
+
+@pytest.fixture
+def task(tmp_path):
+    (tmp_path / "three.yaml").write_text(TASK)
+    return tmp_path / "three.yaml"
+
+
+def test_a_base_is_found_and_written(optiplan, task, tmp_path):
+    code, out, _ = optiplan("place", "ur5", str(task), *FEW, "--out", str(tmp_path / "place"))
+    assert code == 0
+    assert re.search(r"base moved by x -?[\d.]+ m, .*: [\d.]+ s; at the given one: [\d.]+ s", out)
+    assert {path.name for path in (tmp_path / "place").iterdir()} == {"place.html", "place.png", "problem.yaml"}
+    page = (tmp_path / "place" / "place.html").read_text()
+    assert "data:image/png;base64," in page
+    assert "base:" in page
+    found, given = (float(x) for x in re.findall(r": ([\d.]+) s", out)[-2:])
+    assert found <= given
+    assert optiplan("check", str(tmp_path / "place" / "problem.yaml"))[0] == 0
+
+
+def test_json_of_a_task_out_of_reach(optiplan_json, task):
+    task.write_text(TASK.replace("0.45, 0.2", "4.5, 0.2"))
+    code, data = optiplan_json("place", "ur5", str(task), *FEW)
+    assert code == data["exit_code"] == 3
+    assert data["duration"] is None
+    assert data["base"] is None
+    assert data["scored"] >= 4
+
+
+def test_another_robot_starts_in_its_own_configuration(optiplan_json, task):
+    code, data = optiplan_json("place", "puma560", str(task), *FEW)
+    assert data["robot"] == "puma560"
+    assert code in (0, 3)
+    assert optiplan_json("place", "nobody", str(task))[0] == 2

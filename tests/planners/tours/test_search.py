@@ -1,0 +1,158 @@
+"""A tour is planned and proved as part of a task; every way of cheating is refused; what cannot be done is named."""
+
+import json
+import threading
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.planners.base import Budget
+from optiplan.planners.tours import search
+from optiplan.problem.problem import derived
+from optiplan.robot.frames import frame_pose
+from optiplan.runs.pipeline import run as plan_with
+from optiplan.trajectory.timing.lower_bound import lower_bound
+from optiplan.verify.verify import verify
+
+PLACES = [(0.45, y, z) for y in (-0.3, -0.1, 0.1, 0.3) for z in (0.25, 0.45)]
+WALL = op.Box("wall", size=(0.2, 0.02, 0.3), position=(0.55, 0.0, 0.1))
+
+
+class Told:
+    """Progress that keeps the motions found on the way."""
+
+    def __init__(self):
+        self.found_motions = []
+
+    def __call__(self, stage, fraction):
+        pass
+
+    def found(self, motion, bound):
+        self.found_motions.append(motion)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    targets = [{"name": f"hole {k}", "position": place, "axis": [1, 0, 0]} for k, place in enumerate(PLACES)]
+    targets[0] |= {"after": "hole 7"}
+    targets[2] |= {"window": [12.0, 60.0]}
+    tour = {"standoff": 0.02, "closed": True, "at_each": [{"dwell": 0.1, "do": "drill"}, {"dwell": 0.2}]}
+    task = op.Task().tour(targets, **tour).move("up")
+    return op.Problem("ur5", "ready", task=task, scene=[WALL])
+
+
+@pytest.fixture(scope="module")
+def run(problem):
+    found = op.plan(problem, budget=6.0)
+    assert found.verified, (found.failure, found.report)
+    return found
+
+
+def check(problem, motion, name):
+    return next(one for one in verify(problem, motion).checks if one.name == name)
+
+
+def test_every_target_is_visited_and_rested_at(problem, run):
+    led = [one for one in run.trajectory.segments if one.kind == "tour"]
+    tour = problem.task[0].action
+    assert sorted(one.name for one in led[:-1]) == [target.name for target in tour.targets]
+    assert led[-1].name == "back"
+    assert np.abs(run.trajectory(led[-1].end) - problem.start).max() < 1e-6
+    for one in led[:-1]:
+        goal = next(target.goal for target in tour.targets if target.name == one.name)
+        assert goal.contains(frame_pose(problem.robot, run.trajectory(one.end), goal.frame))
+        assert np.abs(run.trajectory(one.end, 1)).max() < 1e-9
+    order = [one.name for one in led]
+    assert order.index("hole 7") < order.index("hole 0")
+    assert next(one.end for one in led if one.name == "hole 2") >= 12.0 - 1e-9
+    kinds = [one.kind for one in run.trajectory.segments]
+    assert kinds == ["tour", "process", "dwell"] * 8 + ["tour", "move"]
+
+
+def test_the_run_says_so(run, tmp_path):
+    run.save(tmp_path)
+    record = json.loads((tmp_path / "run.json").read_text())
+    events = [one for one in record["events"] if one["kind"] == "process"]
+    assert [one["name"] for one in events] == ["drill"] * 8
+    assert record["verified"]
+    again = op.load_run(tmp_path)
+    assert op.verify(again.problem, again.trajectory).verified
+    names = {one.name: one.detail for one in run.report.checks}
+    assert "8 targets" in names["tour"]
+    assert run.lower_bound_of == "stops"
+    total = 8 * 0.3 + sum(
+        lower_bound(run.trajectory(one.begin), run.trajectory(one.end), run.problem.limits)
+        for one in run.trajectory.segments
+        if one.kind in ("tour", "move")
+    )
+    assert run.lower_bound == pytest.approx(total, rel=1e-6)
+
+
+def test_other_orders_and_names_are_refused(problem, run):
+    motion = run.trajectory
+    segments = list(motion.segments)
+    segments[0], segments[3] = (
+        replace(a, name=b.name) for a, b in ((segments[0], segments[3]), (segments[3], segments[0]))
+    )
+    assert not check(problem, replace(motion, segments=tuple(segments)), "goal").passed
+    without = replace(motion, segments=motion.segments[3:])
+    assert "not every target" in check(problem, without, "tour").detail
+    sooner = motion.scaled(0.5 * motion.duration)
+    assert not verify(problem, sooner).verified
+    stated = [replace(one, window=(0.0, 0.5)) for one in problem.task[0].action.targets]
+    tight = replace(problem.task[0], action=replace(problem.task[0].action, targets=tuple(stated)))
+    assert "outside [0, 0.5] s" in check(derived(problem, task=(tight, problem.task[1])), motion, "tour").detail
+
+
+def test_a_motion_that_does_not_rest_is_refused(problem, run):
+    """The end of a leg is said to be a little earlier, within the tolerance of the target."""
+    motion, (first, second) = run.trajectory, run.trajectory.segments[:2]
+    by = 2e-3
+    earlier = (replace(first, end=first.end - by), replace(second, begin=second.begin - by), *motion.segments[2:])
+    found = check(problem, replace(motion, segments=earlier), "standstill")
+    assert not found.passed
+    assert first.name in found.detail or "drill" in found.detail
+
+
+def test_better_tours_are_told_on_the_way(problem):
+    progress = Told()
+    targets = [{"position": place, "axis": [1, 0, 0]} for place in PLACES]
+    own = op.Problem("ur5", "ready", task=op.Tour(targets), scene=[WALL])
+    found = plan_with(own, "trajopt", {}, Budget(5.0), progress)
+    assert found.verified
+    durations = [motion.duration for motion in progress.found_motions]
+    assert durations == sorted(durations, reverse=True)
+    assert found.duration == min(durations)
+    led = [(one.begin, one.end) for one in found.trajectory.segments]
+    assert all(a[1] == pytest.approx(b[0], abs=1e-9) for a, b in pairwise(led))
+
+
+def test_all_targets_out_of_reach_are_named(problem):
+    far = [{"name": "far", "position": (2, 0, 0.3)}, {"name": "low", "position": (0.4, 0.1, -3)}]
+    buried = {"name": "buried", "position": (0.5, 0.0, 0.15), "axis": [1, 0, 0]}
+    task = op.Tour([*far, buried, {"position": PLACES[0], "axis": [1, 0, 0]}])
+    found = op.plan(op.Problem("ur5", "ready", task=task, scene=[WALL]))
+    assert found.failure.kind == "goal-unreachable"
+    assert found.failure.detail.startswith("step 1 (tour): 3 of 4 targets cannot be reached: 'far'")
+    assert "nearest at [" in found.failure.detail
+    assert [one["target"] for one in found.failure.witness["targets"]] == ["far", "low", "buried"]
+
+
+def test_an_interrupted_search_keeps_its_best(problem, monkeypatch):
+    cancel = threading.Event()
+
+    class Cancelling(Told):
+        def found(self, motion, bound):
+            super().found(motion, bound)
+            cancel.set()
+
+    progress = Cancelling()
+    targets = [{"position": place, "axis": [1, 0, 0]} for place in PLACES]
+    own = op.Problem("ur5", "ready", task=op.Tour(targets), scene=[WALL])
+    monkeypatch.setattr(search, "work_of", lambda layers: np.inf)  # so that OR-Tools is asked
+    found = plan_with(own, "trajopt", {}, Budget(30.0, cancel), progress)
+    assert found.verified
+    assert len(progress.found_motions) == 1
