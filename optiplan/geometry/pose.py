@@ -124,6 +124,19 @@ class Pose:
         """The homogeneous matrix (4, 4), m."""
         return np.asarray(pose_from_data(self.to_data()).homogeneous)
 
+    def __matmul__(self, within: "Pose") -> "Pose":
+        """Return X_WF X_FB, where this pose is X_WF and `within` is X_FB, with the frame and tolerances of `within`.
+
+        Example:
+            >>> import optiplan as op
+            >>> tray = op.Pose((0.5, 0, 0.1), rpy_deg=(0, 0, 90))
+            >>> (tray @ op.Pose((0.2, 0, 0.1))).position
+            (0.5, 0.2, 0.2)
+        """
+        placed = pose_to_data(pose_from_data(self.to_data()) * pose_from_data(within.to_data()))
+        position = tuple(round(x, 12) for x in placed["position"])
+        return replace(within, position=position, rpy=None, rpy_deg=None, quaternion=tuple(placed["quaternion"]))
+
     def to_data(self) -> dict[str, Any]:
         """Return the keys of a problem file."""
         tolerance = {"position": self.position_tolerance, "orientation": self.orientation_tolerance}

@@ -23,6 +23,7 @@ from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.schema.frames import in_world
 from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists, with_names
+from optiplan.problem.schema.loops import written_out
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
@@ -65,6 +66,9 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     Raises:
         InputError: all issues, in file order.
     """
+    document, wrong = written_out(document)
+    if wrong:
+        raise _error(wrong)
     document, wrong = in_world(document)
     if wrong:
         rest = _issues_of(document, base, robots)

@@ -132,6 +132,7 @@ MEANINGS = {
     "ObjectiveSpec.time": "Weight of the duration.",
     "to": "Where the line or arc ends, [x, y, z], m, in the world.",
     "RelativePoseSpec.to": "The other frame.",
+    "tasks": "Steps by name, which a task does: {do: NAME, with: {…}}.",
     "tolerance": "How far off is near enough: m of positions, rad of rotations and joints.",
     "tool_acceleration": "The tool's acceleration is bounded.",
     "tool_path": "Weight of the length of the tool's path.",

@@ -78,7 +78,7 @@ class ProblemSpec(Strict):
     without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one. There is
     either a `goal` or a `task` of several steps. `tracking_error` says how far joints may be from the motion, rad or m:
     one number, a list, or values by joint. A file may
-    also have `frames`, which `frames.py` takes out before anything is read here.
+    also have `frames` and loops, which `frames.py` and `loops.py` take out before anything is read here.
     """
 
     version: FileVersion
@@ -101,11 +101,18 @@ class ProblemSpec(Strict):
     seed: Annotated[Whole, Field(ge=0)] = 0
 
 
-def with_frames(schema: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema with `frames`, and with `in` and `offset` of poses: files have them, what is read has not."""
+def as_written(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema with what files have and what is read has not: frames, and steps that are written once."""
     own = {"type": "string", "description": "The frame or obstacle that the pose is said in; the world without it."}
     words = "A pose from there on, in its own axes: position, m, and rotation."
     offset = {"$ref": "#/$defs/PoseSpec", "description": words}
+    steps = {"type": "array", "items": {"$ref": "#/$defs/TaskStepSpec"}}
+    repeated = {
+        "for": {"type": "object", "description": "Values by name, such as {i: 0..3}: every value with every other."},
+        "steps": {**steps, "description": "The steps that are repeated."},
+        "do": {"type": "string", "description": "The steps of this name among `tasks`."},
+        "with": {"type": "object", "description": "Values by name, for the steps that are done."},
+    }
 
     def placed(definition: dict[str, Any]) -> dict[str, Any]:
         keys = definition.get("properties", {})
@@ -114,11 +121,16 @@ def with_frames(schema: dict[str, Any]) -> dict[str, Any]:
         return {**definition, "properties": {**keys, "in": own, **({} if "offset" in keys else {"offset": offset})}}
 
     definitions = {name: placed(one) for name, one in schema["$defs"].items()}
-    frames = {"type": "object", "additionalProperties": {"$ref": "#/$defs/PoseSpec"}}
-    return {**schema, "$defs": definitions, "properties": {**schema["properties"], "frames": frames}}
+    step = definitions["TaskStepSpec"]
+    definitions["TaskStepSpec"] = {**step, "properties": {**step["properties"], **repeated}}
+    more = {
+        "frames": {"type": "object", "additionalProperties": {"$ref": "#/$defs/PoseSpec"}},
+        "tasks": {"type": "object", "additionalProperties": steps},
+    }
+    return {**schema, "$defs": definitions, "properties": {**schema["properties"], **more}}
 
 
 def problem_schema() -> dict[str, Any]:
     """JSON schema of a problem file, for editors that complete, explain and check YAML."""
-    schema = with_frames(ProblemSpec.model_json_schema(mode="validation"))
+    schema = as_written(ProblemSpec.model_json_schema(mode="validation"))
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **with_meanings(schema)}

@@ -205,7 +205,7 @@
 
   function draw(found) {
     const fresh = JSON.stringify(found.start) !== JSON.stringify(state.start), known = new Set(found.problem.scene.obstacles.map((one) => one.name));
-    Object.assign(state, { drawn: found, problem: found.problem, start: found.start, tool: found.tool, joints: found.joints, handles: found.handles });
+    Object.assign(state, { drawn: found, problem: found.problem, start: found.start, tool: found.tool, joints: found.joints, handles: asWritten(found.handles) });
     state.active = Math.min(state.active, Math.max(0, state.handles.length - 1));
     scene.show(found.scene, found.problem.task ? null : found.tool);
     if (state.handles.length) scene.handles(state.handles.map((one) => one.pose), state.active);
@@ -245,6 +245,13 @@
     scene.touching(new Set(data.touching.flat()));
     byId("touching").textContent = [...new Set(data.touching.map((pair) => pair.join(" and ") + " touch"))].join("; ");
   });
+
+  // Handles whose poses stand in the text: the steps of a task with loops are other ones than the text has.
+  function asWritten(handles) {
+    const task = ProblemText.value(state.valid, ["task"]);
+    const looped = Array.isArray(task) && task.some((step) => step && (step.for || step.do));
+    return looped ? handles.filter(({ path }) => path[0] !== "task") : handles;
+  }
 
   // ---- teach: points are recorded as vias, and played back as they are, before any planning
   function record() {

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import optiplan as op
 from optiplan.config.document import parse_yaml
 from optiplan.errors import InputError
 from optiplan.geometry.poses import pose_from_data
@@ -34,6 +35,18 @@ def test_a_pose_is_the_product_of_its_frames_and_its_offset():
     again = problem_from_dict(found.source)
     assert again.hash == found.hash
     assert "frames" not in found.source
+
+
+def test_poses_of_python_are_products():
+    table, tray = (op.Pose(**{key: one[key] for key in one if key != "in"}) for one in (TABLE["pose"], TRAY))
+    goal = table @ tray @ op.Pose((0.05, 0, 0.08), rpy_deg=(180, 0, 0), frame="panda_hand", position_tolerance=1e-3)
+    wanted = (
+        pose_from_data(TABLE["pose"])
+        * pose_from_data(TRAY)
+        * pin.SE3(pin.rpy.rpyToMatrix(np.pi, 0, 0), np.array([0.05, 0, 0.08]))
+    )
+    np.testing.assert_allclose(goal.matrix, wanted.homogeneous, atol=1e-11)
+    assert (goal.frame, goal.position_tolerance) == ("panda_hand", 1e-3)
 
 
 def test_obstacles_vias_regions_and_steps_of_a_task_are_said_in_frames():

@@ -143,4 +143,4 @@ def test_schema_for_editors_knows_short_forms():
 
 
 def test_schema_lists_every_key_of_the_model():
-    assert set(problem_schema()["properties"]) == {*ProblemSpec.model_fields, "frames"}
+    assert set(problem_schema()["properties"]) == {*ProblemSpec.model_fields, "frames", "tasks"}

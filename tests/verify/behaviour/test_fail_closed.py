@@ -17,7 +17,7 @@ from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.problem import derived
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
+from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, Process, StraightLine, Target, TargetTour, TaskStep
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
@@ -241,7 +241,10 @@ def test_fields_of_what_a_problem_states_are_known():
         PoseGoal: {"frame", "X_WG", "position", "orientation"},
         RegionGoal: {"frame", "X_WR", "X_RF", "low", "high"},
         Via: {"at", "velocity", "time"},  # wishes
-        Move: {"joints", "goal", "vias"},
+        Move: {"joints", "goal", "vias", "rests"},
+        Target: {"name", "goal", "after", "cluster", "window"},
+        Process: {"seconds", "name"},
+        TargetTour: {"joints", "targets", "free", "first", "last", "closed", "at_each"},
         StraightLine: {"joints", "frame", "ends", "by", "in_tool", "speed", "blend"},
         Attach: {"body", "link", "touch", "mass", "centre", "inertia"},
         Detach: {"body"},
