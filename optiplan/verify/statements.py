@@ -6,7 +6,7 @@ from typing import Any
 
 from optiplan.geometry.scene import Attachment, Scene
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
+from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 from optiplan.verify.report import Check
@@ -20,9 +20,9 @@ def covering(check: Check, *statements: str) -> Check:
     return replace(check, covers=(*check.covers, *statements))
 
 
-def complete(problem: Problem, checks: Sequence[Check]) -> Check:
-    """Check that every statement of the problem has a check that was made of it."""
-    stated = list(statements(problem))
+def complete(problem: Problem, checks: Sequence[Check], besides: Sequence[str] = ()) -> Check:
+    """Check that every statement of the problem, and those `besides`, have a check that was made of them."""
+    stated = [*statements(problem), *besides]
     covered = {one for check in checks for one in check.covers}
     lacking = [one for one in stated if one not in covered]
     if not lacking:
@@ -49,6 +49,16 @@ def steps(k: int, step: TaskStep) -> list[str]:
     own = _OF_ACTIONS[kind](step.action) if kind in _OF_ACTIONS else [kind.__name__]
     constraints = [constraint(i, step_place(k)) for i in range(len(step.constraints))]
     return [f"{step_place(k)}.{one}" for one in ("standstill", *own)] + constraints
+
+
+def tours(problem: Problem) -> list[str]:
+    """Return the statements of the orders of tours, by the numbers of their steps."""
+    return [tour(step) for step in problem.task if isinstance(step.action, TargetTour)]
+
+
+def tour(step: TaskStep) -> str:
+    """Return the statement that the targets of a tour are visited in an order as stated."""
+    return f"tour of step {step.number}"
 
 
 def step_place(k: int) -> str:

@@ -8,6 +8,7 @@ from optiplan.problem.task.tour_order import wrong_order
 from optiplan.problem.task.tour_steps import arrivals
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check
+from optiplan.verify.statements import covering, tour
 
 _NAMED = 12
 """Targets of a tour that a report names, in their order."""
@@ -35,4 +36,4 @@ def tour_checks(problem: Problem, trajectory: Trajectory) -> Iterator[Check]:
             arrived = arrivals(step.action, own) if own else {}
             words = wrong_order(step.action, arrived)
             detail = f"{step.words}: {words or f'{len(arrived)} targets, each visited once, in an order as stated'}"
-            yield Check("tour", "exact", not words, detail=detail)
+            yield covering(Check("tour", "exact", not words, detail=detail), tour(step))

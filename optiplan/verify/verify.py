@@ -13,7 +13,7 @@ from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.file_checks import file_checks, names, unread_keys
 from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.scope import scope
-from optiplan.verify.statements import complete, covering
+from optiplan.verify.statements import complete, covering, tours
 from optiplan.verify.task_check import loaded_torque, task_checks, task_scope
 from optiplan.verify.tour_check import tour_checks, tour_scope
 from optiplan.verify.via_check import vias
@@ -63,7 +63,7 @@ def verify(
     if not problem.task:
         found.append(collision(problem, trajectory, policy))
     if all(check.passed for check in found):
-        found.append(complete(problem, found))
+        found.append(complete(problem, found, tours(stated)))
     about = (*scope(problem, robot, found), *(() if given is None else unread_keys(given)))
     if problem.task:
         about = (*about, *tour_scope(stated, trajectory), *task_scope(problem, trajectory))

@@ -107,6 +107,13 @@ def test_other_orders_and_names_are_refused(problem, run):
     assert "outside [0, 0.5] s" in check(derived(problem, task=(tight, problem.task[1])), motion, "tour").detail
 
 
+def test_an_order_that_nothing_checks_is_not_verified(problem, run, monkeypatch):
+    monkeypatch.setattr("optiplan.verify.verify.tour_checks", lambda *_: [])
+    report = verify(problem, run.trajectory)
+    assert [one.name for one in report.failures] == ["statements"]
+    assert "tour of step 1" in report.failures[0].detail
+
+
 def test_a_motion_that_does_not_rest_is_refused(problem, run):
     """The end of a leg is said to be a little earlier, within the tolerance of the target."""
     motion, (first, second) = run.trajectory, run.trajectory.segments[:2]
