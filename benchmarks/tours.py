@@ -182,6 +182,7 @@ def optimality(arguments: Any) -> tuple[tuple[str, ...], list[list[str]], list[d
         seconds = []
         for exact in (np.inf, 0.0):
             search = searching(problem, 600.0, exact)
+            search.settling = 1000  # until all legs of the tour are free, or known not to be
             layers = search.vertices.first(search.budget, FEW_TURNS)
             assert isinstance(layers, list)
             first = search.first(layers)

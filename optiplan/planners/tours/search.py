@@ -103,6 +103,7 @@ class TourSearch:
         exact: pairs of configurations up to which the best order is found by comparing all.
         rounds: done so far.
         failure: of the last tour whose legs could not all be planned.
+        settling: rounds of dynamic programming in which straight motions that are not free are left, at most.
     """
 
     problem: Problem
@@ -127,7 +128,7 @@ class TourSearch:
         self.legs = TourLegs(self.problem, check, self.planner, self.progress)
         self._orders: OrderSearch | None = None
         self._many = len(self.tour.targets) > _FEW
-        self._turns = _TURNS[self._many]
+        self._turns, self.settling = _TURNS[self._many], _SETTLING[self._many]
         self._told, self._stopped = np.inf, False
         self._kept: Choice | None = None
         self._rules = OrderRules(self.tour)
@@ -236,7 +237,7 @@ class TourSearch:
 
     def _best_of_all(self, layers: Sequence[Layer]) -> Choice | None:
         """Return the best tour of all orders and configurations whose straight motions are free, see `_settled`."""
-        for _ in range(_SETTLING[self._many]):
+        for _ in range(self.settling):
             choice = best_tour(self.ladder, layers)
             if choice is None or not self._blocked(choice):
                 break
@@ -264,7 +265,7 @@ class TourSearch:
 
     def _settled(self, layers: Sequence[Layer], order: Sequence[int]) -> Choice:
         """Return the cheapest configurations whose straight motions are free, as far as there are such."""
-        for _ in range(_SETTLING[self._many]):
+        for _ in range(self.settling):
             choice = self.ladder.cheapest(layers, order)
             if not np.isfinite(choice.seconds) or not self._blocked(choice):
                 break
