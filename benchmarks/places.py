@@ -21,7 +21,7 @@ import optiplan as op
 from optiplan.planners import base
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
-TASKS = ("09_ur5", "42_srra_tends_and_drills", "48_spot_tour")
+TASKS = ("09_ur5", "42_srra_tends_and_drills", "45_spot_tour")
 HEADINGS = (
     "task",
     "bases scored",

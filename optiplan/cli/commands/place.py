@@ -40,7 +40,7 @@ def place(
 
     [bold]Examples[/]
 
-      optiplan place panda 48_spot_tour --out place      and open place/place.html
+      optiplan place panda 45_spot_tour --out place      and open place/place.html
 
       optiplan place ur5 task.yaml --x 0.2 --y 0.5 --z 0.3 --yaw 0
 
