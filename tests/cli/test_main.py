@@ -76,7 +76,7 @@ def test_a_group_of_commands_says_that_none_was_given(optiplan):
 
 
 def test_unknown_commands_are_answered_with_the_near_or_with_all(optiplan):
-    assert "Did you mean 'plan'?" in optiplan("plna")[2]
+    assert "Did you mean 'verify'?" in optiplan("verfy")[2]
     assert all(name in optiplan("fly")[2] for name in COMMANDS)
     assert "Choose from: init, show, srdf, export." in optiplan("robots", "fly")[2]
 

@@ -34,7 +34,7 @@ READY_IN = 60.0
 LET_GO_IN = 5.0
 """s, for the robot to stand still and the process to report."""
 
-HANGS_AFTER = 0.5
+HANGS_AFTER = 1.5
 """s without a state."""
 
 
