@@ -56,6 +56,7 @@ const GoalFrame = (() => {
         frame.quaternion.copy(turned).multiply(new THREE.Quaternion().setFromAxisAngle(axis, angle));
       } else {
         if (kind === "arrow") moved.copy(a).multiplyScalar(hit.clone().sub(begin).dot(a));
+        if (!frame.parent) return false; // the scene was drawn anew meanwhile, with another frame
         frame.position.copy(frame.parent.worldToLocal(at.clone().add(moved)));
       }
       return true;
