@@ -11,10 +11,11 @@ from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
 from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
-from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, Via, derived
+from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
+from optiplan.robot.frames import frame_pose
 from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import cut_trajectory, standstill
@@ -155,7 +156,7 @@ def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
     for k, part in enumerate(parts):
         action = part.step.action
         if isinstance(action, Move):
-            ends = [_of_all(part.problem, action.joints, end, part.q) for end in action.goal]
+            ends = [_of_all(part.problem, action.joints, end, part.q) for end in _placed_goal(part, action)]
         elif isinstance(action, StraightLine) and part.way is not None and part.way.leaves is None:
             ends = list(action.ends) or [PoseGoal(action.frame, part.way.end)]
         else:
@@ -163,6 +164,15 @@ def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
         check = limit_checks.goal(derived(part.problem, goal=tuple(ends)), standing_at(part.problem, part.q))
         length = 0.0 if part.motion is None else part.motion.duration
         yield covering(replace(_of_part(check, part), time=part.begin + length), f"{step_place(k)}.end")
+
+
+def _placed_goal(part: _Part, action: Move) -> Iterator[GoalEnd]:
+    """Yield the ends of a move; regions in the frame of a link become regions in the world, where it is at the end."""
+    for end in action.goal:
+        if action.carried_by and isinstance(end, RegionGoal):
+            yield end.moved(frame_pose(part.problem.robot, part.q, action.carried_by))
+        else:
+            yield end
 
 
 def _of_all(problem: Problem, joints: Iterable[str], end: End, q: Array) -> End | JointGoal:

@@ -26,7 +26,9 @@ def targets(problem: Problem) -> tuple[list[float], ...]:
     poses = [end.X_WG for end in problem.goal if isinstance(end, PoseGoal)]
     regions = [end for end in problem.goal if isinstance(end, RegionGoal)]
     tours = [step.action for step in problem.task if isinstance(step.action, TargetTour)]
-    regions += [target.goal for tour in tours for target in tour.targets]
+    for tour in tours:
+        at = frame_pose(robot, problem.start, tour.carried_by) if tour.carried_by else pin.SE3.Identity()
+        regions += [target.goal.moved(at) for target in tour.targets]
     poses += [end.pose(_middle(end)) for end in regions]
     for via in problem.vias:
         at = via.at

@@ -215,7 +215,8 @@ def _places(problem: Problem) -> Iterator[Sequence[GoalEnd]]:
     for step in problem.task:
         action = step.action
         if isinstance(action, TargetTour):
-            goals = [target.goal for target in action.targets]
+            at = frame_pose(problem.robot, problem.start, action.carried_by) if action.carried_by else None
+            goals = [target.goal if at is None else target.goal.moved(at) for target in action.targets]
             kept = np.unique(np.linspace(0, len(goals) - 1, _PLACES).astype(int)) if len(goals) > _PLACES else None
             goals = goals if kept is None else [goals[k] for k in kept]
             yield from ([goal] for goal in (_nearest_next(goals) if action.free else goals))

@@ -1,19 +1,22 @@
 """Vertices of a tour: configurations that put the tool at its targets, free and within limits."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import cycle
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Index
+from optiplan.collision.native_model import planning_model
 from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.kinematics.ik.numeric import random_seeds
 from optiplan.planners.base import Budget, Failure, FailureKind
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.tours.carrier import Carrier
 from optiplan.planners.tours.travel_times import TravelTimes
 from optiplan.problem.goals import GoalOptions, GoalSet, goal_configurations
 from optiplan.problem.problem import Problem, derived
@@ -63,8 +66,11 @@ class Vertices:
     def __init__(self, problem: Problem, tour: TargetTour, check: MotionCheck, times: TravelTimes) -> None:
         self.problem, self.tour, self.check, self.times = problem, tour, check, times
         self.goals = [target.goal for target in tour.targets]
-        self._closed = closed_form(problem.robot, self.goals[0].frame)
-        self._samplers = None if self._closed else [RegionSampler(problem.robot, goal) for goal in self.goals]
+        self._carrier = Carrier(problem, tour.carried_by)
+        self._arm = self._carrier.problem
+        self._closed = closed_form(self._arm.robot, self.goals[0].frame)
+        self._positions = self._carrier.positions()
+        self._samplers: dict[tuple[int, bytes], RegionSampler] = {}
         self._rng = np.random.default_rng(problem.seed)
         self._count = 0
 
@@ -95,23 +101,34 @@ class Vertices:
             after: (m, n) those of the target after each.
             step: rad, of the turn about a free axis: up to four to either side are tried.
         """
+        positions = self._carrier.near(chosen[:, self._carrier.own], step)
         if self._closed is not None:
             turns = np.zeros((len(chosen), 1))
             if any(goal.free for goal in self.goals):
                 turns = self._turns_of(chosen)[:, None] + step * np.arange(-4, 5)
-            solved = self._solved(turns)
+            solved = self._solved(turns, positions)
             soon = [self.times.between(q[None], Q)[0] < _NEAR for q, Q in zip(chosen, solved, strict=True)]
             return self._layers([Q[kept] for Q, kept in zip(solved, soon, strict=True)])
-        assert self._samplers is not None
         found = []
         middle = 0.5 * (before + after)
-        for k, sampler in enumerate(self._samplers):
+        for k in range(len(self.goals)):
             seeds = [middle[k], 0.5 * (chosen[k] + middle[k]), 0.5 * (chosen[k] + before[k])]
             apart = step * self._rng.uniform(-1.0, 1.0, chosen.shape[1])
             seeds += [0.5 * (chosen[k] + after[k]), chosen[k] + apart]
-            there = [q for q, inside in map(sampler.onto, seeds) if inside]
+            seeds += [self._carrier.whole(chosen[k, self._carrier.others], u) for u in positions[k, 1:]]
+            there = [q for q, inside in (self._onto(k, seed) for seed in seeds) if inside]
             found.append(np.array(there).reshape(-1, self.problem.robot.n))
         return self._layers(found)
+
+    def _onto(self, k: int, seed: Array) -> tuple[Array, bool]:
+        """Return a configuration (n,) at target k near a seed (n,), the carrier where the seed has it."""
+        u = seed[self._carrier.own]
+        sampler = self._samplers.get((k, u.tobytes()))
+        if sampler is None:
+            sampler = RegionSampler(self._arm.robot, self._carrier.placed(self.goals[k], u))
+            self._samplers[k, u.tobytes()] = sampler
+        q, inside = sampler.onto(seed[self._carrier.others])
+        return self._carrier.whole(q, u), inside
 
     def _layers(self, found: list[Array]) -> list[Layer]:
         return [self.layer(Q) for Q in self._free(found)]
@@ -134,7 +151,9 @@ class Vertices:
     def _at_turns(self, turns: int) -> list[Array]:
         free = any(goal.free for goal in self.goals)
         angles = np.arange(turns) * (_TURN / turns) if free else np.zeros(1)
-        found = self._solved(np.broadcast_to(angles, (len(self.goals), len(angles))))
+        m = len(self.goals)
+        positions = np.broadcast_to(self._positions, (m, *self._positions.shape))
+        found = self._solved(np.broadcast_to(angles, (m, len(angles))), positions)
         return self._free([self._soonest(Q) for Q in found])
 
     def _soonest(self, Q: Array) -> Array:
@@ -143,13 +162,16 @@ class Vertices:
         seconds = self.times.between(self.problem.start[None], Q)[0]
         return np.asarray(Q[np.sort(np.argsort(seconds, kind="stable")[: 2 * _MOST])])
 
-    def _solved(self, turns: Array) -> list[Array]:
-        """Return all configurations within limits of every target at turns (m, t), rad."""
+    def _solved(self, turns: Array, positions: Array) -> list[Array]:
+        """Return all configurations within limits of every target: at each turn (m, t), rad, and position (m, k, c)."""
         assert self._closed is not None
         X = np.array([goal.X_WR.homogeneous for goal in self.goals])[:, None] @ self._turned(turns)
         X = X @ np.array([goal.X_RF.homogeneous for goal in self.goals])[:, None]
-        solutions = self._closed.solve(X.reshape(-1, 4, 4))
-        q = solutions.q.reshape(len(self.goals), -1, self.problem.robot.n)
+        placed = self._carrier.poses(positions)[:, :, None] @ X[:, None]
+        solutions = self._closed.solve(placed.reshape(-1, 4, 4))
+        U = np.broadcast_to(positions[:, :, None, None], (*placed.shape[:3], 8, positions.shape[-1]))
+        whole = self._carrier.whole(solutions.q.reshape(*U.shape[:-1], -1), U)
+        q = whole.reshape(len(self.goals), -1, self.problem.robot.n)
         valid = solutions.valid.reshape(len(self.goals), -1)
         return [self._images(q[k][valid[k]]) for k in range(len(self.goals))]
 
@@ -169,9 +191,10 @@ class Vertices:
         """Return the turns (m,), rad, about the free axes of the configurations Q (m, n) of all targets."""
         assert self._closed is not None
         found = np.zeros(len(Q))
-        for k, (goal, X) in enumerate(zip(self.goals, self._closed.forward(Q), strict=True)):
+        at = zip(self.goals, self._closed.forward(Q[:, self._carrier.others]), Q[:, self._carrier.own], strict=True)
+        for k, (goal, X, u) in enumerate(at):
             for axis in goal.free[:1]:
-                found[k] = goal.coordinates(pin.SE3(X))[3 + axis]
+                found[k] = self._carrier.placed(goal, u).coordinates(pin.SE3(X))[3 + axis]
         return found
 
     def _images(self, Q: Array) -> Array:
@@ -199,15 +222,16 @@ class Vertices:
 
     def _descended(self, budget: Budget, starts: int) -> list[Array]:
         """Return configurations of every target by descents: from the start, those of its neighbours, and random."""
-        assert self._samplers is not None
         robot = self.problem.robot
         found: list[Array] = []
         own = [self.problem.start, *robot.configurations.values()]
-        for sampler in self._samplers:
-            random = random_seeds(robot, self.problem.start, self._rng, starts)
+        for k in range(len(self.goals)):
+            random = list(random_seeds(robot, self.problem.start, self._rng, starts))
+            for seed, u in zip(random, cycle(self._positions), strict=False):
+                seed[self._carrier.own] = u
             there: list[Array] = []
             for seed in (*(q for Q in found[-1:] for q in Q[:4]), *own, *random):
-                q, inside = sampler.onto(seed)
+                q, inside = self._onto(k, seed)
                 if inside and all(np.abs(q - other).max() > 0.1 for other in there) and not self.check.blocked(q):
                     there.append(q)
                 if len(there) >= _NUMERIC or budget.over:
@@ -217,9 +241,16 @@ class Vertices:
 
     def _thoroughly(self, k: int, budget: Budget) -> GoalSet:
         """Look for configurations of target k as of any goal; the set says why there are none."""
-        goal = derived(self.problem, goal=(self.goals[k],))
+        u = self.problem.start[self._carrier.own]
+        goal = derived(self._arm, goal=(self._carrier.placed(self.goals[k], u),))
+        model = planning_model(goal.robot, goal.scene, error=goal.tracking_error) if len(u) else self.check.model
         options = GoalOptions(stop=lambda: budget.over)
-        found = goal_configurations(goal, self.check.model, np.random.default_rng(self.problem.seed), options)
+        arms = goal_configurations(goal, model, np.random.default_rng(self.problem.seed), options)
+        witness = dict(arms.witness)
+        if "q" in witness:
+            witness["q"] = self._carrier.whole(np.array(witness["q"]), u).tolist()
+        whole = [self._carrier.whole(q, u) for q in arms.configurations]
+        found = replace(arms, configurations=whole, witness=witness)
         gravity = Gravity(self.problem.robot, self.problem.limits.torque)
         held = [q for q in found.configurations if not gravity.too_much(q)]
         if found.configurations and not held:

@@ -99,6 +99,10 @@ class RegionGoal:
         """Return the pose in the region whose coordinates are nearest to those of another."""
         return self.pose(np.clip(self.coordinates(X_WF), self.low, self.high))
 
+    def moved(self, X_WC: pin.SE3) -> "RegionGoal":
+        """Return the region in the world, where this one is in a frame C that is at X_WC."""
+        return replace(self, X_WR=X_WC * self.X_WR)
+
     def inner(self, share: float) -> "RegionGoal":
         """Return the region with `share` of each width, as if none were wider than 4 mm or mrad."""
         room = (1.0 - share) * np.minimum(0.5 * (self.high - self.low), _MOST_ROOM)

@@ -28,6 +28,7 @@ MEANINGS = {
     "PositionBoxSpec.box": "A box that the tool's point stays in: its size, m, and its pose.",
     "by": "Displacement of the tool [x, y, z], m.",
     "capsule": "Cylinder with round caps: radius, and length between the caps, m, along z.",
+    "carried_by": "Link of the robot in whose frame the targets are given: that of a positioner; the world without it.",
     "centre": "Centre of mass [x, y, z], m, in the frame of the shape; that of the filled shape without it.",
     "OnCircleSpec.centre": "Centre of the circle [x, y, z], m, in the world.",
     "centring": "Weight of the distance of joints from the middle of their range.",

@@ -50,7 +50,8 @@ class TourSpec(Strict):
 
     `order` is free, or that of the list (`given`). About `free_axis` of a target the tool may turn as it likes.
     `standoff`, m: it stops so far before the target, back along that axis (z without one). `first` and `last` name
-    targets; `closed`: back to the configuration in which the tour began. The `tolerance` is as of a pose.
+    targets; `closed`: back to the configuration in which the tour began. The `tolerance` is as of a pose. `carried_by`
+    is a link of the robot in whose frame the targets are given: that of a positioner, whose joints move with the arm's.
     """
 
     targets: FileName | Annotated[tuple[TargetSpec, ...], Field(min_length=1)]
@@ -64,6 +65,7 @@ class TourSpec(Strict):
     at_each: tuple[ProcessSpec, ...] = ()
     frame: Name | None = None
     group: Name | None = None
+    carried_by: Name | None = None
 
 
 TARGET_COLUMNS = {

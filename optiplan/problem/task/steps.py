@@ -20,12 +20,14 @@ class Move:
         goal: ends; configurations are (k,).
         vias: passed in this order; configurations are (k,).
         rests: whether the robot stands still at the end.
+        carried_by: link of the robot in whose frame regions of the goal are, where it is at the end; empty: the world.
     """
 
     joints: tuple[str, ...]
     goal: Goal
     vias: tuple[Via, ...] = ()
     rests: bool = False
+    carried_by: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +118,7 @@ class TargetTour:
         first, last: names of the targets that are visited first and last; empty: any.
         closed: whether the tour ends in the configuration in which it began.
         at_each: what is done at every target, in this order.
+        carried_by: link of the robot in whose frame the targets are, of a positioner say; empty: the world.
     """
 
     joints: tuple[str, ...]
@@ -125,6 +128,7 @@ class TargetTour:
     last: str = ""
     closed: bool = False
     at_each: tuple[Process, ...] = ()
+    carried_by: str = ""
 
     @property
     def dwelling(self) -> float:

@@ -16,6 +16,7 @@ from optiplan.problem.schema.tour import TargetSpec, TourSpec
 from optiplan.problem.task.steps import Process, Target, TargetTour
 from optiplan.problem.task.target_files import read_targets
 from optiplan.problem.task.tour_order import cycle
+from optiplan.robot.frames import moving_joints
 from optiplan.robot.robot import Robot
 
 _SAME = 1e-6
@@ -28,6 +29,7 @@ def read_tour(
     """Return a tour of these joints with its targets; None where there are issues, which go to the compiler."""
     count = len(compiler.issues)
     frame = compiler.frame(robot, place, spec.frame)
+    carrier = _carrier(compiler, robot, place, spec, frame, joints)
     file = None
     if isinstance(spec.targets, str):
         file = str(compiler.base / spec.targets)
@@ -45,19 +47,42 @@ def read_tour(
         name = getattr(spec, key)
         if name is not None and name not in {one.name for one in named}:
             compiler.report((*place, key), f"unknown target '{name}'", choices(name, [str(one.name) for one in named]))
-    if frame is None or len(compiler.issues) > count:
+    if frame is None or carrier is None or len(compiler.issues) > count:
         return None
     targets = tuple(_target(one, spec, frame) for one in named)
     reader.duplicates(targets)
     reader.axes(named, spec)
     processes = tuple(Process(one.dwell, one.do or "") for one in spec.at_each)
     ends = spec.first or "", spec.last or ""
-    tour = TargetTour(joints, targets, spec.order == "free", *ends, spec.closed, processes)
+    tour = TargetTour(joints, targets, spec.order == "free", *ends, spec.closed, processes, carrier)
     caught = cycle(tour) if len(compiler.issues) == count else []
     if caught:
         names = " before ".join(f"'{name}'" for name in (*caught[:6], caught[0]))
         compiler.report(place, f"targets in a circle: {names}", "an order (of `after`, clusters, `first` and `last`)")
     return tour if len(compiler.issues) == count else None
+
+
+def _carrier(
+    compiler: Compiler, robot: Robot, place: Place, spec: TourSpec, frame: str | None, joints: tuple[str, ...]
+) -> str | None:
+    """Return the link that carries the targets; empty: the world does. None where it cannot, which is reported."""
+    name = spec.carried_by
+    if name is None or frame is None:
+        return "" if name is None else None
+    links = [str(one.name) for one in robot.model.frames if one.type == pin.FrameType.BODY]
+    if name not in links:
+        compiler.unknown((*place, "carried_by"), "link", name, links)
+        return None
+    carrying, reaching = (set(moving_joints(robot, one)) for one in (name, frame))
+    if not carrying & set(joints):
+        found, expected = f"'{name}', which no joint of the tour moves", "a link that one of these joints moves: "
+        compiler.report((*place, "carried_by"), found, expected + ", ".join(joints))
+        return None
+    if both := sorted(carrying & reaching):
+        found = f"'{name}', which '{both[0]}' moves together with '{frame}'"
+        compiler.report((*place, "carried_by"), found, "a link that no joint of the arm moves")
+        return None
+    return name
 
 
 class _TargetReader:

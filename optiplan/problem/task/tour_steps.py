@@ -45,7 +45,8 @@ def tour_steps(step: TaskStep, tour: TargetTour, order: Sequence[int], begin: Ar
     """
     for k in order:
         target = tour.targets[k]
-        yield replace(step, kind=TOUR, name=target.name, action=Move(tour.joints, (target.goal,), rests=True))
+        move = Move(tour.joints, (target.goal,), rests=True, carried_by=tour.carried_by)
+        yield replace(step, kind=TOUR, name=target.name, action=move)
         for one in tour.at_each:
             kind = "process" if one.name else "dwell"
             yield replace(step, kind=kind, name=one.name or kind, action=Dwell(one.seconds), constraints=())
