@@ -25,6 +25,7 @@ from optiplan.problem.schema.frames import in_world
 from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists, with_names
 from optiplan.problem.schema.loops import written_out
 from optiplan.problem.schema.problem import ProblemSpec
+from optiplan.problem.schema.side_by_side import in_words_of, with_one_robot
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.problem.task.target_files import targets_data
@@ -70,10 +71,15 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     if wrong:
         raise _error(wrong)
     document, wrong = in_world(document)
-    if wrong:
+    stated = document
+    document, twice = with_one_robot(document)
+    if wrong or twice:
         rest = _issues_of(document, base, robots)
-        raise _error([*wrong, *rest])
-    return _read_named(document, base, robots)
+        raise _error([*wrong, *twice, *in_words_of(stated, rest)])
+    try:
+        return _read_named(document, base, robots)
+    except InputError as error:
+        raise _error(in_words_of(stated, error.issues)) from None
 
 
 def _issues_of(document: Document, base: Path, robots: RobotLoader) -> Sequence[Issue]:

@@ -16,7 +16,7 @@ from optiplan.cache import MostRecent
 from optiplan.config.document import plain
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, OptiPlanError, UnknownChoiceError, path_argument, wrong_argument
-from optiplan.files import reading, write_text
+from optiplan.files import reading
 from optiplan.geometry.pose import Pose, Values
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.frames import frame_pose, geometric_jacobian
@@ -29,10 +29,10 @@ from optiplan.robot.read_robot import RobotParts, read_robot
 from optiplan.robot.reference import DESCRIPTION, Reference, robot_file, robot_names
 from optiplan.robot.self_collision.pair_bounds import LocalBox, local_box
 from optiplan.robot.self_collision.pair_survey import PairSurvey, survey_pairs
-from optiplan.robot.self_collision.pairs import PROVED, set_pairs, srdf_words
-from optiplan.robot.urdf.srdf import srdf_text
+from optiplan.robot.self_collision.pairs import PROVED, set_pairs
+from optiplan.robot.side_by_side import load_arms, read_side_by_side, several_robots
 
-__all__ = ["DESCRIPTION", "Limits", "Reference", "Robot", "load_robot", "robot_file", "robot_names", "write_srdf"]
+__all__ = ["DESCRIPTION", "Limits", "Reference", "Robot", "load_robot", "robot_file", "robot_names"]
 
 
 _MOST_MOUNTED = 4
@@ -111,6 +111,25 @@ class Robot(RobotParts):
             return load_robot(plain(description))
         except InputError as error:
             raise error.about(DESCRIPTION, "op.Robot.from_urdf") from None
+
+    @classmethod
+    def side_by_side(cls, robots: Mapping[str, Any], **keys: Any) -> "Robot":
+        """Return several robots as one, with names such as `left/panda_joint1`; `robots` of a problem file.
+
+        Args:
+            robots: two to eight arms by name: a robot, or a mapping of `use` (a robot) and `base` (its `Pose`).
+            keys: `group` and `locked`, as of `op.load_robot`: `all`, an arm, or `left/hand`; several by `+`.
+
+        Raises:
+            InputError: a robot that cannot be loaded, bases that collide.
+
+        Example:
+            >>> import optiplan as op
+            >>> arms = {"left": {"use": "ur5", "base": op.Pose((0, 0.5, 0))}, "right": "ur5"}
+            >>> op.Robot.side_by_side(arms).n
+            12
+        """
+        return load_arms(robots, keys, load_robot)
 
     @property
     def n(self) -> int:
@@ -392,11 +411,9 @@ def load_robot(
     key, began = _loaded.key(ref, base, locked, group), _loaded.now()
     robot = _loaded.get(key)
     if robot is None:
-        robot = Robot(**vars(read_robot(ref, base, locked, group)))
+        arms = several_robots(ref, base)
+        given = (ref, base, locked, group)
+        parts = read_robot(*given) if arms is None else read_side_by_side(arms, locked, group, load_robot)
+        robot = Robot(**vars(parts))
         _loaded.keep(key, robot, began)
     return robot
-
-
-def write_srdf(robot: Robot, path: Path) -> None:
-    """Write the pairs of links that are not checked as an SRDF."""
-    write_text(path, srdf_text(robot.name, srdf_words(robot.allowed)))

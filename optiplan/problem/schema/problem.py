@@ -24,6 +24,7 @@ from optiplan.problem.schema.ends import GoalSpec, StartSpec, ViaSpec, timed
 from optiplan.problem.schema.meanings import with_meanings
 from optiplan.problem.schema.scene import SceneSpec
 from optiplan.problem.schema.task import TaskStepSpec
+from optiplan.robot.side_by_side import ArmSpec
 
 
 class LimitScalesSpec(Strict):
@@ -78,7 +79,8 @@ class ProblemSpec(Strict):
     without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one. There is
     either a `goal` or a `task` of several steps. `tracking_error` says how far joints may be from the motion, rad or m:
     one number, a list, or values by joint. A file may
-    also have `frames` and loops, which `frames.py` and `loops.py` take out before anything is read here.
+    also have `frames`, loops and `robots`, which `frames.py`, `loops.py` and `side_by_side.py` take out before anything
+    is read here.
     """
 
     version: FileVersion
@@ -123,11 +125,15 @@ def as_written(schema: dict[str, Any]) -> dict[str, Any]:
     definitions = {name: placed(one) for name, one in schema["$defs"].items()}
     step = definitions["TaskStepSpec"]
     definitions["TaskStepSpec"] = {**step, "properties": {**step["properties"], **repeated}}
+    definitions["ArmSpec"] = {key: said for key, said in ArmSpec.model_json_schema().items() if key != "$defs"}
     more = {
+        "robots": {"type": "object", "additionalProperties": {"$ref": "#/$defs/ArmSpec"}},
         "frames": {"type": "object", "additionalProperties": {"$ref": "#/$defs/PoseSpec"}},
         "tasks": {"type": "object", "additionalProperties": steps},
     }
-    return {**schema, "$defs": definitions, "properties": {**schema["properties"], **more}}
+    required = [key for key in schema["required"] if key != "robot"]
+    one = {"required": required, "oneOf": [{"required": ["robot"]}, {"required": ["robots"]}]}
+    return {**schema, **one, "$defs": definitions, "properties": {**schema["properties"], **more}}
 
 
 def problem_schema() -> dict[str, Any]:

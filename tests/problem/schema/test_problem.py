@@ -135,7 +135,8 @@ def test_every_error_of_a_file_at_once(write):
 
 def test_schema_for_editors_knows_short_forms():
     schema = json.loads(json.dumps(problem_schema()))
-    assert set(schema["required"]) == {"version", "robot", "start"}
+    assert set(schema["required"]) == {"version", "start"}
+    assert [one["required"] for one in schema["oneOf"]] == [["robot"], ["robots"]]
     assert {"type": "string"} in schema["properties"]["planner"]["anyOf"]
     box = schema["$defs"]["ShapeSpec"]["properties"]["box"]["anyOf"][0]
     assert (box["minItems"], box["maxItems"]) == (3, 3)
@@ -143,4 +144,4 @@ def test_schema_for_editors_knows_short_forms():
 
 
 def test_schema_lists_every_key_of_the_model():
-    assert set(problem_schema()["properties"]) == {*ProblemSpec.model_fields, "frames", "tasks"}
+    assert set(problem_schema()["properties"]) == {*ProblemSpec.model_fields, "frames", "robots", "tasks"}

@@ -3,7 +3,8 @@
 import pytest
 
 from optiplan.errors import InputError
-from optiplan.robot.robot import load_robot, write_srdf
+from optiplan.robot.robot import load_robot
+from optiplan.robot.urdf.export import write_srdf
 from optiplan.robot.self_collision import pair_survey
 from optiplan.robot.self_collision.pair_proof import GAP
 from optiplan.robot.self_collision.pairs import ADJACENT, FILE, FIXED, PROVED, count_reasons, reasons_in_words
