@@ -1,4 +1,4 @@
-"""What carries the targets of a tour: the world, or a part of the robot with joints of its own, such as a positioner."""
+"""What carries the targets of a tour: the world, or a part of the robot with its own joints, such as a positioner."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -12,8 +12,8 @@ from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.task.scene_change import standing
 from optiplan.robot.frames import frame_poses, moving_joints
 
-_POSITIONS = (1, 12, 36)
-"""Positions of a carrier with none, one and more joints, at which configurations are looked for at first."""
+_POSITIONS = (12, 36)
+"""Positions of a carrier with one joint and with more, at which configurations are looked for at first."""
 
 _OFFSETS = (-4, -2, -1, 1, 2, 4)
 """Steps of each joint of a carrier, to look for configurations near a chosen one."""
@@ -50,16 +50,16 @@ class Carrier:
 
     def positions(self) -> Array:
         """Return positions (k, c) all over the range: its own at the start, and others within a turn of it."""
-        count = _POSITIONS[min(len(self.own), 2)]
-        each = round(count ** (1.0 / max(len(self.own), 1)))
+        if not self.own:
+            return np.zeros((1, 0))
+        each = round(_POSITIONS[len(self.own) > 1] ** (1.0 / len(self.own)))
         axes = []
         for k in self.own:
             half = np.pi if self.robot.revolute[k] else np.inf
             low = max(self.limits.lower[k], self.start[k] - half)
             high = min(self.limits.upper[k], self.start[k] + half)
             axes.append(np.linspace(low, high, each))
-        grid = np.array(list(product(*axes))).reshape(-1, len(self.own))
-        return np.concatenate([self.start[None, self.own], grid]) if self.own else grid
+        return np.concatenate([self.start[None, self.own], np.array(list(product(*axes)))])
 
     def near(self, U: Array, step: float) -> Array:
         """Return positions (m, k, c) within limits about each of U (m, c), each joint moved by itself."""

@@ -25,6 +25,7 @@ from optiplan.problem.problem import Problem, derived
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.task.scene_change import columns
 from optiplan.problem.task.steps import Move, StraightLine, Target, TargetTour
+from optiplan.robot.frames import frame_pose
 
 _TURNS = 8
 """Turns about a free axis that a score is of."""

@@ -241,10 +241,10 @@ def test_fields_of_what_a_problem_states_are_known():
         PoseGoal: {"frame", "X_WG", "position", "orientation"},
         RegionGoal: {"frame", "X_WR", "X_RF", "low", "high"},
         Via: {"at", "velocity", "time"},  # wishes
-        Move: {"joints", "goal", "vias", "rests"},
+        Move: {"joints", "goal", "vias", "rests", "carried_by"},
         Target: {"name", "goal", "after", "cluster", "window"},
         Process: {"seconds", "name"},
-        TargetTour: {"joints", "targets", "free", "first", "last", "closed", "at_each"},
+        TargetTour: {"joints", "targets", "free", "first", "last", "closed", "at_each", "carried_by"},
         StraightLine: {"joints", "frame", "ends", "by", "in_tool", "speed", "blend"},
         Attach: {"body", "link", "touch", "mass", "centre", "inertia"},
         Detach: {"body"},
