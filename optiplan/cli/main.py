@@ -53,6 +53,8 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     gc.set_threshold(YOUNG_OBJECTS)
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # or pydantic asks every installed package for some
+    if "OPENBLAS_NUM_THREADS" not in os.environ:  # before numpy: starting its threads takes longer than our matrices do
+        os.environ.setdefault("OMP_NUM_THREADS", "1")
     _open_streams()
     if not os.environ.get("OPTIPLAN_DEBUG"):
         warnings.simplefilter("ignore", RuntimeWarning)  # overflowing numbers are reported by the checks
