@@ -1,5 +1,6 @@
 """The collision model of planners: queries in the native core if it is built and supports the shapes."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -125,7 +126,17 @@ class NativeCollisionModel(CollisionModel):
         if found is None:
             return None
         _, pairs, distances, vectors, _ = found
-        return Contact(self.pairs[int(pairs[0])], float(distances[0]), *vectors[0])
+        return self._told(q, Contact(self.pairs[int(pairs[0])], float(distances[0]), *vectors[0]))
+
+    def distance(self, q: Array, pair: int) -> Contact:
+        """See `CollisionModel.distance`; it is that of the bodies themselves."""
+        return self._told(q, super().distance(q, pair))
+
+    def _told(self, q: Array, contact: Contact) -> Contact:
+        """Return a contact at q (n,) that tells how far the bodies themselves are apart, where they have floors."""
+        return (
+            contact if self.floors is None else replace(contact, apart=super().distance(q, contact.pair.index).distance)
+        )
 
     def contacts(self, q: Array, cutoff: float) -> list[Contact]:
         """See `CollisionModel.contacts`."""

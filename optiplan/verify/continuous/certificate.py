@@ -58,7 +58,9 @@ def certify(
     Holds at: all times of the closed interval [0, duration].
     """
     off = np.zeros(trajectory.n) if error is None else error
-    search = _Search(model, trajectory, policy, record, off, AskedClearance.of(tools_of(model).bodies.tree, policy, floors))
+    search = _Search(
+        model, trajectory, policy, record, off, AskedClearance.of(tools_of(model).bodies.tree, policy, floors)
+    )
     search.refuse_at_once()
     if search.proof.reason:
         return search.proof
@@ -159,9 +161,7 @@ class _Search:
         tree, margins, asked = self.bodies.tree, [], self.asked.anywhere[self.bodies.tree.tops]
         for k in range(0, len(first), _CHUNK):
             Q, D = 0.5 * (low + high)[k : k + _CHUNK], 0.5 * (high - low)[k : k + _CHUNK] + 1e-15
-            margins.append(
-                tree.bounds.apart(Q, D, self.asked.most + _FAR + CLEARANCE_ROUNDING) - CLEARANCE_ROUNDING
-            )
+            margins.append(tree.bounds.apart(Q, D, self.asked.most + _FAR + CLEARANCE_ROUNDING) - CLEARANCE_ROUNDING)
         margin = np.concatenate(margins)
         clear, far = margin > asked + _EASY, margin > asked + _FAR
         self.lower_clearance(margin[far], tree.tops[np.nonzero(far)[1]])

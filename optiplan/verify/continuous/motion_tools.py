@@ -15,7 +15,6 @@ from optiplan.verify.continuous.motion_bounds import Motion
 from optiplan.verify.continuous.proof import SCENE, SELF
 from optiplan.verify.continuous.separating_planes import PairDistances
 
-
 _LARGEST = 1e5
 """rad or m; with larger numbers rounding would eat up CLEARANCE_ROUNDING."""
 

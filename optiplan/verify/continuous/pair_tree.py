@@ -114,7 +114,7 @@ class PairTree:
         return np.concatenate([self.members(part) for part in self.parts[pair].tolist()])
 
     def most_of_members(self, values: Array) -> Array:
-        """Return values (P,) of the pairs of the model, and of those of hulls the largest of their members', (P + H,)."""
+        """Return values (P,) of the pairs, and of those of hulls the largest of their members, (P + H,)."""
         hulls = [values[self.members(pair)].max(initial=0.0) for pair in range(self.count, len(self.pairs))]
         return np.concatenate([values, hulls])
 
