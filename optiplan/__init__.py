@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from optiplan.execution.status import KeptSeparation, Status, Stopping, Tick
     from optiplan.execution.tracking_monitor import TrackingPolicy
     from optiplan.geometry.pose import Pose
+    from optiplan.geometry.safety import SafePairs, Safety
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
     from optiplan.planners.tours.placing import PlaceRange
@@ -136,6 +137,7 @@ _ROOMS = {
     "execution.scene.policy": ("Policy",),
     "execution.scene.separation": ("Separation",),
     "execution.status": ("KeptSeparation", "Status", "Stopping", "Tick"),
+    "geometry.safety": ("SafePairs", "Safety"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "planners.trajopt.program.nlp": ("TrajectoryNlp",),
@@ -248,6 +250,8 @@ __all__ = [
     "Report",
     "Robot",
     "Run",
+    "SafePairs",
+    "Safety",
     "Samples",
     "Scene",
     "Separation",

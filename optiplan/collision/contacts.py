@@ -27,6 +27,7 @@ class Contact:
         distance: m; negative is the depth of penetration.
         point_a: (3,) on body a; `point_b`: on body b; m.
         normal: (3,) unit vector from a to b, so that distance = normal . (point_b - point_a).
+        apart: m, how far the bodies are apart, where `distance` is what is left of that above their floor; else None.
     """
 
     pair: Pair
@@ -34,11 +35,28 @@ class Contact:
     point_a: Array
     point_b: Array
     normal: Array
+    apart: float | None = None
+
+    @property
+    def bodies_apart(self) -> float:
+        """How far the bodies are apart, m."""
+        return self.distance if self.apart is None else self.apart
 
     @property
     def meeting(self) -> str:
-        """Return "'a' meets 'b'", with the names of the bodies."""
+        """Return "'a' meets 'b'", with the names of the bodies, or how much nearer than asked they come."""
+        if self.apart is not None and self.apart > 0.0:
+            near = f"comes within {1e3 * self.apart:.3g} mm of"
+            return f"'{self.pair.name_a}' {near} '{self.pair.name_b}', nearer than the clearance asked"
         return f"'{self.pair.name_a}' meets '{self.pair.name_b}'"
+
+    @property
+    def overlap(self) -> str:
+        """Return how deep two bodies overlap, or how near they are where that is nearer than asked."""
+        names = f"'{self.pair.name_a}' and '{self.pair.name_b}'"
+        if self.apart is not None and self.apart > 0.0:
+            return f"{names} are {1e3 * self.apart:.3g} mm apart, nearer than the clearance asked"
+        return f"{names} overlap by {1e3 * max(0.0, -self.bodies_apart):.3g} mm"
 
 
 @dataclass(frozen=True, eq=False)

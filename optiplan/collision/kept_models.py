@@ -7,6 +7,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.bodies_and_pairs import same_scene
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
 
@@ -44,7 +45,8 @@ def kept_planning_model(robot: Robot, scene: Scene, error: Array | None = None) 
 
     models: list[CollisionModel] = getattr(_kept, "planning", [])
     asked = error if error is not None and error.any() else None
-    found = next((model for model in models if _is_of(model, robot, scene) and _same(model.error, asked)), None)
+    alike = [model for model in models if _is_of(model, robot, scene) and _same(model.error, asked)]
+    found = next((model for model in alike if _same_safety(model.scene.safety, scene.safety)), None)
     if found is None:
         found = planning_model(robot, scene, collision_model(robot, scene), error=asked)
         _kept.planning = [found, *models][:_MOST] if len(found.pairs) <= _LARGE else []
@@ -53,6 +55,10 @@ def kept_planning_model(robot: Robot, scene: Scene, error: Array | None = None) 
 
 def _same(one: Array | None, other: Array | None) -> bool:
     return np.array_equal(one, other) if one is not None and other is not None else one is other
+
+
+def _same_safety(one: Safety | None, other: Safety | None) -> bool:
+    return one is other or (one is not None and one.same_as(other))
 
 
 def _is_of(model: CollisionModel, robot: Robot, scene: Scene) -> bool:

@@ -1,5 +1,6 @@
 """The collision model of planners: queries in the native core if it is built and supports the shapes."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -11,6 +12,7 @@ from optiplan.arrays import Array
 from optiplan.cache import MostRecent, digest
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.contacts import Contact, Contacts
+from optiplan.collision.floors import Floors, floors_of
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.passing_neighbours import apart_neighbours, passing_neighbours
 from optiplan.geometry.convex import hull_of_mesh, mesh_triangles, mesh_vertices
@@ -32,6 +34,9 @@ _made: "MostRecent[Shape]" = MostRecent(512)
 
 _SPARE, _UNBOUNDED = 0.02, 1e6
 """Share by which planners take joints to be farther off than the verifier does; m, stroke of a joint without bounds."""
+
+_HAIR = 1e-6
+"""m, above a floor that motions are planned: what the verifier and the core measure differs by rounding."""
 
 _SLACK = 1e-9
 """m; the box and the ball around a hull are larger than it by this slack."""
@@ -69,7 +74,8 @@ class NativeCollisionModel(CollisionModel):
     """A `CollisionModel` with queries in the native core: the same meaning, different rounding.
 
     `pairs` includes neighbours that never touch (`passing_neighbours`). Without `passing`, the functions `collides`,
-    `near`, `contacts`, sweeps and searches skip them.
+    `near`, `contacts`, sweeps and searches skip them. Where the scene has a `Safety`, the core's distances are what is
+    left above the floors.
 
     Attributes:
         world: the bodies and pairs in the core; None if the core does not support a shape.
@@ -77,6 +83,7 @@ class NativeCollisionModel(CollisionModel):
         error: (n,) rad or m, how far joints may be off a configuration: the core's distances are less by what that
             takes of them, and what touches or leaves a limit somewhere in this tube collides. None: they are where they
             are put.
+        floors: that the scene asks for; None: bodies do not touch.
     """
 
     def __init__(
@@ -97,6 +104,7 @@ class NativeCollisionModel(CollisionModel):
         self.unknown = tuple(name for name, found in zip(self.names, bodies, strict=True) if found is None)
         never = frozenset() if passing or self.unknown else passing_neighbours(robot)
         self.error = error if error is not None and error.any() else None
+        self.floors: Floors | None = None if self.unknown else floors_of(self, scene.safety, self.error)
         self.world = None if self.unknown else _world(self, [found for found in bodies if found is not None], never)
 
     def collides(self, q: Array) -> bool:
@@ -118,7 +126,17 @@ class NativeCollisionModel(CollisionModel):
         if found is None:
             return None
         _, pairs, distances, vectors, _ = found
-        return Contact(self.pairs[int(pairs[0])], float(distances[0]), *vectors[0])
+        return self._told(q, Contact(self.pairs[int(pairs[0])], float(distances[0]), *vectors[0]))
+
+    def distance(self, q: Array, pair: int) -> Contact:
+        """See `CollisionModel.distance`; it is that of the bodies themselves."""
+        return self._told(q, super().distance(q, pair))
+
+    def _told(self, q: Array, contact: Contact) -> Contact:
+        """Return a contact at q (n,) that tells how far the bodies themselves are apart, where they have floors."""
+        return (
+            contact if self.floors is None else replace(contact, apart=super().distance(q, contact.pair.index).distance)
+        )
 
     def contacts(self, q: Array, cutoff: float) -> list[Contact]:
         """See `CollisionModel.contacts`."""
@@ -195,11 +213,26 @@ def standing_body(shape: Solid) -> "Body | None":
     return core.Body.of(0, np.eye(4), shapes, np.concatenate([box.centre, box.half]), float(box.radius))
 
 
-def _world(model: CollisionModel, bodies: "list[Body]", never: frozenset[tuple[int, int]]) -> "World":
+def _world(model: NativeCollisionModel, bodies: "list[Body]", never: frozenset[tuple[int, int]]) -> "World":
     pairs = model.bounds.pairs.astype(np.int64)
     left_out = [pair.index for pair in model.pairs if (pair.a, pair.b) in never]
-    error = _tube_error(model)
-    return core.World.of(native_tree(model.model), bodies, pairs, _clusters(model.robot), left_out, *error)
+    error, floors = _tube_error(model), _core_floors(model)
+    return core.World.of(native_tree(model.model), bodies, pairs, _clusters(model.robot), left_out, *error, *floors)
+
+
+def _core_floors(model: NativeCollisionModel) -> tuple[list[float], list[tuple[int, float, float, list[float]]]]:
+    """Return the floors of all pairs, m, and of those at ends the pair, base, rise and configuration; nothing of none.
+
+    Motions are planned a hair above them.
+    """
+    floors = model.floors
+    if floors is None:
+        return [], []
+    ends = [
+        (one.pair, one.base + _HAIR, (one.asked - one.base) / floors.within, floors.ends[one.end].tolist())
+        for one in floors.at_ends
+    ]
+    return np.where(floors.asked > 0.0, floors.asked + _HAIR, 0.0).tolist(), ends
 
 
 def _tube_error(model: CollisionModel) -> tuple[list[float], list[float]]:

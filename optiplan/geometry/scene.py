@@ -12,6 +12,7 @@ from optiplan.errors import described, wrong_argument
 from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
 from optiplan.geometry.mass_properties import mass_properties
 from optiplan.geometry.obstacle_motion import ObstacleMotion
+from optiplan.geometry.safety import Safety
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere, build_geometry
 
@@ -156,9 +157,10 @@ class Scene:
         obstacles: bodies in the world.
         attached: bodies that the robot holds.
         allowed: pairs of names that may touch.
+        safety: how far bodies stay apart: a `Safety`, or a distance in m for all pairs; None: they do not touch.
 
     Raises:
-        InputError: an entry of another type.
+        InputError: an entry of another type, or no distance.
 
     Example:
         >>> import optiplan as op
@@ -170,16 +172,23 @@ class Scene:
     obstacles: tuple[Obstacle, ...]
     attached: tuple[Attachment, ...]
     allowed: frozenset[frozenset[str]]
+    safety: Safety | None
 
     def __init__(
         self,
         obstacles: Iterable[Obstacle] = (),
         attached: Iterable[Attachment] = (),
         allowed: Iterable[Iterable[str]] = (),
+        safety: Safety | float | None = None,
     ) -> None:
         object.__setattr__(self, "obstacles", _all(obstacles, Obstacle, "obstacles"))
         object.__setattr__(self, "attached", _all(attached, Attachment, "attached"))
         object.__setattr__(self, "allowed", frozenset(map(_pair, _listed(allowed, "allowed", "pairs of names"))))
+        object.__setattr__(self, "safety", Safety.of(safety))
+
+    def ending_at(self, *ends: Array) -> "Scene":
+        """Return the scene for a motion with these ends (n,), see `Safety`; itself where no distance is asked."""
+        return self if self.safety is None else replace(self, safety=self.safety.ending_at(ends))
 
     @property
     def dynamic_obstacles(self) -> tuple[Obstacle, ...]:
@@ -218,7 +227,7 @@ class Scene:
         held = [body for body in self.attached if body.name not in names]
         held += [body for body in bodies if isinstance(body, Attachment)]
         kept += [body for body in bodies if not isinstance(body, Attachment)]
-        return Scene(kept, held, [*self.allowed, *_listed(allowed, "allowed", "pairs of names")])
+        return Scene(kept, held, [*self.allowed, *_listed(allowed, "allowed", "pairs of names")], self.safety)
 
     def without(self, *names: str) -> "Scene":
         """Return a new scene without these obstacles and attached objects, and without their allowed pairs.
@@ -232,6 +241,7 @@ class Scene:
             [body for body in self.obstacles if body.name not in names],
             [body for body in self.attached if body.name not in names],
             [pair for pair in self.allowed if not pair & set(names)],
+            self.safety,
         )
 
     def moved(self, name: str, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Scene":
@@ -249,6 +259,7 @@ class Scene:
             [_moved(body, by) if body.name == name else body for body in self.obstacles],
             [_moved(body, by) if body.name == name else body for body in self.attached],
             self.allowed,
+            self.safety,
         )
 
     def _known(self, name: str) -> None:
@@ -261,6 +272,7 @@ class Scene:
         parts = [_counted("obstacle", self.obstacles)] if self.obstacles else []
         parts += [_counted("attached object", self.attached)] if self.attached else []
         parts += [f"{len(self.allowed)} allowed contacts"] if self.allowed else []
+        parts += [str(self.safety).removeprefix("Safety: ")] if self.safety is not None else []
         return f"Scene: {', '.join(parts) or 'empty'}"
 
 

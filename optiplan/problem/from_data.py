@@ -1,7 +1,7 @@
 """Turn problem data into models and arrays, or report every issue."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from optiplan.config.messages import field_name
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.scene import Scene
-from optiplan.problem.builder import Compiler, RobotLoader
+from optiplan.problem.builder import Compiler, RobotLoader, link_names
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.constraints.states import BrokenConstraint
 from optiplan.problem.free_space import free_check
@@ -25,6 +25,7 @@ from optiplan.problem.schema.frames import in_world
 from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists, with_names
 from optiplan.problem.schema.loops import written_out
 from optiplan.problem.schema.problem import ProblemSpec
+from optiplan.problem.schema.safety import safety_of
 from optiplan.problem.schema.side_by_side import in_words_of, with_one_robot
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
@@ -129,9 +130,12 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     compiler = Compiler(document, base, spec or document.data)
     robot = compiler.robot(robots)
     scene = compiler.scene(robot)
+    clearance = None if spec is None else spec.clearance
+    safety, unsafe = safety_of(document, clearance, scene, () if robot is None else link_names(robot))
+    scene = scene if safety is None else replace(scene, safety=safety)
     parts = None if robot is None else _parts(compiler, compiler.mounted(robot, scene), scene)
     issues += [] if any(issue.field == "file" for issue in issues) else goal_or_task(document)
-    issues += compiler.issues
+    issues += compiler.issues + (unsafe if robot is not None else [])
     limits = error = None
     if parts is not None:
         limits = parts.robot.limits.scaled(**({} if spec is None else spec.limits.model_dump()))

@@ -8,6 +8,7 @@ from typing import Any
 from optiplan.config.document import Document, plain
 from optiplan.errors import InputError, described, wrong_argument
 from optiplan.files import reading
+from optiplan.geometry.scene import Scene
 from optiplan.problem import to_data
 from optiplan.problem.builder import RobotLoader
 from optiplan.problem.from_data import read_problem
@@ -28,6 +29,7 @@ ARGUMENT_WRITERS = {
     "objective": ("objective", to_data.objective_data),
     "path_constraints": ("path_constraints", to_data.path_constraint_data),
     "tracking_error": ("tracking_error", plain),
+    "clearance": ("clearance", to_data.clearance_data),
     "base": ("base", to_data.base_data),
     "gravity": ("gravity", plain),
 }
@@ -37,7 +39,10 @@ ARGUMENT_WRITERS = {
 def arguments_data(arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Return parts of a problem, by the names of their arguments, as they stand in a file."""
     written = [(*ARGUMENT_WRITERS[name], value) for name, value in arguments.items()]
-    return {key: write(value) for key, write, value in written}
+    found = {key: write(value) for key, write, value in written}
+    if isinstance(scene := arguments.get("scene"), Scene) and scene.safety is not None:
+        found.setdefault("clearance", scene.safety.to_data())
+    return found
 
 
 def read_arguments(robot: Any, arguments: Mapping[str, Any], labels: Mapping[str, Any]) -> Mapping[str, Any]:

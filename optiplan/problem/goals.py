@@ -154,15 +154,12 @@ def _all_collide(model: CollisionModel, candidates: list[Array]) -> GoalSet:
     q, contact = max(contacts, key=lambda item: item[1].distance)
     names = [contact.pair.name_a, contact.pair.name_b]
     many = "the goal configuration is" if len(candidates) == 1 else f"all {len(candidates)} goal configurations are"
-    reason = (
-        f"{many} in collision; the least of it: '{names[0]}' and '{names[1]}' overlap by "
-        f"{max(0.0, -contact.distance) * 1e3:.3g} mm"
-    )
+    reason = f"{many} in collision; the least of it: {contact.overlap}"
     witness = {
         "q": q.tolist(),
         "pair": names,
         "points": [contact.point_a.tolist(), contact.point_b.tolist()],
-        "distance": contact.distance,
+        "distance": contact.bodies_apart,
     }
     return GoalSet([], "goal-in-collision", reason, witness)
 

@@ -11,6 +11,7 @@ from optiplan.config.document import plain
 from optiplan.errors import described, options_argument, wrong_argument
 from optiplan.geometry.pose import Pose
 from optiplan.geometry.poses import pose_from_data, pose_to_data
+from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import shape_data
 from optiplan.problem.constraints.statements import KINDS
@@ -90,6 +91,11 @@ def scene_data(scene: Any) -> Any:
     ]
     allowed = sorted(sorted(pair) for pair in scene.allowed)
     return {"obstacles": obstacles, "attached": attached, "allowed_collisions": allowed}
+
+
+def clearance_data(clearance: Any) -> Any:
+    """`clearance:` of a file: a distance, or a `Safety`."""
+    return clearance.to_data() if isinstance(clearance, Safety) else plain(clearance)
 
 
 def path_constraint_data(constraints: Any, function: str = "Problem") -> list[dict[str, Any]]:

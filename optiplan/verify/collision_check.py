@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.collision.floors import Floors, floors_of
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.timeline import ending
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
 from optiplan.trajectory.joining import with_obstacles
@@ -16,7 +18,8 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof
 from optiplan.verify.report import Check, VerifyPolicy
-from optiplan.verify.statements import body, motion, tube
+from optiplan.verify.safety_words import asked_words
+from optiplan.verify.statements import body, motion, safety, tube
 
 
 def checked_robot(problem: Problem, policy: VerifyPolicy) -> Robot:
@@ -40,7 +43,8 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     """
     model = collision_model(checked_robot(problem, policy), problem.scene)
     error = np.append(problem.tracking_error, np.zeros(3 * len(model.motions)))
-    proof = certify(model, with_obstacles(trajectory, model.motions), policy, error=error)
+    floors = floors_of(model, ending(problem, trajectory).safety, problem.tracking_error)
+    proof = certify(model, with_obstacles(trajectory, model.motions), policy, error=error, floors=floors)
     near = _deepest(model, proof.nearest) if proof.nearest is not None and proof.contact else proof.nearest
     witness: dict[str, Any] = {
         "pairs": len(model.pairs),
@@ -53,18 +57,27 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
         "proved_by_robot": len(proof.kept),
         "met_clearance": None if near is None else near.distance,
         "contact": proof.contact,
+        **asked_words(model, problem.scene.safety, floors),
     }
-    covers = (*_covered(model), *tube(problem, "clearance"))
+    covers = (*_covered(model), *tube(problem, "clearance"), *safety(problem.scene))
     verdict = Check("collision", "continuous", proof.proved, covers=covers, witness=witness)
     if proof.proved and not model.pairs:
         return replace(verdict, detail="no two bodies can meet")
     proved = witness["proved_clearance"]
-    verdict = replace(verdict, worst=proved, limit=policy.clearance, unit="m", detail=_words(proof, error))
+    verdict = replace(verdict, worst=proved, limit=_limit(policy, floors), unit="m", detail=_words(proof, error))
     if near is None:
         return verdict
     witness |= near.witness(trajectory.n)
     worst = proof.clearance if proof.proved else near.distance
     return replace(verdict, worst=worst, time=near.time, place=" – ".join(near.pair), witness=witness)
+
+
+def _limit(policy: VerifyPolicy, floors: Floors | None) -> float:
+    """The least clearance that is asked of any pair, m."""
+    if floors is None or not len(floors.asked):
+        return policy.clearance
+    bases = [one.base for one in floors.at_ends]
+    return max(policy.clearance, min(float(floors.asked.min()), *bases, np.inf))
 
 
 def _covered(model: CollisionModel) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from optiplan.robot.self_collision.pairs import FILE, count_reasons, reasons_in_
 from optiplan.verify.constraint_check import in_tube
 from optiplan.verify.joint_constraint_check import title
 from optiplan.verify.report import Check
+from optiplan.verify.safety_words import safety_scope
 
 _told: WeakKeyDictionary[Robot, tuple[str, ...]] = WeakKeyDictionary()
 """What is the same of every motion of a robot."""
@@ -29,6 +30,7 @@ def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str,
         _told[robot] = (*_unchecked(robot), *_shapes(robot), *_mounting(robot))
     return (
         *_pairs(checks),
+        *(said for check in checks if check.name == "collision" for said in safety_scope(check.witness)),
         *_tube(problem, checks),
         *_told[robot],
         *_moving(problem),

@@ -91,6 +91,11 @@ def masses(scene: Scene, robot: Robot) -> list[str]:
     return [_mass(held) for held in scene.attached if held.mass and _carried(held, robot)]
 
 
+def safety(scene: Scene) -> list[str]:
+    """Return the statement that bodies stay apart by a distance; none where it is 0."""
+    return [] if scene.safety is None else ["scene.safety"]
+
+
 def _mass(held: Attachment) -> str:
     return f"scene.{held.name}.mass"
 
@@ -106,10 +111,10 @@ def _scene(problem: Problem) -> list[str]:
     moving = [motion(one.name) for one in scene.dynamic_obstacles]
     heavy = [_mass(held) for held in scene.attached if held.mass]
     unknown = [f"scene.{field.name}" for field in fields(Scene) if field.name not in _OF_SCENE]
-    return bodies + moving + heavy + unknown
+    return bodies + moving + heavy + safety(scene) + unknown
 
 
-_OF_SCENE = frozenset({"obstacles", "attached", "allowed"})
+_OF_SCENE = frozenset({"obstacles", "attached", "allowed", "safety"})
 """Fields of a scene that are known; what may touch is no requirement."""
 
 _LABELS = frozenset({"name", "planner", "options", "seed", "source", "hash", "objective"})

@@ -1,5 +1,8 @@
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
+
+#include <tuple>
 
 #include "arrays.hpp"
 #include "module.hpp"
@@ -60,9 +63,13 @@ static Body make_body(int joint, const Matrix &placement, std::vector<Shape> sha
     return body;
 }
 
+// A pair's floor about an end: pair, base, m, rise, m/rad or 1, configuration.
+using EndOfPair = std::tuple<int, double, double, std::vector<double>>;
+
 static World make_world(const Tree &tree, const std::vector<Body> &bodies, const IndexPairs &pairs,
                         const std::vector<std::pair<Body, std::vector<int>>> &clusters, const std::vector<int> &never,
-                        const std::vector<double> &error, const std::vector<double> &tubes) {
+                        const std::vector<double> &error, const std::vector<double> &tubes,
+                        const std::vector<double> &floors, const std::vector<EndOfPair> &ends) {
     std::vector<std::pair<int, int>> found;
     const auto count = static_cast<std::int64_t>(bodies.size());
     for (std::size_t k = 0; k < 2 * pairs.shape(0); ++k)
@@ -84,7 +91,15 @@ static World make_world(const Tree &tree, const std::vector<Body> &bodies, const
     expect(error.size() == 0 ||
                (error.size() == static_cast<std::size_t>(tree.planned) && tubes.size() == found.size()),
            "an error of each planned joint, and the tube of each pair");
-    return World(tree, bodies, found, together, never, {error, tubes});
+    expect(floors.empty() ? ends.empty() : floors.size() == found.size(), "a floor of each pair");
+    Floors kept{floors, {}};
+    for (const auto &[pair, base, rise, q] : ends) {
+        expect(pair >= 0 && pair < static_cast<int>(found.size()) && rise >= 0.0, "pairs that rise to their floor");
+        expect(static_cast<int>(q.size()) <= tree.planned && q.size() == std::get<3>(ends.front()).size(),
+               "configurations of the same planned joints");
+        kept.ends.push_back({pair, base, rise, q});
+    }
+    return World(tree, bodies, found, together, never, {error, tubes}, std::move(kept));
 }
 
 static nb::ndarray<nb::numpy, double> poses(const Tree &tree, const Matrix &Q) {
@@ -272,7 +287,8 @@ void bind_world(nb::module_ &m) {
     nb::class_<World>(m, "World")
         .def_static("of", &make_world, "tree"_a, "bodies"_a, "pairs"_a,
                     "clusters"_a = std::vector<std::pair<Body, std::vector<int>>>(), "never"_a = std::vector<int>(),
-                    "error"_a = std::vector<double>(), "tubes"_a = std::vector<double>())
+                    "error"_a = std::vector<double>(), "tubes"_a = std::vector<double>(),
+                    "floors"_a = std::vector<double>(), "ends"_a = std::vector<EndOfPair>())
         .def("near", &near, "Q"_a, "cutoff"_a)
         .def("nearest", &nearest, "Q"_a)
         .def("gradients", &gradients, "Q"_a, "rows"_a, "pairs"_a, "points"_a, "normals"_a)

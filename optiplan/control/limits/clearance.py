@@ -64,7 +64,9 @@ class ClearanceLimit(StopLimit):
     def bind(self, robot: Robot) -> None:
         """Make the bodies, and bounds of how far joints move them."""
         super().bind(robot)
-        self.model = planning_model(robot, self.scene, passing=True)
+        self.model = planning_model(
+            robot, replace(self.scene, safety=None), passing=True
+        )  # it has a distance of its own
         limits, bounds = robot.limits, self.model.bounds
         self._obstacles = ObstacleJoints(self.model.motions)
         stroke = np.maximum(np.abs(limits.lower), np.abs(limits.upper))

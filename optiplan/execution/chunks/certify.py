@@ -70,8 +70,8 @@ def certify(
         The outcome with the motion to send.
 
     Raises:
-        InputError: arrays of the wrong shape, unknown obstacles, or a problem with a task, path constraints or
-            obstacles that move by the clock, which this proof does not cover.
+        InputError: arrays of the wrong shape, unknown obstacles, or a problem with a task, path constraints, a
+            `clearance` or obstacles that move by the clock, which this proof does not cover.
 
     Example:
         >>> import numpy as np
@@ -106,7 +106,7 @@ def _prepared(problem: Problem) -> Prepared:
     if problem not in _kept:
         found = _not_covered(problem)
         if found:
-            raise wrong_argument("certify", "problem", found, "one robot among obstacles that stand still")
+            raise wrong_argument("certify", "problem", found, "one robot among obstacles that stand still; `clearance=…` says how far off")
         try:
             proof = WarmProof(problem)
         except OptiPlanError as error:
@@ -122,6 +122,8 @@ def _not_covered(problem: Problem) -> str:
         return "a problem with a task"
     if problem.path_constraints:
         return f"a problem with the path constraint `{problem.path_constraints[0].KEY}`"
+    if problem.scene.safety is not None:
+        return "a problem with a `clearance` of its own"
     moving = problem.scene.dynamic_obstacles
     if moving:
         return f"a problem in which '{moving[0].name}' moves by the clock"

@@ -41,9 +41,8 @@ class Touch:
 
     @property
     def words(self) -> str:
-        """Which bodies touch."""
-        pair = self.contact.pair
-        return f"'{pair.name_a}' meets '{pair.name_b}'"
+        """Which bodies touch, or come nearer than asked."""
+        return self.contact.meeting
 
     def witness(self, motion: Trajectory | None = None) -> dict[str, Any]:
         """Return the contact as a JSON-ready `Failure.witness`, with the `motion` that touches if it is given."""

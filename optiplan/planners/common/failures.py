@@ -23,7 +23,7 @@ def contact_witness(q: Array, contact: Contact) -> dict[str, Any]:
         "q": q.tolist(),
         "pair": [contact.pair.name_a, contact.pair.name_b],
         "points": [contact.point_a.tolist(), contact.point_b.tolist()],
-        "distance": contact.distance,
+        "distance": contact.bodies_apart,
     }
 
 
@@ -32,8 +32,7 @@ def end_collides(model: CollisionModel, q: Array, end: Literal["start", "goal"])
     contact = model.clearance(q)
     if contact is None:
         raise ValueError("a model without pairs does not collide")
-    pair, depth = contact.pair, max(0.0, -contact.distance)
-    detail = f"{end} configuration: '{pair.name_a}' and '{pair.name_b}' overlap by {depth * 1e3:.3g} mm"
+    detail = f"{end} configuration: {contact.overlap}"
     detail += "" if model.error is None else ", where the joints may be within the tracking error"
     kind: FailureKind = "start-in-collision" if end == "start" else "goal-in-collision"
     return Failure(kind, detail, contact_witness(q, contact))

@@ -158,7 +158,7 @@ def _do(stages: Stages, state: WorldState, step: TaskStep, budget: Budget, ends:
         curve = _line(stage, action.frame, path, budget)
     if isinstance(curve, Failure):
         return stage.of_all_joints(curve, state)
-    return PlannedMotion(step, state, stage.arrived(curve.end, state), stage, curve, corner)
+    return PlannedMotion(step, state, stage.arrived(curve.end, state), stage.ending(curve.end), curve, corner)
 
 
 def _event(stages: Stages, state: WorldState, step: TaskStep, action: Attach | Detach) -> PlannedStep | Failure:
@@ -181,7 +181,7 @@ def _straight(stage: Stage, action: Move) -> Trajectory | Failure:
     assert isinstance(goal, JointGoal)
     problem = stage.problem
     motion = stop_at_corners(np.array([problem.start, goal.q]), problem.limits, problem.robot.joint_names)
-    touch = first_contact(stage.model, motion)
+    touch = first_contact(stage.ending(goal.q).model, motion)
     return motion if touch is None else Failure("collision", touch.words, touch.witness())
 
 
@@ -190,16 +190,26 @@ def _line(stage: Stage, frame: str, path: FollowedPath, budget: Budget) -> Traje
     problem = stage.problem
     gravity = Gravity(problem.robot, problem.limits.torque)
     failures: list[Failure] = []
+    touching = stage.touching
     for avoidance in LIMIT_AVOIDANCES[: 2 if problem.robot.n > 6 else 1]:
         aim = Aim(None, avoidance, coupled=coupled_frames(problem, frame))
-        found = follow(stage.model, path, frame, problem.start, budget, aim)
+        found = follow(touching.model, path, frame, problem.start, budget, aim)
         if isinstance(found, Trajectory):
-            heavy = line_too_heavy(gravity, found(np.linspace(0.0, found.duration, _SAMPLES)))
-            if heavy is None:
+            refused = line_too_heavy(gravity, found(np.linspace(0.0, found.duration, _SAMPLES)))
+            refused = refused or _too_near(stage, touching, found)
+            if refused is None:
                 return found
-            found = heavy
+            found = refused
         failures.append(found)
     return failures[0]
+
+
+def _too_near(stage: Stage, touching: Stage, curve: Trajectory) -> Failure | None:
+    """Return where a curve that touches nothing comes nearer than is asked; None where it does not."""
+    if touching is stage:
+        return None
+    touch = first_contact(stage.ending(curve.end).model, curve)
+    return None if touch is None else Failure("collision", touch.words, touch.witness())
 
 
 def line_end(action: StraightLine, start: pin.SE3) -> pin.SE3:

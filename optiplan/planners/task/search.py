@@ -17,6 +17,7 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Failure, Planner, Progress
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import goal_sampler
+from optiplan.planners.common.safety_ends import with_ends
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.task.chains import Chain, do_chain, is_chained, of_step
 from optiplan.planners.task.planned_steps import PlannedMotion, PlannedStep
@@ -194,7 +195,9 @@ class TaskSearch:
     ) -> list[_Node]:
         """Return the configurations from which what follows a move can be done; see `_layer`."""
         stage = self.stages.at(state, leg.step, leg.move.joints)
-        sampler = goal_sampler(stage.to(leg.move.goal), stage.model, self.budget, _CANDIDATES, nearer=not leg.chain)
+        told = with_ends(stage.to(leg.move.goal), self.budget)
+        stage = stage.ending(*told.scene.safety.ends[1:]) if told.scene.safety is not None else stage
+        sampler = goal_sampler(told, stage.model, self.budget, _CANDIDATES, nearer=not leg.chain)
         if isinstance(sampler, Failure):
             failures.append(((-1, 0.0), of_step(sampler, leg.step, state, self.stages.problem.robot, stage)))
             return []
@@ -290,6 +293,7 @@ class TaskSearch:
             goal = tuple(JointGoal(q, velocity=end.v, acceleration=end.a) for end in ends)
         if k == 1 and self.problem.moving_start:
             stage = self.stages.moving(stage)
+        stage = stage.ending(q)
         problem = stage.to(goal, leg.move.vias)
 
         def progress(what: str, part: float) -> None:

@@ -6,9 +6,10 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.native_model import planning_model
+from optiplan.collision.native_model import NativeCollisionModel, planning_model
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Failure
+from optiplan.planners.common.safety_ends import ending_at
 from optiplan.problem.problem import Goal, Problem, Via, derived
 from optiplan.problem.task.scene_change import carrying, columns, scene_during, standing
 from optiplan.problem.task.steps import TaskStep
@@ -45,6 +46,25 @@ class Stage:
         whole[self.columns] = q
         return WorldState(whole, state.scene)
 
+    def ending(self, *ends: Array) -> "Stage":
+        """Return the stage of a motion from its start to these ends (k,), about which pairs may be nearer: `Safety`."""
+        told, model = ending_at(self.problem, self.problem.start, *ends), self.model
+        if told is self.problem or not isinstance(model, NativeCollisionModel) or model.floors is None:
+            return self
+        if model.floors.with_ends(model, (self.problem.start, *ends)).at_ends or model.floors.at_ends:
+            model = NativeCollisionModel(told.robot, told.scene, model, error=model.error)
+        return replace(self, problem=told, model=model)
+
+    @property
+    def touching(self) -> "Stage":
+        """The stage in which bodies may come as near as they do not touch; itself where no distance is asked."""
+        scene = self.problem.scene
+        if scene.safety is None:
+            return self
+        bare = replace(scene, safety=None)
+        model = planning_model(self.problem.robot, bare, self.model, error=self.problem.tracking_error)
+        return replace(self, problem=derived(self.problem, scene=bare), model=model)
+
     def of_all_joints(self, failure: Failure, state: WorldState) -> Failure:
         """Return a failure of this stage whose witness has the configuration of the whole robot."""
         q = failure.witness.get("q")
@@ -76,7 +96,7 @@ class Stages:
         key = joints, step.allowed, step.constraints
         for known, place, scene, stage in self._known:
             if known == key and scene is state.scene and np.abs(place - others).max(initial=0.0) <= _SAME_POSITION:
-                return replace(stage, problem=derived(stage.problem, start=state.q[own]))
+                return replace(stage, problem=derived(stage.problem, start=state.q[own])).ending()
         scene = scene_during(state.scene, step)
         robot = carrying(standing(self.problem.robot, joints, state.q), scene)
         problem = derived(
@@ -95,4 +115,4 @@ class Stages:
         )
         stage = Stage(problem, planning_model(robot, scene, error=problem.tracking_error), own)
         self._known = [*self._known[-30:], (key, others, state.scene, stage)]
-        return stage
+        return stage.ending()

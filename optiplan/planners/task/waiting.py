@@ -38,14 +38,17 @@ def _passing(problem: Problem, part: TaskPart, budget: Budget) -> TaskPart | Fai
     if not moving or part.duration == 0.0:
         return part
     allowed = frozenset().union(*(planned.step.allowed for planned in part.steps), problem.scene.allowed)
-    scene = Scene(moving, first.before.scene.attached, allowed)
+    scene = Scene(moving, first.before.scene.attached, allowed, first.before.scene.safety)
     if isinstance(part, Stretch):
-        own = derived(part.steps[0].stage.problem, scene=scene, goal=())
-        passing = delayed(own, [part.motion], planning_model(own.robot, scene, error=own.tracking_error), budget)
+        columns = part.steps[0].stage.columns
+        ends = [state.q[columns] for planned in part.steps for state in (planned.before, planned.after)]
+        own = derived(part.steps[0].stage.problem, scene=scene.ending_at(*ends), goal=())
+        passing = delayed(own, [part.motion], planning_model(own.robot, own.scene, error=own.tracking_error), budget)
         if isinstance(passing, Failure):
             return passing
         slower = (passing.motion.duration - passing.wait) / part.motion.duration
         return replace(part, motion=passing.motion, ends=tuple(passing.wait + slower * end for end in part.ends))
+    scene = scene.ending_at(first.before.q)
     still = standstill(problem.robot.joint_names, first.before.q, part.duration)
     met = first_contact(planning_model(problem.robot, scene, error=problem.tracking_error), still, lambda: budget.over)
     if met is None:

@@ -22,6 +22,7 @@ from optiplan.geometry.pose import PoseSpec
 from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.schema.ends import GoalSpec, StartSpec, ViaSpec, timed
 from optiplan.problem.schema.meanings import with_meanings
+from optiplan.problem.schema.safety import ClearanceSpec
 from optiplan.problem.schema.scene import SceneSpec
 from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.robot.side_by_side import ArmSpec
@@ -78,9 +79,8 @@ class ProblemSpec(Strict):
     planned (fingers), over those of the robot file. `base` is the pose of the robot's root in the world, the identity
     without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one. There is
     either a `goal` or a `task` of several steps. `tracking_error` says how far joints may be from the motion, rad or m:
-    one number, a list, or values by joint. A file may
-    also have `frames`, loops and `robots`, which `frames.py`, `loops.py` and `side_by_side.py` take out before anything
-    is read here.
+    one number, a list, or values by joint. `clearance` says how far bodies stay apart, m. A file may also have `frames`,
+    loops and `robots`, which `frames.py`, `loops.py` and `side_by_side.py` take out before anything is read here.
     """
 
     version: FileVersion
@@ -97,6 +97,7 @@ class ProblemSpec(Strict):
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()
     tracking_error: NotNegative | tuple[NotNegative, ...] | dict[Name, NotNegative] | None = None
+    clearance: ClearanceSpec | None = None
     limits: LimitScalesSpec = LimitScalesSpec()
     objective: ObjectiveSpec = ObjectiveSpec()
     planner: Annotated[PlannerSpec, BeforeValidator(_named, json_schema_input_type=str | PlannerSpec)] = PlannerSpec()

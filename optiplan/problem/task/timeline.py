@@ -5,10 +5,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
+
+from optiplan.arrays import Array
 from optiplan.geometry.scene import Scene
-from optiplan.problem.problem import Problem, derived
-from optiplan.problem.task.scene_change import carrying, scene_after, scene_during
-from optiplan.problem.task.steps import Attach, Detach, TaskStep
+from optiplan.problem.problem import JointGoal, Problem, derived
+from optiplan.problem.task.scene_change import carrying, columns, scene_after, scene_during
+from optiplan.problem.task.steps import Attach, Detach, Move, TaskStep
 from optiplan.problem.task.tour_steps import in_order
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.segments import Segment
@@ -120,7 +123,8 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
         ValueError: they are not.
     """
     if not problem.task:
-        return [ScenePart(problem, 0.0, trajectory.duration)]
+        whole = problem if problem.scene.safety is None else derived(problem, scene=ending(problem, trajectory))
+        return [ScenePart(whole, 0.0, trajectory.duration)]
     words = mismatch(problem, trajectory)
     if words:
         raise ValueError(words)
@@ -133,10 +137,39 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
             found[-1] = (base, during, first, end, [*steps, step])
         else:
             found.append((scene, scene_during(scene, step), begin, end, [step]))
+    ends = [] if problem.scene.safety is None else list(_step_ends(problem, trajectory))
     return [
-        ScenePart(part_problem(problem, during.later(begin)), begin, end, _words(steps))
+        ScenePart(
+            part_problem(problem, during.later(begin).ending_at(*(q for t, q in ends if begin <= t <= end))),
+            begin,
+            end,
+            _words(steps),
+        )
         for _, during, begin, end, steps in found
     ]
+
+
+def ending(problem: Problem, motion: Trajectory) -> Scene:
+    """Return the scene of a problem without a task, about whose ends pairs may be nearer than its `Safety` asks.
+
+    They are the ends of the motion and vias of joint values, or those that the scene has already.
+    """
+    safety = problem.scene.safety
+    if safety is None or safety.ends:
+        return problem.scene
+    vias = [via.at.q for via in problem.vias if isinstance(via.at, JointGoal)]
+    return problem.scene.ending_at(motion.start, motion.end, *vias)
+
+
+def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float, Array]]:
+    """Yield when each step begins and ends, s, and the configurations (n,) there; and its vias of joint values."""
+    for step, _, begin, end in steps_in_time(problem, trajectory):
+        yield from ((t, trajectory(t)) for t in (begin, end))
+        for via in step.action.vias if isinstance(step.action, Move) else ():
+            if isinstance(via.at, JointGoal):
+                whole = np.array(trajectory(begin))
+                whole[columns(problem.robot, step.action.joints)] = via.at.q
+                yield begin, whole
 
 
 def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[TaskStep, Scene, float, float]]:

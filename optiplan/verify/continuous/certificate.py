@@ -5,13 +5,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.collision.floors import Floors
 from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
-from optiplan.verify.continuous.interval_queries import DistanceQuery, Middles, Nearness
+from optiplan.verify.continuous.interval_queries import AskedClearance, DistanceQuery, Middles, Nearness
 from optiplan.verify.continuous.intervals import IntervalBlocks, Intervals, blocks, boxes, middles, spans, step_sizes
 from optiplan.verify.continuous.motion_bounds import Boxes
-from optiplan.verify.continuous.motion_tools import tools_of
+from optiplan.verify.continuous.motion_tools import too_large, tools_of
 from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof, least_of_kinds
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
@@ -24,7 +25,6 @@ _ROOM = 1.25  # factor on the clearance to prove, below which meshes are queried
 _MOST_OF_HULLS = 2  # halvings of an interval for hulls of clusters; else the bodies in them are queried
 _MOST_AGAIN = 4_000  # items examined to refine the clearance after the proof
 _FIRST_TRAVEL = 0.2  # rad or m, summed over joints: travel within the first intervals
-_LARGEST = 1e5  # rad or m; with larger numbers rounding would eat up CLEARANCE_ROUNDING
 _MOST_HALVINGS = 12  # of a piece before the first query
 _MOST_ITEMS = 20_000  # items processed at once, to bound memory
 _NONE = np.empty(0, dtype=np.intp)
@@ -37,10 +37,13 @@ def certify(
     policy: VerifyPolicy,
     record: ClearanceRecord | None = None,
     error: Array | None = None,
+    floors: Floors | None = None,
 ) -> Proof:
     """Prove that all pairs stay apart for all t in [0, duration].
 
-    With an `error` (n,), rad or m, that is proved of every configuration in the tube |q_j - q_j(t)| <= error_j.
+    With an `error` (n,), rad or m, that is proved of every configuration in the tube |q_j - q_j(t)| <= error_j. With
+    `floors` the clearance asked of a pair is the larger of the policy's and its floor: on an interval, the most that
+    the floor is at any configuration of it.
 
     On an interval with middle m and half width h, where a plane with normal w separates a pair by the gap g at m, the
     pair is clear if the larger of two lower bounds of its distance exceeds the clearance asked for by 1e-9 m:
@@ -54,7 +57,10 @@ def certify(
 
     Holds at: all times of the closed interval [0, duration].
     """
-    search = _Search(model, trajectory, policy, record, np.zeros(trajectory.n) if error is None else error)
+    off = np.zeros(trajectory.n) if error is None else error
+    search = _Search(
+        model, trajectory, policy, record, off, AskedClearance.of(tools_of(model).bodies.tree, policy, floors)
+    )
     search.refuse_at_once()
     if search.proof.reason:
         return search.proof
@@ -83,6 +89,7 @@ class _Search:
     policy: VerifyPolicy
     record: ClearanceRecord | None
     error: Array
+    asked: AskedClearance
     proof: Proof = field(default_factory=lambda: Proof(False))
 
     def __post_init__(self) -> None:
@@ -101,12 +108,10 @@ class _Search:
 
         Of hulls it is that of the farthest of their bodies.
         """
-        tree = self.bodies.tree
         if not self.error.any():
-            return np.zeros(len(tree.pairs))
+            return np.zeros(len(self.bodies.tree.pairs))
         stroke = np.abs(self.trajectory.extrema(0)).max(axis=0) + self.error
-        own = self.model.bounds.moment_arms(stroke) @ self.error
-        return np.array([own[tree.members(pair)].max(initial=0.0) for pair in range(len(tree.pairs))])
+        return self.bodies.tree.most_of_members(self.model.bounds.moment_arms(stroke) @ self.error)
 
     def boxes(self, items: Intervals) -> Boxes:
         """Return bounds of the joints' motion on these intervals."""
@@ -120,9 +125,8 @@ class _Search:
 
     def refuse_at_once(self) -> None:
         """Refuse at once what cannot be proved: huge numbers, bodies without bounds, bodies inside a mesh."""
-        large = self.too_large()
-        if large:
-            self.proof.reason = f"{large} beyond {_LARGEST:g} leaves no digits for a proof"
+        self.proof.reason = too_large(self.trajectory, self.bodies.extent, self.model.names)
+        if self.proof.reason:
             return
         if self.bodies.unsupported is not None:
             name = self.model.names[self.bodies.unsupported]
@@ -136,15 +140,6 @@ class _Search:
             where = Moment(0.0, 0.0, (pair.name_a, pair.name_b), np.array([found.point, found.point]), q)
             self.proof = Proof(False, "one body lies inside the other", contact=True)
             self.proof.meet(self.kinds[found.pair], where)
-
-    def too_large(self) -> str:
-        """Return what is too large for a proof in floating point, or nothing: terms |c_k| h^k of positions, bodies."""
-        c = self.trajectory.coefficients
-        powers = self.trajectory.widths[:, None, None] ** np.arange(c.shape[1])[:, None]
-        if not (np.abs(c) * powers).max() <= _LARGEST:
-            return "a trajectory with terms"
-        far = np.flatnonzero(~(self.bodies.extent <= _LARGEST))
-        return f"'{self.model.names[far[0]]}', a body" if len(far) else ""
 
     def first_intervals(self) -> Intervals:
         """Intervals on which joints move little, with the pairs that bounding volumes leave open there.
@@ -163,14 +158,12 @@ class _Search:
         self.proof.intervals = len(intervals.piece)
         first, last = blocks((b.reach - b.jump).sum(axis=1), _FIRST_TRAVEL)
         low, high = np.minimum.reduceat(b.q - b.reach, first), np.maximum.reduceat(b.q + b.reach, first)
-        tree, margins = self.bodies.tree, []
+        tree, margins, asked = self.bodies.tree, [], self.asked.anywhere[self.bodies.tree.tops]
         for k in range(0, len(first), _CHUNK):
             Q, D = 0.5 * (low + high)[k : k + _CHUNK], 0.5 * (high - low)[k : k + _CHUNK] + 1e-15
-            margins.append(
-                tree.bounds.apart(Q, D, self.policy.clearance + _FAR + CLEARANCE_ROUNDING) - CLEARANCE_ROUNDING
-            )
+            margins.append(tree.bounds.apart(Q, D, self.asked.most + _FAR + CLEARANCE_ROUNDING) - CLEARANCE_ROUNDING)
         margin = np.concatenate(margins)
-        clear, far = margin > self.policy.clearance + _EASY, margin > self.policy.clearance + _FAR
+        clear, far = margin > asked + _EASY, margin > asked + _FAR
         self.lower_clearance(margin[far], tree.tops[np.nonzero(far)[1]])
         self.coarse = IntervalBlocks(tree.tops, intervals, first, last, clear & ~far, margin)
         self.record_blocks(far)
@@ -213,7 +206,7 @@ class _Search:
         items, near = query.items, self.bounded(query, at)
         if self.error.any() and self.leaves_no_room(query, near, at):
             return items.take(_NONE)
-        target = self.target(items.pair)
+        target = np.maximum(self.target(items.pair), self.asked.over(items.pair, query.rows, at))
         clear = near.margin > target
         self.prove(items, clear, near.margin)
         still = np.flatnonzero(~clear)
@@ -235,7 +228,8 @@ class _Search:
         answers: list[DistanceQuery] = []
         while True:
             placed = self.bodies.place(at.poses, rows, items.pair)
-            enough = np.maximum(_HULLS, _ROOM * self.target(items.pair)) + self.tubes[items.pair]
+            wanted = np.maximum(self.target(items.pair), self.asked.anywhere[items.pair])
+            enough = np.maximum(_HULLS, _ROOM * wanted) + self.tubes[items.pair]
             query = DistanceQuery(items, rows, placed, self.distances.query(items.pair, placed, enough))
             found, several = query.found, items.pair >= self.bodies.tree.count
             unsure = several & (found.bound <= enough)
@@ -245,8 +239,10 @@ class _Search:
                 self.update_nearest(query, at, np.flatnonzero(found.hulls & ~found.parts & ~unsure), measure=True)
             self.proof.queries += len(found.bound)
             self.proof.gjk_only += int(found.gjk_only.sum())
-            if (found.best[~several] <= self.policy.clearance + CLEARANCE_ROUNDING).any():
-                self.stop(items, "bodies touch" if self.policy.clearance <= 0 else "bodies come too near", contact=True)
+            asked = self.asked.there(items.pair, rows, at)
+            too_near = np.flatnonzero(~several & (found.best <= asked + CLEARANCE_ROUNDING))
+            if len(too_near):
+                self.stop_too_near(query, at, too_near, asked)
                 return query
             if not unsure.any():
                 return DistanceQuery.join([*answers, query])
@@ -279,10 +275,11 @@ class _Search:
         if not len(own):
             return False
         self.provable = np.minimum(self.provable, least_of_kinds(near.least[own], self.kinds[query.items.pair[own]]))
-        if self.provable.min() > self.policy.clearance:
+        left = near.least[own] - self.asked.there(query.items.pair[own], query.rows[own], at)
+        if left.min() > 0.0:
             return False
         self.proof.met = (None, None)  # named is the pair that is too near for its tube, not the nearest
-        k = own[np.argmin(near.least[own])]
+        k = own[np.argmin(left)]
         self.update_nearest(query, at, np.array([k]), measure=True)
         taken = 1e3 * (near.bound[k] - near.least[k])
         self.stop(query.items, f"the tracking error takes {taken:.3g} mm of the distance")
@@ -297,7 +294,7 @@ class _Search:
         margin = (
             self.bodies.lower_bound(self.bodies.place(at.poses, rows, inner.pair)) - travel[parent] - CLEARANCE_ROUNDING
         )
-        clear = margin > np.maximum(self.target(inner.pair), self.policy.clearance + _EASY)
+        clear = margin > np.maximum(self.target(inner.pair), self.asked.anywhere[inner.pair] + _EASY)
         self.prove(inner, clear, margin)
         return inner.take(np.flatnonzero(~clear)), rows[~clear]
 
@@ -324,7 +321,7 @@ class _Search:
         for pair in np.unique(items.pair[found]).tolist():
             own = np.flatnonzero(items.pair == pair)
             least = self.kept[pair].least(at.q[rows[own]], at.reach[rows[own]])
-            proved = least > self.policy.clearance + CLEARANCE_ROUNDING
+            proved = least > self.asked.over(items.pair[own], rows[own], at) + CLEARANCE_ROUNDING
             clear[own[proved]] = True
             if not proved.any():
                 continue
@@ -352,7 +349,7 @@ class _Search:
         return np.asarray(self.proof.measured(np.inf)[self.kinds[pairs]])
 
     def target(self, pairs: Index) -> Array:
-        """Return the clearance to prove, (K,) m: that asked for, and most of the smallest distance of the pairs' kind.
+        """Return the clearance to tell of, (K,) m: the policy's, and most of the smallest distance of the pairs' kind.
 
         Of the robot's own pairs no more is proved than what is kept of the tightest of them: their least is reported.
         """
@@ -372,6 +369,16 @@ class _Search:
         if self.proof.queries + len(items.pair) > self.policy.max_queries:
             return self.stop(items, f"clearance not proved within {self.policy.max_queries} distance queries")
         return items
+
+    def stop_too_near(self, query: DistanceQuery, at: Middles, found: Index, asked: Array) -> None:
+        """End the search at the pair that lacks most of what is asked of it, (K,) m; `found` are too near."""
+        if self.asked.floors is None:
+            self.stop(query.items, "bodies touch" if self.policy.clearance <= 0 else "bodies come too near", True)
+            return
+        k = found[np.argmin(query.found.best[found] - asked[found])]
+        self.proof.met = (None, None)  # named is the pair that is too near for its floor, not the nearest
+        self.update_nearest(query, at, np.array([k]))
+        self.stop(query.items, f"bodies come nearer than the {1e3 * asked[k]:.3g} mm asked of them", True)
 
     def stop(self, items: Intervals, reason: str, contact: bool = False) -> Intervals:
         """End the search with a reason."""

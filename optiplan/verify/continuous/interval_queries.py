@@ -7,10 +7,13 @@ from functools import cached_property
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.collision.floors import Floors
 from optiplan.verify.continuous.bodies import PlacedBody
 from optiplan.verify.continuous.intervals import Intervals
 from optiplan.verify.continuous.motion_bounds import Boxes, MotionQuery
+from optiplan.verify.continuous.pair_tree import PairTree
 from optiplan.verify.continuous.separating_planes import Distances
+from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 
@@ -97,3 +100,48 @@ class Nearness:
         near = bound - any_way - (self.travel[still] - any_way) / parts
         enough: Flags = np.maximum(near, plane) > 1.1 * target + CLEARANCE_ROUNDING
         return np.asarray(4 - enough.sum(axis=0), dtype=np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class AskedClearance:
+    """The clearance asked of the pairs of a tree: the policy's, or the floor of a pair where that is larger.
+
+    Attributes:
+        anywhere: (P + H,) m, wherever the joints are; of hulls the most of the pairs that they stand for.
+        least: m, the policy's.
+        floors: of the P pairs; None: all have the policy's.
+    """
+
+    anywhere: Array
+    least: float
+    floors: Floors | None
+
+    @classmethod
+    def of(cls, tree: PairTree, policy: VerifyPolicy, floors: Floors | None) -> "AskedClearance":
+        """Return what is asked of the pairs of a tree."""
+        if floors is None:
+            return cls(np.full(len(tree.pairs), policy.clearance), policy.clearance, None)
+        anywhere = np.maximum(tree.most_of_members(floors.asked), policy.clearance)
+        return cls(anywhere, policy.clearance, floors)
+
+    @property
+    def most(self) -> float:
+        """The most that is asked of any pair, m."""
+        return float(self.anywhere.max(initial=self.least))
+
+    def over(self, pairs: Index, rows: Index, at: Middles) -> Array:
+        """Return the most that is asked of pairs (K,) anywhere on intervals `rows` (K,), m."""
+        return self._of(pairs, rows, at, at.reach)
+
+    def there(self, pairs: Index, rows: Index, at: Middles) -> Array:
+        """Return what is asked of pairs (K,) in the middles of intervals `rows` (K,), m."""
+        return self._of(pairs, rows, at, np.zeros_like(at.reach))
+
+    def _of(self, pairs: Index, rows: Index, at: Middles, reach: Array) -> Array:
+        found = self.anywhere[pairs]
+        if self.floors is None or not self.floors.at_ends:
+            return found
+        own = np.flatnonzero(pairs < len(self.floors.asked))
+        floors = self.floors.over(pairs[own], at.q[rows[own]], reach[rows[own]])
+        found[own] = np.maximum(floors, self.least)
+        return found

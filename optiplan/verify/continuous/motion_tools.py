@@ -1,18 +1,22 @@
 """What is the same for every motion in a work space, made once."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from optiplan.arrays import Index
+from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel, SameBodies
+from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.kept_clearance import KeptClearance, kept_clearances
 from optiplan.verify.continuous.motion_bounds import Motion
 from optiplan.verify.continuous.proof import SCENE, SELF
 from optiplan.verify.continuous.separating_planes import PairDistances
+
+_LARGEST = 1e5
+"""rad or m; with larger numbers rounding would eat up CLEARANCE_ROUNDING."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,3 +62,19 @@ def tools_of(model: CollisionModel) -> MotionTools:
         found = MotionTools.of(model) if known is None else known.with_obstacles_of(model)
         _tools[model] = _last[model.same_bodies] = found
     return _tools[model]
+
+
+def too_large(trajectory: Trajectory, extent: Array, names: Sequence[str]) -> str:
+    """Say why numbers are too large for a proof in floating point; nothing where they are not.
+
+    Args:
+        trajectory: whose terms |c_k| h^k of positions are looked at.
+        extent: (G,) how far each body reaches, m.
+        names: (G,) of the bodies.
+    """
+    c = trajectory.coefficients
+    powers = trajectory.widths[:, None, None] ** np.arange(c.shape[1])[:, None]
+    if not (np.abs(c) * powers).max() <= _LARGEST:
+        return f"a trajectory with terms beyond {_LARGEST:g} leaves no digits for a proof"
+    far = np.flatnonzero(~(extent <= _LARGEST))
+    return f"'{names[far[0]]}', a body beyond {_LARGEST:g} leaves no digits for a proof" if len(far) else ""

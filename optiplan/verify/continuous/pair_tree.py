@@ -7,7 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Flags, Index
+from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.geometry_model import geometry_of
 from optiplan.collision.model import CollisionModel
@@ -112,6 +112,11 @@ class PairTree:
         if pair < self.count:
             return np.array([pair], dtype=np.intp)
         return np.concatenate([self.members(part) for part in self.parts[pair].tolist()])
+
+    def most_of_members(self, values: Array) -> Array:
+        """Return values (P,) of the pairs, and of those of hulls the largest of their members, (P + H,)."""
+        hulls = [values[self.members(pair)].max(initial=0.0) for pair in range(self.count, len(self.pairs))]
+        return np.concatenate([values, hulls])
 
     def _bounds(self, model: CollisionModel) -> PairBounds:
         own = model.bounds

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
+from optiplan.geometry.safety import SafePairs, Safety
 from optiplan.geometry.scene import Attachment, Box, Obstacle, Scene, Sphere
 from optiplan.problem.constraints.base import WHOLE, Statement
 from optiplan.problem.constraints.motions import PairClearance, ToolAcceleration, ToolSpeed
@@ -253,7 +254,9 @@ def test_fields_of_what_a_problem_states_are_known():
         Obstacle: {"name", "shape", "X_WO", "stated", "motion"},
         Attachment: {"name", "shape", "link", "X_LO", "touch", "stated", "mass", "centre", "inertia"},
         Limits: {"lower", "upper", "velocity", "acceleration", "jerk", "torque"},
-        Scene: {"obstacles", "attached", "allowed"},
+        Scene: {"obstacles", "attached", "allowed", "safety"},
+        Safety: {"scene", "own", "pairs", "within", "ends"},
+        SafePairs: {"of", "others", "at_least"},
     }
     assert {kind: {field.name for field in fields(kind)} for kind in expected} == expected
     # Parts of the cost are weights: none promises a limit.

@@ -79,11 +79,14 @@ void EdgeChecker::reach(int a, int b) {
 // The travel of each pair, of each group the farthest of its pairs; returns the farthest of all.
 double EdgeChecker::measure_travel(const double *d) {
     const std::size_t count = travel_.size();
+    double way = 0.0;
     std::fill(travel_.begin(), travel_.end(), 0.0);
     for (int j = 0; j < joints(); ++j) {
         const double *arms = arms_.data() + static_cast<std::size_t>(j) * count, length = std::fabs(d[j]);
         for (std::size_t p = 0; p < count; ++p) travel_[p] += arms[p] * length;
+        way += length;
     }
+    for (std::size_t p = 0; p < count; ++p) travel_[p] += world_.rise(static_cast<int>(p)) * way;
     for (std::size_t g = 0; g < together_.size(); ++g) {
         together_[g] = 0.0;
         for (const Member &member : world_.groups()[g].members)

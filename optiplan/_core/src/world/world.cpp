@@ -11,9 +11,10 @@ static constexpr double INF = std::numeric_limits<double>::infinity();
 static constexpr double ROUNDING = 2e-6;  // m; what a hull's distance may exceed that of its mesh by, rounded
 
 World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
-             const std::vector<Cluster> &clusters, const std::vector<int> &never, TubeError tube)
-    : tree_(std::move(tree)), bodies_(std::move(bodies)), tube_(std::move(tube)),
-      hulls_(static_cast<int>(bodies_.size())) {
+             const std::vector<Cluster> &clusters, const std::vector<int> &never, TubeError tube,
+             Floors floors)
+    : tree_(std::move(tree)), bodies_(std::move(bodies)), tube_(std::move(tube)), floors_(std::move(floors)),
+      plain_(tube_.error.empty() && floors_.asked.empty()), hulls_(static_cast<int>(bodies_.size())) {
     for (std::size_t j = 1; j < tree_.joints.size() && !tube_.error.empty(); ++j)
         if (tree_.joints[j].revolute)
             spread_ += 2.0 * std::fabs(tree_.joints[j].multiplier) * tube_.error[tree_.joints[j].leader];
@@ -38,9 +39,41 @@ World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<in
         common_.push_back(common_joint(a, b));
         clustered_.push_back(cluster_of_[a] >= 0 || cluster_of_[b] >= 0);
     }
+    if (!plain_) measure_floors();
     std::vector<char> left_out(pairs_.size());
     for (int pair : never) left_out[pair] = 1;
     gather(hulls_, left_out);
+}
+
+void World::measure_floors() {
+    asked_ = floors_.asked.empty() ? std::vector<double>(pairs_.size()) : floors_.asked;
+    most_ = asked_;
+    for (std::size_t pair = 0; pair < pairs_.size() && !tube_.error.empty(); ++pair) most_[pair] += tube_.most[pair];
+    near_ends_.resize(pairs_.size());
+    if (!floors_.ends.empty()) rises_.resize(pairs_.size());
+    for (std::size_t k = 0; k < floors_.ends.size(); ++k) {
+        const EndFloor &end = floors_.ends[k];
+        near_ends_[end.pair].push_back(static_cast<int>(k));
+        rises_[end.pair] = std::max(rises_[end.pair], end.rise);
+    }
+}
+
+double World::floor_near(const Placement &at, int pair) const {
+    double least = asked_[pair];
+    for (int k : near_ends_[pair]) {
+        const EndFloor &end = floors_.ends[k];
+        double way = 0.0;
+        for (std::size_t j = 0; j < end.q.size(); ++j) way += std::fabs(at.q[j] - end.q[j]);
+        least = std::min(least, end.base + end.rise * way);
+    }
+    return least;
+}
+
+// Of the joints that ends are about, what stands before those of moving bodies.
+double World::way(const double *D) const {
+    double sum = 0.0;
+    for (std::size_t j = 0; j < floors_.ends.front().q.size(); ++j) sum += std::fabs(D[j]);
+    return sum;
 }
 
 int World::add(Body body) {
@@ -56,6 +89,11 @@ int World::add(Body body) {
         common_.push_back(0);
         clustered_.push_back(cluster_of_[k] >= 0);
         group_of_.push_back(-1);
+        if (plain_) continue;
+        asked_.push_back(0.0), most_.push_back(0.0);
+        near_ends_.emplace_back();
+        if (!rises_.empty()) rises_.push_back(0.0);
+        if (!tube_.error.empty()) tube_.most.push_back(0.0);
     }
     return added;
 }
@@ -87,21 +125,26 @@ void World::gather(int first, const std::vector<char> &never) {
         groups_[at->second].members.push_back(
             {static_cast<int>(pair), member.X_JB * member.centre, member.radius + bodies_[other].radius});
         group_of_[pair] = at->second;
-        if (!tube_.error.empty()) groups_[at->second].tube = std::max(groups_[at->second].tube, tube_.most[pair]);
+        if (plain_) continue;
+        Together &group = groups_[at->second];
+        group.taken = std::max(group.taken, most_[pair]);
+        group.floor = std::max(group.floor, asked_[pair]);
+        group.rise = std::max(group.rise, rise(static_cast<int>(pair)));
     }
 }
 
 bool World::outlines_apart(const Placement &at, int pair, double gap, Features *features) const {
     const auto [a, b, by_outline] = pairs_[pair];
     return !overlap_within(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
-                           gap + ROUNDING + tube(at, pair), features);
+                           gap + ROUNDING + taken(at, pair), features);
 }
 
 bool World::group_apart(const Placement &at, int group, double gap, Features *features) const {
     const int hull = groups_[group].hull, other = groups_[group].other;
-    if (!tube_.error.empty()) {
-        if (balls_apart_of(at, hull, other, gap + groups_[group].tube)) return true;
-        gap += tube_of(at, hull, other, groups_[group].common);
+    if (!plain_) {
+        if (balls_apart_of(at, hull, other, gap + groups_[group].taken)) return true;
+        gap += groups_[group].floor;
+        if (!tube_.error.empty()) gap += tube_of(at, hull, other, groups_[group].common);
     }
     if (balls_apart_of(at, hull, other, gap)) return true;
     if (std::max(ball_to_box(at, hull, other), ball_to_box(at, other, hull)) > gap) return true;
@@ -117,6 +160,7 @@ Placement World::placement() const {
     at.placed.assign(bodies_.size(), 0);
     at.touching = std::max(first_, 0);
     if (!tube_.error.empty()) at.reaches.resize(bodies_.size() * tree_.joints.size());
+    if (!floors_.ends.empty()) at.q.resize(tree_.planned);
     at.reached.assign(tube_.error.empty() ? 0 : bodies_.size(), 0);
     for (std::size_t k = 0; k < bodies_.size(); ++k)
         if (bodies_[k].joint == 0) at.centres[k] = still_[k] * bodies_[k].centre;
@@ -130,6 +174,7 @@ void World::place_body(int body, Placement &at) const {
 }
 
 void World::place_outside(const double *q, Placement &at) const {
+    keep_place(q, at);
     tree_.poses(q, at.joints.data());
     std::copy(waiting_.begin(), waiting_.end(), at.placed.begin());
     std::fill(at.reached.begin(), at.reached.end(), 0);
@@ -137,6 +182,7 @@ void World::place_outside(const double *q, Placement &at) const {
 }
 
 void World::place(const double *q, Placement &at) const {
+    keep_place(q, at);
     tree_.poses(q, at.joints.data());
     std::fill(at.reached.begin(), at.reached.end(), 0);
     for (int body : moving_) place_body(body, at);
@@ -156,22 +202,22 @@ double World::lower_bound(const Placement &at, int pair) const {
         const int plane = bodies_[a].half_space ? a : b, body = plane == a ? b : a;
         const Vec3 normal = at.bodies[plane].R * bodies_[plane].normal;
         return dot(normal, at.centres[body] - at.bodies[plane].p) - bodies_[plane].offset - bodies_[body].radius -
-               tube(at, pair);
+               taken(at, pair);
     }
-    return std::max(ball_to_box(at, a, b), ball_to_box(at, b, a)) - tube(at, pair);
+    return std::max(ball_to_box(at, a, b), ball_to_box(at, b, a)) - taken(at, pair);
 }
 
 bool World::within(const Placement &at, int pair, double margin, Features *features) const {
     const auto [a, b, by_outline] = pairs_[pair];
     const Pose &X_a = at.bodies[a], &X_b = at.bodies[b];
-    const double wide = margin + tube(at, pair);
+    const double wide = margin + taken(at, pair);
     if (by_outline) {
         if (!overlap_within(bodies_[a].outline(), X_a, bodies_[b].outline(), X_b, wide, features)) return false;
         if (margin > WIDE) return true;
         features = nullptr;
     }
     const bool near = overlap_within(bodies_[a].solid(), X_a, bodies_[b].solid(), X_b, wide, features);
-    return near && (wide == margin || distance(at, pair, margin).distance <= margin);
+    return near && (!in_tube(pair) || distance(at, pair, margin).distance <= margin);
 }
 
 const double *World::reached(const Placement &at, int body) const {
@@ -227,9 +273,12 @@ double World::tube_along_of(const Placement &at, int body, int common, const Vec
     return along;
 }
 
-// A witness of a pair whose distance was asked up to `cutoff` and the tube beyond, less what the tube takes of it.
-Witness World::in_tube(const Placement &at, int pair, Witness witness, double cutoff, bool convex) const {
-    if (tube_.error.empty() || tube_.most[pair] == 0.0) return witness;
+// A witness of a pair whose distance was asked up to `cutoff` and what is taken beyond, less its floor and what the
+// tube takes of it.
+Witness World::above(const Placement &at, int pair, Witness witness, double cutoff, bool convex) const {
+    if (plain_) return witness;
+    witness.distance -= floor(at, pair);
+    if (!in_tube(pair)) return witness;
     const double most = tube(at, pair);
     const bool whatever = !convex || witness.distance > cutoff + most;
     witness.distance -= whatever ? most : std::min(most, tube_along(at, pair, witness.normal));
@@ -267,21 +316,21 @@ bool World::collides(Placement &at, const std::vector<int> &pairs, Trail &trail)
 
 Witness World::distance(const Placement &at, int pair, double cutoff) const {
     const auto [a, b, by_outline] = pairs_[pair];
-    const double wide = cutoff + tube(at, pair);
-    return in_tube(at, pair,
+    const double wide = cutoff + taken(at, pair);
+    return above(at, pair,
                    optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], wide), cutoff,
                    !by_outline);
 }
 
 Witness World::nearest_points(const Placement &at, int pair, double cutoff, Features *features, double gap) const {
     const auto [a, b, by_outline] = pairs_[pair];
-    const double most = tube(at, pair);
+    const double most = taken(at, pair);
     const Witness outer = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
                                              cutoff + most, features, gap);
-    if (!by_outline || outer.distance > SETTLED + most) return in_tube(at, pair, outer, cutoff);
+    if (!by_outline || outer.distance > SETTLED + most) return above(at, pair, outer, cutoff);
     const Witness nearer =
         optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], cutoff + most);
-    return in_tube(at, pair, nearer.distance > 0.0 ? nearer : outer, cutoff, !(nearer.distance > 0.0));
+    return above(at, pair, nearer.distance > 0.0 ? nearer : outer, cutoff, !(nearer.distance > 0.0));
 }
 
 void World::near(Placement &at, int row, double cutoff, std::vector<Contact> &found, Trail &trail,
@@ -325,7 +374,7 @@ double World::outline_bound(const Placement &at, int pair) const {
     if (!by_outline) return bound;
     const Shape &one = bodies_[a].outline(), &other = bodies_[b].outline();
     const double outer = optiplan::distance(one, at.bodies[a], other, at.bodies[b], INF).distance;
-    return std::max(bound, outer - ROUNDING - tube(at, pair));
+    return std::max(bound, outer - ROUNDING - taken(at, pair));
 }
 
 Contact World::nearest(const Placement &at) const {
@@ -339,7 +388,7 @@ Contact World::nearest(const Placement &at) const {
         if (best.pair >= 0 && cheap > least) break;
         const auto [a, b, by_outline] = pairs_[pair];
         if (by_outline && !overlap_within(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
-                                          std::max(least + ROUNDING + tube(at, pair), 0.0)))
+                                          std::max(least + ROUNDING + taken(at, pair), 0.0)))
             continue;
         const Witness witness = distance(at, pair, least);
         if (best.pair >= 0 && witness.distance > least) continue;
@@ -408,27 +457,29 @@ double World::travel_of(const std::vector<double> &reaches, const double *D, int
 
 double World::travel(const std::vector<double> &reaches, const double *D, int pair) const {
     const double of_a = travel_of(reaches, D, pairs_[pair].a, common_[pair]);
-    return spread_ * (of_a + travel_of(reaches, D, pairs_[pair].b, common_[pair]));
+    const double own = spread_ * (of_a + travel_of(reaches, D, pairs_[pair].b, common_[pair]));
+    return rise(pair) > 0.0 ? own + rise(pair) * way(D) : own;
 }
 
 double World::group_travel(const std::vector<double> &reaches, const double *D, int group) const {
     const Together &of = groups_[group];
-    return spread_ * (travel_of(reaches, D, of.hull, of.common) + travel_of(reaches, D, of.other, of.common));
+    const double own = travel_of(reaches, D, of.hull, of.common) + travel_of(reaches, D, of.other, of.common);
+    return of.rise > 0.0 ? spread_ * own + of.rise * way(D) : spread_ * own;
 }
 
 double World::gap(const Placement &at, int pair, double cutoff, Features *features) const {
     const auto [a, b, by_outline] = pairs_[pair];
-    const double most = tube(at, pair), wide = cutoff + most;
+    const double most = taken(at, pair), wide = cutoff + most;
     if (by_outline) {
         Witness outer = optiplan::distance(bodies_[a].outline(), at.bodies[a], bodies_[b].outline(), at.bodies[b],
                                            wide + ROUNDING, features);
         outer.distance -= ROUNDING;
-        if (outer.distance > SETTLED + most || outer.distance > wide) return in_tube(at, pair, outer, cutoff).distance;
+        if (outer.distance > SETTLED + most || outer.distance > wide) return above(at, pair, outer, cutoff).distance;
         return distance(at, pair, cutoff).distance;
     }
     const Witness witness =
         optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], wide, features);
-    return in_tube(at, pair, witness, cutoff).distance;
+    return above(at, pair, witness, cutoff).distance;
 }
 
 }  // namespace optiplan

@@ -1,6 +1,7 @@
 // A robot among obstacles: bodies on the joints of a tree, and the pairs of them that must stay apart.
 #pragma once
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -48,13 +49,29 @@ struct Together {
     int hull, other;              // bodies, the hull behind all others
     int common;                   // the last joint that carries both
     std::vector<Member> members;  // by rising pairs
-    double tube = 0.0;            // m; the most of its pairs' tubes
+    double taken = 0.0;           // m; the most that tube and floor take of the distance of its pairs
+    double floor = 0.0;           // m; the most of its pairs' floors
+    double rise = 0.0;            // m/rad or 1; the most of its pairs' rises
 };
 
 // Joints may be off where they are put, by up to `error` (n,), rad or m; `most` (pairs,), m, bounds what that takes of
 // the distance of each pair anywhere; 0 where it takes nothing.
 struct TubeError {
     std::vector<double> error, most;
+};
+
+// A floor about the configuration q (joints,) of an end: `base`, m, there, growing by `rise`, m/rad or 1, on the way.
+struct EndFloor {
+    int pair;
+    double base, rise;
+    std::vector<double> q;
+};
+
+// The distance that each pair keeps (pairs,), m, and less about ends of the motion: the least of what is asked and
+// base + rise sum_j |q_j - q_e,j|; none where `asked` is empty.
+struct Floors {
+    std::vector<double> asked;
+    std::vector<EndFloor> ends;
 };
 
 // A pair at configuration `row`; normal . (b - a) = distance.
@@ -82,19 +99,21 @@ struct Sketch {
 struct Placement {
     std::vector<Pose> joints, bodies;
     std::vector<Vec3> centres;
+    std::vector<double> q;     // (planned,), where floors ask for it
     std::vector<char> placed;  // of each body: whether it is where the joints put it; bodies of clusters may wait
     mutable std::vector<double> reaches;  // of bodies as `World::reach`, where `reached` says so: asked for by tubes
     mutable std::vector<char> reached;
     int touching = 0;  // the pair that touched last is asked first: answers come sooner, and are the same
 };
 
-// With a tube, every distance and bound of one is less by what joints off their place can take of it.
+// With a tube, every distance and bound of one is less by what joints off their place can take of it; with floors it is
+// what is left above them. Gradients are those of distances: floors change by at most `rise`.
 class World {
   public:
     // `never`: pairs that are apart wherever the joints stand: `collides`, `near` and what visits `alone` and `groups`
     // leave them out.
     World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
-          const std::vector<Cluster> &clusters = {}, const std::vector<int> &never = {}, TubeError tube = {});
+          const std::vector<Cluster> &clusters = {}, const std::vector<int> &never = {}, TubeError tube = {}, Floors floors = {});
 
     // Adds a body that no joint carries, with a pair with each body of the robot that a joint carries; returns its
     // index. Only those who name its pairs ask for them: no search, sweep or `near` does.
@@ -126,9 +145,9 @@ class World {
     // Whether the balls are farther apart than `gap`: the first and cheapest test.
     bool balls_apart(const Placement &at, int pair, double gap) const {
         const auto [a, b, by_outline] = pairs_[pair];
-        if (tube_.error.empty()) return balls_apart_of(at, a, b, gap);
-        return balls_apart_of(at, a, b, gap + tube_.most[pair]) ||
-               (balls_apart_of(at, a, b, gap) && balls_apart_of(at, a, b, gap + tube(at, pair)));
+        if (plain_) return balls_apart_of(at, a, b, gap);
+        return balls_apart_of(at, a, b, gap + most_[pair]) ||
+               (balls_apart_of(at, a, b, gap) && balls_apart_of(at, a, b, gap + taken(at, pair)));
     }
 
     // Whether all pairs of a group are apart by more than `gap`, m, because the hull of its cluster is.
@@ -154,7 +173,7 @@ class World {
         const Pose &X = at.joints[bodies_[group.hull].joint];
         const Vec3 other = transposed(X.R, at.centres[group.other] - X.p);
         for (const Member &member : group.members) {
-            const double reach = member.radius + gap + group.tube;
+            const double reach = member.radius + gap + group.taken;
             if (squared_norm(other - member.centre) > reach * reach) continue;
             open(at, member.pair);
             visit(member.pair);
@@ -205,7 +224,11 @@ class World {
     void reach(const Placement &at, int body, double *out) const;
     void reaches(const Placement &at, std::vector<double> &out) const;
 
-    // Bound, m, on the change of a pair's distance while |q_j - Q_j| <= D_j (n,): see `PairBounds.travel_of`.
+    // How fast the floor of a pair changes on the way at most, m/rad or 1.
+    double rise(int pair) const { return rises_.empty() ? 0.0 : rises_[pair]; }
+
+    // Bound, m, on the change of a pair's distance, above its floor, while |q_j - Q_j| <= D_j (n,): see
+    // `PairBounds.travel_of`.
     double travel(const std::vector<double> &reaches, const double *D, int pair) const;
     double body_travel(const std::vector<double> &reaches, const double *D, int body) const {  // beside what stands
         return travel_of(reaches, D, body, 0);
@@ -225,8 +248,16 @@ class World {
     // normal of a pair's nearest points, the bodies held in their boxes. 0 without a tube. Of meshes, which are not
     // convex, the verifier knows no normal: what takes of theirs whatever the direction is bounded as it does, by
     // balls.
+    double taken(const Placement &at, int pair) const { return tube(at, pair) + floor(at, pair); }
+    double floor(const Placement &at, int pair) const {
+        if (floors_.asked.empty()) return 0.0;
+        return near_ends_[pair].empty() ? asked_[pair] : floor_near(at, pair);
+    }
+    double floor_near(const Placement &at, int pair) const;
+    double way(const double *D) const;
+    bool in_tube(int pair) const { return !tube_.error.empty() && tube_.most[pair] > 0.0; }
     double tube(const Placement &at, int pair) const {
-        if (tube_.error.empty() || tube_.most[pair] == 0.0) return 0.0;
+        if (!in_tube(pair)) return 0.0;
         const auto [a, b, by_outline] = pairs_[pair];
         if (!by_outline) return tube_of(at, a, b, common_[pair]);
         return ball_tube(at, a, common_[pair]) + ball_tube(at, b, common_[pair]);
@@ -236,13 +267,17 @@ class World {
     double tube_along(const Placement &at, int pair, const Vec3 &normal) const;
     double tube_along_of(const Placement &at, int body, int common, const Vec3 &normal) const;
     const double *reached(const Placement &at, int body) const;
-    Witness in_tube(const Placement &at, int pair, Witness witness, double cutoff, bool convex = true) const;
+    Witness above(const Placement &at, int pair, Witness witness, double cutoff, bool convex = true) const;
     double travel_of(const std::vector<double> &reaches, const double *D, int body, int common) const;
     bool balls_apart_of(const Placement &at, int a, int b, double gap) const {
         const double reach = bodies_[a].radius + bodies_[b].radius + gap;
         return squared_norm(at.centres[b] - at.centres[a]) > reach * reach;
     }
     void gather(int first, const std::vector<char> &never);  // the first hull of a cluster; of each pair
+    void measure_floors();
+    void keep_place(const double *q, Placement &at) const {
+        if (!floors_.ends.empty()) std::copy(q, q + tree_.planned, at.q.begin());
+    }
     void place_body(int body, Placement &at) const;
     bool touches(const Placement &at, int pair, Trail *trail) const {
         return !(lower_bound(at, pair) > 0.0) && within(at, pair, 0.0, trail ? &trail->pairs[pair] : nullptr);
@@ -266,6 +301,11 @@ class World {
     std::vector<int> group_of_;           // of each pair; -1: none
     std::vector<int> alone_;              // pairs without a group that are asked
     TubeError tube_;
+    Floors floors_;
+    bool plain_;                          // no tube and no floors
+    std::vector<double> asked_, most_;    // of each pair: its floor away from ends; the most that is taken
+    std::vector<double> rises_;           // of each pair; empty without ends
+    std::vector<std::vector<int>> near_ends_;  // of each pair: among `Floors::ends`
     double spread_ = 1.0;                 // by which points in the tube travel farther, a little
     int hulls_ = 0;                       // the first hull of a cluster
     int first_ = -1;                      // the first pair that is asked; -1: none is

@@ -1,0 +1,187 @@
+"""The distance that each pair of a model keeps: what a scene's `Safety` asks, and less of pairs that stand nearer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from optiplan.arrays import Array, Index
+from optiplan.collision.contacts import Pair
+from optiplan.collision.model import CollisionModel
+from optiplan.geometry.safety import Safety
+
+KEPT = 0.8
+"""Share of its own distance that a pair keeps where it stands nearer than asked."""
+
+_ALONG = 33
+"""Places of a joint at which a pair that it alone moves is measured."""
+
+_STROKE = 1e6
+"""m, of a sliding joint without bounds."""
+
+
+@dataclass(frozen=True)
+class NearPair:
+    """A pair that is nearer than asked at an end of the motion, or wherever its joint stands.
+
+    Attributes:
+        pair: index in the model.
+        asked: m.
+        distance: m, there; of a pair that one joint moves the least.
+        base: m, its floor there.
+        end: which of `Safety.ends`; -1: everywhere.
+    """
+
+    pair: int
+    asked: float
+    distance: float
+    base: float
+    end: int
+
+
+@dataclass(frozen=True, eq=False)
+class Floors:
+    """The floor of each pair of a model as a function of the configuration, see `Safety`.
+
+    Attributes:
+        asked: (P,) m, away from the ends.
+        near: pairs with a lower floor, and why.
+        ends: (E, n) the ends.
+        within: rad or m, summed over the n joints of the robot.
+        taken: (P,) m, what joints off their place can take of the distance of each pair.
+    """
+
+    asked: Array
+    near: tuple[NearPair, ...]
+    ends: Array
+    within: float
+    taken: Array
+
+    @property
+    def at_ends(self) -> list[NearPair]:
+        """Those that are nearer at an end."""
+        return [one for one in self.near if one.end >= 0]
+
+    def with_ends(self, model: CollisionModel, ends: Sequence[Array]) -> "Floors":
+        """Return the floors about these ends (n,), where the model measures which pairs are nearer."""
+        near = [one for one in self.near if one.end < 0]
+        for k, q in enumerate(ends):
+            for pair, distance in measured(model, q, self.asked, self.taken):
+                if distance > 0.0:
+                    base = KEPT * max(distance - float(self.taken[pair]), 0.0)
+                    near.append(NearPair(pair, float(self.asked[pair]), distance, base, k))
+        return replace(self, near=tuple(near), ends=np.array(ends).reshape(-1, self.ends.shape[1]))
+
+    def over(self, pairs: Index, Q: Array, reach: Array) -> Array:
+        """Return the largest floor (K,), m, of pairs (K,) while |q_j - Q_j| <= reach_j; Q and reach (K, n or more).
+
+        Each end gives an upper bound of the floor, the least of them holds: f(q) <= base + rise (|Q - q_e| + reach)_1.
+        """
+        found = self.asked[pairs]
+        n = self.ends.shape[1]
+        for one in self.at_ends:
+            rows = np.flatnonzero(pairs == one.pair)
+            if len(rows):
+                way = (np.abs(Q[rows, :n] - self.ends[one.end]) + reach[rows, :n]).sum(axis=1)
+                share = np.minimum(way / self.within, 1.0)
+                found[rows] = np.minimum(found[rows], one.base + (one.asked - one.base) * share)
+        return found
+
+
+def floors_of(model: CollisionModel, safety: Safety | None, error: Array | None = None) -> Floors | None:
+    """Return the floors of a model's pairs; None where nothing is asked.
+
+    A pair whose distance one joint decides is built nearer in two cases: of the robot's own bodies, where they stay
+    apart over the whole range of the joint but not as far as asked; with an obstacle, where they are nowhere as far
+    apart. It keeps 0.8 of the least distance of 33 places.
+
+    Args:
+        model: its exact distances are measured at the ends, with obstacles at their first places.
+        safety: what is asked.
+        error: (n,) rad or m, how far the joints may be off; what that can take of a pair's distance is taken first.
+    """
+    if safety is None:
+        return None
+    asked, scene = asked_of(model, safety)
+    taken = np.zeros(len(asked)) if error is None or not error.any() else _taken(model, error)
+    near = _built_nearer(model, asked, scene, taken)
+    for one in near:
+        asked[one.pair] = one.base
+    built = Floors(asked, tuple(near), np.zeros((0, model.robot.n)), safety.within, taken)
+    return built.with_ends(model, safety.ends)
+
+
+def asked_of(model: CollisionModel, safety: Safety) -> tuple[Array, Array]:
+    """Return what is asked of each pair (P,), m, and whether it is one with an obstacle (P,)."""
+    first = len(model.names) - len(model.scene.obstacles)
+    scene = np.array([max(pair.a, pair.b) >= first for pair in model.pairs], dtype=bool)
+    known: dict[tuple[str, str, bool], float] = {}
+
+    def of(pair: Pair, obstacle: bool) -> float:
+        key = pair.name_a, pair.name_b, obstacle
+        if key not in known:
+            known[key] = safety.asked(*key)
+        return known[key]
+
+    asked = [of(pair, bool(obstacle)) for pair, obstacle in zip(model.pairs, scene, strict=True)]
+    return np.array(asked, dtype=float), scene
+
+
+def measured(model: CollisionModel, q: Array, asked: Array, taken: Array) -> list[tuple[int, float]]:
+    """Return the pairs at q (n,) that are nearer than `asked` and `taken` (P,), and their distances, m.
+
+    Pairs with an obstacle that moves are left out: at the end of a motion it is elsewhere.
+    """
+    limit = asked + taken
+    bounds = model.bounds.distances(model.full(q)[None], float(limit.max(initial=0.0)))[0]
+    possible = np.flatnonzero((bounds <= limit) & (asked > 0.0)).tolist()
+    if not possible:
+        return []
+    moving = {body.name for body in model.scene.dynamic_obstacles}
+    model.place(q)
+    found = []
+    for pair in possible:
+        names = model.pairs[pair]
+        if names.name_a in moving or names.name_b in moving:
+            continue
+        if pair in model.outline.pairs and model.outline.distance(pair) > limit[pair]:
+            continue
+        distance = model.pair_distance(pair).distance
+        if distance < limit[pair]:
+            found.append((pair, float(distance)))
+    return found
+
+
+def _built_nearer(model: CollisionModel, asked: Array, scene: Array, taken: Array) -> list[NearPair]:
+    """Return the pairs that one joint moves and that are built nearer than asked."""
+    n, limits = model.robot.n, model.robot.limits
+    alone = np.flatnonzero((model.bounds.depends.sum(axis=1) == 1) & (asked > 0.0))
+    lower = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
+    upper = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
+    found: list[NearPair] = []
+    joints = np.argmax(model.bounds.depends[alone], axis=1) if len(alone) else np.zeros(0, dtype=int)
+    for j in range(n):
+        pairs = alone[joints == j]
+        if not len(pairs):
+            continue
+        Q = np.tile(0.5 * (lower + upper), (_ALONG, 1))
+        Q[:, j] = np.linspace(lower[j], upper[j], _ALONG)
+        only = np.zeros(len(asked))
+        only[pairs] = asked[pairs]
+        rows = [dict(measured(model, q, only, taken * (only > 0.0))) for q in Q]
+        for pair in pairs.tolist():
+            distances = [row[pair] for row in rows if pair in row]
+            least = min(distances, default=np.inf)
+            if 0.0 < least and (len(distances) == _ALONG if scene[pair] else bool(distances)):
+                base = KEPT * max(least - float(taken[pair]), 0.0)
+                found.append(NearPair(pair, float(asked[pair]), least, base, -1))
+    return found
+
+
+def _taken(model: CollisionModel, error: Array) -> Array:
+    """Return a bound (P,), m, on what joints that are off by `error` (n,) take of the distance of each pair."""
+    limits = model.robot.limits
+    still = np.zeros(model.model.nq - len(limits.lower))
+    stroke = np.minimum(np.maximum(np.abs(limits.lower), np.abs(limits.upper)), _STROKE)
+    arms = model.bounds.moment_arms(np.append(stroke, still + _STROKE))
+    return np.asarray(arms[:, : len(error)] @ error)

@@ -1,0 +1,164 @@
+"""Safety distance of a scene: how far bodies stay apart, beyond not touching."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array, is_finite
+from optiplan.errors import described, wrong_argument
+
+MOST = 1.0
+"""m: a larger distance is a slip of the pen (millimetres for metres), and leaves an arm no room."""
+
+WITHIN = 0.5
+"""rad or m, summed over the joints: the way over which the floor of a pair that begins nearer grows to the whole."""
+
+
+def named_by(pattern: str, name: str) -> bool:
+    """Whether a name is one that a pattern means, in which `*` stands for any text."""
+    first, *rest = pattern.split("*")
+    if not rest:
+        return name == pattern
+    if not name.startswith(first):
+        return False
+    at = len(first)
+    for part in rest[:-1]:
+        found = name.find(part, at)
+        if found < 0:
+            return False
+        at = found + len(part)
+    return name.endswith(rest[-1]) and len(name) - len(rest[-1]) >= at
+
+
+@dataclass(frozen=True)
+class SafePairs:
+    """The distance that two groups of bodies keep from each other.
+
+    Attributes:
+        of: names of links, obstacles and held objects, in which `*` stands for any text.
+        others: the same of the other group.
+        at_least: m.
+    """
+
+    of: tuple[str, ...]
+    others: tuple[str, ...]
+    at_least: float
+
+    def holds(self, a: str, b: str) -> bool:
+        """Whether two bodies are one of each group."""
+        return (_any(self.of, a) and _any(self.others, b)) or (_any(self.of, b) and _any(self.others, a))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Safety:
+    """How far bodies stay apart at all times.
+
+    The floor of a pair is the distance asked of it. A pair that is nearer at an end of the motion (the start, the goal,
+    a via of joint values, the begin or end of a step of a task) has a lower one about that end q_e:
+
+        min(asked, base + (asked - base) sum_j |q_j - q_e,j| / within),  base = 0.8 d(q_e).
+
+    A joint-off-motion tube takes what it takes of d(q_e) first. See `collision.floors` for pairs that are built nearer.
+
+    Args:
+        scene: of the robot and what it holds from obstacles, m.
+        own: of links and held objects from each other, m; `self` in a file.
+        pairs: of groups of bodies; the last that holds a pair decides.
+        within: rad or m, summed over the joints.
+
+    Attributes:
+        ends: configurations (n,) at which pairs may be nearer; planners and the verifier put them there.
+
+    Raises:
+        InputError: a distance that is negative, or above `MOST`.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.Safety(0.005, own=0.002)
+        Safety: 5 mm from the scene, 2 mm of the robot from itself
+    """
+
+    scene: float = 0.0
+    own: float = 0.0
+    pairs: tuple[SafePairs, ...] = ()
+    within: float = WITHIN
+    ends: tuple[Array, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("scene", "own"):
+            _distance(name, getattr(self, name))
+        for k, pair in enumerate(self.pairs):
+            if not isinstance(pair, SafePairs):
+                raise wrong_argument("Safety", f"pairs[{k}]", described(pair), "op.SafePairs(…)")
+            _distance(f"pairs[{k}].at_least", pair.at_least)
+        if not (is_finite(self.within) and self.within > 0.0):
+            raise wrong_argument("Safety", "within", described(self.within), "a number > 0, rad or m")
+
+    @classmethod
+    def of(cls, value: Any) -> "Safety | None":
+        """Return a safety of a number, m, for all pairs, or of itself; None of nothing and where nothing is asked.
+
+        Raises:
+            InputError: neither, or no distance.
+        """
+        if value is None or isinstance(value, Safety):
+            return value if value is not None and value.most > 0.0 else None
+        _distance("safety", value)
+        return cls(float(value), float(value)) if value > 0.0 else None
+
+    @property
+    def most(self) -> float:
+        """The largest distance asked of any pair, m."""
+        return max(self.scene, self.own, *(pair.at_least for pair in self.pairs), 0.0)
+
+    def asked(self, a: str, b: str, obstacle: bool) -> float:
+        """Return what is asked of two bodies, m; `obstacle`: whether one of them is an obstacle."""
+        for pair in reversed(self.pairs):
+            if pair.holds(a, b):
+                return pair.at_least
+        return self.scene if obstacle else self.own
+
+    def ending_at(self, ends: Iterable[Array]) -> "Safety":
+        """Return the same with these configurations (n,) as the ends."""
+        return replace(self, ends=tuple(ends))
+
+    def same_as(self, other: "Safety | None") -> bool:
+        """Whether another asks the same, about the same ends."""
+        if other is None or len(self.ends) != len(other.ends):
+            return False
+        alike = (self.scene, self.own, self.pairs, self.within) == (other.scene, other.own, other.pairs, other.within)
+        return alike and all(np.array_equal(a, b) for a, b in zip(self.ends, other.ends, strict=True))
+
+    def to_data(self) -> dict[str, Any]:
+        """`clearance:` of a file."""
+        pairs = [{"of": list(one.of), "from": list(one.others), "at_least": one.at_least} for one in self.pairs]
+        data: dict[str, Any] = {"scene": self.scene, "self": self.own, "within": self.within}
+        return {**data, **({"pairs": pairs} if pairs else {})}
+
+    @classmethod
+    def from_data(cls, data: float | Mapping[str, Any] | None) -> "Safety | None":
+        """Return what `clearance:` of a file asks, read already; None where that is nothing."""
+        if data is None or isinstance(data, int | float):
+            return cls.of(data)
+        pairs = tuple(SafePairs(_names(one["of"]), _names(one["from"]), one["at_least"]) for one in data["pairs"])
+        return cls.of(cls(data["scene"], data["self"], pairs, data["within"]))
+
+    def __repr__(self) -> str:
+        """Return the distances in one line."""
+        more = f", {len(self.pairs)} groups of pairs" if self.pairs else ""
+        return f"Safety: {1e3 * self.scene:g} mm from the scene, {1e3 * self.own:g} mm of the robot from itself{more}"
+
+
+def _any(patterns: Sequence[str], name: str) -> bool:
+    return any(named_by(pattern, name) for pattern in patterns)
+
+
+def _names(stated: str | Sequence[str]) -> tuple[str, ...]:
+    return (stated,) if isinstance(stated, str) else tuple(stated)
+
+
+def _distance(argument: str, value: Any) -> None:
+    if not (is_finite(value) and 0.0 <= value <= MOST):
+        raise wrong_argument("Safety", argument, described(value), f"a distance in [0, {MOST:g}] m")

@@ -1,0 +1,86 @@
+"""The schema of `clearance` in a problem file: how far bodies stay apart."""
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from optiplan.config.document import Document, Strict
+from optiplan.config.messages import choices
+from optiplan.config.values import Name
+from optiplan.errors import Issue
+from optiplan.geometry.safety import MOST, WITHIN, Safety, named_by
+from optiplan.geometry.scene import Scene
+
+Distance = Annotated[float, Field(strict=True, ge=0.0, le=MOST, allow_inf_nan=False)]
+"""m, of bodies that stay apart."""
+
+Way = Annotated[float, Field(strict=True, ge=1e-3, le=100.0, allow_inf_nan=False)]
+"""rad or m, summed over the joints."""
+
+Names = Name | Annotated[tuple[Name, ...], Field(min_length=1)]
+"""A name, or several, in which `*` stands for any text."""
+
+
+class SafePairsSpec(Strict):
+    """Two groups of bodies and the distance that they keep, m; 0 lets a pair come as near as it likes."""
+
+    of: Names
+    others: Annotated[Names, Field(alias="from")]
+    at_least: Distance
+
+
+class SafetySpec(Strict):
+    """Distances, m, of the robot and what it holds from obstacles (`scene`), and of its own bodies (`self`).
+
+    The last of `pairs` that holds a pair decides about it. `within` is the way, rad or m summed over the joints, over
+    which a pair that is nearer at an end of the motion grows to the whole distance.
+    """
+
+    scene: Distance = 0.0
+    own: Annotated[Distance, Field(alias="self")] = 0.0
+    pairs: tuple[SafePairsSpec, ...] = ()
+    within: Way = WITHIN
+
+
+ClearanceSpec = Distance | SafetySpec
+
+
+def safety_data(spec: Any) -> Any:
+    """Return what was read as plain data, by the keys of a file."""
+    return spec.model_dump(mode="json", by_alias=True) if isinstance(spec, SafetySpec) else spec
+
+
+def safety_of(
+    document: Document, spec: float | SafetySpec | None, scene: Scene, links: Sequence[str]
+) -> tuple[Safety | None, list[Issue]]:
+    """Return what is asked of the bodies of a scene and of these links, and what is wrong with it.
+
+    Wrong is a name that no body has, and a group of pairs that has none, or only pairs that may touch.
+    """
+    issues: list[Issue] = []
+    for k, part in enumerate(spec.pairs if isinstance(spec, SafetySpec) else ()):
+        place = ("clearance", "pairs", k)
+        of, others = (_bodies(stated, [*links, *scene.names]) for stated in (part.of, part.others))
+        for key, stated, found in (("of", part.of, of), ("from", part.others, others)):
+            names = (stated,) if isinstance(stated, str) else stated
+            for i, name in enumerate(names):
+                if not found[name]:
+                    where = (*place, key) if isinstance(stated, str) else (*place, key, i)
+                    valid = choices(name, sorted({*links, *scene.names}))
+                    issues.append(document.issue(where, f"'{name}', which no body is called", valid))
+        pairs = {
+            frozenset((a, b)) for mine in of.values() for a in mine for own in others.values() for b in own if a != b
+        }
+        if pairs and part.at_least > 0.0 and pairs <= scene.allowed:
+            found_words = "pairs that scene.allowed_collisions lets touch"
+            issues.append(document.issue(place, found_words, "pairs that must stay apart, or `at_least: 0`"))
+        elif not pairs and all(of.values()) and all(others.values()):
+            issues.append(document.issue(place, "one body in both groups, and no other", "two bodies"))
+    return (None if issues else Safety.from_data(safety_data(spec))), issues
+
+
+def _bodies(stated: str | Sequence[str], names: Sequence[str]) -> dict[str, list[str]]:
+    """Return the bodies that each name or pattern means."""
+    patterns = (stated,) if isinstance(stated, str) else stated
+    return {pattern: [name for name in names if named_by(pattern, name)] for pattern in patterns}

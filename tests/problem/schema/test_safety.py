@@ -1,0 +1,72 @@
+"""`clearance` of a problem file: as in Python, and what is wrong with it in words, with its line."""
+
+import pytest
+
+import optiplan as op
+
+FILE = """\
+version: 1
+robot: panda
+start: {configuration: ready}
+goal: {joints: [0.5, -0.6, 0.2, -2.2, 0.1, 1.7, 0.6]}
+scene:
+  obstacles:
+    - {name: table, shape: {box: [0.8, 0.8, 0.05]}, pose: {position: [0.6, 0, 0.1]}}
+  allowed_collisions: [[table, panda_link0]]
+"""
+
+
+def loaded(tmp_path, clearance):
+    file = tmp_path / "problem.yaml"
+    file.write_text(FILE + clearance)
+    return op.load_problem(file)
+
+
+def test_a_file_and_python_say_the_same(tmp_path):
+    text = "clearance: {scene: 0.005, self: 0.002, pairs: [{of: 'panda_*finger', from: [table], at_least: 0.01}]}\n"
+    problem = loaded(tmp_path, text)
+    pairs = (op.SafePairs(("panda_*finger",), ("table",), 0.01),)
+    safety = op.Safety(0.005, own=0.002, pairs=pairs)
+    assert problem.scene.safety.same_as(safety)
+    same = loaded(tmp_path, "").with_parts(clearance=safety)
+    assert same.scene.safety.same_as(safety)
+    assert same.with_scene(op.Scene(problem.scene.obstacles, safety=0.01)).scene.safety.own == 0.01
+    assert same.with_seed(3).with_start(problem.start).scene.safety.same_as(safety)
+
+
+def test_it_is_part_of_what_a_problem_is(tmp_path):
+    without, asked = loaded(tmp_path, ""), loaded(tmp_path, "clearance: 0.005\n")
+    assert without.scene.safety is None
+    assert "clearance" not in without.source
+    assert loaded(tmp_path, "clearance: 0\n").scene.safety is None
+    assert asked.hash != without.hash
+    again = tmp_path / "again.yaml"
+    asked.save(again)
+    assert op.load_problem(again).hash == asked.hash
+
+
+@pytest.mark.parametrize(
+    ("clearance", "words"),
+    [
+        ("clearance: -0.005", "problem.yaml:9: clearance: -0.005; expected a number ≥ 0"),
+        ("clearance: 5", "problem.yaml:9: clearance: 5; expected a number ≤ 1"),
+        ("clearance: {scene: 0.01, within: 0}", "clearance.within: 0; expected a number ≥ 0.001"),
+        ("clearance: {links: 0.01}", "clearance.links: unknown key 'links'"),
+        (
+            "clearance:\n  scene: 0.005\n  pairs:\n    - {of: 'panda_*', from: tabel, at_least: 0.01}",
+            "problem.yaml:12: clearance.pairs[0].from: 'tabel', which no body is called; expected one of:",
+        ),
+        (
+            "clearance: {pairs: [{of: table, from: [table], at_least: 0.01}]}",
+            "clearance.pairs[0]: one body in both groups, and no other; expected two bodies",
+        ),
+        (
+            "clearance: {pairs: [{of: table, from: panda_link0, at_least: 0.01}]}",
+            "clearance.pairs[0]: pairs that scene.allowed_collisions lets touch; expected pairs that must stay",
+        ),
+    ],
+)
+def test_what_cannot_be_asked_is_told_with_its_line(tmp_path, clearance, words):
+    with pytest.raises(op.InputError) as error:
+        loaded(tmp_path, clearance + "\n")
+    assert words in str(error.value)

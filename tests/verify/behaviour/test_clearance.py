@@ -1,0 +1,95 @@
+"""Motions proved with a clearance: samples never come nearer, what does is refused, and reports tell of both."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.collision.floors import floors_of
+from optiplan.collision.model import CollisionModel
+from optiplan.problem.task.timeline import scene_parts
+from optiplan.verify.verify import verify
+
+
+def collision(report):
+    return next(check for check in report.checks if check.name == "collision")
+
+
+def least_left(problem, motion, samples=400):
+    """Of dense samples the least of what is left above the floors, m."""
+    left = np.inf
+    for part in scene_parts(problem, motion):
+        model = CollisionModel(part.problem.robot, part.problem.scene)
+        floors = floors_of(model, part.problem.scene.safety)
+        pairs = np.arange(len(model.pairs))
+        for q in part.motion(motion)(np.linspace(0.0, part.end - part.begin, samples)):
+            floor = floors.over(pairs, np.tile(q, (len(pairs), 1)), np.zeros((len(pairs), motion.n)))
+            near = [one for one in model.contacts(q, floor.max() + 0.001) if floor[one.pair.index] > 0.0]
+            left = min([left, *(one.distance - floor[one.pair.index] for one in near)])
+    return left
+
+
+@pytest.fixture(scope="module")
+def shelf():
+    """A motion that passes a shelf at less than a millimetre."""
+    return op.plan(op.load_problem("02_shelf"), budget=2.0)
+
+
+def test_a_motion_that_shaves_is_refused_and_one_planned_for_it_is_proved(shelf):
+    asked = shelf.problem.with_parts(clearance=0.005)
+    report = verify(asked, shelf.trajectory)
+    assert [check.name for check in report.failures] == ["collision"]
+    check = collision(report)
+    assert check.detail.startswith("bodies come nearer than the 5 mm asked of them")
+    assert 0.0 < check.worst < 0.005 == check.limit
+    run = op.plan(asked, budget=2.0)
+    assert run.verified, run
+    check = collision(run.report)
+    assert min(check.witness["scene_clearance"], check.witness["self_clearance"]) == check.worst > check.limit == 0.005
+    assert check.witness["asked"] == {"scene": 0.005, "self": 0.005, "within": 0.5, "pairs": 0}
+    assert check.witness["nearer"] == []
+    assert "scene.safety" in check.covers
+    assert least_left(asked, run.trajectory) > 0.0
+    (words,) = [one for one in run.report.scope if one.startswith("clearance asked")]
+    assert words.startswith("clearance asked: 5 mm from the scene, 5 mm of the robot from itself")
+    assert verify(asked.with_parts(clearance=0), shelf.trajectory).verified
+
+
+@pytest.mark.parametrize("planner", ["rrtconnect", "trajopt"])
+def test_scene_and_self_are_asked_apart(planner, shelf):
+    safety = op.Safety(0.02, own=0.001, pairs=(op.SafePairs(("*finger",), ("*",), 0.0),))
+    run = op.plan(shelf.problem.with_parts(clearance=safety), planner, budget=3.0)
+    assert run.verified, run
+    assert collision(run.report).witness["scene_clearance"] < 0.02  # fingers may come nearer
+    assert least_left(run.problem, run.trajectory) > 0.0
+
+
+def test_a_start_nearer_than_asked_keeps_most_of_its_distance_and_the_report_says_so(shelf):
+    """The motion is planned from where the shelf's motion is nearest, to its goal."""
+    check = collision(shelf.report)
+    near = shelf.trajectory(check.time)
+    problem = shelf.problem.with_start(near).with_parts(clearance=op.Safety(0.005, own=0.005, within=0.6))
+    run = op.plan(problem, budget=3.0)
+    assert run.verified, run
+    check = collision(run.report)
+    (one, *_) = check.witness["nearer"]
+    assert one["q"] == pytest.approx(near.tolist())
+    assert one["floor"] == pytest.approx(0.8 * one["distance"])
+    assert check.limit == min(other["floor"] for other in check.witness["nearer"]) < check.worst
+    assert any(words.startswith("nearer at an end, with floors of 0.8 of that") for words in run.report.scope)
+    assert least_left(problem, run.trajectory) > 0.0
+    slow = run.trajectory.scaled(2.0 * run.trajectory.duration)
+    assert verify(problem, slow).verified  # floors are of places, not of times
+    away = shelf.trajectory  # passes there without an end there
+    assert not verify(shelf.problem.with_parts(clearance=problem.scene.safety), away).verified
+
+
+def test_a_goal_pose_that_no_configuration_reaches_clear_is_reached_nearer():
+    stand = op.Box("stand", size=(0.2, 0.2, 0.2), position=(0.5, 0.0, 0.1))
+    goal = op.Pose((0.5, 0.0, 0.2125), rpy=(np.pi, 0, 0))  # fingertips 3 mm above it
+    problem = op.Problem("panda", "ready", goal, scene=op.Scene([stand], safety=0.01))
+    run = op.plan(problem, budget=3.0)
+    assert run.verified, run
+    check = collision(run.report)
+    assert {tuple(one["pair"]) for one in check.witness["nearer"]} >= {("panda_leftfinger", "stand")}
+    assert 0.0 < check.worst < 0.01
+    assert least_left(problem, run.trajectory) > 0.0
