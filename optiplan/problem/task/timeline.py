@@ -8,7 +8,7 @@ from itertools import pairwise
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.scene_change import carrying, scene_after, scene_during
-from optiplan.problem.task.steps import Attach, Detach, TaskStep
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Event, TaskStep
 from optiplan.problem.task.tour_steps import in_order
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.segments import Segment
@@ -81,7 +81,7 @@ def _other_object(problem: Problem, step: TaskStep, segment: Segment) -> str:
         if isinstance(one.action, Attach):
             links[one.action.body] = one.action.link
     expected = ("", "")
-    if isinstance(step.action, Attach):
+    if isinstance(step.action, Attach | ChangeTool):
         expected = step.action.body, step.action.link
     elif isinstance(step.action, Detach):
         expected = step.action.body, links[step.action.body]
@@ -147,7 +147,7 @@ def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[Ta
     scene, problem = problem.scene, in_order(problem, trajectory)
     for step, (begin, end) in zip(problem.task, _bounds(trajectory), strict=True):
         yield step, scene, begin, end
-        if isinstance(step.action, Attach | Detach):
+        if isinstance(step.action, Event):
             scene = scene_after(scene, step.action, problem.robot, trajectory(end))
 
 
