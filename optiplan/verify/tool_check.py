@@ -142,7 +142,8 @@ def tool_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
             takes = step.action.takes
             said.append(f"{'none' if takes is None else _heavy(takes)} from {begin:.3f} s")
     later = [body for one in problem.tools if one is not first for body in one.bodies]
-    free = sorted({" – ".join(sorted((body.name, link))) for body in later for link in body.touch})
+    links = set(problem.robot.link_geometry)
+    free = sorted({" – ".join(sorted((body.name, link))) for body in later for link in body.touch & links})
     touch = (f"contacts of tools allowed, not checked: {', '.join(free)}",) if free else ()
     return (f"tool: {'; '.join(said)}", *touch)
 

@@ -48,7 +48,7 @@ def _bodies(
     compiler: Compiler, stated: tuple[Place, str, ToolSpec], taken: dict[str, str]
 ) -> tuple[ToolBody, ...] | None:
     place, name, spec = stated
-    bodies, right = [], True
+    bodies, right, names = [], True, frozenset(spec.bodies_of(name))
     for k, (own, one) in enumerate(zip(spec.bodies_of(name), spec.shapes, strict=True)):
         at = (*place, "shapes", k)
         if taken.setdefault(own, "a body of a tool") != "a tool" and own in {body.name for body in bodies}:
@@ -56,7 +56,7 @@ def _bodies(
             right = False
         shape = compiler.shape((*at, "shape"), one.shape)
         if shape is not None:
-            bodies.append(ToolBody(own, shape, spec.link, pose_of(one.pose), frozenset(spec.touch)))
+            bodies.append(ToolBody(own, shape, spec.link, pose_of(one.pose), names - {own} | set(spec.touch)))
         right = right and shape is not None
     if not right or spec.mass is None:
         return tuple(bodies) if right else None

@@ -219,7 +219,7 @@ def test_a_check_that_is_left_out_is_missed(planar, problem, swing, monkeypatch,
     """Whatever part of the verifier returns a check of nothing, or none, the verdict is not `verified`."""
     crate = Obstacle("crate", Box((0.1, 0.1, 0.1)), pin.SE3(np.eye(3), np.array([3.0, 0, 0])))
     cart = crate.moving([[0.0], [0.1], [0.0]])
-    knob = ToolBody("knob", Sphere(0.01), "tip", pin.SE3.Identity())
+    knob = ToolBody("knob", Sphere(0.01), "tip", pin.SE3.Identity(), frozenset({"forearm"}))
     knobbed = MountedTool("probe", "tip", pin.SE3.Identity(), (knob,), mounted=True)
     with_probe = planar.mounted(replace(planar.mounting, frames=(knobbed.frame,)))
     whole = derived(
