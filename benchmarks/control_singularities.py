@@ -26,7 +26,7 @@ from optiplan.arrays import Array
 from optiplan.geometry.dual_quaternion import DualQuaternion
 from optiplan.kinematics.singularities import NAMES, SingularityModel, singularity_model
 from optiplan.planners.sclerp.schemes import aim
-from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 
 DT, SECONDS, GAIN, DAMPING, ASIDE = 0.002, 4.0, 20.0, 0.05, 0.5
 JOINT = {"shoulder": 1, "elbow": 2, "wrist": 4}
@@ -37,7 +37,7 @@ Step = Callable[[Array, pin.SE3, Array], Array]
 
 @dataclass
 class Passage:
-    """Tool errors, mm; velocities and accelerations as multiples of the limits; the least singular value of J."""
+    """ScrewTool errors, mm; velocities and accelerations as multiples of the limits; the least singular value of J."""
 
     rms: float
     peak: float
@@ -73,7 +73,7 @@ def singular_configuration(robot: op.Robot, model: SingularityModel, name: str) 
 
 def path_through(robot: op.Robot, q: Array, joint: int) -> tuple[Array, Callable[[float], pin.SE3]]:
     """Start (n,), and poses over time that pass the pose at q at half time."""
-    rng, tool = np.random.default_rng(1), Tool(robot, robot.tool_frame)
+    rng, tool = np.random.default_rng(1), ScrewTool(robot, robot.tool_frame)
     aside = rng.uniform(-0.15, 0.15, (2, robot.n))
     aside[:, joint] = ASIDE, -ASIDE
     X = tool.pose(q)
@@ -89,7 +89,7 @@ def path_through(robot: op.Robot, q: Array, joint: int) -> tuple[Array, Callable
 
 def follow(robot: op.Robot, start: Array, pose: Callable[[float], pin.SE3], step: Step) -> Passage:
     """Lead the tool, and measure."""
-    tool, q, Q, errors, least = Tool(robot, robot.tool_frame), start, [start], [], np.inf
+    tool, q, Q, errors, least = ScrewTool(robot, robot.tool_frame), start, [start], [], np.inf
     for k in range(round(SECONDS / DT)):
         t = k * DT
         X, X_next = pose(t), pose(t + DT)
@@ -124,7 +124,7 @@ def resolved_rate(robot: op.Robot, damping: float) -> Step:
 
 def sclerp_step(robot: op.Robot) -> Step:
     """The whole way along the screw to the target, by the scheme's least motion of the joints."""
-    tool = Tool(robot, robot.tool_frame)
+    tool = ScrewTool(robot, robot.tool_frame)
 
     def step(q: Array, X_next: pin.SE3, twist: Array) -> Array:
         X, J = tool.at(q)
@@ -180,7 +180,7 @@ def main() -> None:
             told[f"{name} {singularity}"] = {way: asdict(passage) for way, passage in found.items()}
     headings = ("robot", "singularity", *WAYS)
     remark = (
-        "Tool error at most / at the end, mm · velocity / acceleration at most, in multiples of the robot's limits "
+        "ScrewTool error at most / at the end, mm · velocity / acceleration at most, in multiples of the robot's limits "
         f"(more than 1 is beyond them). {SECONDS:g} s, every {DT * 1e3:g} ms."
     )
     print_table(headings, rows)

@@ -35,7 +35,7 @@ from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import iterate_scheme
-from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 from optiplan.planners.sclerp.screw_motion import ScrewTask, attempt
 from optiplan.problem.problem import PoseGoal
 from optiplan.robot.batched.kinematics import BatchKinematics
@@ -53,7 +53,7 @@ def main() -> None:
     """Run, print."""
     script_parser(__doc__).parse_args()
     arm = load_robot("baxter_report")
-    tool = Tool(arm, arm.tool_frame)
+    tool = ScrewTool(arm, arm.tool_frame)
     rows = {run["id"]: {scheme: measure(tool, run, scheme) for scheme in SCHEMES} for run in RUNS}
     show(rows)
     print(json.dumps({"threads": 1, "runs": rows}))
@@ -62,7 +62,7 @@ def main() -> None:
 RUNS: list[dict[str, Any]] = entry("sclerp.runs").value
 
 
-def measure(tool: Tool, run: dict[str, Any], scheme: str) -> dict[str, Any]:
+def measure(tool: ScrewTool, run: dict[str, Any], scheme: str) -> dict[str, Any]:
     """One scheme, one goal, from the stretched arm."""
     X_WG, start = pin.SE3(np.array(run["goal"])), np.zeros(tool.robot.n)
     if scheme.startswith("qp"):
@@ -76,7 +76,7 @@ def measure(tool: Tool, run: dict[str, Any], scheme: str) -> dict[str, Any]:
     return result | (errors(tool, found.Q, X_WG) if found.converged else {}) | past
 
 
-def by_programs(tool: Tool, start: Array, X_WG: pin.SE3, scheme: str) -> dict[str, Any]:
+def by_programs(tool: ScrewTool, start: Array, X_WG: pin.SE3, scheme: str) -> dict[str, Any]:
     """The path of `qp`, or where it ends; led to the goal configurations in turn if the scheme's name says so."""
     robot = tool.robot
     problem = unchecked_problem(
@@ -100,7 +100,7 @@ def by_programs(tool: Tool, start: Array, X_WG: pin.SE3, scheme: str) -> dict[st
     return result
 
 
-def errors(tool: Tool, Q: Array, X_WG: pin.SE3) -> dict[str, float]:
+def errors(tool: ScrewTool, Q: Array, X_WG: pin.SE3) -> dict[str, float]:
     """The remaining distance to the goal at the end of Q (N, n), and the largest distance from the screw, m and rad."""
     X = BatchKinematics(tool.robot.model).poses(Q)[:, -1]  # the tool is where the last joint is
     left = pin.SE3(X[-1]).actInv(X_WG)

@@ -76,12 +76,14 @@ if TYPE_CHECKING:
     from optiplan.problem.constraints.points import OnArc, OnCircle, OnLine, OnPlane, PositionBox
     from optiplan.problem.constraints.poses import FixedOrientation, LookAt, OnScrew, OrientationCone, RelativePose
     from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
+    from optiplan.problem.grasps.statement import Grasps
     from optiplan.problem.objectives.objective import Objective
     from optiplan.problem.obstacles import Box, Capsule, Cylinder, HalfSpace, Mesh, Octree, PointCloud, Sphere
     from optiplan.problem.problem import Problem
     from optiplan.problem.regions.region import RegionGoal
-    from optiplan.problem.statement import Region, ViaPoint
+    from optiplan.problem.statement import AllOf, Region, ViaPoint
     from optiplan.problem.task.builder import Task, Tour
+    from optiplan.problem.tools.statement import Tool
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
     from optiplan.service.cell import RemoteExecution
@@ -154,12 +156,14 @@ _ROOMS = {
     "problem.constraints.poses": ("FixedOrientation", "LookAt", "OnScrew", "OrientationCone", "RelativePose"),
     "problem.obstacles": ("Box", "Capsule", "Cylinder", "HalfSpace", "Mesh", "Octree", "PointCloud", "Sphere"),
     "problem.goals_and_vias": ("JointGoal", "PoseGoal"),
+    "problem.grasps.statement": ("Grasps",),
     "problem.regions.region": ("RegionGoal",),
     "problem.objectives.objective": ("Objective",),
     "problem.problem": ("Problem",),
     "geometry.pose": ("Pose",),
-    "problem.statement": ("Region", "ViaPoint"),
+    "problem.statement": ("AllOf", "Region", "ViaPoint"),
     "problem.task.builder": ("Task", "Tour"),
+    "problem.tools.statement": ("Tool",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
     "simulation.log": ("Log", "ObjectLog", "WheelLog"),
@@ -175,6 +179,7 @@ _HOME = {name: f"optiplan.{room}" for room, names in _ROOMS.items() for name in 
 
 __all__ = [
     "AccelerationLimit",
+    "AllOf",
     "Attachment",
     "BaseMotionTask",
     "BenchResults",
@@ -199,6 +204,7 @@ __all__ = [
     "Failure",
     "FixedOrientation",
     "FrictionGrip",
+    "Grasps",
     "HalfSpace",
     "HalfSpaceLimit",
     "InputError",
@@ -262,6 +268,7 @@ __all__ = [
     "Stopping",
     "Task",
     "Tick",
+    "Tool",
     "ToolAcceleration",
     "ToolSpeed",
     "ToolSpeedLimit",

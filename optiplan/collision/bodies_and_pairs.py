@@ -46,7 +46,8 @@ def pairs_of(
 
     Args:
         robot: with the pairs of its links that are checked.
-        scene: an attached object may touch its own link and `touch`; allowed pairs may touch.
+        scene: an attached object may touch its own link and `touch`, a body of a tool the others of that tool; allowed
+            pairs may touch.
         names: of all bodies, in the order of `bodies_of`.
         parents: the joint that moves each body; 0: none.
     """
@@ -57,7 +58,7 @@ def pairs_of(
     found = [(int(p.first), int(p.second)) for p in robot.geometry.collisionPairs]
     touch = {index: item.touch | {item.link} for index, item in zip(held, scene.attached, strict=True)}
     found += [(a, b) for b in held for a in range(links) if names[a] not in touch[b]]
-    found += [(a, b) for b in held for a in held if a < b]
+    found += [(a, b) for b in held for a in held if a < b and names[a] not in touch[b]]
     still = [a for a in moving if parents[a] == 0 and a not in held]
     found += [(a, b) for a in moving if a not in still for b in obstacles]
     excused = {name for pair in scene.allowed for name in pair}

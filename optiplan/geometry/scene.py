@@ -111,6 +111,7 @@ class Attachment:
     """A shape held by a link at `X_LO`; it may touch the links named in `touch` (and always its own link).
 
     `stated` is as in `Obstacle`; `mass` (kg), `centre` (m) and `inertia` (kg m²) are as in `Obstacle.attached_to`.
+    `framed` says that goals or constraints are about its own frame, which the robot then carries.
     """
 
     name: str
@@ -122,6 +123,7 @@ class Attachment:
     mass: float | None = None
     centre: tuple[float, ...] | None = None
     inertia: tuple[float, ...] | None = None
+    framed: bool = False
 
     def inertia_in_link(self) -> pin.Inertia:
         """Return the spatial inertia in the frame of the link, by default that of uniform density.

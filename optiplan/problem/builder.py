@@ -25,13 +25,14 @@ from optiplan.geometry.shapes import ShapeSpec, build_geometry, shape_from_spec
 from optiplan.problem.constraints.base import pose_of
 from optiplan.problem.constraints.motions import WheelSpeed
 from optiplan.problem.constraints.statements import KINDS, PathConstraint, PathConstraintSpec
-from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal, Via
+from optiplan.problem.goals_and_vias import AllOfGoal, GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import LocatedValue, alternatives, fit, fits, mapping
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec
-from optiplan.problem.schema.ends import AlternativeSpec, ConfigurationSpec, StartSpec, ViaSpec
+from optiplan.problem.schema.ends import AlternativeSpec, ConfigurationSpec, PlacedFrameSpec, StartSpec, ViaSpec
 from optiplan.problem.schema.scene import AttachedSpec, ObstacleSpec
 from optiplan.problem.schema.task import TaskStepSpec
+from optiplan.problem.schema.tools import FirstToolSpec, ToolSpec
 from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
 
@@ -46,7 +47,7 @@ class Compiler:
     """One pass over a problem file; errors go to `issues`, and the part concerned becomes None.
 
     Each part is read by itself: none hides what is wrong with another. `main_joints` are those of the problem's own
-    group, once there is a robot.
+    group, once there is a robot. `followed` are the frames that goals and constraints name.
     """
 
     def __init__(self, document: Document, base: Path, data: Any) -> None:
@@ -54,6 +55,7 @@ class Compiler:
         self.document, self.base = document, base
         self.issues: list[Issue] = []
         self.main_joints: tuple[str, ...] = ()
+        self.followed: set[str] = set()
         root = mapping(data)
         scene = mapping(root.get("scene"))
         self._robot = fit(FileName | dict[str, Any], root.get("robot"))
@@ -67,6 +69,9 @@ class Compiler:
         self._constraints = fits(("path_constraints",), PathConstraintSpec, root.get("path_constraints"))
         self._obstacles = fits(("scene", "obstacles"), ObstacleSpec, scene.get("obstacles"))
         self._attached = fits(("scene", "attached"), AttachedSpec, scene.get("attached"))
+        self.tools = stated_tools(root)
+        own = [name for place, name, _ in self.tools if place == ("tool",)]
+        self.mounted_tool: str | None = own[0] if own else fit(Name, root.get("tool"))
         self._allowed = fits(("scene", "allowed_collisions"), NamePair, scene.get("allowed_collisions"))
 
     def report(self, place: Place, found: str, expected: str) -> None:
@@ -167,6 +172,7 @@ class Compiler:
             wrong = [mention for mention in one.mentioned() if mention.name not in valid[mention.kind]]
             for where, kind, name in wrong:
                 self.unknown((*place, *where), kind, name, valid[kind])
+            self.followed.update(mention.name for mention in one.mentioned() if mention.kind == "frame")
             wheelless = isinstance(one, WheelSpeed) and robot.mecanum is None
             if wheelless:
                 self.report(place, f"{robot.name}, which has no wheels", "a robot file with `mecanum`")
@@ -198,11 +204,26 @@ class Compiler:
 
     def alternative(self, robot: Robot, part: LocatedValue[AlternativeSpec]) -> GoalEnd | None:
         """Return one end, if it is valid."""
+        if part.value.all_of is not None:
+            return self._all_of(robot, (*part.place, "all_of"), part.value.all_of)
         if part.value.region is not None:
-            return self._region(robot, (*part.place, "region"), part.value.region)
+            return self.region(robot, (*part.place, "region"), part.value.region)
         if part.value.pose is None:
             return self._state(robot, part)
         return self.pose_goal(robot, (*part.place, "pose"), part.value.pose)
+
+    def _all_of(self, robot: Robot, place: Place, specs: Sequence[PlacedFrameSpec]) -> AllOfGoal | None:
+        """Return the goal of several frames, if each is valid."""
+        parts: list[PoseGoal | RegionGoal | None] = []
+        for k, spec in enumerate(specs):
+            if spec.pose is not None:
+                pose = spec.pose if spec.frame is None else spec.pose.model_copy(update={"frame": spec.frame})
+                parts.append(self.pose_goal(robot, (*place, k, "pose"), pose))
+            elif spec.region is not None:
+                region = spec.region if spec.frame is None else spec.region.model_copy(update={"frame": spec.frame})
+                parts.append(self.region(robot, (*place, k, "region"), region))
+        found = tuple(part for part in parts if part is not None)
+        return AllOfGoal(found) if len(found) == len(parts) else None
 
     def _state(self, robot: Robot, part: LocatedValue[StartSpec] | LocatedValue[AlternativeSpec]) -> JointGoal | None:
         """A configuration with its velocity and acceleration, of as many values."""
@@ -220,7 +241,8 @@ class Compiler:
         frame, tolerance = self.frame(robot, place, spec.frame), spec.tolerance
         return None if frame is None else PoseGoal(frame, pose_of(spec), tolerance.position, tolerance.orientation)
 
-    def _region(self, robot: Robot, place: Place, spec: RegionSpec) -> RegionGoal | None:
+    def region(self, robot: Robot, place: Place, spec: RegionSpec) -> RegionGoal | None:
+        """Return the goal of a region, if its frame is known."""
         frame = self.frame(robot, place, spec.frame)
         return None if frame is None else RegionGoal(frame, *spec.region())
 
@@ -230,6 +252,7 @@ class Compiler:
         if frame != robot.tool_frame and frame not in frame_names(robot):
             self.unknown((*place, "frame"), "frame", frame, frame_names(robot))
             return None
+        self.followed.add(frame)
         return frame
 
     def configuration(self, robot: Robot, place: Place, spec: ConfigurationSpec) -> Array | None:
@@ -271,12 +294,12 @@ class Compiler:
         """Return the valid bodies, and the allowed pairs whose names are known."""
         obstacles, attached = [], []
         for part in self._obstacles:
-            shape = self._shape((*part.place, "shape"), part.value.shape)
+            shape = self.shape((*part.place, "shape"), part.value.shape)
             if shape is not None:
                 motion = None if part.value.motion is None else ObstacleMotion.of_data(**dict(part.value.motion))
                 obstacles.append(Obstacle(part.value.name, shape, *stated_pose(part.value.pose), motion))
         for held in self._attached:
-            shape = self._shape((*held.place, "shape"), held.value.shape)
+            shape = self.shape((*held.place, "shape"), held.value.shape)
             touch = frozenset(held.value.touch)
             if shape is not None:
                 X_LO, stated = stated_pose(held.value.pose)
@@ -307,7 +330,8 @@ class Compiler:
         X_WB = pin.SE3.Identity() if self._base is None else pose_of(self._base)
         return robot.mounted(Mounting(X_WB, np.array(gravity), tuple(payload)))
 
-    def _shape(self, place: Place, spec: ShapeSpec) -> Shape | None:
+    def shape(self, place: Place, spec: ShapeSpec) -> Shape | None:
+        """Return a shape; None where its file cannot be read."""
         shape = shape_from_spec(spec)
         return self._from_file((*place, spec.kind, "file"), shape) if isinstance(shape, FileShape) else shape
 
@@ -339,6 +363,7 @@ class Compiler:
                 found = f"'{name}', which is already the name of {taken[name]}"
                 self.report((*place, "name"), found, "a name of its own")
             taken.setdefault(name, kind)
+        taken |= {body: "a tool" for _, name, spec in self.tools for body in spec.bodies_of(name)}
         for held in self._attached:
             if held.value.link not in links:
                 self.unknown((*held.place, "link"), "link", held.value.link, links)
@@ -353,6 +378,14 @@ class Compiler:
     def unknown(self, place: Place, kind: str, found: str, valid: Iterable[str]) -> None:
         """Record a name that is not among the valid ones."""
         self.report(place, f"unknown {kind} '{found}'", choices(found, sorted(valid)))
+
+
+def stated_tools(root: Mapping[Any, Any]) -> list[tuple[Place, str, ToolSpec]]:
+    """Return the valid tools of `tools`, and the one that `tool` states itself: place, name and content."""
+    stated = [(("tools", name), str(name), fit(ToolSpec, one)) for name, one in mapping(root.get("tools")).items()]
+    first = None if isinstance(root.get("tool"), str) else fit(FirstToolSpec, root.get("tool"))
+    stated += [] if first is None else [(("tool",), first.name, first)]
+    return [(place, name, spec) for place, name, spec in stated if spec is not None]
 
 
 def _joints(robot: Robot, groups: Iterable[str]) -> set[str]:

@@ -30,6 +30,8 @@ from optiplan.problem.schema.side_by_side import in_words_of, with_one_robot
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.problem.task.target_files import targets_data
+from optiplan.problem.tools.reading import ToolsInUse, as_frames, read_tools, without_tools
+from optiplan.problem.tools.tool import MountedTool
 from optiplan.problem.tracking_error import error_of_joints, nearer_than_error
 from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.limits import Limits
@@ -50,6 +52,7 @@ class _ProblemParts:
     vias: Sequence[LocatedValue[Via]]
     task: Sequence[LocatedValue[TaskStep]]
     constraints: Sequence[LocatedValue[PathConstraint]]
+    tools: tuple[MountedTool, ...] = ()
 
     @property
     def joint_goals(self) -> list[LocatedValue[JointGoal]]:
@@ -133,7 +136,7 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     clearance = None if spec is None else spec.clearance
     safety, unsafe = safety_of(document, clearance, scene, () if robot is None else link_names(robot))
     scene = scene if safety is None else replace(scene, safety=safety)
-    parts = None if robot is None else _parts(compiler, compiler.mounted(robot, scene), scene)
+    parts = None if robot is None else _parts(compiler, without_tools(robot), scene)
     issues += [] if any(issue.field == "file" for issue in issues) else goal_or_task(document)
     issues += compiler.issues + (unsafe if robot is not None else [])
     limits = error = None
@@ -152,7 +155,8 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     return {
         "name": source["name"],
         "robot": parts.robot,
-        "scene": scene,
+        "scene": parts.scene,
+        "tools": parts.tools,
         "start": parts.start.state.q,
         "start_velocity": parts.start.state.v,
         "start_acceleration": parts.start.state.a,
@@ -171,10 +175,17 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     }
 
 
-def _parts(compiler: Compiler, robot: Robot, scene: Scene) -> _ProblemParts:
-    ends = compiler.start(robot), compiler.goal(robot), compiler.vias(robot)
-    steps = TaskReader(compiler, robot, scene).steps()
-    return _ProblemParts(robot, scene, *ends, steps, compiler.constraints(robot, scene))
+def _parts(compiler: Compiler, bare: Robot, stated: Scene) -> _ProblemParts:
+    tools = ToolsInUse(read_tools(compiler, bare, stated), stated)
+    scene = tools.at_first(stated)
+    mounted = compiler.mounted(bare, scene)
+    seen = tools.seen(mounted)
+    ends = compiler.start(seen), compiler.goal(seen), compiler.vias(seen)
+    constraints = compiler.constraints(seen, scene)
+    steps = TaskReader(compiler, mounted, scene, tools).steps()
+    scene = as_frames(scene, compiler.followed)
+    robot = tools.all_tools(mounted, scene)
+    return _ProblemParts(robot, scene, *ends, steps, constraints, tuple(tools.by_name.values()))
 
 
 def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:

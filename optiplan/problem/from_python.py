@@ -13,6 +13,7 @@ from optiplan.problem import to_data
 from optiplan.problem.builder import RobotLoader
 from optiplan.problem.from_data import read_problem
 from optiplan.problem.task.builder import task_data
+from optiplan.problem.tools.statement import tool_data, tools_data
 from optiplan.robot.reference import UNKNOWN
 from optiplan.robot.robot import Robot, load_robot
 
@@ -23,6 +24,8 @@ ARGUMENT_WRITERS = {
     "start": ("start", to_data.start_data),
     "goal": ("goal", to_data.goal_data),
     "task": ("task", task_data),
+    "tools": ("tools", tools_data),
+    "tool": ("tool", tool_data),
     "vias": ("via", to_data.via_data),
     "scene": ("scene", to_data.scene_data),
     "limits": ("limits", to_data.limits_data),

@@ -9,11 +9,12 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.kinematics.ik.joint_wraps import endless_turns, whole_turns
-from optiplan.kinematics.ik.numeric import IkOptions, IkResult, joints_that_move, random_seeds
+from optiplan.kinematics.ik.numeric import IkOptions, IkResult, random_seeds
 from optiplan.kinematics.ik.solve import inverse_kinematics
+from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.regions.sampling import RegionSampler
+from optiplan.problem.regions.together import joints_of, sampler_of
 from optiplan.robot.robot import Robot
 
 NoGoal = Literal["goal-unreachable", "goal-in-collision"]
@@ -95,23 +96,24 @@ def _candidates(
     if isinstance(goal, JointGoal):
         return endless_turns(problem.robot, goal.q, problem.start)
     robot = problem.robot
-    moving = joints_that_move(robot, goal.frame)
+    moving = joints_of(robot, goal)
     named = [np.where(moving, q, problem.start) for q in (problem.start, *robot.configurations.values())]
-    seeds = random_seeds(robot, problem.start, rng, options.attempts, goal.frame)
-    if isinstance(goal, RegionGoal):
+    drawn = random_seeds(robot, problem.start, rng, options.attempts)
+    seeds = [np.where(moving, q, problem.start) for q in drawn]
+    if isinstance(goal, RegionGoal | AllOfGoal):
         return _in_region(robot, goal, (named, seeds), rng, options)
     return _solve(robot, goal, named + seeds, options)
 
 
 def _in_region(
     robot: Robot,
-    goal: RegionGoal,
+    goal: RegionGoal | AllOfGoal,
     seeds: tuple[list[Array], list[Array]],
     rng: np.random.Generator,
     options: GoalOptions,
 ) -> list[Array] | GoalSet:
     """Named configurations brought into the region, then random ones to poses drawn from it."""
-    sampler, named = RegionSampler(robot, goal), seeds[0]
+    sampler, named = sampler_of(robot, goal), seeds[0]
     found: list[Array] = []
     least = IkResult(found, named[0], np.inf, np.inf)
     for k, seed in enumerate(named + seeds[1]):
@@ -134,10 +136,14 @@ def _solve(robot: Robot, goal: PoseGoal, seeds: list[Array], options: GoalOption
     return found.solutions or _unreachable(goal, found)
 
 
-def _unreachable(goal: PoseGoal | RegionGoal, found: IkResult) -> GoalSet:
+def _unreachable(goal: PoseGoal | RegionGoal | AllOfGoal, found: IkResult) -> GoalSet:
     where = "at the goal pose" if isinstance(goal, PoseGoal) else "in the goal region"
+    if isinstance(goal, AllOfGoal):
+        puts = f"puts {' and '.join(repr(part.frame) for part in goal.parts)} in their places at once"
+    else:
+        puts = f"puts '{goal.frame}' {where}"
     reason = (
-        f"no configuration within the joint limits puts '{goal.frame}' {where}; the nearest found misses by "
+        f"no configuration within the joint limits {puts}; the nearest found misses by "
         f"{found.position_error:.3g} m and {found.orientation_error:.3g} rad"
     )
     witness = {

@@ -45,8 +45,20 @@ class PoseGoal:
     orientation: float = 1e-3
 
 
-GoalEnd: TypeAlias = JointGoal | PoseGoal | RegionGoal
-"""One end of a motion: a configuration, a pose, or any of a region of poses."""
+@dataclass(frozen=True, eq=False)
+class AllOfGoal:
+    """End with several frames in their places at once: each of `parts` holds."""
+
+    parts: tuple[PoseGoal | RegionGoal, ...]
+
+
+def parts_of(goal: PoseGoal | RegionGoal | AllOfGoal) -> tuple[PoseGoal | RegionGoal, ...]:
+    """Return the poses and regions that a goal holds at once."""
+    return goal.parts if isinstance(goal, AllOfGoal) else (goal,)
+
+
+GoalEnd: TypeAlias = JointGoal | PoseGoal | RegionGoal | AllOfGoal
+"""One end of a motion: a configuration, a pose, any of a region of poses, or several of these frames at once."""
 
 Goal = tuple[GoalEnd, ...]
 """Any one of these ends is good."""

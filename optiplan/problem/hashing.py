@@ -23,7 +23,7 @@ def problem_hash(data: Mapping[str, Any], base: Path, robot: Robot) -> str:
     """
     content = dict(data)
     if next(shape_files_of(data), None) is not None:
-        content["scene"] = copy.deepcopy(data["scene"])
+        content |= {key: copy.deepcopy(data[key]) for key in ("scene", "tools", "tool") if key in data}
     content["robot"] = robot.fingerprint
     content["locked"] = dict(robot.locked)
     for mesh in shape_files_of(content):
@@ -34,8 +34,10 @@ def problem_hash(data: Mapping[str, Any], base: Path, robot: Robot) -> str:
 
 def shape_files_of(data: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Return the mappings with a `file` of all shapes in the data of a problem, to be read or changed in place."""
-    scene = data.get("scene", {})
-    for body in (*scene.get("obstacles", ()), *scene.get("attached", ())):
+    scene, tools = data.get("scene", {}), [*data.get("tools", {}).values()]
+    tools += [data["tool"]] if isinstance(data.get("tool"), dict) else []
+    shapes = [one for tool in tools for one in tool.get("shapes", ())]
+    for body in (*scene.get("obstacles", ()), *scene.get("attached", ()), *shapes):
         for stated in body["shape"].values():
             if isinstance(stated, dict) and "file" in stated:
                 yield stated

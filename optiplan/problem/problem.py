@@ -1,7 +1,6 @@
 """`Problem`: a planning problem as planners and the verifier read it, complete and frozen."""
 
 import hashlib
-import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -27,8 +26,10 @@ from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.statement import End, ViaPoint
 from optiplan.problem.task.builder import Task
 from optiplan.problem.task.steps import TaskStep
+from optiplan.problem.tools.statement import Tool
+from optiplan.problem.tools.tool import MountedTool
 from optiplan.problem.tracking_error import TrackingError, error_argument
-from optiplan.problem.write import problem_text
+from optiplan.problem.write import end_words, problem_table, problem_text
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bounds, moving_bounds
@@ -51,6 +52,8 @@ class Problem(FreeSpace):
             a list of alternatives.
         task: several steps, in place of a goal.
         scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.
+        tools: `Tool`s that the task changes to, with their racks.
+        tool: the tool that is mounted at first: a name of `tools`, or a `Tool`; None: none.
         vias: via points in order: `ViaPoint`, `Pose`, joint values, names of configurations.
         limits: fractions in (0, 1] of the robot's own: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
         objective: weights of duration, jerk, energy and more, see `Objective`; None: the duration alone.
@@ -72,6 +75,7 @@ class Problem(FreeSpace):
         start_velocity, start_acceleration: (n,), at the start; zeros: at rest.
         goal: alternatives of the end; none of a task.
         task: steps in order; none where there is a goal.
+        tools: all tools; the scene has the bodies of the one that is mounted, and of those in racks.
         vias: to be passed in this order.
         limits: the robot's limits times the given fractions.
         tracking_error: (n,) rad or m; motions are proved for every configuration that is no farther from them.
@@ -101,6 +105,7 @@ class Problem(FreeSpace):
     tracking_error: Array
     vias: tuple[Via, ...]
     task: tuple[TaskStep, ...]
+    tools: tuple[MountedTool, ...]
     objective: Objective
     path_constraints: tuple[PathConstraint, ...]
     planner: str
@@ -117,6 +122,8 @@ class Problem(FreeSpace):
         scene: Scene | Sequence[Obstacle] | Mapping[str, Any] | None = None,
         *,
         task: Task | Sequence[TaskStep | Mapping[str, Any]] | None = None,
+        tools: Sequence[Tool] | Mapping[str, Any] | None = None,
+        tool: Tool | str | Mapping[str, Any] | None = None,
         vias: Sequence[ViaPoint | Via | End] = (),
         limits: Mapping[str, float | str] | None = None,
         objective: Objective | Mapping[str, float] | None = None,
@@ -136,7 +143,7 @@ class Problem(FreeSpace):
         in_file, expressions = split_expressions(path_constraints)
         given = {"start": start, "goal": goal, "task": task, "scene": scene, "vias": vias, "limits": limits}
         given |= {"objective": objective, "path_constraints": in_file, "base": base, "gravity": gravity}
-        given |= {"tracking_error": tracking_error}
+        given |= {"tracking_error": tracking_error, "tools": tools, "tool": tool}
         needed = {"start"} if task is not None else {"start", "goal"}
         chosen = to_data.planner_data("trajopt" if planner is None else planner, options)
         labels = {"name": name, "seed": seed, "planner": chosen}
@@ -156,7 +163,7 @@ class Problem(FreeSpace):
     def of(cls, parts: Mapping[str, Any]) -> "Problem":
         """Return the problem of these attributes, as they are; without a tracking error it is 0."""
         problem = object.__new__(cls)
-        problem._set({"tracking_error": np.zeros(parts["robot"].n), **parts})
+        problem._set({"tracking_error": np.zeros(parts["robot"].n), "tools": (), **parts})
         return problem
 
     @property
@@ -384,20 +391,11 @@ class Problem(FreeSpace):
         """The same with the start and the hash, as a small table for notebooks."""
         rows: dict[str, Any] = {"robot": f"{self.robot.name}, {self.robot.n} joints"}
         rows |= {"start": ", ".join(f"{q:.4g}" for q in self.start), "goal": self._end, "via points": len(self.vias)}
-        rows |= {"scene": self._around, "hash": f"{self.hash:.12}"}
-        cells = "".join(f"<tr><th>{key}</th><td>{html.escape(str(v))}</td></tr>" for key, v in rows.items() if v)
-        return f"<table><caption>Problem: {html.escape(self.name)}</caption>{cells}</table>"
+        return problem_table(self.name, rows | {"scene": self._around, "hash": f"{self.hash:.12}"})
 
     @property
     def _end(self) -> str:
-        if self.task:
-            return f"do {self.task[-1].number} steps"
-        if len(self.goal) != 1:
-            return f"any of {len(self.goal)} ends"
-        end = self.goal[0]
-        if isinstance(end, JointGoal):
-            return "a configuration"
-        return f"a {'pose' if isinstance(end, PoseGoal) else 'region'} of {end.frame}"
+        return end_words(self.goal, self.task[-1].number if self.task else 0)
 
     @property
     def _around(self) -> str:

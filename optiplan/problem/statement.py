@@ -1,6 +1,6 @@
 """`Pose` and `ViaPoint` for construction in Python, checked by the schema of problem files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -12,10 +12,10 @@ from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.pose import Pose, Values, checked
 from optiplan.geometry.poses import pose_to_data
-from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
+from optiplan.problem.goals_and_vias import AllOfGoal, JointGoal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec, axes_data
-from optiplan.problem.schema.ends import ViaSpec
+from optiplan.problem.schema.ends import AlternativeSpec, ViaSpec
 from optiplan.problem.schema.joint_names import lists_of
 from optiplan.robot.given_configurations import is_by_name
 from optiplan.trajectory.state import State
@@ -80,7 +80,55 @@ class Region:
         )
 
 
-End: TypeAlias = Pose | Region | JointGoal | PoseGoal | RegionGoal | pin.SE3 | str | Values | State | Mapping[str, Any]
+@dataclass(frozen=True, eq=False)
+class AllOf:
+    """Goal: several frames of the robot in their places at once, such as both hands.
+
+    Attributes:
+        ends: two or more of `Pose` and `Region`, each with its `frame`.
+
+    Raises:
+        InputError: fewer than two, or an end of another kind.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.AllOf([op.Pose((0.7, 0.2, 0.3), frame="left_hand"), op.Pose((0.7, -0.2, 0.3), frame="right_hand")])
+        AllOf([Pose(position=(0.7, 0.2, 0.3), frame='left_hand'), Pose(position=(0.7, -0.2, 0.3), frame='right_hand')])
+    """
+
+    ends: Sequence["Pose | Region | PoseGoal | RegionGoal"]
+
+    def __post_init__(self) -> None:
+        checked(AlternativeSpec, self.to_data(), "AllOf", {"all_of": "ends"})
+
+    def to_data(self) -> dict[str, Any]:
+        """As a problem file says it."""
+        if not isinstance(self.ends, Sequence):
+            raise wrong_argument("AllOf", "ends", described(self.ends), "a list of op.Pose(…) and op.Region(…)")
+        for k, one in enumerate(self.ends):
+            if not isinstance(one, Pose | Region | PoseGoal | RegionGoal):
+                raise wrong_argument("AllOf", f"ends[{k}]", described(one), "op.Pose(…) or op.Region(…) with its frame")
+        return {"all_of": [end_data(one, "AllOf", f"ends[{k}]") for k, one in enumerate(self.ends)]}
+
+    def __repr__(self) -> str:
+        """The ends."""
+        return f"AllOf({list(self.ends)!r})"
+
+
+End: TypeAlias = (
+    Pose
+    | Region
+    | AllOf
+    | AllOfGoal
+    | JointGoal
+    | PoseGoal
+    | RegionGoal
+    | pin.SE3
+    | str
+    | Values
+    | State
+    | Mapping[str, Any]
+)
 """One end: a pose, a region, a configuration (n,) or `{joint: value}`, rad or m, its name, a state of motion, or what a
 file would say."""
 
@@ -132,6 +180,8 @@ def end_data(end: Any, function: str, argument: str) -> dict[str, Any]:
         return {"configuration": end}
     if isinstance(end, Pose | pin.SE3 | PoseGoal):
         return {"pose": _pose_data(end, function, argument)}
+    if isinstance(end, AllOf | AllOfGoal):
+        return (end if isinstance(end, AllOf) else AllOf(end.parts)).to_data()
     if isinstance(end, Region | RegionGoal):
         return {"region": end.to_data() if isinstance(end, Region) else _region_data(end)}
     if isinstance(end, JointGoal):

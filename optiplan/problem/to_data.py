@@ -18,6 +18,7 @@ from optiplan.problem.constraints.statements import KINDS
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.schema.joint_names import ends_of
 from optiplan.problem.statement import end_data, is_configuration, via_point_data
+from optiplan.problem.tools.tool import stated_alone
 from optiplan.trajectory.state import State
 
 
@@ -69,6 +70,7 @@ def scene_data(scene: Any) -> Any:
         if isinstance(scene, str) or not isinstance(scene, Sequence):
             raise wrong_argument("Problem", "scene", described(scene), "op.Scene([…]) or a list of obstacles")
         scene = Scene(scene)
+    scene = stated_alone(scene)
     obstacles = [
         {
             "name": body.name,
@@ -177,7 +179,10 @@ def tool_statements(data: Mapping[str, Any], own_tools: Container[str] = ()) -> 
     found = []
     for place, end in ends_of({**data, "start": None}, ("move", "line", "approach")):
         if place[0] != "task" or str(data["task"][place[1]][place[2]].get("group")) not in own_tools:
-            poses = [end] if place[2:4] == ("approach", "any_of") else [end.get(key) for key in ("pose", "region")]
+            several = [one for one in end.get("all_of") or () if isinstance(one, Mapping) and "frame" not in one]
+            ends = [end, *several]
+            poses = [one.get(key) for one in ends for key in ("pose", "region")]
+            poses = [end] if place[2:4] == ("approach", "any_of") else poses
             found += [pose for pose in poses if isinstance(pose, dict)]
     for step in data.get("task") or ():
         for kind in ("line", "retreat", "tour"):

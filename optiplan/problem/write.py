@@ -1,9 +1,12 @@
-"""Write problems as YAML text."""
+"""Write problems: as YAML text, in a line, as a small table."""
 
+import html
 import json
 import re
 from collections.abc import Mapping
 from typing import Any
+
+from optiplan.problem.goals_and_vias import AllOfGoal, Goal, JointGoal, PoseGoal
 
 PLAIN_TEXT = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
 NOT_TEXT = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"}
@@ -44,3 +47,23 @@ def _flow(value: Any) -> str:
 def _quoted(text: str) -> str:
     text = text.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in text) + '"'
+
+
+def end_words(goal: Goal, steps: int) -> str:
+    """Return where a problem leads, in a few words: to one of its ends, or through so many steps."""
+    if steps:
+        return f"do {steps} steps"
+    if len(goal) != 1:
+        return f"any of {len(goal)} ends"
+    end = goal[0]
+    if isinstance(end, JointGoal):
+        return "a configuration"
+    if isinstance(end, AllOfGoal):
+        return f"places of {' and '.join(part.frame for part in end.parts)}"
+    return f"a {'pose' if isinstance(end, PoseGoal) else 'region'} of {end.frame}"
+
+
+def problem_table(name: str, rows: Mapping[str, Any]) -> str:
+    """Return a small table in HTML, without the rows that have no value."""
+    cells = "".join(f"<tr><th>{key}</th><td>{html.escape(str(v))}</td></tr>" for key, v in rows.items() if v)
+    return f"<table><caption>Problem: {html.escape(name)}</caption>{cells}</table>"

@@ -1,7 +1,8 @@
-"""Mounting of a robot: pose of its base, gravity and payload, all in pinocchio's model."""
+"""Mounting of a robot: pose of its base, gravity, payload, and frames of what it carries, in pinocchio's model."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -12,31 +13,43 @@ GRAVITY = (0.0, 0.0, -9.81)
 """m/s², of a robot whose base stands upright on Earth."""
 
 
+class FixedFrame(NamedTuple):
+    """A frame that a link carries at X_LF: the TCP of a tool, or what is `held` and may be let go."""
+
+    name: str
+    link: str
+    X_LF: pin.SE3
+    held: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Mounting:
-    """Pose of the base, gravity and payload.
+    """Pose of the base, gravity, payload and frames.
 
     Attributes:
         X_WB: pose of the robot's root in the world.
         gravity: (3,) acceleration of free fall in the world, m/s².
         payload: links and the spatial inertia that each carries, in the frame of the link (kg, m, kg m²).
+        frames: of tools and of what is held; they are frames of the model like those of the robot's own description.
     """
 
     X_WB: pin.SE3 = field(default_factory=pin.SE3.Identity)
     gravity: Array = field(default_factory=lambda: np.array(GRAVITY))
     payload: tuple[tuple[str, pin.Inertia], ...] = ()
+    frames: tuple[FixedFrame, ...] = ()
 
     @property
     def usual(self) -> bool:
-        """Whether the robot stands at the origin of the world, upright on Earth, without payload."""
+        """Whether the robot stands at the origin of the world, upright on Earth, without payload and frames."""
         upright = bool((self.X_WB.homogeneous == np.eye(4)).all()) and tuple(self.gravity) == GRAVITY
-        return upright and not self.payload
+        return upright and not self.payload and not self.frames
 
     @property
     def key(self) -> str:
         """The key of the mounting, equal for equal mountings."""
         loads = [(link, inertia.toDynamicParameters().tolist()) for link, inertia in self.payload]
-        return repr((self.X_WB.homogeneous.tolist(), np.asarray(self.gravity, dtype=float).tolist(), loads))
+        frames = [(one.name, one.link, one.X_LF.homogeneous.tolist()) for one in self.frames]
+        return repr((self.X_WB.homogeneous.tolist(), np.asarray(self.gravity, dtype=float).tolist(), loads, frames))
 
     @property
     def mass(self) -> float:
@@ -57,6 +70,11 @@ class Mounting:
         for link, inertia in self.payload:
             frame = mounted.frames[mounted.getFrameId(link, pin.FrameType.BODY)]
             mounted.appendBodyToJoint(frame.parentJoint, inertia, frame.placement)
+        for one in self.frames:
+            index = mounted.getFrameId(one.link, pin.FrameType.BODY)
+            link = mounted.frames[index]
+            X_JF, kind = link.placement * one.X_LF, pin.FrameType.OP_FRAME
+            mounted.addFrame(pin.Frame(one.name, link.parentJoint, index, X_JF, kind))
         return mounted
 
     def geometry(self, geometry: pin.GeometryModel) -> pin.GeometryModel:

@@ -121,6 +121,11 @@ _tool_of = once_for_each_robot(ToolKinematics)
 """Speeds and manipulability are the same wherever the robot stands."""
 
 
+def _tool_on(robot: Robot) -> ToolKinematics:
+    """Return the kinematics of the tool frame; of a tool that is mounted, which the robot alone does not have."""
+    return _tool_of(robot) if robot.unmounted.model.existFrame(robot.tool_frame) else ToolKinematics(robot)
+
+
 class _Instant:
     """At times t (m, k) in m panels: |v_WT| (m/s), |w_WT| (rad/s), |dq/dt| and tau_j^2 of every joint: (m, k, 3 + n).
 
@@ -128,7 +133,7 @@ class _Instant:
     """
 
     def __init__(self, robot: Robot, trajectory: Trajectory) -> None:
-        self._robot, self._tool, self._trajectory = robot, _tool_of(robot), trajectory
+        self._robot, self._tool, self._trajectory = robot, _tool_on(robot), trajectory
         self._rows = ROWS["full" if robot.n >= 6 else "translation"]
         self._seen: list[tuple[Array, Array]] = []
 

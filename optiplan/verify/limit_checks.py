@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.pieces import Defect, defect
@@ -104,6 +105,9 @@ def miss(problem: Problem, one: GoalEnd, q: Array) -> list[Miss]:
         error = np.abs(np.where(robot.endless, turned, error))
         worst = int(np.argmax(error))
         return [Miss(float(error[worst]), one.tolerance, robot.joint_names[worst], robot.unit("position", worst))]
+    if isinstance(one, AllOfGoal):
+        parts = [miss(problem, part, q) for part in one.parts]
+        return [found for part in parts for found in part] if parts and all(parts) else []
     if not isinstance(one, PoseGoal | RegionGoal):
         return []
     data = robot.model.createData()

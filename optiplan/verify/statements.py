@@ -6,7 +6,7 @@ from typing import Any
 
 from optiplan.geometry.scene import Attachment, Scene
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 from optiplan.verify.report import Check
@@ -59,6 +59,11 @@ def tours(problem: Problem) -> list[str]:
 def tour(step: TaskStep) -> str:
     """Return the statement that the targets of a tour are visited in an order as stated."""
     return f"tour of step {step.number}"
+
+
+def tool(name: str) -> str:
+    """Return the statement that a tool has its TCP, bodies and mass."""
+    return f"tools.{name}"
 
 
 def step_place(k: int) -> str:
@@ -129,6 +134,7 @@ _OF_PROBLEM: Mapping[str, Callable[[Problem], Iterable[str]]] = {
     "goal": lambda problem: ["goal"] if problem.goal or not problem.task else [],
     "tracking_error": lambda problem: tube(problem, "clearance", "limits"),
     "limits": lambda problem: [f"limits.{field.name}" for field in fields(Limits)],
+    "tools": lambda problem: [tool(one.name) for one in problem.tools],
     "vias": lambda problem: [f"vias[{k}]" for k in range(len(problem.vias))],
     "task": lambda problem: [one for k, step in enumerate(problem.task) for one in steps(k, step)],
     "path_constraints": lambda problem: [constraint(k) for k in range(len(problem.path_constraints))],
@@ -151,5 +157,6 @@ _OF_ACTIONS: Mapping[type, Callable[[Any], list[str]]] = {
     StraightLine: _line,
     Attach: lambda _: ["event"],
     Detach: lambda _: ["event"],
+    ChangeTool: lambda _: ["event", "tool"],
     Dwell: lambda _: ["dwell"],
 }

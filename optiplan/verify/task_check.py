@@ -13,7 +13,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
 from optiplan.problem.task.scene_change import columns, scene_during
-from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, StraightLine, TaskStep
+from optiplan.problem.task.steps import Attach, Detach, Dwell, Event, Move, StraightLine, TaskStep
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.limits import joint_units
@@ -257,7 +257,7 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
     for k, part in enumerate(parts):
         step, action = part.step, part.step.action
         covers += [f"{step_place(k)}.standstill"]
-        covers += [f"{step_place(k)}.event"] if isinstance(action, Attach | Detach) and part.motion is None else []
+        covers += [f"{step_place(k)}.event"] if isinstance(action, Event) and part.motion is None else []
         covers += [f"{step_place(k)}.dwell"] if isinstance(action, Dwell) else []
         if isinstance(action, Move) and action.rests:
             covers += [f"{step_place(k)}.rest"]
@@ -266,7 +266,7 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
             if speed.max() > policy.rest_tolerance:
                 failed = failed or f"the robot moves at the end of {step.words}"
         if part.motion is None:
-            if isinstance(action, Attach | Detach):
+            if isinstance(action, Event):
                 speed = np.abs(trajectory(np.array([part.begin]), 1)[0]) / problem.limits.velocity
                 if speed.max() > policy.rest_tolerance:
                     failed = failed or f"the robot moves at the event of {step.words}"

@@ -15,6 +15,7 @@ from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.scope import scope
 from optiplan.verify.statements import complete, covering, tours
 from optiplan.verify.task_check import loaded_torque, task_checks, task_scope
+from optiplan.verify.tool_check import tool_checks, tool_scope
 from optiplan.verify.tour_check import tour_checks, tour_scope
 from optiplan.verify.via_check import vias
 
@@ -60,11 +61,13 @@ def verify(
         found.append(names(problem, trajectory))
     if given is not None:
         found += file_checks(problem, trajectory, policy, given)
+    found += tool_checks(problem, trajectory)
     if not problem.task:
         found.append(collision(problem, trajectory, policy))
     if all(check.passed for check in found):
         found.append(complete(problem, found, tours(stated)))
     about = (*scope(problem, robot, found), *(() if given is None else unread_keys(given)))
+    about = (*about, *tool_scope(problem, trajectory))
     if problem.task:
         about = (*about, *tour_scope(stated, trajectory), *task_scope(problem, trajectory))
     return replace(report, checks=tuple(found), scope=about)

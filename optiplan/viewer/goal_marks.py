@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.problem.goals_and_vias import AllOfGoal, GoalEnd
 from optiplan.problem.problem import PoseGoal, Problem, RegionGoal
 from optiplan.problem.task.steps import TargetTour
 from optiplan.robot.frames import frame_pose
@@ -23,8 +24,9 @@ _RING = 0.06
 def targets(problem: Problem) -> tuple[list[float], ...]:
     """Return the poses that goals name, of targets of tours and of vias: the tool's where a via gives joint values."""
     robot = problem.robot
-    poses = [end.X_WG for end in problem.goal if isinstance(end, PoseGoal)]
-    regions = [end for end in problem.goal if isinstance(end, RegionGoal)]
+    ends = _parts(problem)
+    poses = [end.X_WG for end in ends if isinstance(end, PoseGoal)]
+    regions = [end for end in ends if isinstance(end, RegionGoal)]
     tours = [step.action for step in problem.task if isinstance(step.action, TargetTour)]
     for tour in tours:
         at = frame_pose(robot, problem.start, tour.carried_by) if tour.carried_by else pin.SE3.Identity()
@@ -42,7 +44,12 @@ def regions(problem: Problem, reached: Array | None) -> tuple[dict[str, Any], ..
     `ring` is `{pose, radius}`, about the z axis of its pose, or None. A direction without bound is drawn half a metre
     either way of where the frame is at `reached` (n,), or of the region's middle.
     """
-    return tuple(_drawn(problem, end, reached) for end in problem.goal if isinstance(end, RegionGoal))
+    return tuple(_drawn(problem, end, reached) for end in _parts(problem) if isinstance(end, RegionGoal))
+
+
+def _parts(problem: Problem) -> list[GoalEnd]:
+    """Return the ends of the goal, those that hold at once one by one."""
+    return [part for end in problem.goal for part in (end.parts if isinstance(end, AllOfGoal) else (end,))]
 
 
 def _drawn(problem: Problem, end: RegionGoal, reached: Array | None) -> dict[str, Any]:

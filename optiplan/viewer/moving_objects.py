@@ -1,4 +1,4 @@
-"""Where the objects of a task are, from when on: in the world, or in what holds them."""
+"""Where the objects and tools of a task are, from when on: in the world, in what holds them, or nowhere."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import pinocchio as pin
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.steps import Attach, Detach, TaskStep
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach, TaskStep
 from optiplan.problem.task.timeline import mismatch, steps_in_time
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
@@ -16,11 +16,15 @@ from optiplan.trajectory.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Stay:
-    """From `begin`, s, an object is at X_BO in a body: 0 the world, j the joint j of the robot's model."""
+    """From `begin`, s, an object is at X_BO in a body: 0 the world, j the joint j of the robot's model.
+
+    `absent`: it is nowhere, like a tool without a rack that is not mounted.
+    """
 
     begin: float
     body: int
     X_BO: pin.SE3
+    absent: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +37,11 @@ class MovingObject:
 
 
 def moved_by(task: Sequence[TaskStep]) -> frozenset[str]:
-    """Return the names of what a task takes or releases."""
-    return frozenset(step.action.body for step in task if isinstance(step.action, Attach | Detach))
+    """Return the names of what a task takes or releases, and of the bodies of tools that it changes."""
+    taken = {step.action.body for step in task if isinstance(step.action, Attach | Detach)}
+    changes = [step.action for step in task if isinstance(step.action, ChangeTool)]
+    tools = [tool for change in changes for tool in (change.leaves, change.takes) if tool is not None]
+    return frozenset(taken | {body.name for tool in tools for body in tool.bodies})
 
 
 def object_stays(problem: Problem, trajectory: Trajectory | None, names: Iterable[str]) -> list[MovingObject]:
@@ -44,26 +51,36 @@ def object_stays(problem: Problem, trajectory: Trajectory | None, names: Iterabl
         for _, scene, begin, _ in steps_in_time(problem, trajectory):
             if scene is not scenes[-1][1]:
                 scenes.append((begin, scene))
+    of_tools = {body.name: body.shape for tool in problem.tools for body in tool.bodies}
+    every: list[Obstacle | Attachment] = [*problem.scene.obstacles, *problem.scene.attached]
+    shapes = of_tools | {body.name: body.shape for body in every}
     found = []
     for name in sorted(names):
         stays = [(_stay(problem.robot, scene, name), begin) for begin, scene in scenes]
         kept = [
-            Stay(begin, body, X)
-            for k, ((body, X), begin) in enumerate(stays)
-            if k == 0 or body != stays[k - 1][0][0] or X != stays[k - 1][0][1]
+            Stay(begin, *stay) for k, (stay, begin) in enumerate(stays) if k == 0 or not _same(stay, stays[k - 1][0])
         ]
-        found.append(MovingObject(name, _body(problem.scene, name).shape, tuple(kept)))
+        found.append(MovingObject(name, shapes[name], tuple(kept)))
     return found
 
 
-def _stay(robot: Robot, scene: Scene, name: str) -> tuple[int, pin.SE3]:
+_Place = tuple[int, pin.SE3, bool]
+
+
+def _same(stay: _Place, before: _Place) -> bool:
+    return stay[0] == before[0] and stay[1] == before[1] and stay[2] == before[2]
+
+
+def _stay(robot: Robot, scene: Scene, name: str) -> _Place:
     body = _body(scene, name)
+    if body is None:
+        return 0, pin.SE3.Identity(), True
     if isinstance(body, Obstacle):
-        return 0, body.X_WO
+        return 0, body.X_WO, False
     frame = robot.model.frames[robot.model.getFrameId(body.link, pin.FrameType.BODY)]
-    return int(frame.parentJoint), frame.placement * body.X_LO
+    return int(frame.parentJoint), frame.placement * body.X_LO, False
 
 
-def _body(scene: Scene, name: str) -> Obstacle | Attachment:
+def _body(scene: Scene, name: str) -> Obstacle | Attachment | None:
     bodies: list[Obstacle | Attachment] = [*scene.obstacles, *scene.attached]
-    return next(body for body in bodies if body.name == name)
+    return next((body for body in bodies if body.name == name), None)

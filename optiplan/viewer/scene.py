@@ -268,6 +268,7 @@ def _moving_objects(
         drawn = parts.geometry(one.shape, partial(_encode_shape, one.shape))
         stays = [
             {"begin": stay.begin, "body": stay.body, "pose": np.round(pin.SE3ToXYZQUAT(stay.X_BO), 9).tolist()}
+            | ({"absent": True} if stay.absent else {})
             for stay in one.stays
         ]
         colour = _NAMED.get(one.name.partition("_")[0])

@@ -12,13 +12,13 @@ from optiplan.arrays import Array
 from optiplan.geometry.dual_quaternion import DualQuaternion
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.schemes import SchemeResult, rates_to_twist, reflected
-from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 
 PRINTED = SclerpOptions(scheme="corrected", limits="reflect")
 """Shares, tolerance and steps of the report's program; these it shares with `corrected`."""
 
 
-def printed_scheme(tool: Tool, start: Array, X_WG: pin.SE3, options: SclerpOptions = PRINTED) -> SchemeResult:
+def printed_scheme(tool: ScrewTool, start: Array, X_WG: pin.SE3, options: SclerpOptions = PRINTED) -> SchemeResult:
     """`schemes.iterate_scheme` with the misprints: B(θ) with the printed J1, aimed along the printed screw."""
     goal, limits = DualQuaternion.from_pose(X_WG), tool.robot.limits
     q, Q, hits = np.array(start, float), [np.array(start, float)], []

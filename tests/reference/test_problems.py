@@ -8,7 +8,7 @@ import pytest
 from optiplan.kinematics.manipulability import ToolKinematics, manipulability_measures
 from optiplan.planners.base import Budget
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
-from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 from optiplan.problem.load import load_problem
 from optiplan.resources import problems_dir
 from optiplan.robot.batched.kinematics import BatchKinematics
@@ -45,7 +45,7 @@ def test_the_goal_is_the_reports_and_the_tool_keeps_to_the_screw(name):
     problem, trajectory = result.problem, result.trajectory
     assert np.abs(problem.goal[0].X_WG.homogeneous - np.array(expected["goal"])).max() < 1e-15
     assert np.array_equal(problem.start, np.zeros(7))
-    tool = Tool(problem.robot, problem.robot.tool_frame)
+    tool = ScrewTool(problem.robot, problem.robot.tool_frame)
     entry("sclerp.baxter.home").check(tool.pose(problem.start).homogeneous)
     assert np.abs(tool.pose(trajectory.end).homogeneous - np.array(expected["goal"])).max() <= 1e-6
     screw = ScrewMotion(tool.pose(problem.start), problem.goal[0].X_WG)
@@ -60,7 +60,7 @@ def test_the_printed_result_is_within_the_reports_tolerance_of_where_it_ends(nam
     """`sclerp.printed`: what the report prints is 0.003 away from the goal, where its program stops."""
     expected, stop = entry(f"sclerp.printed.{PRINTED[name]}"), entry("sclerp.parameters")["stop_max_abs_element_error"]
     problem = planned(name).problem
-    X = Tool(problem.robot, problem.robot.tool_frame).pose(planned(name).trajectory.end).homogeneous[:3]
+    X = ScrewTool(problem.robot, problem.robot.tool_frame).pose(planned(name).trajectory.end).homogeneous[:3]
     found = X[:, 3] if "printed_position" in expected.value else X
     printed = expected["printed_position" if "printed_position" in expected.value else "printed"]
     assert matches(found, printed, stop + expected.tolerance)

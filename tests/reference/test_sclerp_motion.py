@@ -15,7 +15,7 @@ from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import REFLECTION, aim, b_matrix, iterate_scheme, reflected, spatial_J1
-from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 from optiplan.problem.problem import PoseGoal
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import load_robot
@@ -40,7 +40,7 @@ def arms(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def tool(arms):
-    return Tool(arms[0], arms[0].tool_frame)
+    return ScrewTool(arms[0], arms[0].tool_frame)
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +154,7 @@ def test_sclerp_J1(arms):
     assert np.allclose(2.0 * report_J1(Q) @ rate, R.T @ w, atol=1e-8)
 
     limits = entry("sclerp.baxter.limits_seed")
-    free, rng = Tool(arms[1], arms[1].tool_frame), np.random.default_rng(0)
+    free, rng = ScrewTool(arms[1], arms[1].tool_frame), np.random.default_rng(0)
     starts, goals = [], []
     for _ in range(expected["random_starts_converged"]["of"]):
         starts.append(rng.uniform(limits["lower"], limits["upper"]))
@@ -317,7 +317,7 @@ def test_quadratic_programs_keep_to_the_screw_and_within_limits_at_all_times(arm
     low, high = trajectory.extrema(0)
     assert (low >= arm.limits.lower - 1e-9).all()
     assert (high <= arm.limits.upper + 1e-9).all()
-    tool = Tool(arm, arm.tool_frame)
+    tool = ScrewTool(arm, arm.tool_frame)
     X = poses(tool, trajectory(np.linspace(0.0, trajectory.duration, 150)))
     assert np.abs(X[-1] - goal(name).homogeneous).max() <= 1e-6
     assert off_screw(X, ScrewMotion(tool.pose(np.zeros(7)), goal(name))) <= 1e-6

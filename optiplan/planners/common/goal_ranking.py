@@ -6,20 +6,22 @@ from itertools import cycle
 from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
-from optiplan.kinematics.ik.numeric import joints_that_move, pose_error, random_seeds
+from optiplan.kinematics.ik.numeric import pose_error, random_seeds
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import end_collides, end_too_heavy, out_of_time
 from optiplan.planners.common.goal_improvement import NearerEnds
 from optiplan.planners.common.gravity import Gravity
 from optiplan.problem.goals import SHARE, GoalOptions, goal_configurations
+from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal
-from optiplan.problem.regions.sampling import RegionSampler
+from optiplan.problem.regions.together import joints_of, sampler_of
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.timing.lower_bound import joint_times
 
@@ -104,7 +106,8 @@ class GoalSampler:
         self._gravity = gravity or Gravity(problem.robot, problem.limits.torque)
         self._rng = np.random.default_rng(seed)
         poses = [goal for goal in problem.goal if not isinstance(goal, JointGoal)]
-        self._nearer = [NearerEnds(problem, goal) for goal in poses] if nearer else []
+        single = [goal for goal in poses if not isinstance(goal, AllOfGoal)]
+        self._nearer = [NearerEnds(problem, goal) for goal in single] if nearer else []
         self._drawn: list[Array] = []
         self._slid: list[Array] = []
         self._nearest: list[Array] = []
@@ -235,28 +238,27 @@ class GoalSampler:
                 yield from [end for end in passed[::-1] if self._good(end)][:1]
 
 
-def _draw(problem: Problem, goal: PoseGoal | RegionGoal, rng: np.random.Generator) -> "_Draw | _RegionDraw":
+def _draw(problem: Problem, goal: PoseGoal | RegionGoal | AllOfGoal, rng: np.random.Generator) -> "_Draw | _RegionDraw":
     """Return what gives a random configuration (n,) in a goal, or None if its initial guess does not converge."""
     return _Draw(problem, goal, rng) if isinstance(goal, PoseGoal) else _RegionDraw(problem, goal, rng)
 
 
-def _guess(problem: Problem, frame: str, rng: np.random.Generator, box: Box | None) -> Array:
-    """Return a random configuration (n,) within a box, by default the limits; joints beside the frame stay."""
-    if box is None:
-        return random_seeds(problem.robot, problem.start, rng, 1, frame)[0]
-    return np.where(joints_that_move(problem.robot, frame), rng.uniform(*box), problem.start)
+def _guess(problem: Problem, moving: npt.NDArray[np.bool_], rng: np.random.Generator, box: Box | None) -> Array:
+    """Return a random configuration (n,) within a box, by default the limits; joints that are not `moving` stay."""
+    q = random_seeds(problem.robot, problem.start, rng, 1)[0] if box is None else rng.uniform(*box)
+    return np.where(moving, q, problem.start)
 
 
 class _RegionDraw:
-    """Random configurations in a region, from random initial guesses."""
+    """Random configurations in a region, or in the places of several frames, from random initial guesses."""
 
-    def __init__(self, problem: Problem, goal: RegionGoal, rng: np.random.Generator) -> None:
-        self._problem, self._goal, self._rng = problem, goal, rng
-        self._sampler = RegionSampler(problem.robot, goal)
+    def __init__(self, problem: Problem, goal: RegionGoal | AllOfGoal, rng: np.random.Generator) -> None:
+        self._problem, self._moving, self._rng = problem, joints_of(problem.robot, goal), rng
+        self._sampler = sampler_of(problem.robot, goal)
 
     def __call__(self, box: Box | None = None) -> Array | None:
         """Return a configuration (n,) from a guess within a box; None if it does not converge."""
-        q, inside = self._sampler.drawn(_guess(self._problem, self._goal.frame, self._rng, box), self._rng)
+        q, inside = self._sampler.drawn(_guess(self._problem, self._moving, self._rng, box), self._rng)
         return q if inside else None
 
 
@@ -265,11 +267,12 @@ class _Draw:
 
     def __init__(self, problem: Problem, goal: PoseGoal, rng: np.random.Generator) -> None:
         self._problem, self._goal, self._rng = problem, goal, rng
+        self._moving = joints_of(problem.robot, goal)
         self._descent = Descent(problem.robot, goal.frame, goal.orientation < np.pi)
 
     def __call__(self, box: Box | None = None) -> Array | None:
         """Return a configuration (n,) within half the tolerance, in a box; None if this guess does not converge."""
-        goal, seed = self._goal, _guess(self._problem, self._goal.frame, self._rng, box)
+        goal, seed = self._goal, _guess(self._problem, self._moving, self._rng, box)
         if box is not None:
             self._descent.hold_within(*box)
         self._descent.aim(self._target())
@@ -304,7 +307,7 @@ def _complete(problem: Problem, goal: GoalEnd) -> bool:
     """Return whether all configurations of an alternative are found at once."""
     if isinstance(goal, JointGoal):
         return True
-    if isinstance(goal, RegionGoal):
+    if isinstance(goal, RegionGoal | AllOfGoal):
         return False
     fine = goal.position <= _FINE[0] and goal.orientation <= _FINE[1]
     closed = closed_form(problem.robot, goal.frame) if fine else None

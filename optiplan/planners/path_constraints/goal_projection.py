@@ -15,7 +15,7 @@ from optiplan.planners.path_constraints.goals import goal_inequalities, in_goal
 from optiplan.planners.path_constraints.inequality import CompiledInequality, RowsAtRest, shortest_step, stepped
 from optiplan.planners.path_constraints.motion_check import PathConstraints
 from optiplan.problem.constraints.measures import FramePoses
-from optiplan.problem.goals_and_vias import JointGoal, PoseGoal
+from optiplan.problem.goals_and_vias import AllOfGoal, JointGoal, PoseGoal, parts_of
 from optiplan.problem.problem import Problem
 from optiplan.problem.regions.region import RegionGoal
 
@@ -57,15 +57,11 @@ def hold_goals(
 class _GoalProjection:
     """Newton's method on the rows of a goal and of all constraints of the end that are, or would be, violated."""
 
-    def __init__(self, problem: Problem, goal: PoseGoal | RegionGoal, constraints: PathConstraints) -> None:
+    def __init__(self, problem: Problem, goal: PoseGoal | RegionGoal | AllOfGoal, constraints: PathConstraints) -> None:
         robot = problem.robot
-        self._goal, self._poses = goal, FramePoses(robot, goal.frame)
-        aimed = (
-            goal.inner(_AIMED)
-            if isinstance(goal, RegionGoal)
-            else replace(goal, position=_AIMED * goal.position, orientation=_eased(goal.orientation))
-        )
-        rows = [CompiledInequality(robot, one) for one in goal_inequalities(aimed)]
+        self._parts = [(part, FramePoses(robot, part.frame)) for part in parts_of(goal)]
+        aimed = [_aimed(part) for part, _ in self._parts]
+        rows = [CompiledInequality(robot, one) for part in aimed for one in goal_inequalities(part)]
         ends = [one for kept in constraints.all if kept.one.during[1] == 1.0 for one in kept.inequalities]
         rows += [one for one in ends if isinstance(one, CompiledInequality) and not one.stated.rate]
         self._rows, self._limits = RowsAtRest(robot, rows), problem.limits
@@ -78,7 +74,7 @@ class _GoalProjection:
             value, slopes = self._rows(q)
             value = value - self._reserve
             if (value >= 0.0).all():
-                return q if in_goal(self._goal, self._poses.at(q)) else None
+                return q if all(in_goal(part, poses.at(q)) for part, poses in self._parts) else None
             q = stepped(q, _step(value, slopes, self._inside), self._limits)
         return None
 
@@ -100,6 +96,13 @@ def _step(value: Array, slopes: Array, inside: Array) -> Array:
             break
         wrong = more
     return step
+
+
+def _aimed(goal: PoseGoal | RegionGoal) -> PoseGoal | RegionGoal:
+    """Return the goal with the tolerances that are aimed at."""
+    if isinstance(goal, RegionGoal):
+        return goal.inner(_AIMED)
+    return replace(goal, position=_AIMED * goal.position, orientation=_eased(goal.orientation))
 
 
 def _eased(angle: float) -> float:

@@ -15,7 +15,7 @@ from optiplan.planners.common.failures import out_of_time, path_too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.region_poses import single_ends, with_poses
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 from optiplan.planners.sclerp.screw_motion import ScrewTask, attempt
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
 from optiplan.trajectory.timing.lower_bound import lower_bound
@@ -82,7 +82,7 @@ class Sclerp(Planner[SclerpOptions]):
         redundant = self.options.scheme == "qp" and problem.robot.n > _NEEDED
         led, both = (redundant and self.options.redundancy == one for one in ("goal", "best"))
         for goal in single_ends(problem):
-            tool = Tool(problem.robot, goal.frame if isinstance(goal, PoseGoal) else problem.robot.tool_frame)
+            tool = ScrewTool(problem.robot, goal.frame if isinstance(goal, PoseGoal) else problem.robot.tool_frame)
             if isinstance(goal, JointGoal):
                 yield ScrewTask(tool, problem.start, tool.pose(goal.q), goal.q, True, {})
                 continue
@@ -93,7 +93,7 @@ class Sclerp(Planner[SclerpOptions]):
                 yield from (ScrewTask(tool, problem.start, _pose(tool, goal, q), q, False, {}) for q in ends)
 
 
-def _pose(tool: Tool, goal: PoseGoal, q: Array) -> pin.SE3:
+def _pose(tool: ScrewTool, goal: PoseGoal, q: Array) -> pin.SE3:
     """Return X_WG of the goal; its rotation is that of the tool at q (n,) where any orientation will do."""
     free = goal.orientation >= np.pi
     return pin.SE3(tool.pose(q).rotation, goal.X_WG.translation) if free else goal.X_WG

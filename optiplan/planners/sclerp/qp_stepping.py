@@ -11,7 +11,7 @@ from optiplan.arrays import Array
 from optiplan.geometry.dual_quaternion import DualQuaternion
 from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 
 _CLOSE = 1e-10  # m and rad: how near to the screw a step has to end
 _CORRECTIONS = 8
@@ -66,7 +66,7 @@ class SteppedPath:
 class ScrewStepper:
     """Steps along one screw; a redundant arm is led to `goal` (n,)."""
 
-    def __init__(self, tool: Tool, screw: ScrewMotion, options: SclerpOptions, goal: Array | None = None) -> None:
+    def __init__(self, tool: ScrewTool, screw: ScrewMotion, options: SclerpOptions, goal: Array | None = None) -> None:
         self.tool, self.screw, self.goal, self.tau = tool, screw, goal, options.tau
         self.low, self.high = tool.robot.limits.lower, tool.robot.limits.upper
         velocity = tool.robot.limits.velocity

@@ -16,7 +16,7 @@ from optiplan.arrays import Array
 from optiplan.geometry.dual_quaternion import DualQuaternion
 from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
-from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 
 REFLECTION = 1.1
 _LEAST_MOTION = 1e-10  # weight of |dq|² beside the squared error of the twist, so that one dq is the best
@@ -45,7 +45,7 @@ class SchemeResult:
 
 
 def iterate_scheme(
-    tool: Tool, start: Array, X_WG: pin.SE3, options: SclerpOptions, stop: Callable[[], bool] = lambda: False
+    tool: ScrewTool, start: Array, X_WG: pin.SE3, options: SclerpOptions, stop: Callable[[], bool] = lambda: False
 ) -> SchemeResult:
     """Step from start (n,) until the tool is at the goal, the iterations are used up or `stop` says so.
 
@@ -112,7 +112,7 @@ def reflected(q: Array, low: Array, high: Array) -> Array:
     return np.where(q <= low, q + REFLECTION * (low - q), q)
 
 
-def _joint_step(tool: Tool, q: Array, J: Array, twist: Array, options: SclerpOptions) -> Array:
+def _joint_step(tool: ScrewTool, q: Array, J: Array, twist: Array, options: SclerpOptions) -> Array:
     """Change of the joints (n,) for a twist: Jᵀ (J Jᵀ + λ² I)⁻¹ twist, or the best within limits."""
     damping = options.damping**2 if options.scheme == "damped" else 0.0
     if options.joint_limits == "qp":

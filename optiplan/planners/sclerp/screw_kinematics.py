@@ -7,7 +7,7 @@ from optiplan.arrays import Array
 from optiplan.robot.robot import Robot
 
 
-class Tool:
+class ScrewTool:
     """Work space for one frame T of one robot."""
 
     def __init__(self, robot: Robot, frame: str) -> None:

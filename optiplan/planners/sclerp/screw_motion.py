@@ -19,7 +19,7 @@ from optiplan.planners.sclerp.interpolation import on_screw, through
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion, ScrewStepper, SteppedPath
 from optiplan.planners.sclerp.schemes import SchemeResult, iterate_scheme
-from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 from optiplan.trajectory.trajectory import Trajectory
 
 _GOAL_TOLERANCE = 1e-6  # rad or m
@@ -32,7 +32,7 @@ class ScrewTask:
     `info`, JSON-ready, is filled in on the way: steps of the scheme, quadratic programs, knots of the path.
     """
 
-    tool: Tool
+    tool: ScrewTool
     start: Array
     X_WG: pin.SE3
     goal: Array | None

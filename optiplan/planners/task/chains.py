@@ -23,7 +23,19 @@ from optiplan.planners.task.planned_steps import PlannedMotion, PlannedStep
 from optiplan.planners.task.stages import Stage, Stages, WorldState
 from optiplan.problem.problem import JointGoal
 from optiplan.problem.task.scene_change import scene_after
-from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
+from optiplan.problem.task.steps import (
+    PARKED,
+    Action,
+    Attach,
+    ChangeTool,
+    Detach,
+    Dwell,
+    Event,
+    Move,
+    StraightLine,
+    TargetTour,
+    TaskStep,
+)
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.timing.stops import stop_at_corners
@@ -143,7 +155,7 @@ def _remedy(failure: Failure, step: TaskStep, state: WorldState, robot: Robot) -
 
 def _do(stages: Stages, state: WorldState, step: TaskStep, budget: Budget, ends: _LineEnds) -> PlannedStep | Failure:
     action = step.action
-    if isinstance(action, Attach | Detach):
+    if isinstance(action, Event):
         return _event(stages, state, step, action)
     if isinstance(action, Dwell):
         return PlannedStep(step, state, state)
@@ -161,7 +173,9 @@ def _do(stages: Stages, state: WorldState, step: TaskStep, budget: Budget, ends:
     return PlannedMotion(step, state, stage.arrived(curve.end, state), stage.ending(curve.end), curve, corner)
 
 
-def _event(stages: Stages, state: WorldState, step: TaskStep, action: Attach | Detach) -> PlannedStep | Failure:
+def _event(stages: Stages, state: WorldState, step: TaskStep, action: Event) -> PlannedStep | Failure:
+    if isinstance(action, ChangeTool) and (far := _beside_rack(stages.problem.robot, state, action)):
+        return Failure("goal-unreachable", far, {"q": state.q.tolist()})
     scene = scene_after(state.scene, action, stages.problem.robot, state.q)
     after = WorldState(state.q, scene)
     stage = stages.at(after, step, stages.problem.robot.joint_names)
@@ -172,7 +186,19 @@ def _event(stages: Stages, state: WorldState, step: TaskStep, action: Attach | D
     return PlannedStep(step, state, after)
 
 
-_PAST_TENSE = {Attach: "held", Detach: "released"}
+def _beside_rack(robot: Robot, state: WorldState, action: ChangeTool) -> str:
+    """Return in words how far a link is from where a tool is parked; empty where it is there."""
+    for tool, X_WP in action.racks:
+        position, angle = pose_error(frame_pose(robot, state.q, tool.link), X_WP)
+        if position > PARKED[0] or angle > PARKED[1]:
+            return (
+                f"'{tool.link}' is {1e3 * position:.3g} mm and {angle:.3g} rad from where '{tool.name}' is parked; "
+                f"a line or move of the frame '{tool.link}' to that pose leads there"
+            )
+    return ""
+
+
+_PAST_TENSE = {Attach: "held", Detach: "released", ChangeTool: "changed"}
 
 
 def _straight(stage: Stage, action: Move) -> Trajectory | Failure:

@@ -21,7 +21,7 @@ from optiplan.planners.task.via_moves import ViaMoves, unsupported
 from optiplan.planners.task.waiting import waiting
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.steps import Attach, Detach
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.segments import Segment
@@ -166,7 +166,7 @@ def joined_parts(problem: Problem, parts: Sequence[TaskPart]) -> Trajectory:
 def _object_and_link(planned: PlannedStep) -> tuple[str, str]:
     """Return the object that is taken or released, and the link that holds it; empty for other steps."""
     action = planned.step.action
-    if isinstance(action, Attach):
+    if isinstance(action, Attach | ChangeTool):
         return action.body, action.link
     if isinstance(action, Detach):
         return action.body, next(held.link for held in planned.before.scene.attached if held.name == action.body)

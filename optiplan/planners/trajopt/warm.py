@@ -19,8 +19,9 @@ from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEn
 from optiplan.planners.trajopt.optimise_in_time import TimedOptimiser
 from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal
-from optiplan.problem.regions.sampling import RegionSampler
+from optiplan.problem.regions.together import sampler_of
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bound
@@ -180,8 +181,8 @@ class WarmStart:
     def _configuration(self, goal: GoalEnd, near: Array) -> Array | None:
         if isinstance(goal, JointGoal):
             return endless_turns(self.problem.robot, goal.q, near)[0]
-        if isinstance(goal, RegionGoal):
-            q, inside = RegionSampler(self.problem.robot, goal).onto(near)
+        if isinstance(goal, RegionGoal | AllOfGoal):
+            q, inside = sampler_of(self.problem.robot, goal).onto(near)
             return q if inside else None
         descent = Descent(self.problem.robot, goal.frame, goal.orientation < np.pi)
         descent.aim(goal.X_WG)

@@ -60,11 +60,28 @@ class StartSpec(ConfigurationSpec, ExactlyOne):
         return self
 
 
+class PlacedFrameSpec(Strict):
+    """Where one of several frames is at the end: in a `pose` or a `region`; `frame` may stand here or in that."""
+
+    frame: Name | None = None
+    pose: PoseGoalSpec | None = None
+    region: RegionSpec | None = None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        exactly_one(self, ("pose", "region"))
+        own = self.pose or self.region
+        if self.frame is not None and own is not None and own.frame not in (None, self.frame):
+            raise ValueError(f"found frame {self.frame} and frame {own.frame}; expected one of them")
+        return self
+
+
 class AlternativeSpec(StartSpec):
-    """One end of the motion."""
+    """One end of the motion; `all_of` holds several frames in their places at once."""
 
     pose: PoseGoalSpec | None = None
     region: RegionSpec | None = None
+    all_of: Annotated[tuple[PlacedFrameSpec, ...], Field(min_length=2)] | None = None
 
 
 class GoalSpec(AlternativeSpec):
@@ -123,5 +140,5 @@ def timed(vias: tuple[ViaSpec, ...]) -> tuple[ViaSpec, ...]:
     return vias
 
 
-ENDS = (*CONFIGURATIONS, "pose", "region")
+ENDS = (*CONFIGURATIONS, "pose", "region", "all_of")
 """What one end of a motion can be."""

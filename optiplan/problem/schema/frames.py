@@ -133,6 +133,11 @@ def _is_placed(value: Any) -> bool:
     return "in" in value or (isinstance(value.get("offset"), Mapping) and "position" in value and not _is_region(value))
 
 
+def _in_link(place: Place, key: str | int) -> bool:
+    """Whether the poses there are those of a tool, in the frame of its link."""
+    return key in ("tcp", "shapes") and bool(place) and place[0] in ("tool", "tools")
+
+
 def _is_region(value: Mapping[str, Any]) -> bool:
     return not OF_REGIONS.isdisjoint(value)
 
@@ -144,7 +149,7 @@ def _placed(data: Any, place: Place = ()) -> Iterator[tuple[Place, Mapping[str, 
         return
     items = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
     for key, value in items:
-        if place or key not in APART:
+        if (place or key not in APART) and not _in_link(place, key):
             yield from _placed(value, (*place, key))
 
 

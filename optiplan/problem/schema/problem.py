@@ -25,6 +25,7 @@ from optiplan.problem.schema.meanings import with_meanings
 from optiplan.problem.schema.safety import ClearanceSpec
 from optiplan.problem.schema.scene import SceneSpec
 from optiplan.problem.schema.task import TaskStepSpec
+from optiplan.problem.schema.tools import FirstToolSpec, Tools
 from optiplan.robot.side_by_side import ArmSpec
 
 
@@ -78,9 +79,10 @@ class ProblemSpec(Strict):
     `group` names the planned joints among the robot file's `groups`; `locked` holds values of joints that are not
     planned (fingers), over those of the robot file. `base` is the pose of the robot's root in the world, the identity
     without one, and `gravity` the acceleration of free fall in the world, m/s², [0, 0, -9.81] without one. There is
-    either a `goal` or a `task` of several steps. `tracking_error` says how far joints may be from the motion, rad or m:
-    one number, a list, or values by joint. `clearance` says how far bodies stay apart, m. A file may also have `frames`,
-    loops and `robots`, which `frames.py`, `loops.py` and `side_by_side.py` take out before anything is read here.
+    either a `goal` or a `task` of several steps. `tools` are tools by name; `tool` is the one that is mounted at the
+    start, or states it itself. `tracking_error` says how far joints may be from the motion, rad or m: one number, a
+    list, or values by joint. `clearance` says how far bodies stay apart, m. A file may also have `frames`, loops and
+    `robots`, which `frames.py`, `loops.py` and `side_by_side.py` take out before anything is read here.
     """
 
     version: FileVersion
@@ -94,6 +96,8 @@ class ProblemSpec(Strict):
     goal: GoalSpec | None = None
     task: Annotated[tuple[TaskStepSpec, ...], Field(min_length=1)] | None = None
     scene: SceneSpec = SceneSpec()
+    tools: Tools | None = None
+    tool: Name | FirstToolSpec | None = None
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()
     tracking_error: NotNegative | tuple[NotNegative, ...] | dict[Name, NotNegative] | None = None

@@ -50,7 +50,12 @@ class ObstacleSpec(Strict):
         return self
 
 
-def _bounded(shape: ShapeSpec) -> ShapeSpec:
+def bounded(shape: ShapeSpec) -> ShapeSpec:
+    """Require a shape that ends somewhere.
+
+    Raises:
+        ValueError: a half-space.
+    """
     if SHAPES[shape.kind].endless:
         raise ValueError(f"found a {shape.kind}; expected a shape that ends somewhere: no robot can carry a half-space")
     return shape
@@ -79,7 +84,7 @@ class AttachedSpec(Strict):
     """
 
     name: Name
-    shape: Annotated[ShapeSpec, AfterValidator(_bounded)]
+    shape: Annotated[ShapeSpec, AfterValidator(bounded)]
     link: Name
     pose: PoseSpec = PoseSpec()
     touch: tuple[Name, ...] = ()

@@ -22,10 +22,12 @@ from optiplan.problem.schema.ends import (
     ENDS,
     AlternativeSpec,
     ConfigurationSpec,
+    PlacedFrameSpec,
     ViaSpec,
     exactly_one,
     timed,
 )
+from optiplan.problem.schema.grasps import GraspsSpec
 from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
 from optiplan.problem.schema.tour import TourSpec
 
@@ -35,6 +37,7 @@ class MoveSpec(ConfigurationSpec):
 
     pose: PoseGoalSpec | None = None
     region: RegionSpec | None = None
+    all_of: Annotated[tuple[PlacedFrameSpec, ...], Field(min_length=2)] | None = None
     any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
     group: Name | None = None
@@ -71,11 +74,14 @@ class StraightLineSpec(Strict):
 class ApproachSpec(Strict):
     """Anywhere to `distance`, m, before a pose, and from there straight `along` an axis of its frame.
 
-    `blend` is as of a line.
+    The pose is one of several (`any_of`), any of the `grasps` of an object, or of a `region` that is bounded along its
+    axes. `blend` is as of a line.
     """
 
     pose: PoseGoalSpec | None = None
     any_of: Annotated[tuple[PoseGoalSpec, ...], Field(min_length=1)] | None = None
+    grasps: GraspsSpec | None = None
+    region: RegionSpec | None = None
     distance: Length
     along: Direction = (0.0, 0.0, 1.0)
     speed: Length | None = None
@@ -89,17 +95,18 @@ class ApproachSpec(Strict):
         """Say what leads to ends that are no poses: where a line along the tool would begin is not known of them."""
         several = said.get("any_of") if isinstance(said, Mapping) else None
         for one in (said, *(several if isinstance(several, list | tuple) else ())):
-            for kind in set(ENDS) - {"pose"}:
+            for kind in sorted(set(ENDS) - {"pose"} - ({"region"} if one is said else set())):
                 if isinstance(one, Mapping) and kind in one:
                     expected = (
-                        "pose, or any_of poses, to which a line leads (elsewhere: a move, and a line by a vector)"
+                        "pose, any_of poses, grasps or region, to which a line leads "
+                        "(elsewhere: a move, and a line by a vector)"
                     )
                     raise ValueError(f"found {kind}; expected {expected}")
         return said
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
-        exactly_one(self, ("pose", "any_of"))
+        exactly_one(self, ("pose", "any_of", "grasps", "region"))
         return self
 
 
@@ -156,7 +163,7 @@ class GripperSpec(ConfigurationSpec, OfGroup):
 
 
 class TaskStepSpec(Strict):
-    """One step of a task: one of the keys from `move` to `tour` (`dwell` in s), and what holds during this step.
+    """One step of a task: one of the keys from `move` to `tool` (`dwell` in s), and what holds during this step.
 
     `allowed_collisions` of an approach are for its line alone.
     """
@@ -170,6 +177,7 @@ class TaskStepSpec(Strict):
     gripper: GripperSpec | None = None
     dwell: Length | None = None
     tour: TourSpec | None = None
+    tool: Name | None = None
     name: Name | None = None
     allowed_collisions: tuple[NamePair, ...] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()
@@ -185,5 +193,5 @@ class TaskStepSpec(Strict):
         return next(kind for kind in STEP_KINDS if getattr(self, kind) is not None)
 
 
-STEP_KINDS = ("move", "line", "approach", "retreat", "attach", "detach", "gripper", "dwell", "tour")
+STEP_KINDS = ("move", "line", "approach", "retreat", "attach", "detach", "gripper", "dwell", "tour", "tool")
 """What a step of a task can be."""

@@ -11,9 +11,10 @@ from optiplan.arrays import Array
 from optiplan.config.document import plain
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.pose import Pose, Values, checked
+from optiplan.problem.grasps.statement import Grasps
 from optiplan.problem.schema.joint_names import lists_of
 from optiplan.problem.schema.task import TaskStepSpec
-from optiplan.problem.statement import End, ViaPoint, end_data, is_configuration, via_point_data
+from optiplan.problem.statement import End, Region, ViaPoint, end_data, is_configuration, via_point_data
 from optiplan.problem.to_data import path_constraint_data
 
 Targets = str | Path | Array | Sequence[Pose | Mapping[str, Any]]
@@ -78,7 +79,7 @@ class Task:
 
     def approach(
         self,
-        to: Pose | Sequence[Pose],
+        to: Pose | Sequence[Pose] | Grasps | Region,
         distance: float,
         *,
         along: Values = (0.0, 0.0, 1.0),
@@ -88,11 +89,11 @@ class Task:
         group: str | None = None,
         **step: Any,
     ) -> "Task":
-        """Go to `distance`, m, before a pose, or any of several, then straight `along` an axis of its frame.
+        """Go to `distance`, m, before a pose, then straight `along` an axis of its frame.
 
-        `blend` is as of `line`.
+        The pose is any of several, any of the `Grasps` of an object, or of a `Region`. `blend` is as of `line`.
         """
-        said = _ends(to, "Task.approach", "to")
+        said = {"grasps": to.to_data()} if isinstance(to, Grasps) else _ends(to, "Task.approach", "to")
         if "any_of" in said:
             said["any_of"] = [one["pose"] if "pose" in one else one for one in said["any_of"]]
         if vias:
@@ -141,6 +142,10 @@ class Task:
     def gripper(self, group: str, to: Values | Mapping[str, float] | str, **step: Any) -> "Task":
         """Move the joints of a group to positions, (k,) or `{joint: value}`, rad or m, or to a named configuration."""
         return self._with("gripper", {"group": group, **end_data(to, "Task.gripper", "to")}, step)
+
+    def tool(self, name: str, **step: Any) -> "Task":
+        """Change to a tool of the problem's `tools`, or to `none`; where tools have racks the link has to be there."""
+        return self._with("tool", name, step)
 
     def dwell(self, seconds: float, **step: Any) -> "Task":
         """Stand still."""

@@ -1,6 +1,7 @@
 """Read the steps of a task, checked against the robot, the scene and each other."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import zip_longest
 from typing import Any
 
@@ -14,6 +15,7 @@ from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.problem.builder import Compiler, frame_names, link_names
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
+from optiplan.problem.grasps.reading import grasp_ends, region_ends
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.schema.ends import ENDS, AlternativeSpec, ViaSpec
 from optiplan.problem.schema.task import (
@@ -26,10 +28,24 @@ from optiplan.problem.schema.task import (
     StraightLineSpec,
     TaskStepSpec,
 )
+from optiplan.problem.schema.tools import NONE
 from optiplan.problem.schema.tour import TourSpec
 from optiplan.problem.task.scene_change import held_body
-from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
+from optiplan.problem.task.steps import (
+    Action,
+    Attach,
+    ChangeTool,
+    Detach,
+    Dwell,
+    Event,
+    Move,
+    StraightLine,
+    TargetTour,
+    TaskStep,
+)
 from optiplan.problem.task.tour_reading import read_tour
+from optiplan.problem.tools.reading import ToolsInUse
+from optiplan.problem.tools.tool import stated_alone
 from optiplan.robot.robot import Robot
 
 Located = LocatedValue[TaskStepSpec]
@@ -38,16 +54,20 @@ Located = LocatedValue[TaskStepSpec]
 class TaskReader:
     """Turns the steps of a file into statements; errors go to the compiler's issues."""
 
-    def __init__(self, compiler: Compiler, robot: Robot, scene: Scene) -> None:
-        self.compiler, self.robot, self.scene = compiler, robot, scene
-        self._held = {held.name for held in scene.attached}
-        self._free = {obstacle.name for obstacle in scene.obstacles}
+    def __init__(self, compiler: Compiler, robot: Robot, scene: Scene, tools: ToolsInUse) -> None:
+        """Read steps of a robot without the frames of what it has in hand, which `tools` know."""
+        self.compiler, self.scene, self.tools = compiler, scene, tools
+        self._mounted, self.robot = robot, tools.seen(robot)
+        own = stated_alone(scene)
+        self._held = {held.name for held in own.attached}
+        self._free = {obstacle.name for obstacle in own.obstacles}
+        self._moved: set[str] = set()
 
     def steps(self) -> list[LocatedValue[TaskStep]]:
         """Return the valid steps; an approach gives two."""
         found: list[LocatedValue[TaskStep]] = []
         kinds = {part.value.kind for part in self.compiler.task}
-        if kinds and kinds <= {"attach", "detach"}:
+        if kinds and kinds <= {"attach", "detach", "tool"}:
             self.compiler.report(("task",), "steps that take no time", "one besides that does, such as a dwell")
         for part in self.compiler.task:
             spec, number = part.value, int(part.place[-1]) + 1
@@ -60,13 +80,22 @@ class TaskReader:
             allowed = self._allowed(part)
             name = spec.name or _name(spec)
             for action in self._actions(part):
+                if isinstance(action, Event):
+                    self.robot = self.tools.seen(self._mounted)
                 freely = spec.kind == "approach" and isinstance(action, Move)  # contact is for the line
                 touch = frozenset[frozenset[str]]() if freely else allowed
                 step = TaskStep(number, spec.kind, name, action, touch, constraints)
                 found.append(LocatedValue(part.place, step))
         for one, after in zip_longest(found, found[1:]):
             self._corner(one, None if after is None else after.value.action)
-        return found
+        return [replace(one, value=self._with_frame(one.value)) for one in found]
+
+    def _with_frame(self, step: TaskStep) -> TaskStep:
+        """Return a step that takes an object with its frame, where goals or constraints are about that."""
+        action = step.action
+        if not isinstance(action, Attach) or action.body not in self.compiler.followed:
+            return step
+        return replace(step, action=replace(action, framed=True))
 
     def _corner(self, part: LocatedValue[TaskStep], after: Action | None) -> None:
         """Report a blend without a line of the same frame and joints after it."""
@@ -81,7 +110,8 @@ class TaskReader:
         self.compiler.report((*part.place, part.value.kind, "blend"), found, expected)
 
     def _allowed(self, part: Located) -> frozenset[frozenset[str]]:
-        bodies = {*link_names(self.robot), *self.scene.names}
+        tools = [body.name for tool in self.tools.by_name.values() for body in tool.bodies]
+        bodies = {*link_names(self.robot), *self.scene.names, *tools}
         for k, pair in enumerate(part.value.allowed_collisions):
             for i, name in enumerate(pair):
                 if name not in bodies:
@@ -99,6 +129,7 @@ class TaskReader:
             "gripper": self._gripper,
             "dwell": lambda _, seconds: iter([Dwell(seconds)]),
             "tour": self._tour,
+            "tool": self._tool,
         }
         kind = part.value.kind
         return readers[kind]((*part.place, kind), getattr(part.value, kind))
@@ -186,7 +217,8 @@ class TaskReader:
         given = [((*place, "pose"), spec.pose)] if spec.pose is not None else []
         given += [((*place, "any_of", i), one) for i, one in enumerate(spec.any_of or ())]
         ends = tuple(end for at, one in given if (end := self._pose(at, one, spec.group)) is not None)
-        if joints is None or len(ends) < len(given):
+        ends += self._set_of_ends(place, spec)
+        if joints is None or not ends or len(ends) < len(given):
             return
         vias = self._vias(self._alone(joints, spec.group), place, spec.via)
         if len({end.frame for end in ends}) > 1:
@@ -197,6 +229,16 @@ class TaskReader:
         yield Move(joints, before, vias)
         yield StraightLine(joints, ends[0].frame, ends, speed=_speed(spec), blend=spec.blend or 0.0)
 
+    def _set_of_ends(self, place: Place, spec: ApproachSpec) -> tuple[PoseGoal, ...]:
+        """Return the grasps of an object, or the poses of a region."""
+        robot = self._with_tool_of(spec.group)
+        if spec.grasps is not None:
+            stated = (*place, "grasps"), spec.grasps, _unit(spec.along)
+            return grasp_ends(self.compiler, robot, stated, self.scene, self._moved)
+        if spec.region is not None:
+            return region_ends(self.compiler, robot, (*place, "region"), spec.region)
+        return ()
+
     def _retreat(self, place: Place, spec: RetreatSpec) -> Iterator[StraightLine]:
         joints, frame = self._joints(place, spec.group), self._frame(place, spec)
         if joints is not None and frame is not None:
@@ -205,6 +247,7 @@ class TaskReader:
 
     def _frame(self, place: Place, spec: StraightLineSpec | RetreatSpec) -> str | None:
         if spec.frame is None or spec.frame in frame_names(self.robot):
+            self.compiler.followed.update([spec.frame] if spec.frame else [])
             return spec.frame or self._with_tool_of(spec.group).tool_frame
         self.compiler.unknown((*place, "frame"), "frame", spec.frame, frame_names(self.robot))
         return None
@@ -216,6 +259,20 @@ class TaskReader:
         q = self.compiler.configuration(self._alone(joints, spec.group), place, spec)
         if q is not None:
             yield Move(joints, (JointGoal(q),))
+
+    def _tool(self, place: Place, name: str) -> Iterator[ChangeTool]:
+        """Change the tool; from one rack to another takes a step for each."""
+        names, now = [*self.tools.by_name, NONE], NONE if self.tools.now is None else self.tools.now.name
+        if name not in names or name == now:
+            found = f"'{name}', which is mounted here" if name == now != NONE else f"unknown tool '{name}'"
+            found = "no tool to leave" if name == now == NONE else found
+            self.compiler.report(place, found, choices(name, [one for one in names if one != now]))
+            return
+        change = self.tools.change(name)
+        if len(change.racks) == 2:
+            found = f"'{name}' in place of '{now}', which have racks of their own"
+            self.compiler.report(place, found, f"`tool: {NONE}` where '{now}' is parked, and later `tool: {name}`")
+        yield change
 
     def _attach(self, place: Place, spec: AttachSpec) -> Iterator[Attach]:
         links = link_names(self.robot)
@@ -235,11 +292,14 @@ class TaskReader:
         taken = Attach(spec.object, spec.link, frozenset(spec.touch), spec.mass, spec.centre, spec.inertia)
         if not self.compiler.weighable(place, held_body(body, taken, pin.SE3.Identity())):
             return
+        self.tools.take(spec.object, spec.link)
+        self._moved.add(spec.object)
         if spec.link in links:
             yield taken
 
     def _detach(self, place: Place, spec: DetachSpec) -> Iterator[Detach]:
         if self._known((*place, "object"), spec.object, "released", self._free, self._held):
+            self.tools.held.pop(spec.object, None)
             yield Detach(spec.object)
 
     def _known(self, place: Place, name: str, done: str, there: set[str], needed: set[str]) -> bool:
@@ -262,6 +322,8 @@ def _speed(spec: StraightLineSpec | ApproachSpec | RetreatSpec) -> float:
 def _name(spec: TaskStepSpec) -> str:
     """Return what a step without a name of its own is called."""
     about = {"attach": spec.attach, "detach": spec.detach}.get(spec.kind)
+    if spec.kind == "tool":
+        return f"tool {spec.tool}"
     return spec.kind if about is None else f"{spec.kind} {about.object}"
 
 

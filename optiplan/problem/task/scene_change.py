@@ -9,18 +9,24 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
-from optiplan.problem.task.steps import Attach, Detach, TaskStep
+from optiplan.problem.task.steps import Attach, ChangeTool, Event, TaskStep
+from optiplan.robot.mounting import FixedFrame
 from optiplan.robot.robot import Robot
 
 Body = TypeVar("Body", Obstacle, Attachment)
 
 
-def scene_after(scene: Scene, action: Attach | Detach, robot: Robot, q: Array) -> Scene:
+def scene_after(scene: Scene, action: Event, robot: Robot, q: Array) -> Scene:
     """Return the scene after an event at q (n,): X_LO = X_WL(q)^-1 X_WO, or X_WO = X_WL(q) X_LO.
+
+    A tool is on its link, or in its rack, as it states.
 
     Raises:
         ValueError: the object is not there to be taken, or is not held.
     """
+    if isinstance(action, ChangeTool):
+        scene = scene if action.leaves is None else action.leaves.off(scene)
+        return scene if action.takes is None else action.takes.on(scene)
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
     if isinstance(action, Attach):
@@ -44,7 +50,7 @@ def scene_after(scene: Scene, action: Attach | Detach, robot: Robot, q: Array) -
 def held_body(body: Obstacle | Attachment, action: Attach, X_LO: pin.SE3) -> Attachment:
     """Return a body as it is held at X_LO in the frame of the link that takes it."""
     weight = action.mass, action.centre, action.inertia
-    return Attachment(body.name, body.shape, action.link, X_LO, action.touch, None, *weight)
+    return Attachment(body.name, body.shape, action.link, X_LO, action.touch, None, *weight, action.framed)
 
 
 def scene_during(scene: Scene, step: TaskStep) -> Scene:
@@ -53,11 +59,13 @@ def scene_during(scene: Scene, step: TaskStep) -> Scene:
 
 
 def carrying(robot: Robot, scene: Scene) -> Robot:
-    """Return the robot with the masses of what the scene says it holds, and no others."""
+    """Return the robot with the masses, and the frames, of what the scene says it holds, and no others."""
     payload = tuple((held.link, held.inertia_in_link()) for held in scene.attached if held.mass)
-    if not payload and not robot.mounting.payload:
+    own = tuple(one for one in robot.mounting.frames if not one.held)
+    frames = own + tuple(FixedFrame(held.name, held.link, held.X_LO, True) for held in scene.attached if held.framed)
+    if not payload and not robot.mounting.payload and len(frames) == len(own) == len(robot.mounting.frames):
         return robot
-    return robot.mounted(replace(robot.mounting, payload=payload))
+    return robot.mounted(replace(robot.mounting, payload=payload, frames=frames))
 
 
 def columns(robot: Robot, joints: Iterable[str]) -> list[int]:

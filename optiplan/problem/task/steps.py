@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
+from optiplan.problem.tools.tool import MountedTool
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +66,7 @@ class Attach:
     mass: float | None = None
     centre: tuple[float, ...] | None = None
     inertia: tuple[float, ...] | None = None
+    framed: bool = False
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,39 @@ class Detach:
     """What a link holds becomes an obstacle where it is."""
 
     body: str
+
+
+@dataclass(frozen=True, eq=False)
+class ChangeTool:
+    """A link gets another tool: one that it leaves, in its rack if it has one, and one that it takes; None: no tool."""
+
+    leaves: MountedTool | None
+    takes: MountedTool | None
+
+    @property
+    def body(self) -> str:
+        """The name of the tool that is taken; that of the one left where none is."""
+        tool = self.takes or self.leaves
+        return "" if tool is None else tool.name
+
+    @property
+    def link(self) -> str:
+        """The link of that tool."""
+        tool = self.takes or self.leaves
+        return "" if tool is None else tool.link
+
+    @property
+    def racks(self) -> tuple[tuple[MountedTool, pin.SE3], ...]:
+        """The tools of the change that have a rack, with the pose X_WP at which their link has to be."""
+        tools = [tool for tool in (self.leaves, self.takes) if tool is not None]
+        return tuple((tool, tool.X_WP) for tool in tools if tool.X_WP is not None)
+
+
+PARKED = 2e-3, 1e-2
+"""m and rad: how far a link may be from where a tool is parked as it takes or leaves it; the coupling centres it."""
+
+Event: TypeAlias = Attach | Detach | ChangeTool
+"""What takes no time: what the robot carries changes."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +177,7 @@ class TargetTour:
         return len(self.targets) * (1 + len(self.at_each)) + self.closed
 
 
-Action: TypeAlias = Move | StraightLine | Attach | Detach | Dwell | TargetTour
+Action: TypeAlias = Move | StraightLine | Attach | Detach | ChangeTool | Dwell | TargetTour
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +186,8 @@ class TaskStep:
 
     Attributes:
         number: in the problem file, from 1.
-        kind: its key there: `move`, `line`, `approach`, `retreat`, `attach`, `detach`, `gripper`, `dwell`, `tour`; or
-            `process`: what is done at the targets of a tour.
+        kind: its key there: `move`, `line`, `approach`, `retreat`, `attach`, `detach`, `gripper`, `dwell`, `tour`,
+            `tool`; or `process`: what is done at the targets of a tour.
         name: its own, or its kind and what it is about.
         action: what is done.
         allowed: pairs of names that may touch during the step, besides those of the scene.
@@ -173,4 +209,4 @@ class TaskStep:
     @property
     def event(self) -> bool:
         """Whether it takes no time: what is held changes."""
-        return isinstance(self.action, Attach | Detach)
+        return isinstance(self.action, Event)

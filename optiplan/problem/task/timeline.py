@@ -11,7 +11,7 @@ from optiplan.arrays import Array
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.problem.task.scene_change import carrying, columns, scene_after, scene_during
-from optiplan.problem.task.steps import Attach, Detach, Move, TaskStep
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Event, Move, TaskStep
 from optiplan.problem.task.tour_steps import in_order
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.segments import Segment
@@ -84,7 +84,7 @@ def _other_object(problem: Problem, step: TaskStep, segment: Segment) -> str:
         if isinstance(one.action, Attach):
             links[one.action.body] = one.action.link
     expected = ("", "")
-    if isinstance(step.action, Attach):
+    if isinstance(step.action, Attach | ChangeTool):
         expected = step.action.body, step.action.link
     elif isinstance(step.action, Detach):
         expected = step.action.body, links[step.action.body]
@@ -180,7 +180,7 @@ def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[Ta
     scene, problem = problem.scene, in_order(problem, trajectory)
     for step, (begin, end) in zip(problem.task, _bounds(trajectory), strict=True):
         yield step, scene, begin, end
-        if isinstance(step.action, Attach | Detach):
+        if isinstance(step.action, Event):
             scene = scene_after(scene, step.action, problem.robot, trajectory(end))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_change import scene_after
-from optiplan.problem.task.steps import Attach, Detach, Move, TaskStep
+from optiplan.problem.task.steps import Attach, Event, Move, TaskStep
 from optiplan.problem.task.timeline import part_problem, scene_parts, steps_in_time
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -27,7 +27,7 @@ class TaskStage:
 
     begin: float
     problem: Problem
-    actions: tuple[Attach | Detach, ...] = ()
+    actions: tuple[Event, ...] = ()
     fingers: Mapping[str, Mapping[int, float]] = field(default_factory=dict)
     pressed: frozenset[str] = frozenset()
 
@@ -44,7 +44,7 @@ def stages_of(problem: Problem, trajectory: Trajectory) -> list[TaskStage]:
     last = problem.scene
     for step, scene, begin, _ in steps_in_time(problem, trajectory):
         last = scene
-        if not isinstance(step.action, Attach | Detach):
+        if not isinstance(step.action, Event):
             continue
         last = scene_after(scene, step.action, problem.robot, trajectory(begin))
         k = int(np.searchsorted([stage.begin for stage in found], begin))

@@ -11,7 +11,7 @@ from optiplan.planners.registry import make_planner
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
 from optiplan.planners.sclerp.schemes import iterate_scheme
-from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 from optiplan.problem.problem import JointGoal, PoseGoal, derived
 from optiplan.robot.robot import load_robot
 from optiplan.runs.pipeline import run
@@ -45,7 +45,7 @@ def test_the_screw_that_ends_at_a_limit_says_at_which_joint_where_and_how_far(st
     assert failure.witness["joint"] == "W1"
     assert failure.witness["fraction"] == pytest.approx(0.99, abs=0.01)
     assert failure.witness["q"][5] == pytest.approx(failure.witness["limit"], abs=2e-3)
-    tool = Tool(stuck.robot, stuck.robot.tool_frame)
+    tool = ScrewTool(stuck.robot, stuck.robot.tool_frame)
     on_screw = ScrewMotion(tool.pose(stuck.start), stuck.goal[0].X_WG).pose(failure.witness["fraction"])
     assert np.allclose(failure.witness["pose"]["position"], on_screw.translation, atol=1e-9)
     for word in ("W1", "%", f"{on_screw.translation[0]:.4f}"):
@@ -62,7 +62,7 @@ def test_the_tool_stays_on_its_screw(make):
     problem = make()
     result = run(problem, "sclerp", {}, Budget(30.0), silent)
     assert result.verified, result.failure
-    tool = Tool(problem.robot, problem.robot.tool_frame)
+    tool = ScrewTool(problem.robot, problem.robot.tool_frame)
     goal = problem.goal[0]
     X_G = goal.X_WG if isinstance(goal, PoseGoal) else tool.pose(goal.q)
     screw = ScrewMotion(tool.pose(problem.start), X_G)
@@ -113,7 +113,7 @@ def test_the_other_schemes_end_where_their_tolerance_says(scheme):
 
 @pytest.mark.parametrize("limits", ["reflect", "clip", "qp"])
 def test_after_each_step_the_joints_are_within_limits(stuck, limits):
-    tool = Tool(stuck.robot, stuck.robot.tool_frame)
+    tool = ScrewTool(stuck.robot, stuck.robot.tool_frame)
     options = SclerpOptions(scheme="damped", limits=limits, beta=0.5, iterations=150)
     found = iterate_scheme(tool, stuck.start, stuck.goal[0].X_WG, options)
     assert found.hits[:, 5].any()
@@ -127,7 +127,7 @@ def test_after_each_step_the_joints_are_within_limits(stuck, limits):
 def test_damping_bounds_the_joint_rates_at_a_singularity():
     """|Jᵀ (J Jᵀ + λ² I)⁻¹ v| <= |v| / (2 λ); without it there is no bound."""
     robot = cases.robot("ur5")
-    tool, q = Tool(robot, robot.tool_frame), np.array([0.3, -1.2, 0.9, -0.4, 1e-7, 0.2])  # wrist in line
+    tool, q = ScrewTool(robot, robot.tool_frame), np.array([0.3, -1.2, 0.9, -0.4, 1e-7, 0.2])  # wrist in line
     X_WG = tool.pose(q)
     X_WG.translation += np.array([0.02, 0.03, -0.01])
     X_WG.rotation = pin.exp3(np.array([0.2, -0.1, 0.3])) @ X_WG.rotation

@@ -6,7 +6,7 @@ from optiplan.geometry.dual_quaternion import screw_between
 from optiplan.planners.sclerp.interpolation import on_screw, spline, through
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion, ScrewStepper
-from optiplan.planners.sclerp.screw_kinematics import Tool
+from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 from tests.planners import cases
 
 FAR = np.array([0.4, -0.5, 0.3, -2.0, 0.2, 1.8, 1.0])
@@ -15,7 +15,7 @@ FAR = np.array([0.4, -0.5, 0.3, -2.0, 0.2, 1.8, 1.0])
 @pytest.fixture(scope="module")
 def tool():
     robot = cases.robot("panda")
-    return Tool(robot, robot.tool_frame)
+    return ScrewTool(robot, robot.tool_frame)
 
 
 @pytest.fixture

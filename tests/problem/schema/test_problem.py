@@ -37,7 +37,7 @@ BAD = [
         4,
         "goal.area",
         "unknown key 'area'",
-        "joints, joints_deg, configuration, velocity, acceleration, pose, region, any_of",
+        "joints, joints_deg, configuration, velocity, acceleration, pose, region, all_of, any_of",
     ),
     (GOAL, "{any_of: []}", 4, "goal.any_of", "a list of 0 values", "at least 1"),
     (GOAL, "{any_of: [{any_of: []}]}", 4, "goal.any_of[0].any_of", "unknown key 'any_of'", "joints"),

@@ -14,11 +14,23 @@ from optiplan.problem.constraints.base import WHOLE, Statement
 from optiplan.problem.constraints.motions import PairClearance, ToolAcceleration, ToolSpeed
 from optiplan.problem.constraints.points import OnPlane
 from optiplan.problem.constraints.statements import KINDS
-from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
+from optiplan.problem.goals_and_vias import AllOfGoal, JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.problem import derived
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, Process, StraightLine, Target, TargetTour, TaskStep
+from optiplan.problem.task.steps import (
+    Attach,
+    ChangeTool,
+    Detach,
+    Dwell,
+    Move,
+    Process,
+    StraightLine,
+    Target,
+    TargetTour,
+    TaskStep,
+)
+from optiplan.problem.tools.tool import MountedTool, ToolBody
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
@@ -203,14 +215,19 @@ def test_a_mass_that_the_robot_does_not_carry_is_not_checked(planar, problem, sw
     assert verify(carried, swing).verified
 
 
-@pytest.mark.parametrize("lost", ["collision", "loaded_torque", "path_constraints", "vias"])
+@pytest.mark.parametrize("lost", ["collision", "loaded_torque", "path_constraints", "vias", "tool_checks"])
 def test_a_check_that_is_left_out_is_missed(planar, problem, swing, monkeypatch, lost):
     """Whatever part of the verifier returns a check of nothing, or none, the verdict is not `verified`."""
     crate = Obstacle("crate", Box((0.1, 0.1, 0.1)), pin.SE3(np.eye(3), np.array([3.0, 0, 0])))
     cart = crate.moving([[0.0], [0.1], [0.0]])
+    knob = ToolBody("knob", Sphere(0.01), "tip", pin.SE3.Identity(), frozenset({"forearm"}))
+    knobbed = MountedTool("probe", "tip", pin.SE3.Identity(), (knob,), mounted=True)
+    with_probe = planar.mounted(replace(planar.mounting, frames=(knobbed.frame,)))
     whole = derived(
         problem,
-        scene=Scene((replace(crate, name="still"), cart)),
+        robot=with_probe,
+        tools=(knobbed,),
+        scene=knobbed.on(Scene((replace(crate, name="still"), cart))),
         path_constraints=(ToolSpeed("tool", 100.0),),
         vias=(Via(JointGoal(np.array(swing(0.5 * swing.duration)))),),
     )
@@ -241,18 +258,21 @@ def test_fields_of_what_a_problem_states_are_known():
         JointGoal: {"q", "tolerance", "velocity", "acceleration"},
         PoseGoal: {"frame", "X_WG", "position", "orientation"},
         RegionGoal: {"frame", "X_WR", "X_RF", "low", "high"},
+        AllOfGoal: {"parts"},
         Via: {"at", "velocity", "time"},  # wishes
         Move: {"joints", "goal", "vias", "rests", "carried_by"},
         Target: {"name", "goal", "after", "cluster", "window"},
         Process: {"seconds", "name"},
         TargetTour: {"joints", "targets", "free", "first", "last", "closed", "at_each", "carried_by"},
         StraightLine: {"joints", "frame", "ends", "by", "in_tool", "speed", "blend"},
-        Attach: {"body", "link", "touch", "mass", "centre", "inertia"},
+        Attach: {"body", "link", "touch", "mass", "centre", "inertia", "framed"},
+        ChangeTool: {"leaves", "takes"},
+        MountedTool: {"name", "link", "X_LT", "bodies", "X_WP", "mounted"},
         Detach: {"body"},
         Dwell: {"seconds"},
         TaskStep: {"number", "kind", "name", "action", "allowed", "constraints"},
         Obstacle: {"name", "shape", "X_WO", "stated", "motion"},
-        Attachment: {"name", "shape", "link", "X_LO", "touch", "stated", "mass", "centre", "inertia"},
+        Attachment: {"name", "shape", "link", "X_LO", "touch", "stated", "mass", "centre", "inertia", "framed"},
         Limits: {"lower", "upper", "velocity", "acceleration", "jerk", "torque"},
         Scene: {"obstacles", "attached", "allowed", "safety"},
         Safety: {"scene", "own", "pairs", "within", "ends"},

@@ -21,6 +21,7 @@ const OptiPlanObjects = (() => {
         if (stay === thing.stay) continue;
         thing.stay = stay;
         place(thing.mesh, stay.pose);
+        thing.mesh.visible = !stay.absent;
         (stay.body ? this.run.figure.bodies[stay.body] : this.group).add(thing.mesh);
       }
     }

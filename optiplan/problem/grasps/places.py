@@ -1,0 +1,36 @@
+"""Poses drawn from a goal region, evenly: where a line may end in it."""
+
+import numpy as np
+
+from optiplan.problem.goals_and_vias import PoseGoal
+from optiplan.problem.regions.region import RegionGoal
+
+PLACES = 48
+"""Poses in a region that a line may end at."""
+
+_STEPS = 1.0 / 1.1347241384 ** np.arange(1, 7)
+"""Steps of the additive sequence in six dimensions; 1.1347 solves x^7 = x + 1.
+
+Source: M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018; it fills a box evenly.
+"""
+
+_SHARE = 0.9
+"""Share of each width in which they lie; the rest is for the tolerance of the poses."""
+
+
+def unbounded(region: RegionGoal) -> str:
+    """Return the axes along which a region has no bound, from which no even poses can be drawn; empty for none."""
+    free = [not (np.isfinite(region.low[k]) and np.isfinite(region.high[k])) for k in range(3)]
+    return " and ".join(f"along {axis}" for axis, endless in zip("xyz", free, strict=True) if endless)
+
+
+def places(region: RegionGoal, count: int = PLACES) -> list[PoseGoal]:
+    """Return poses of a region that is bounded along its axes, its middle first; free rotations take whole turns."""
+    low = np.where(np.isfinite(region.low), region.low, -np.pi)
+    high = np.where(np.isfinite(region.high), region.high, np.pi)
+    middle, half = 0.5 * (low + high), 0.5 * _SHARE * (high - low)
+    width = high - low
+    position = float(min(1e-4, 0.05 * np.min(width[:3])))
+    orientation = float(min(1e-3, 0.05 * np.min(width[3:])))
+    shares = 2.0 * np.mod(0.5 + np.arange(count)[:, None] * _STEPS, 1.0) - 1.0
+    return [PoseGoal(region.frame, region.pose(middle + half * share), position, orientation) for share in shares]
