@@ -80,7 +80,7 @@ if TYPE_CHECKING:
     from optiplan.problem.problem import Problem
     from optiplan.problem.regions.region import RegionGoal
     from optiplan.problem.statement import Region, ViaPoint
-    from optiplan.problem.task.builder import Task, Tour
+    from optiplan.problem.task.builder import Path, Task, Tour
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
     from optiplan.service.cell import RemoteExecution
@@ -157,7 +157,7 @@ _ROOMS = {
     "problem.problem": ("Problem",),
     "geometry.pose": ("Pose",),
     "problem.statement": ("Region", "ViaPoint"),
-    "problem.task.builder": ("Task", "Tour"),
+    "problem.task.builder": ("Path", "Task", "Tour"),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
     "simulation.log": ("Log", "ObjectLog", "WheelLog"),
@@ -225,6 +225,7 @@ __all__ = [
     "OrientationCone",
     "OrientationTask",
     "PairClearance",
+    "Path",
     "PlaceRange",
     "Placement",
     "PlanResult",

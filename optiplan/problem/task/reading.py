@@ -26,7 +26,10 @@ from optiplan.problem.schema.task import (
     StraightLineSpec,
     TaskStepSpec,
 )
+from optiplan.problem.schema.seam import SeamSpec
 from optiplan.problem.schema.tour import TourSpec
+from optiplan.problem.seams.actions import SeamPath
+from optiplan.problem.seams.reading import read_path
 from optiplan.problem.task.scene_change import held_body
 from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
 from optiplan.problem.task.tour_reading import read_tour
@@ -99,6 +102,7 @@ class TaskReader:
             "gripper": self._gripper,
             "dwell": lambda _, seconds: iter([Dwell(seconds)]),
             "tour": self._tour,
+            "path": self._path,
         }
         kind = part.value.kind
         return readers[kind]((*part.place, kind), getattr(part.value, kind))
@@ -108,6 +112,12 @@ class TaskReader:
         tour = read_tour(self.compiler, self._with_tool_of(spec.group), place, spec, joints or ())
         if tour is not None and joints is not None:
             yield tour
+
+    def _path(self, place: Place, spec: SeamSpec) -> Iterator[SeamPath]:
+        joints = self._joints(place, spec.group)
+        path = read_path(self.compiler, self._with_tool_of(spec.group), place, spec, joints or ())
+        if path is not None and joints is not None:
+            yield path
 
     def _joints(self, place: Place, group: str | None) -> tuple[str, ...] | None:
         """Return the joints of a group, in the robot's order; None where there is none of that name."""

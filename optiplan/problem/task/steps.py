@@ -9,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
+from optiplan.problem.seams.actions import PathEvent, SeamPart, SeamPath, Transit
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +138,9 @@ class TargetTour:
         return len(self.targets) * (1 + len(self.at_each)) + self.closed
 
 
-Action: TypeAlias = Move | StraightLine | Attach | Detach | Dwell | TargetTour
+Action: TypeAlias = (
+    Move | StraightLine | Attach | Detach | Dwell | TargetTour | SeamPath | Transit | SeamPart | PathEvent
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +149,8 @@ class TaskStep:
 
     Attributes:
         number: in the problem file, from 1.
-        kind: its key there: `move`, `line`, `approach`, `retreat`, `attach`, `detach`, `gripper`, `dwell`, `tour`; or
-            `process`: what is done at the targets of a tour.
+        kind: its key there: `move`, `line`, `approach`, `retreat`, `attach`, `detach`, `gripper`, `dwell`, `tour`,
+            `path`; or `process`: what is done at the targets of a tour; `passing`: an event on a path.
         name: its own, or its kind and what it is about.
         action: what is done.
         allowed: pairs of names that may touch during the step, besides those of the scene.
@@ -168,5 +171,5 @@ class TaskStep:
 
     @property
     def event(self) -> bool:
-        """Whether it takes no time: what is held changes."""
-        return isinstance(self.action, Attach | Detach)
+        """Whether it takes no time: what is held changes, or something happens on a path."""
+        return isinstance(self.action, Attach | Detach | PathEvent)
