@@ -9,7 +9,7 @@ from optiplan.problem.seams.curve import SeamCurve
 
 @dataclass(frozen=True)
 class PathEvent:
-    """Something happens as the tool passes a place on its path, without a stop.
+    """What happens as the tool passes a place on its path, without a stop.
 
     Attributes:
         at: length of the path there, m.
@@ -90,3 +90,16 @@ class SeamPart:
     def joints(self) -> tuple[str, ...]:
         """Names of the joints that move."""
         return self.path.joints
+
+
+@dataclass(frozen=True, eq=False)
+class Passing:
+    """The tool passes the place of an event; takes no time.
+
+    Attributes:
+        path: the whole.
+        at: length of the path there, m.
+    """
+
+    path: SeamPath
+    at: float

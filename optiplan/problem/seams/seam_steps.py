@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from optiplan.problem.seams.actions import SeamPart, SeamPath, Transit
+from optiplan.problem.seams.actions import Passing, SeamPart, SeamPath, Transit
 from optiplan.problem.task.steps import TaskStep
 from optiplan.trajectory.segments import ON_PATH, PASSING
 
@@ -22,6 +22,6 @@ def seam_steps(step: TaskStep, path: SeamPath) -> Iterator[TaskStep]:
     for k, (low, high) in enumerate(path.parts()):
         if k > 0:
             event = path.events[k - 1]
-            yield replace(step, kind=PASSING, name=event.name, action=event, constraints=())
+            yield replace(step, kind=PASSING, name=event.name, action=Passing(path, event.at), constraints=())
         yield replace(step, kind=ON_PATH, action=SeamPart(path, low, high))
     yield replace(free, name=RUN_OUT)

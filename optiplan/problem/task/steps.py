@@ -9,7 +9,7 @@ from optiplan.arrays import Array
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.seams.actions import PathEvent, SeamPart, SeamPath, Transit
+from optiplan.problem.seams.actions import Passing, SeamPart, SeamPath, Transit
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,9 +138,7 @@ class TargetTour:
         return len(self.targets) * (1 + len(self.at_each)) + self.closed
 
 
-Action: TypeAlias = (
-    Move | StraightLine | Attach | Detach | Dwell | TargetTour | SeamPath | Transit | SeamPart | PathEvent
-)
+Action: TypeAlias = Move | StraightLine | Attach | Detach | Dwell | TargetTour | SeamPath | Transit | SeamPart | Passing
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,4 +170,4 @@ class TaskStep:
     @property
     def event(self) -> bool:
         """Whether it takes no time: what is held changes, or something happens on a path."""
-        return isinstance(self.action, Attach | Detach | PathEvent)
+        return isinstance(self.action, Attach | Detach | Passing)
