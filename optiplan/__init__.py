@@ -82,7 +82,7 @@ if TYPE_CHECKING:
     from optiplan.problem.problem import Problem
     from optiplan.problem.regions.region import RegionGoal
     from optiplan.problem.statement import AllOf, Region, ViaPoint
-    from optiplan.problem.task.builder import Task, Tour
+    from optiplan.problem.task.builder import Path, Task, Tour
     from optiplan.problem.tools.statement import Tool
     from optiplan.robot.robot import Robot
     from optiplan.runs.run import Run
@@ -162,7 +162,7 @@ _ROOMS = {
     "problem.problem": ("Problem",),
     "geometry.pose": ("Pose",),
     "problem.statement": ("AllOf", "Region", "ViaPoint"),
-    "problem.task.builder": ("Task", "Tour"),
+    "problem.task.builder": ("Path", "Task", "Tour"),
     "problem.tools.statement": ("Tool",),
     "robot.robot": ("Robot",),
     "runs.run": ("Run",),
@@ -233,6 +233,7 @@ __all__ = [
     "OrientationCone",
     "OrientationTask",
     "PairClearance",
+    "Path",
     "PlaceRange",
     "Placement",
     "PlanResult",

@@ -173,7 +173,7 @@ def tool_statements(data: Mapping[str, Any], own_tools: Container[str] = ()) -> 
     """Return the mappings in a problem's data whose `frame` is the tool frame without one, to be changed in place.
 
     Args:
-        data: of the problem: poses and regions of goal, vias and steps, lines by a vector, retreats and tours.
+        data: of the problem: poses and regions of goal, vias and steps, lines by a vector, retreats, tours and paths.
         own_tools: groups with a tool frame of their own; steps of these are left out.
     """
     found = []
@@ -185,7 +185,7 @@ def tool_statements(data: Mapping[str, Any], own_tools: Container[str] = ()) -> 
             poses = [end] if place[2:4] == ("approach", "any_of") else poses
             found += [pose for pose in poses if isinstance(pose, dict)]
     for step in data.get("task") or ():
-        for kind in ("line", "retreat", "tour"):
+        for kind in ("line", "retreat", "tour", "path"):
             said = step.get(kind) if isinstance(step, Mapping) else None
             if isinstance(said, dict) and "pose" not in said and str(said.get("group")) not in own_tools:
                 found.append(said)

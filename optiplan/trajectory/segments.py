@@ -6,10 +6,18 @@ from typing import Any
 
 from optiplan.errors import InputError, Issue
 
-EVENTS = ("attach", "detach", "gripper", "process")
+PASSING = "passing"
+"""Kind of the events on a path of the tool, which it passes without a stop."""
+
+ON_PATH = "path"
+"""Kind of the segments along a path of the tool, to it and away from it."""
+
+STOPPED = ("attach", "detach", "gripper", "process")
+
+EVENTS = (*STOPPED, PASSING)
 """Kinds of segments that other programs act upon."""
 
-RESTING = (*EVENTS, "dwell")
+RESTING = (*STOPPED, "dwell")
 """Kinds of segments before and after which the arm stands still."""
 
 TOUR = "tour"

@@ -6,6 +6,7 @@ from typing import Any
 
 from optiplan.geometry.scene import Attachment, Scene
 from optiplan.problem.problem import Problem
+from optiplan.problem.seams.actions import Passing, SeamPart, Transit
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
@@ -159,4 +160,7 @@ _OF_ACTIONS: Mapping[type, Callable[[Any], list[str]]] = {
     Detach: lambda _: ["event"],
     ChangeTool: lambda _: ["event", "tool"],
     Dwell: lambda _: ["dwell"],
+    Transit: lambda _: [],
+    SeamPart: lambda _: ["path", "axis", "speed"],
+    Passing: lambda _: ["event"],
 }

@@ -12,6 +12,7 @@ from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
 from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
+from optiplan.problem.seams.actions import SeamPart, Transit
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Event, Move, StraightLine, TaskStep
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
@@ -26,6 +27,7 @@ from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.torque import torque
 from optiplan.verify.line_ways import LineSpeed, LineWay, frame_at, line_constraints, line_speed, line_way
 from optiplan.verify.report import Check, VerifyPolicy
+from optiplan.verify.seams.seam_check import seam_checks
 from optiplan.verify.statements import constraint, covering, masses, step_place
 from optiplan.verify.via_check import vias
 
@@ -70,6 +72,7 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
         *_worst_of(_passed(parts), "via"),
         *_worst_of(_lines(parts, policy), "line"),
         *_line_speeds(parts, policy),
+        *_seams(parts, policy),
         _standing(problem, trajectory, parts, policy),
         *_constraints(problem, trajectory, parts, scenes, policy),
         *limit_checks.of_the_whole(problem, trajectory, policy),
@@ -245,6 +248,17 @@ def _speeds_held(parts: Iterable[_Part]) -> Iterator[tuple[TaskStep, LineSpeed]]
             yield part.step, line_speed(part.problem, part.motion, action)
 
 
+def _seams(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
+    """Check the parts of paths of the tool and the events on them, the worst of each kind."""
+    found = [
+        _of_part(check, part)
+        for k, part in enumerate(parts)
+        for check in seam_checks(k, part.step, part.problem, (part.motion, part.q), policy)
+    ]
+    for name in dict.fromkeys(check.name for check in found):
+        yield from _worst_of((check for check in found if check.name == name), name)
+
+
 def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], policy: VerifyPolicy) -> Check:
     """Check that joints which a step does not move stand still, all of them at events and where a move rests.
 
@@ -273,7 +287,7 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
             elif isinstance(action, Dwell):
                 failed = failed or f"{step.words} does not last"
             continue
-        moving = action.joints if isinstance(action, Move | StraightLine) else ()
+        moving = action.joints if isinstance(action, Move | StraightLine | Transit | SeamPart) else ()
         own = [k for k, name in enumerate(problem.robot.joint_names) if name not in moving]
         low, high = part.motion.extrema(0)
         moved = float((high - low)[own].max(initial=0.0))

@@ -21,6 +21,7 @@ from optiplan.planners.task.via_moves import ViaMoves, unsupported
 from optiplan.planners.task.waiting import waiting
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
+from optiplan.problem.seams.actions import SeamPart, Transit
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import join_trajectories, standstill
@@ -92,13 +93,23 @@ def _optimised(
     for most in (_PIECE, None):
         for k, group in enumerate(found):
             progress("optimising steps together", k / len(groups))
-            if isinstance(group, Pause) or not _timed_only(problem) or (most is not None and _count(group) <= _LONG):
+            if (
+                isinstance(group, Pause)
+                or _is_fixed(group)
+                or not _timed_only(problem)
+                or (most is not None and _count(group) <= _LONG)
+            ):
                 continue
             better: list[Stretch] = []
             for piece in _pieces(group, most):
                 better += piece if budget.over or _count(piece) == 1 else optimised(piece, options, budget)
             found[k] = better
         yield _flat(found)
+
+
+def _is_fixed(group: list[Stretch]) -> bool:
+    """Whether a group is a path, whose motion is found already."""
+    return isinstance(group[0].steps[0].step.action, Transit | SeamPart)
 
 
 def _flat(groups: Sequence[Group]) -> list[TaskPart]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from optiplan.planners.base import Budget, Failure, Planner, Progress, stages_of
 from optiplan.planners.common.context import Stopwatch
+from optiplan.planners.seams.seam_search import FoundSeam, SeamSearch
 from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.planned_steps import Pause, PlannedMotion, PlannedStep, Stretch, TaskPart
 from optiplan.planners.task.search import TaskSearch
@@ -13,6 +14,8 @@ from optiplan.planners.task.stages import Stages, WorldState
 from optiplan.planners.task.timed_step import timed_step
 from optiplan.planners.tours.search import FoundTour, TourSearch
 from optiplan.problem.problem import Problem, derived
+from optiplan.problem.seams.actions import Passing, SeamPath
+from optiplan.problem.seams.seam_steps import seam_steps
 from optiplan.problem.task.steps import Dwell, TargetTour, TaskStep
 from optiplan.problem.task.tour_steps import tour_steps
 
@@ -23,11 +26,11 @@ Section = Sequence[TaskStep]
 
 
 def sections_of(task: Sequence[TaskStep]) -> list[Section]:
-    """Divide a task: every tour alone, and the steps before, between and after them."""
+    """Divide a task: every tour and path alone, and the steps before, between and after them."""
     found: list[list[TaskStep]] = []
     for step in task:
-        alone = isinstance(step.action, TargetTour)
-        if alone or not found or isinstance(found[-1][0].action, TargetTour):
+        alone = isinstance(step.action, TargetTour | SeamPath)
+        if alone or not found or isinstance(found[-1][0].action, TargetTour | SeamPath):
             found.append([])
         found[-1].append(step)
     return list(found)
@@ -64,6 +67,9 @@ class SectionPlanner:
                 with watch.stage("tour"):
                     last = k == len(sections) - 1
                     done = self._tour(section[0], action, state, share.share(_TOUR), parts if last else None)
+            elif isinstance(action, SeamPath):
+                with watch.stage("path"):
+                    done = self._path(section[0], action, state, share.share(_TOUR))
             else:
                 done = self._steps(section, state, share, watch, first=k == 0)
             if isinstance(done, Failure):
@@ -95,6 +101,17 @@ class SectionPlanner:
                     return timed
                 parts.append(timed)
         return parts
+
+    def _path(self, step: TaskStep, path: SeamPath, state: WorldState, budget: Budget) -> list[TaskPart] | Failure:
+        """Return the parts of a path: the way to it, and the motion along it."""
+        stages = Stages(self.problem)
+        stage = stages.at(state, step, path.joints)
+        search = SeamSearch(stage.problem, path, stage.model, self.planner, budget, stages_of(self.progress))
+        found = search.run()
+        self.info |= {"path": search.info}
+        if isinstance(found, Failure):
+            return of_step(found, step, state, self.problem.robot, stage)
+        return _parts_of_path(stages, step, path, state, found)
 
     def _tour(
         self, step: TaskStep, tour: TargetTour, state: WorldState, budget: Budget, before: list[TaskPart] | None
@@ -134,3 +151,28 @@ def _parts(stages: Stages, step: TaskStep, tour: TargetTour, state: WorldState, 
         after = stage.arrived(leg.end, state)
         yield Stretch.of(PlannedMotion(own, state, after, stage, leg), leg)
         state = replace(after)
+
+
+def _parts_of_path(
+    stages: Stages, step: TaskStep, path: SeamPath, state: WorldState, found: FoundSeam
+) -> list[TaskPart]:
+    """Return the steps of a path as parts: the way to it from rest to rest, and all that follows in one motion."""
+    first, *rest = seam_steps(step, path)
+    stage = stages.at(state, first, path.joints)
+    parts: list[TaskPart] = []
+    if found.approach is None:
+        parts.append(Pause(PlannedStep(first, state, state), 0.0))
+    else:
+        after = stage.arrived(found.approach.end, state)
+        parts.append(Stretch.of(PlannedMotion(first, state, after, stage, found.approach), found.approach))
+        state = after
+    begins = iter(found.times.tolist())
+    ends: list[float] = []
+    planned: list[PlannedMotion] = []
+    for own in rest:
+        isolated = isinstance(own.action, Passing)
+        ends.append(ends[-1] if isolated else next(begins, found.motion.duration))
+        after = stage.arrived(found.motion(ends[-1], clamp=True), state)
+        planned.append(PlannedMotion(own, state, after, stages.at(state, own, path.joints), found.motion))
+        state = after
+    return [*parts, Stretch(tuple(planned), found.motion, tuple(ends))]

@@ -9,6 +9,7 @@ import numpy as np
 from optiplan.planners.task.planned_steps import PlannedMotion, PlannedStep, TaskPart
 from optiplan.planners.task.smooth_runs import is_rounded
 from optiplan.problem.problem import JointGoal
+from optiplan.problem.seams.actions import Passing, SeamPart, Transit
 from optiplan.problem.task.steps import Action, Move, StraightLine
 
 NOT_QUICKER = "no motion without this stop was found that is free and quicker"
@@ -43,6 +44,8 @@ def _why_rest(planned: PlannedStep) -> str | None:
     action, name = planned.step.action, planned.step.name
     if not isinstance(planned, PlannedMotion) or planned.step.kind == "gripper":
         return name
+    if isinstance(action, Passing | SeamPart | Transit):
+        return "a path of the tool begins and ends at rest"
     if planned.stage.problem.moving_start:
         return "the move that takes a motion over ends at rest"
     if ends_in_motion(action):

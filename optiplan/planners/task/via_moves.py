@@ -7,6 +7,7 @@ from typing import Any
 from optiplan.planners.base import Failure, Planner
 from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.problem import Problem, derived
+from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.task.steps import Move, TargetTour, TaskStep
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
@@ -34,7 +35,7 @@ class ViaMoves:
 
     Attributes:
         problem: its task has a move to each via and one to the goal.
-        counts: moves that stand for each step of the task as it was, of a tour one for each of its segments; empty
+        counts: moves that stand for each step of the task as it was, of a tour or path one for each of its segments; empty
             where there was no task.
     """
 
@@ -61,7 +62,7 @@ class ViaMoves:
         parts = [_moves(step) if planner.joins_legs else [step] for step in problem.task]
         task = tuple(one for part in parts for one in part)
         counts = [
-            (1,) * one.action.count if isinstance(one.action, TargetTour) else (len(part),)
+            (1,) * one.action.count if isinstance(one.action, TargetTour | SeamPath) else (len(part),)
             for one, part in zip(problem.task, parts, strict=True)
         ]
         return cls(derived(problem, task=task), tuple(count for own in counts for count in own))

@@ -26,6 +26,8 @@ NOT_POSES = frozenset({"by", "distance", "pose", "speed"})
 """Keys of lines, whose direction is said `in` the world or the tool."""
 OF_REGIONS = frozenset({"along", "about"})
 """Keys of a region, whose `offset` is its own."""
+_LISTS = frozenset({"targets", "points"})
+"""Lists of a tour and of a path, whose poses may have an axis."""
 APART = ("robot", "frames")
 """Parts of a file whose poses are of their own kind."""
 
@@ -158,9 +160,25 @@ def _replaced(data: Any, poses: Mapping[Place, pin.SE3 | None], place: Place) ->
         own = set(OWN) - ({"offset"} if _is_region(data) else set())
         pose, kept = poses[place], {key: value for key, value in data.items() if key not in own}
         stated = {key: data[key] for key in OWN[2:] if key in data} if pose is None else pose_to_data(pose)
-        if pose is not None and "targets" in place and len(axis := _listed(data.get("axis"))) == 3:
-            stated = {"position": stated["position"], "axis": (pose.rotation @ np.array(axis, float)).tolist()}
+        if pose is not None and not _LISTS.isdisjoint(place):
+            stated = _listed_pose(data, pose, stated, "points" in place)
         return {**kept, **stated}
     if isinstance(data, Mapping):
         return {key: _replaced(value, poses, (*place, key)) for key, value in data.items()}
     return [_replaced(value, poses, (*place, k)) for k, value in enumerate(data)] if isinstance(data, list) else data
+
+
+def _listed_pose(data: Mapping[str, Any], X_WB: pin.SE3, stated: dict[str, Any], points: bool) -> dict[str, Any]:
+    """Return a target or a point whose pose is `stated` in the world: with an axis, or as it is.
+
+    A point without a rotation of its own has none in a frame either.
+    """
+    found = dict(stated)
+    if len(axis := _listed(data.get("axis"))) == 3:
+        found = {"position": stated["position"], "axis": (X_WB.rotation @ np.array(axis, float)).tolist()}
+    elif points and not {"offset", *OWN[3:]} & data.keys():
+        found = {"position": stated["position"]}
+    if points and len(through := _listed(data.get("through"))) == 3:
+        X_WF = X_WB * pose_from_data(mapping(data.get("offset"))).inverse() * pose_from_data(data).inverse()
+        found["through"] = X_WF.act(np.array(through, float)).tolist()
+    return found

@@ -29,6 +29,7 @@ from optiplan.problem.schema.ends import (
 )
 from optiplan.problem.schema.grasps import GraspsSpec
 from optiplan.problem.schema.scene import LARGEST_MASS, check_weight
+from optiplan.problem.schema.seam import SeamSpec
 from optiplan.problem.schema.tour import TourSpec
 
 
@@ -163,7 +164,7 @@ class GripperSpec(ConfigurationSpec, OfGroup):
 
 
 class TaskStepSpec(Strict):
-    """One step of a task: one of the keys from `move` to `tool` (`dwell` in s), and what holds during this step.
+    """One step of a task: one of the keys from `move` to `path` (`dwell` in s), and what holds during this step.
 
     `allowed_collisions` of an approach are for its line alone.
     """
@@ -178,6 +179,7 @@ class TaskStepSpec(Strict):
     dwell: Length | None = None
     tour: TourSpec | None = None
     tool: Name | None = None
+    path: SeamSpec | None = None
     name: Name | None = None
     allowed_collisions: tuple[NamePair, ...] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()
@@ -193,5 +195,5 @@ class TaskStepSpec(Strict):
         return next(kind for kind in STEP_KINDS if getattr(self, kind) is not None)
 
 
-STEP_KINDS = ("move", "line", "approach", "retreat", "attach", "detach", "gripper", "dwell", "tour", "tool")
+STEP_KINDS = ("move", "line", "approach", "retreat", "attach", "detach", "gripper", "dwell", "tour", "tool", "path")
 """What a step of a task can be."""

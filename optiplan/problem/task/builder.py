@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from os import PathLike
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.statement import End, Region, ViaPoint, end_data, is_configuration, via_point_data
 from optiplan.problem.to_data import path_constraint_data
 
-Targets = str | Path | Array | Sequence[Pose | Mapping[str, Any]]
+Targets = str | PathLike[str] | Array | Sequence[Pose | Mapping[str, Any] | Sequence[float]]
 """Targets of a tour, see `Tour`."""
 
 
@@ -162,6 +163,17 @@ class Task:
         step = {key: tour.pop(key) for key in _STEP_KEYS if key in tour}
         return self._with("tour", {"targets": _targets(targets), "order": order} | _given(**tour), step)
 
+    def path(self, points: Targets, speed: float, **path: Any) -> "Task":
+        """Lead the tool along a path at a constant speed that is held; see `Path` for the arguments.
+
+        Args:
+            points: as of `Path`.
+            speed: m/s.
+            path: further keys of a `path` of a problem file, and those of the step.
+        """
+        step = {key: path.pop(key) for key in _STEP_KEYS if key in path}
+        return self._with("path", {"points": _targets(points, "Path", "points"), "speed": speed} | _given(**path), step)
+
     def _with(self, kind: str, said: Any, step: Mapping[str, Any]) -> "Task":
         more = {key: value for key, value in step.items() if value is not None}
         if "path_constraints" in more:
@@ -198,26 +210,56 @@ class Tour(Task):
         super().__init__(Task().tour(targets, order, **tour).steps)
 
 
-def _targets(targets: Any) -> Any:
-    """Return `targets` of a file."""
-    if isinstance(targets, str | Path):
-        return str(Path(targets).resolve())
+class Path(Task):
+    """A task of one step: the tool follows a path through points at a constant speed that is held.
+
+    Args:
+        points: a list of `Pose` or of mappings (`position` with `axis`, `rpy` or `quaternion`, `through`), an array
+            (k, 3) of positions, m, or (k, 6) with axes, or the path of a CSV file.
+        speed: m/s.
+        path: `curve` ("line" or "spline"), `blend` and `ramp` (m), `speed_within` (share), `axis`, `free_axis`,
+            `cone`, `lead` and `side` (rad), `weave` ({"amplitude": m, "length": m}), `at`
+            ([{"path": 0.12, "do": "glue_on"}]), `tolerance`, `frame`, `group`.
+
+    Raises:
+        InputError: too few points, or keys that are unknown.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.Path([[0.4, 0.1, 0.3], [0.4, -0.1, 0.3]], speed=0.1, axis=[0, 0, -1])
+        Task: path
+    """
+
+    def __init__(self, points: Targets, speed: float, **path: Any) -> None:
+        super().__init__(Task().path(points, speed, **path).steps)
+
+
+def _targets(targets: Any, name: str = "Tour", argument: str = "targets") -> Any:
+    """Return `targets` of a file, or the points of a path."""
+    if isinstance(targets, str | PathLike):
+        return str(FilePath(targets).resolve())
+    plain_points = argument == "points"
     if isinstance(targets, np.ndarray) and targets.ndim == 2 and targets.shape[1] == 6:
         return [{"position": row[:3], "axis": row[3:]} for row in targets]
+    if plain_points and isinstance(targets, np.ndarray) and targets.ndim == 2 and targets.shape[1] == 3:
+        return [{"position": row} for row in targets]
     if isinstance(targets, Mapping) or not isinstance(targets, Sequence):
-        expected = "a list of Pose or mappings, an array (k, 6), or the path of a CSV file"
-        raise wrong_argument("Tour", "targets", described(targets), expected)
-    return [_target(one, k) for k, one in enumerate(targets)]
+        arrays = "(k, 3) or (k, 6)" if plain_points else "(k, 6)"
+        expected = f"a list of Pose or mappings, an array {arrays}, or the path of a CSV file"
+        raise wrong_argument(name, argument, described(targets), expected)
+    return [_target(one, name, f"{argument}[{k}]", plain_points) for k, one in enumerate(targets)]
 
 
-def _target(one: Any, k: int) -> Mapping[str, Any]:
+def _target(one: Any, name: str, argument: str, plain_points: bool) -> Mapping[str, Any]:
     if isinstance(one, Mapping):
         return one
+    if plain_points and isinstance(one, Sequence | np.ndarray) and not isinstance(one, str) and len(one) == 3:
+        return {"position": one}
     if not isinstance(one, Pose):
-        raise wrong_argument("Tour", f"targets[{k}]", described(one), "a Pose, or a mapping")
+        raise wrong_argument(name, argument, described(one), "a Pose, or a mapping")
     data = one.to_data()
     if data.keys() & {"frame", "tolerance"}:
-        raise wrong_argument("Tour", f"targets[{k}]", "a frame or tolerance of its own", "one of the whole tour")
+        raise wrong_argument(name, argument, "a frame or tolerance of its own", "one of the whole step")
     return data
 
 

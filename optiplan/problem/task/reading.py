@@ -18,6 +18,7 @@ from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.grasps.reading import grasp_ends, region_ends
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.schema.ends import ENDS, AlternativeSpec, ViaSpec
+from optiplan.problem.schema.seam import SeamSpec
 from optiplan.problem.schema.task import (
     ApproachSpec,
     AttachSpec,
@@ -30,6 +31,8 @@ from optiplan.problem.schema.task import (
 )
 from optiplan.problem.schema.tools import NONE
 from optiplan.problem.schema.tour import TourSpec
+from optiplan.problem.seams.actions import SeamPath
+from optiplan.problem.seams.reading import read_path
 from optiplan.problem.task.scene_change import held_body
 from optiplan.problem.task.steps import (
     Action,
@@ -130,6 +133,7 @@ class TaskReader:
             "dwell": lambda _, seconds: iter([Dwell(seconds)]),
             "tour": self._tour,
             "tool": self._tool,
+            "path": self._path,
         }
         kind = part.value.kind
         return readers[kind]((*part.place, kind), getattr(part.value, kind))
@@ -139,6 +143,12 @@ class TaskReader:
         tour = read_tour(self.compiler, self._with_tool_of(spec.group), place, spec, joints or ())
         if tour is not None and joints is not None:
             yield tour
+
+    def _path(self, place: Place, spec: SeamSpec) -> Iterator[SeamPath]:
+        joints = self._joints(place, spec.group)
+        path = read_path(self.compiler, self._with_tool_of(spec.group), place, spec, joints or ())
+        if path is not None and joints is not None:
+            yield path
 
     def _joints(self, place: Place, group: str | None) -> tuple[str, ...] | None:
         """Return the joints of a group, in the robot's order; None where there is none of that name."""

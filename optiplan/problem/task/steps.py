@@ -10,6 +10,7 @@ from optiplan.arrays import Array
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
+from optiplan.problem.seams.actions import Passing, SeamPart, SeamPath, Transit
 from optiplan.problem.tools.tool import MountedTool
 
 
@@ -177,7 +178,9 @@ class TargetTour:
         return len(self.targets) * (1 + len(self.at_each)) + self.closed
 
 
-Action: TypeAlias = Move | StraightLine | Attach | Detach | ChangeTool | Dwell | TargetTour
+Action: TypeAlias = (
+    Move | StraightLine | Attach | Detach | ChangeTool | Dwell | TargetTour | SeamPath | Transit | SeamPart | Passing
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +190,7 @@ class TaskStep:
     Attributes:
         number: in the problem file, from 1.
         kind: its key there: `move`, `line`, `approach`, `retreat`, `attach`, `detach`, `gripper`, `dwell`, `tour`,
-            `tool`; or `process`: what is done at the targets of a tour.
+            `tool`, `path`; or `process`: what is done at the targets of a tour; `passing`: an event on a path.
         name: its own, or its kind and what it is about.
         action: what is done.
         allowed: pairs of names that may touch during the step, besides those of the scene.
@@ -208,5 +211,5 @@ class TaskStep:
 
     @property
     def event(self) -> bool:
-        """Whether it takes no time: what is held changes."""
-        return isinstance(self.action, Event)
+        """Whether it takes no time: what is held changes, or something happens on a path."""
+        return isinstance(self.action, Event | Passing)

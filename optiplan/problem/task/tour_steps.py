@@ -6,6 +6,8 @@ from dataclasses import replace
 from optiplan.arrays import Array
 from optiplan.problem.goals_and_vias import JointGoal
 from optiplan.problem.problem import Problem, derived
+from optiplan.problem.seams.actions import SeamPath
+from optiplan.problem.seams.seam_steps import seam_steps
 from optiplan.problem.task.scene_change import columns
 from optiplan.problem.task.steps import Dwell, Move, TargetTour, TaskStep
 from optiplan.trajectory.segments import TOUR, Segment
@@ -16,11 +18,11 @@ BACK = "back"
 
 
 def in_order(problem: Problem, trajectory: Trajectory) -> Problem:
-    """Return the problem with each tour replaced by its steps, in the order in which the motion visits the targets.
+    """Return the problem with tours and paths replaced by their steps, tours in the order in which the motion goes.
 
     That is the order of the names of its segments; where these are not all targets once, that of the list.
     """
-    if not any(isinstance(step.action, TargetTour) for step in problem.task):
+    if not any(isinstance(step.action, TargetTour | SeamPath) for step in problem.task):
         return problem
     steps: list[TaskStep] = []
     for step in problem.task:
@@ -28,6 +30,8 @@ def in_order(problem: Problem, trajectory: Trajectory) -> Problem:
             own = [one for one in trajectory.segments if one.step == step.number]
             begin = problem.start if not own else trajectory(own[0].begin)
             steps += tour_steps(step, step.action, _order(step.action, own), begin[columns_of(problem, step.action)])
+        elif isinstance(step.action, SeamPath):
+            steps += seam_steps(step, step.action)
         else:
             steps.append(step)
     return derived(problem, task=tuple(steps))

@@ -1,0 +1,1 @@
+"""Checks of paths of the tool."""
