@@ -11,6 +11,8 @@ Identifier = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z_][A-Za-z0-9_]*
 Formula = Annotated[str, Field(strict=True, pattern=r"^=")]
 Amount = Number | Formula
 """A number, or an expression of the parameters such as `=foot / 2`."""
+Change = Amount | Annotated[list[Amount], Field(min_length=1, max_length=64)]
+"""An amount, or a list of them."""
 
 
 def _rising(values: tuple[float, float]) -> tuple[float, float]:
@@ -98,8 +100,8 @@ class StudySpec(Strict):
     Attributes:
         robot: with a Denavit–Hartenberg table: a bundled name, the path of a robot.yaml, or its content.
         parameters: by name.
-        changes: places in the robot file, `dh.rows.elbow.a` for one, and what stands there: numbers or expressions of
-            the parameters. Rows of the table and links go by name or by number.
+        changes: places in the robot file, `dh.rows.elbow.a` for one, and what stands there: numbers, expressions of
+            the parameters, or lists of these. Rows of the table and links go by name or by number.
         support: the polygon on which the robot stands.
         tasks: problem files, or their content without a robot, in which the design takes the robot's place.
         maximise, minimise: measures or parameters.
@@ -110,7 +112,7 @@ class StudySpec(Strict):
     name: Name
     robot: FileName | dict[str, Any]
     parameters: Annotated[dict[Identifier, ParameterSpec], Field(min_length=1, max_length=40)]
-    changes: Annotated[dict[Name, Amount], Field(min_length=1)]
+    changes: Annotated[dict[Name, Change], Field(min_length=1)]
     support: SupportSpec | None = None
     tasks: list[FileName | dict[str, Any]] = Field(default=[])
     states: StatesSpec = StatesSpec()

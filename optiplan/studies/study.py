@@ -17,7 +17,7 @@ from optiplan.geometry.support_polygon import SupportPolygon
 from optiplan.problem.examples import find_problem
 from optiplan.robot.reference import robot_file
 from optiplan.robot.robot import Robot, load_robot
-from optiplan.studies.schema import Amount, StudySpec
+from optiplan.studies.schema import Amount, Change, StudySpec
 
 STUDY = "<study>"
 """Stands for the file of a study that has none."""
@@ -72,9 +72,12 @@ class DesignStudy:
         """
         data = copy.deepcopy(dict(self.description))
         issues: list[Issue] = []
-        for path, amount in self.spec.changes.items():
+        for path, change in self.spec.changes.items():
             holder, key = place_in(data, path)
-            holder[key] = _amount(amount, values, self.document, ("changes", path), issues)
+            amounts = [
+                _amount(amount, values, self.document, ("changes", path), issues) for amount in _listed(change)
+            ]
+            holder[key] = amounts if isinstance(change, list) else amounts[0]
         if issues:
             raise InputError(issues)
         return data
@@ -220,9 +223,14 @@ def _wrong_places(spec: StudySpec, document: Document, description: Mapping[str,
     return issues
 
 
+def _listed(change: Change) -> list[Amount]:
+    return change if isinstance(change, list) else [change]
+
+
 def _amounts(spec: StudySpec) -> list[Amount]:
     support = spec.support
-    return [*spec.changes.values()] + ([] if support is None else [support.height, *sum(support.corners, [])])
+    changes = [amount for change in spec.changes.values() for amount in _listed(change)]
+    return changes + ([] if support is None else [support.height, *sum(support.corners, [])])
 
 
 def _mentions(text: str, name: str) -> bool:
