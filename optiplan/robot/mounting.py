@@ -66,6 +66,7 @@ class Mounting:
             frame = mounted.frames[index]
             if frame.parentJoint == 0:
                 frame.placement = self.X_WB * frame.placement
+        mounted.inertias[0] = self.X_WB.act(mounted.inertias[0])  # what no joint moves: the base
         mounted.gravity.linear = np.array(self.gravity)
         for link, inertia in self.payload:
             frame = mounted.frames[mounted.getFrameId(link, pin.FrameType.BODY)]

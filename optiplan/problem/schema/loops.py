@@ -14,9 +14,7 @@ A text that begins with `=` is an expression of the values; in other texts `{nam
 written out, each with the line that it has in the file, before anything else is read.
 """
 
-import ast
 import math
-import operator
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +22,7 @@ from itertools import product
 from typing import Any
 
 from optiplan.config.document import Document
+from optiplan.config.expressions import FUNCTIONS, NO_ARITHMETIC, arithmetic
 from optiplan.config.messages import choices, describe
 from optiplan.errors import Issue
 from optiplan.problem.partial import mapping
@@ -34,16 +33,6 @@ DEEPEST = 20
 """Steps within steps."""
 RANGE = re.compile(r"(-?\d+)\.\.(-?\d+)")
 NAMED = re.compile(r"\{([A-Za-z_]\w*)\}")
-OPERATIONS = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Mod: operator.mod,
-    ast.FloorDiv: operator.floordiv,
-}
-FUNCTIONS = {"sin": math.sin, "cos": math.cos, "sqrt": math.sqrt, "radians": math.radians}
-
 Place = tuple[str | int, ...]
 Values = Mapping[str, Any]
 
@@ -141,11 +130,11 @@ class LoopReader:
         if not data.startswith("="):
             return NAMED.sub(lambda name: str(values.get(name[1], name[0])), data)
         try:
-            found = _value(ast.parse(data[1:].strip(), mode="eval").body, values)
+            found = arithmetic(data[1:], values)
         except KeyError as error:
             names = [*values, "pi", *FUNCTIONS]
             self.report(place, f"an unknown name in '{data}'", choices(str(error.args[0]), names))
-        except (SyntaxError, TypeError, ValueError, ArithmeticError, RecursionError):
+        except NO_ARITHMETIC:
             self.report(place, f"'{data}'", "an expression such as '=0.1 + 0.05 * i'")
         else:
             return found
@@ -161,27 +150,6 @@ class LoopReader:
         issue = self._document.issue(place, found, expected)
         if issue not in self.issues:
             self.issues.append(issue)
-
-
-def _value(node: ast.expr, values: Values) -> Any:
-    """The value of an expression of numbers.
-
-    Raises:
-        KeyError: an unknown name.
-        ValueError: something else than arithmetic.
-    """
-    match node:
-        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
-            return number
-        case ast.Name(id=name):
-            return {"pi": math.pi, **values}[name]
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_value(operand, values)
-        case ast.BinOp(left=left, op=operation, right=right) if type(operation) in OPERATIONS:
-            return OPERATIONS[type(operation)](_value(left, values), _value(right, values))
-        case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
-            return FUNCTIONS[name](_value(argument, values))
-    raise ValueError("no arithmetic")
 
 
 def written_out(document: Document) -> tuple[Document, list[Issue]]:

@@ -1,0 +1,107 @@
+"""`design`: numbers of a robot chosen for what it has to do."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from optiplan.api.planning import plan
+from optiplan.arrays import is_finite
+from optiplan.errors import described, path_argument, progress_argument, wrong_argument
+from optiplan.files import replacing
+from optiplan.planners.base import Budget, Progress
+from optiplan.runs.run_folder import check_folder
+from optiplan.studies.measures import MEASURES, check_measures
+from optiplan.studies.proof import DesignProof, chosen_designs, prove_design
+from optiplan.studies.result import DesignResult
+from optiplan.studies.search import DesignSearch, search_designs
+from optiplan.studies.study import DesignStudy, read_study
+from optiplan.viewer.plots.design_front import design_page, front_pdf
+
+
+def design(
+    study: Path | str | Mapping[str, Any],
+    *,
+    out: Path | str | None = None,
+    budget: float | None = None,
+    progress: Progress = lambda stage, fraction: None,
+) -> DesignResult:
+    """Search numbers of a robot, such as link lengths, masses and limits, for the best compromises.
+
+    NSGA-II proposes parameters; each design is measured over states of the robot and the places of the tasks, without
+    bodies. The given design, the compromise and the best one in every objective then get their bodies and are given the
+    tasks: planned and verified. Ctrl-C ends the search, and what was found so far is the result.
+
+    Args:
+        study: a study file, or its content; docs/how-to/design.md has the keys.
+        out: folder for `design.html`, `front.pdf`, `front.csv` and `robot.yaml`; None: nothing is written.
+        budget: s for the search; None: until its last generation.
+        progress: called with the stage and its fraction.
+
+    Returns:
+        The result: `front`, `compromise`, `given`, `proofs`, `search`.
+
+    Raises:
+        InputError: with every issue of the study, by file and line; an argument that does not fit.
+        OptiPlanError: pymoo is not installed.
+
+    Example:
+        >>> import optiplan as op
+        >>> found = op.design(
+        ...     {
+        ...         "version": 1,
+        ...         "name": "elbow",
+        ...         "robot": "two_links",
+        ...         "parameters": {"upper": {"range": [0.2, 0.8], "unit": "m"}},
+        ...         "changes": {"dh.rows.0.a": "=upper", "dh.rows.1.a": "=1 - upper"},
+        ...         "states": {"count": 500},
+        ...         "maximise": ["manipulability"],
+        ...         "search": {"population": 8, "generations": 6},
+        ...     }
+        ... )
+        >>> 0.45 < found.row(found.front[0])["upper"] < 0.55
+        True
+    """
+    progress_argument("design", progress)
+    if not isinstance(study, Path | str | Mapping):
+        expected = "the path of a study file, or a mapping of its keys"
+        raise wrong_argument("design", "study", described(study), expected)
+    if budget is not None and (not is_finite(budget) or budget <= 0.0):
+        raise wrong_argument("design", "budget", described(budget), "a number of seconds > 0, or None")
+    folder = None if out is None else path_argument("design", "out", out, "the path of a folder")
+    if folder is not None:
+        check_folder(folder)
+    began = perf_counter()
+    read = read_study(study, MEASURES)
+    check_measures(read)
+    search = search_designs(read, None if budget is None else Budget(float(budget)), progress)
+    proofs = _proofs(read, search, progress)
+    result = DesignResult(read, search, proofs, perf_counter() - began)
+    if folder is not None:
+        save_design(result, folder)
+    return result
+
+
+def save_design(result: DesignResult, folder: Path) -> list[Path]:
+    """Write `design.html`, `front.pdf`, `front.csv` and `robot.yaml`, the robot of the compromise; return the paths."""
+    files = {
+        "design.html": design_page(result).encode(),
+        "front.pdf": front_pdf(result),
+        "front.csv": result.csv.encode(),
+        "robot.yaml": result.robot_text.encode(),
+    }
+    for name, content in files.items():
+        with replacing(folder / name) as temporary:
+            temporary.write_bytes(content)
+    return [folder / name for name in files]
+
+
+def _proofs(study: DesignStudy, search: DesignSearch, progress: Progress) -> tuple[DesignProof, ...]:
+    """The chosen designs with the tasks; Ctrl-C leaves out those that are not done."""
+    proofs = []
+    try:
+        for role, k in chosen_designs(study, search):
+            proofs.append(prove_design(study, role, search.designs[k], lambda problem, budget: plan(problem, budget=budget), progress))
+    except KeyboardInterrupt:
+        pass
+    return tuple(proofs)

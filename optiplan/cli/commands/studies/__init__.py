@@ -1,0 +1,1 @@
+"""Commands that choose something about a robot: where it stands, how it is made."""

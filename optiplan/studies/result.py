@@ -1,0 +1,123 @@
+"""The result of a design study: the front, the designs that were proved, a table, files."""
+
+import csv
+import io
+from dataclasses import dataclass
+from typing import Any
+
+from optiplan.problem.write import problem_text
+from optiplan.studies.measures import MEASURES
+from optiplan.studies.proof import DesignProof
+from optiplan.studies.search import Design, DesignJudge, DesignSearch
+from optiplan.studies.study import DesignStudy
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DesignResult:
+    """Designs of a robot.
+
+    Attributes:
+        study: what was asked.
+        search: all designs that were measured, and which are the front.
+        proofs: designs that were planned with, with their bodies: the given one, the compromise, the best ones.
+        seconds: of the whole study.
+    """
+
+    study: DesignStudy
+    search: DesignSearch
+    proofs: tuple[DesignProof, ...]
+    seconds: float
+
+    @property
+    def given(self) -> Design:
+        """The design with the given parameters."""
+        return self.search.designs[0]
+
+    @property
+    def front(self) -> tuple[Design, ...]:
+        """The best compromises, by the first objective."""
+        return tuple(self.search.designs[k] for k in self.search.front)
+
+    @property
+    def compromise(self) -> Design | None:
+        """The design of the front that is nearest to the best values of all objectives; None without a front."""
+        return next((proof.design for proof in self.proofs if "compromise" in proof.role), None)
+
+    @property
+    def columns(self) -> list[tuple[str, str]]:
+        """Names and units: of the parameters, then of the measures."""
+        spec = self.study.spec
+        parameters = [(name, spec.parameters[name].unit) for name in self.study.names]
+        return parameters + [(name, MEASURES[name].unit) for name in self.given.measures]
+
+    def row(self, design: Design) -> dict[str, float]:
+        """Parameters and measures of a design by name."""
+        return {**self.study.values(design.x), **design.measures}
+
+    @property
+    def wishes(self) -> list[tuple[str, float]]:
+        """The objectives: names, with -1 for more and 1 for less."""
+        return DesignJudge(self.study).wishes
+
+    @property
+    def words(self) -> str:
+        """The result in a sentence."""
+        counts = f"{len(self.search.designs)} designs measured in {self.search.generations} generations"
+        if not self.front:
+            nearest = min(self.search.designs, key=lambda design: design.violation)
+            return f"{counts}: none meets what the study requires; the nearest one is off by {nearest.violation:.3g}"
+        verified = sum(proof.verified for proof in self.proofs)
+        proved = f", {verified} of {len(self.proofs)} chosen designs verified in all tasks" if self.study.tasks else ""
+        return f"{counts}: {len(self.front)} on the front{proved}"
+
+    @property
+    def csv(self) -> str:
+        """The front as CSV: a column for each parameter and measure with its unit, and the role of a chosen design."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        names = self.columns
+        writer.writerow([f"{name} [{unit}]" if unit else name for name, unit in names] + ["role", "verified"])
+        roles = {id(proof.design): proof for proof in self.proofs}
+        for design in ([] if self.given in self.front else [self.given]) + list(self.front):
+            proof, row = roles.get(id(design)), self.row(design)
+            words = [] if proof is None else [proof.role, _verified(proof)]
+            writer.writerow([f"{row[name]:.9g}" if name in row else "" for name, _ in names] + (words or ["", ""]))
+        return text.getvalue()
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The result for `--json`: finite numbers and text."""
+        return {
+            "study": self.study.spec.name,
+            "designs": len(self.search.designs),
+            "generations": self.search.generations,
+            "ended": self.search.ended,
+            "front": [self.row(design) for design in self.front],
+            "proofs": [
+                {
+                    "role": proof.role,
+                    **self.row(proof.design),
+                    "verified": proof.verified,
+                    "durations": [run.duration for run in proof.runs],
+                    "along": proof.along,
+                    "trouble": proof.trouble,
+                }
+                for proof in self.proofs
+            ],
+        }
+
+    @property
+    def robot_text(self) -> str:
+        """The robot file of the compromise, or of the given design where there is none."""
+        design = self.compromise or self.given
+        name = f"{self.study.description.get('name', 'robot')}_{self.study.spec.name}"
+        data = self.study.robot_data(self.study.values(design.x)) | {"name": name}
+        return problem_text({"version": 1, **data})
+
+    def __repr__(self) -> str:
+        """Return the result in a line."""
+        return f"DesignResult: {self.words}"
+
+
+def _verified(proof: DesignProof) -> str:
+    return "yes" if proof.verified else "no"

@@ -1,0 +1,99 @@
+"""`optiplan design`: the table, JSON, files, and study files that say nothing sensible."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+STUDY = """\
+version: 1
+name: elbow
+robot: two_links
+parameters:
+  upper: {range: [0.2, 0.8], given: 0.3, unit: m}
+changes:
+  dh.rows.0.a: =upper
+  dh.rows.1.a: =1 - upper
+tasks:
+  - {start: {joints: [0.1, 0.5]}, goal: {joints: [1.0, -0.5]}}
+states: {count: 300}
+maximise: [manipulability, reach_volume]
+minimise: [cycle_time]
+search: {population: 6, generations: 4}
+proof: {budget: 1}
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    (tmp_path / "study.yaml").write_text(STUDY)
+    return tmp_path / "study.yaml"
+
+
+def test_a_front_is_found_proved_and_written(optiplan, study, tmp_path):
+    code, out, _ = optiplan("design", str(study), "--out", str(tmp_path / "out"))
+    assert code == 0
+    assert "on the front" in out
+    assert "given: verified in" in out
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"design.html", "front.pdf", "front.csv", "robot.yaml"}
+    assert (tmp_path / "out" / "front.pdf").read_bytes().startswith(b"%PDF")
+    page = (tmp_path / "out" / "design.html").read_text()
+    assert 'id="d0-0"' in page
+    assert 'data-design="d0"' in page
+    head, *rows = (tmp_path / "out" / "front.csv").read_text().splitlines()
+    assert head.startswith("upper [m],reach_volume [m³],manipulability [1],cycle_time [s]")
+    assert any("compromise" in row and row.endswith(",yes") for row in rows)
+    assert optiplan("robots", "show", str(tmp_path / "out" / "robot.yaml"))[0] == 0
+
+
+def test_json_of_a_study_that_asks_too_much(optiplan_json, study):
+    study.write_text(STUDY + "require: {reach_volume: {least: 1000}}\n")
+    code, data = optiplan_json("design", str(study))
+    assert code == data["exit_code"] == 3
+    assert data["front"] == []
+    assert data["designs"] == 24
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("dh.rows.1.a: =1 - upper", "dh.rows.7.a: =1 - upper", ":8: changes.dh.rows.7.a: a place that the robot"),
+        ("=1 - upper", "=1 - uper", ":8: changes.dh.rows.1.a: an unknown name in '=1 - uper'"),
+        ("[0.2, 0.8]", "[0.8, 0.2]", ":5: parameters.upper.range: [0.8, 0.2]; expected lower < upper"),
+        ("=upper\n", "0.5\n", "'upper', the same"),
+        ("robot: two_links", "robot: panda", ":3: robot: 'panda', which is not given by a Denavit–Hartenberg table"),
+        ("manipulability,", "manipulabilty,", "did you mean 'manipulability'?"),
+        ("[cycle_time]", "[tip_over]", "tip_over without support"),
+        ("joints: [1.0, -0.5]", "joints: [1.0]", ":10: tasks"),
+        ("dh.rows.0.a: =upper", "dh.rows.0.a: =upper / 0", ":7: changes.dh.rows.0.a: '=upper / 0'"),
+        ("states: {count: 300}", "states: {cuont: 300}", "did you mean 'count'?"),
+    ],
+)
+def test_a_bad_study_names_the_line(optiplan, study, old, new, words):
+    assert old in STUDY
+    study.write_text(STUDY.replace(old, new))
+    code, _, err = optiplan("design", str(study))
+    if words == "'upper', the same":  # one of two uses is left: nothing is wrong
+        assert code == 0
+        return
+    assert code == 2
+    assert words in err
+    assert "Traceback" not in err
+
+
+def test_ctrl_c_keeps_what_was_found(study, tmp_path):
+    study.write_text(STUDY.replace("generations: 4", "generations: 10000").replace("  - {start", "  # - {start"))
+    study.write_text(study.read_text().replace("tasks:\n", "").replace("minimise: [cycle_time]\n", ""))
+    command = [sys.executable, "-m", "optiplan", "design", str(study), "--out", str(tmp_path / "out"), "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    time.sleep(6.0)
+    process.send_signal(signal.SIGINT)
+    data = json.loads(process.communicate(timeout=30)[0])
+    assert process.returncode == data["exit_code"] == 130
+    assert data["ended"] == "interrupted"
+    assert data["designs"] > 1
+    assert (tmp_path / "out" / "design.html").is_file()
