@@ -25,14 +25,14 @@ class DrawingError(Exception):
 
 
 @dataclass
-class _Node:
+class _PathNode:
     """What one path holds: the newest message of each kind."""
 
     object: bytes | None = None
     transform: bytes | None = None
     animation: bytes | None = None
     properties: deque[bytes] = field(default_factory=lambda: deque(maxlen=_PROPERTIES))
-    children: dict[str, "_Node"] = field(default_factory=dict)
+    children: dict[str, "_PathNode"] = field(default_factory=dict)
 
     def messages(self, path: str) -> Iterator[tuple[str, str, bytes]]:
         """What draws it and all below it again, objects first."""
@@ -85,7 +85,7 @@ class Drawing:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._root = _Node()
+        self._root = _PathNode()
         self._bytes = 0
         self._followers: set[Follower] = set()
         self._pictures: dict[int, bytes | None] = {}
@@ -178,7 +178,7 @@ class Drawing:
             raise DrawingError(f"more than {MOST_BYTES // 1024**2} MB would be drawn; delete something first")
         node = self._root
         for name in names:
-            node = node.children.setdefault(name, _Node())
+            node = node.children.setdefault(name, _PathNode())
         if command == "set_property":
             if len(node.properties) == _PROPERTIES:
                 self._bytes -= len(node.properties[0])
@@ -200,7 +200,7 @@ class Drawing:
             parent, node = node, node.children[name]
         self._bytes -= sum(len(data) for _, _, data in node.messages(""))
         if parent is None:
-            self._root = _Node()
+            self._root = _PathNode()
         else:
             del parent.children[names[-1]]
 

@@ -11,7 +11,7 @@ zmq = pytest.importorskip("zmq")
 
 @pytest.mark.parametrize("page", [(900, 600)], indirect=True)
 def test_a_script_draws_into_the_page_of_a_run(server, page):
-    run = server.submit()["run"]
+    run = server.submit()["id"]
     assert server.ended(run)["verified"]
     shown = meshcat.Visualizer(server.service.meshcat_url)
     assert shown.url() == f"{server.url}/"
