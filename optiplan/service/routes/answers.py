@@ -95,7 +95,7 @@ async def recorded(service: PlannerService, session: Session, problem: Mapping[s
     return zipped((await service.requests.ask({**problem, **asked}, "recording")).files)
 
 
-def whole_page(page: bytes, drawn: bool) -> Response:
+def whole_page(page: bytes, drawn: bool = False) -> Response:
     """Return a page with everything inside it, which may load nothing from anywhere, but what scripts draw."""
     policy = DRAWN_POLICY if drawn else PAGE_POLICY
     return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": policy})

@@ -12,13 +12,15 @@ from sse_starlette.sse import EventSourceResponse
 
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.refusals import Refusal
-from optiplan.service.routes.answers import Service, errors
+from optiplan.service.routes.answers import Responses, Service, errors
 from optiplan.service.streams import Lines, event_stream, next_of
 from optiplan.viewer.drawing.drawing import Drawing
 
 router = APIRouter(prefix="/api/drawing")
 
-STREAM = {200: {"content": {"text/event-stream": {}}, "description": "lists of messages: command, path, base64"}}
+STREAM: Responses = {
+    200: {"content": {"text/event-stream": {}}, "description": "lists of messages: command, path, base64"}
+}
 _PNG = b"data:image/png;base64,"
 
 
@@ -29,7 +31,11 @@ async def stream(service: Service) -> EventSourceResponse:
 
     async def lines(stopping: anyio.Event) -> Lines:
         loop, news = asyncio.get_running_loop(), asyncio.Queue[None]()
-        follower = drawing.follow(lambda: loop.call_soon_threadsafe(news.put_nowait, None))
+
+        def wake() -> None:
+            loop.call_soon_threadsafe(news.put_nowait, None)
+
+        follower = drawing.follow(wake)
         try:
             while not (follower.lost or stopping.is_set()):
                 if taken := follower.taken():

@@ -75,7 +75,7 @@ class MeshcatEndpoint(threading.Thread):
         except zmq.ZMQError as error:
             self._context.destroy()
             raise OptiPlanError(f"cannot listen for meshcat on 127.0.0.1, port {port}: {error.strerror}") from None
-        self.url = self._socket.getsockopt(zmq.LAST_ENDPOINT).rstrip(b"\0").decode()
+        self.url = self._socket.getsockopt_string(zmq.LAST_ENDPOINT).rstrip("\0")
         self._waiting: list[_Waiting] = []
         self._closing = threading.Event()
 
