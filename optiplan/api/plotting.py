@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Any
 from optiplan.api.loading import load_run
 from optiplan.errors import UnknownChoiceError, described, path_argument, wrong_argument
 from optiplan.runs.run import Run
-from optiplan.viewer.plots.figures import FIGURES, PlotOptions, draw, figure_format, save_figures
+from optiplan.viewer.plots.figures import (
+    FIGURES,
+    STYLES,
+    PlotOptions,
+    PlotStyle,
+    draw,
+    figure_format,
+    figures_of,
+    save_figures,
+    usual,
+)
 from optiplan.viewer.plots.runs import PlottedRun, comparable
 
 if TYPE_CHECKING:
@@ -16,19 +26,24 @@ if TYPE_CHECKING:
 
 def plot(
     *runs: Run | Path | str,
-    figure: str = "joints",
+    figure: str | None = None,
+    style: PlotStyle = "paper",
     joints: Sequence[str] | None = None,
     share: bool = False,
     frames: int = 9,
     out: Path | str | None = None,
 ) -> "Figure":
-    """Draw a figure of one run, or of several of one robot together.
+    """Draw a figure of one run, or of several of one robot together; in textbook style also of a lecture's subject.
 
     Args:
-        runs: at least one run with a trajectory, or the folder of one.
+        runs: runs with a trajectory, or folders of them; at least one but for the textbook's own figures.
         figure: `joints`: position, velocity, acceleration, jerk and torque against time, with limits (dashed) and the
             exact extrema (dots); `tool`: position and speed of the tool against time; `path`: its path in space and
-            seen along the axes, with tool frames along it.
+            seen along the axes, with tool frames along it; None: `joints`, without a run `laws`. In textbook style, of
+            one run or of none: `laws`: cubic, quintic, LSPB, bang-bang and S-curve of the joint that moves farthest;
+            `accuracy`: four targets; `singularities`: wrist, elbow and shoulder with the ellipsoid that gets flat;
+            `vias`: pseudo-via points step by step.
+        style: `paper`; or `textbook`: axes that the curves fill, limits only where they lie within these.
         joints: names of the joints to show; None: all.
         share: joints in percent of their limits: -100 at the lower and 100 at the upper one.
         frames: tool frames along the path, evenly in time.
@@ -48,14 +63,18 @@ def plot(
     path = None if out is None else path_argument("plot", "out", out, "the path of a file")
     if path is not None:
         figure_format(path)
-    if not isinstance(figure, str) or figure not in FIGURES:
-        raise wrong_argument("plot", "figure", described(figure), f"one of: {', '.join(FIGURES)}")
-    drawn = comparable([_plotted(run) for run in runs], "op.plot")
-    options = PlotOptions(_names(joints), bool(share), _count(frames))
+    if not isinstance(style, str) or style not in STYLES:
+        raise wrong_argument("plot", "style", described(style), f"one of: {', '.join(STYLES)}")
+    known = figures_of(style)
+    if figure is not None and (not isinstance(figure, str) or figure not in known):
+        raise wrong_argument("plot", "figure", described(figure), f"one of: {', '.join(known)}")
+    name = figure or usual(style, len(runs))[0]
+    drawn = comparable([_plotted(run) for run in runs], "op.plot") if runs or name in FIGURES else ()
+    options = PlotOptions(_names(joints), bool(share), _count(frames), style)
     try:
         if path is not None:
-            save_figures([figure], drawn, options, path)
-        drawn_figure: Figure = draw(figure, drawn, options)
+            save_figures([name], drawn, options, path)
+        drawn_figure: Figure = draw(name, drawn, options)
         return drawn_figure
     except UnknownChoiceError as error:
         raise wrong_argument("plot", "joints", f"'{error.found}'", f"one of: {', '.join(error.choices)}") from None

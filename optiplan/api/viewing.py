@@ -1,6 +1,7 @@
 """`view`: runs in the browser, from Python."""
 
 import html
+import sys
 import threading
 from pathlib import Path
 from types import TracebackType
@@ -8,6 +9,7 @@ from types import TracebackType
 from optiplan.api.loading import load_run
 from optiplan.errors import described, flag_argument, wrong_argument
 from optiplan.runs.run import Run
+from optiplan.viewer.drawing.page_server import DrawnPageServer
 from optiplan.viewer.page import render_page
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
@@ -15,11 +17,15 @@ from optiplan.viewer.server import FIRST_PORT, PageServer
 
 
 class View:
-    """A page that is served in the background, at `url`, until `close`; a context manager does that at its end."""
+    """A page that is served in the background, at `url`, until `close`; a context manager does that at its end.
+
+    `meshcat.Visualizer(meshcat_url)` draws into it; None where none was asked for.
+    """
 
     def __init__(self, server: PageServer) -> None:
         self._server = server
         self.url = server.url
+        self.meshcat_url = server.meshcat.url if isinstance(server, DrawnPageServer) else None
         self._thread = threading.Thread(target=server.serve_forever, args=(0.1,), daemon=True)
         self._thread.start()
 
@@ -46,21 +52,23 @@ class View:
 
     def _repr_html_(self) -> str:
         """The whole page inside a notebook, which then plays it without this server, too; and a link."""
-        page = html.escape(self._server.page.decode())
+        page = html.escape(self._server.kept())
         frame = f'<iframe srcdoc="{page}" title="OptiPlan" style="width: 100%; height: 640px; border: 0"></iframe>'
         return f'{frame}<br><a href="{self.url}" target="_blank">{self.url}</a>'
 
 
-def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT) -> View:
+def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT, meshcat_port: int | None = None) -> View:
     """Show runs of one robot in the browser: play, pause, scrub; several play together, in turn, or side by side.
 
     Args:
         runs: at least one run, or the folder of one.
         block: serve until ctrl-C and tell the address on standard output; else in the background.
         port: the first to try; the next free one is taken, 0 any.
+        meshcat_port: where scripts draw into the page by meshcat's protocol, 0 any; None: nowhere. What cannot be
+            drawn is told on the page and on standard error.
 
     Returns:
-        The view: its `url`, and `close`, which a view that blocked has behind it.
+        The view: its `url` and `meshcat_url`, and `close`, which a view that blocked has behind it.
 
     Raises:
         InputError: no run, or runs of several robots.
@@ -77,8 +85,9 @@ def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT) ->
     for run in runs:
         if not isinstance(run, Run | Path | str):
             raise wrong_argument("view", "runs", described(run), "a run of op.plan(…), or the folder of one")
-    if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535:
-        raise wrong_argument("view", "port", described(port), "a whole number from 0 to 65535")
+    _check_port("port", port)
+    if meshcat_port is not None:
+        _check_port("meshcat_port", meshcat_port)
     flag_argument("view", "block", block)
     shown = [run if isinstance(run, Run) else load_run(run) for run in runs]
     problem = shown[0].problem
@@ -88,17 +97,32 @@ def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT) ->
             found = f"a run of the robot '{run.problem.robot.name}' with {run.problem.robot.n} joints"
             raise wrong_argument("view", "runs", found, f"runs of '{robot.name}' with the same {robot.n} joints")
     several = len({run.problem.hash for run in shown}) > 1
-    viewed = [_viewed(run, several) for run in shown]
-    served = View(PageServer(render_page(build_scene(problem, viewed)), port=port))
+    scene = build_scene(problem, [_viewed(run, several) for run in shown])
+    if meshcat_port is None:
+        served = View(PageServer(render_page(scene), port=port))
+    else:
+        served = View(DrawnPageServer(scene, meshcat_port, lambda words: print(words, file=sys.stderr), port=port))
     if block:
-        print(f"open {served.url} in a browser (ctrl-C ends)", flush=True)
-        try:
-            threading.Event().wait()
-        except KeyboardInterrupt:
-            pass
-        finally:
-            served.close()
+        _wait(served)
     return served
+
+
+def _check_port(name: str, port: object) -> None:
+    if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535:
+        raise wrong_argument("view", name, described(port), "a whole number from 0 to 65535")
+
+
+def _wait(served: View) -> None:
+    """Tell where to look, and wait for ctrl-C."""
+    print(f"open {served.url} in a browser (ctrl-C ends)", flush=True)
+    if served.meshcat_url is not None:
+        print(f'meshcat.Visualizer("{served.meshcat_url}") draws into it', flush=True)
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        served.close()
 
 
 def _viewed(run: Run, several: bool) -> ViewedRun:

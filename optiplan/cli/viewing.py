@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from optiplan.cli.output import results
+from optiplan.cli.output import print_error, results
 from optiplan.errors import InputError, Issue
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
@@ -15,8 +15,11 @@ from optiplan.verify.verify import verify
 from optiplan.viewer.plots.runs import PlottedRun
 from optiplan.viewer.run_data.closed_loop import read_log
 from optiplan.viewer.runs import ViewedRun
-from optiplan.viewer.server import FIRST_PORT, serve_runs
+from optiplan.viewer.scene import build_scene
+from optiplan.viewer.server import FIRST_PORT, serve_runs, serve_until_interrupted
 
+OPENED = "open {} in a browser (ctrl-C ends)"
+DRAWS = 'meshcat.Visualizer("{}") draws into it'
 EXECUTED = "execution"
 """Key of a `run.json` that `optiplan control` wrote."""
 
@@ -84,11 +87,24 @@ def plotted_runs(places: Sequence[Path]) -> tuple[list[PlottedRun], list[str]]:
     return found, left_out
 
 
-def serve_page(problem: Problem, runs: Sequence[ViewedRun], port: int = FIRST_PORT) -> None:
-    """Serve until ctrl-C."""
+def serve_page(
+    problem: Problem, runs: Sequence[ViewedRun], port: int = FIRST_PORT, meshcat_port: int | None = None
+) -> None:
+    """Serve until ctrl-C; with a port for meshcat also what scripts draw, and what they get wrong is told on stderr."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     console = results()
-    serve_runs(problem, runs, port=port, on_ready=lambda url: console.print(f"open {url} in a browser (ctrl-C ends)"))
+    if meshcat_port is None:
+        serve_runs(problem, runs, port=port, on_ready=lambda url: console.print(OPENED.format(url)))
+        return
+    from optiplan.viewer.drawing.page_server import DrawnPageServer
+
+    with DrawnPageServer(build_scene(problem, runs), meshcat_port, print_error, port=port) as server:
+
+        def ready() -> None:
+            console.print(OPENED.format(server.url))
+            console.print(DRAWS.format(server.meshcat.url))
+
+        serve_until_interrupted(server, ready)
 
 
 def shown(record: Mapping[str, Any], trajectory: Trajectory | None, label: str = "") -> ViewedRun:

@@ -38,6 +38,21 @@ class Factors:
         return [tuple(name for name, hit in zip(NAMES, row, strict=True) if hit) for row in near]
 
 
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """The two blocks of the Jacobian seen from the centre c of a spherical wrist, at N configurations.
+
+    Attributes:
+        arm: (N, 3, 3) m/rad, column j is z_j x (c - o_j): velocity of c by joints 1 to 3.
+        wrist: (N, 3, 3), columns z_4, z_5, z_6: angular velocity of the hand by joints 4 to 6.
+        centre: (N, 3) c in the world, m.
+    """
+
+    arm: Array
+    wrist: Array
+    centre: Array
+
+
 class SingularityModel:
     """The factors of an arm with six revolute joints whose axes 2 and 3 are parallel, of one of two kinds.
 
@@ -63,6 +78,19 @@ class SingularityModel:
         a, b = np.linalg.norm(upper, axis=1), np.linalg.norm(fore, axis=1)
         sines = np.stack([shoulder / (a + b), elbow / (a * b), wrist], axis=1)
         return Factors(shoulder, elbow, wrist, a + b, sines)
+
+    def blocks(self, Q: Array) -> Blocks:
+        """Blocks at Q (N, 6): |det J| = |det arm| |det wrist|, since joints 4 to 6 do not move c.
+
+        Raises:
+            ValueError: axes 4, 5 and 6 do not meet.
+        """
+        if self.wrist != "spherical":
+            raise ValueError("the wrist's axes do not meet: joint 4 moves its centre")
+        axis, point = self._kinematics.axes(self._kinematics.poses(Q))
+        centre = _nearest_on_axis(axis, point, 4, 5)
+        arm = np.cross(axis[:, :3], centre[:, None] - point[:, :3])
+        return Blocks(arm.swapaxes(1, 2), axis[:, 3:6].swapaxes(1, 2), centre)
 
 
 def singularity_model(robot: Robot) -> SingularityModel | None:

@@ -22,7 +22,19 @@ from optiplan.service.guard.yaml_bodies import YamlBodies
 from optiplan.service.pages.framing import error_page, wants_page
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.refusals import Refusal, error_body
-from optiplan.service.routes import benches, events, executions, health, live, pages, problems, robots, runs, uploads
+from optiplan.service.routes import (
+    benches,
+    drawing,
+    events,
+    executions,
+    health,
+    live,
+    pages,
+    problems,
+    robots,
+    runs,
+    uploads,
+)
 from optiplan.service.routes.answers import Json
 from optiplan.service.routes.events import EventFeed
 from optiplan.service.store.contents import StorageFullError
@@ -50,7 +62,7 @@ def make_application(service: PlannerService) -> ASGIApp:
         lifespan=_lifespan,
     )
     app.state.service, app.state.metrics, app.state.feed = service, RequestCounts(), EventFeed(service.archive)
-    for room in (runs, problems, uploads, benches, robots, events, live, executions, health, pages):
+    for room in (runs, problems, uploads, benches, robots, events, live, executions, drawing, health, pages):
         app.include_router(room.router)
     app.add_exception_handler(Refusal, _refused)
     app.add_exception_handler(OptiPlanError, _wrong)

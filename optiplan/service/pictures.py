@@ -46,8 +46,12 @@ class Pictures:
         given = ProblemInput(problem=hash, name=None, start=None, goal=None)
         return await self._kept(hash, lambda: self._requests.of(given))
 
-    async def page(self, *records: Record) -> bytes:
+    async def page(self, *records: Record, drawn: str = "") -> bytes:
         """Return the page of one ended run, or of several runs of one problem.
+
+        Args:
+            records: the runs.
+            drawn: where the page gets what scripts draw, if it does.
 
         Raises:
             Refusal: one has no record, or they are of different problems.
@@ -56,9 +60,8 @@ class Pictures:
             raise Refusal(422, "these runs are of different problems; expected runs of one")
         shown = [await self._archive.texts(record) for record in records]
         asked = await self._archive.stored_request(records[0])
-        return (
-            await self._requests.ask({**asked, "runs": shown, "ids": [record["id"] for record in records]}, "page")
-        ).files["page.html"]
+        of = {"runs": shown, "ids": [record["id"] for record in records], "drawn": drawn}
+        return (await self._requests.ask({**asked, **of}, "page")).files["page.html"]
 
     async def _kept(self, key: str, request: Callable[[], Awaitable[dict[str, Any]]]) -> bytes:
         found = self._drawn.find(key)

@@ -14,6 +14,7 @@ from optiplan.service.sessions.execution_sessions import ExecutionSessions
 from optiplan.service.sessions.live_sessions import LiveSessions
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.waited_plans import WaitedPlans
+from optiplan.viewer.drawing.drawing import Drawing
 
 
 class PlannerService:
@@ -60,6 +61,8 @@ class PlannerService:
         self.executions = ExecutionSessions(self.requests, archive, self.waited, self.pool, settings.drivers)
         self.health.also.append(self.executions.faults)
         self.benches = Benches(settings, archive, self.requests, self.queued, self.queue)
+        self.meshcat_url: str | None = None  # once scripts can draw
+        self.drawing = None if settings.meshcat_port is None else Drawing()
         self.pictures = Pictures(archive, self.requests)
 
     def start(self) -> None:

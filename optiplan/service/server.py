@@ -23,6 +23,7 @@ from optiplan.service.guard.json_log import log_to_stderr
 from optiplan.service.health import serve_health
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.settings import ServiceSettings
+from optiplan.viewer.drawing.drawing import DrawingError
 from optiplan.viewer.safety import LOOPBACK
 
 SHORTEST_TOKEN = 16
@@ -55,8 +56,9 @@ def run_server(settings: ServiceSettings, level: str = "info") -> int:
     with listening(settings) as sock, _LastResort() as last:
         server = make_server(settings)
         server.on_stop = last.begin
-        server.on_ready = lambda: _announce(settings.host, sock)
-        asyncio.run(server.serve(sockets=[sock]))
+        with _scripts(server.service, settings, sock) as meshcat:
+            server.on_ready = lambda: _announce(settings.host, sock, meshcat)
+            asyncio.run(server.serve(sockets=[sock]))
     return 0
 
 
@@ -200,17 +202,18 @@ def serving(settings: ServiceSettings) -> Iterator[tuple[str, PlannerService]]:
     with listening(settings) as sock:
         server = make_server(settings)
         thread = threading.Thread(target=server.run, args=([sock],), name="server", daemon=True)
-        thread.start()
-        try:
-            until = time.monotonic() + READY
-            while not server.started or server.service.health.ready()[0] != 200:
-                if not thread.is_alive() or time.monotonic() > until:
-                    raise OptiPlanError(f"the server did not become ready within {READY:g} s")
-                time.sleep(0.1)
-            yield _address(settings.host, sock), server.service
-        finally:
-            server.should_exit = True
-            thread.join(GRACE)
+        with _scripts(server.service, settings, sock):
+            thread.start()
+            try:
+                until = time.monotonic() + READY
+                while not server.started or server.service.health.ready()[0] != 200:
+                    if not thread.is_alive() or time.monotonic() > until:
+                        raise OptiPlanError(f"the server did not become ready within {READY:g} s")
+                    time.sleep(0.1)
+                yield _address(settings.host, sock), server.service
+            finally:
+                server.should_exit = True
+                thread.join(GRACE)
 
 
 class _Server(uvicorn.Server):
@@ -245,6 +248,34 @@ def _address(host: str, sock: socket.socket) -> str:
     return f"http://{name}:{sock.getsockname()[1]}"
 
 
-def _announce(host: str, sock: socket.socket) -> None:
+@contextmanager
+def _scripts(service: PlannerService, settings: ServiceSettings, sock: socket.socket) -> Iterator[str | None]:
+    """Let scripts draw by meshcat's protocol as long as this lasts, if the settings say so; yield where.
+
+    Raises:
+        OptiPlanError: the port cannot be had.
+    """
+    if service.drawing is None or settings.meshcat_port is None:
+        yield None
+        return
+    from optiplan.viewer.drawing.meshcat_endpoint import MeshcatEndpoint
+
+    def no_page() -> str:
+        raise DrawingError("no page alone holds what is drawn here; `optiplan view --meshcat-port` has one")
+
+    web_url = f"{_address(settings.host, sock)}/"
+    endpoint = MeshcatEndpoint(service.drawing, settings.meshcat_port, web_url, no_page, _log.error)
+    endpoint.start()
+    service.meshcat_url = endpoint.url
+    try:
+        yield endpoint.url
+    finally:
+        endpoint.close()
+        service.drawing.close()
+
+
+def _announce(host: str, sock: socket.socket, meshcat: str | None) -> None:
     print(f"serving at {_address(host, sock)}/ (ctrl-C ends)", flush=True)
+    if meshcat is not None:
+        print(f'meshcat.Visualizer("{meshcat}") draws into the pages of runs', flush=True)
     sys.stdout.flush()

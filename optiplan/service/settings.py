@@ -79,6 +79,8 @@ class ServiceSettings:
         keep_bytes: most bytes of contents; the oldest runs go first.
         uploads: most bytes of uploaded files; the longest unused go first.
         upload_files: most uploaded files.
+        meshcat_port: where scripts on this machine draw into the pages of runs by meshcat's protocol, 0: any; None:
+            nowhere.
         spare: bytes that stay free on the disk; below it nothing new is taken on (507).
     """
 
@@ -111,6 +113,7 @@ class ServiceSettings:
     keep_bytes: int = 10 * 10**9
     uploads: int = 10**9
     upload_files: int = 10_000
+    meshcat_port: int | None = None
     spare: int = 50 * 10**6
 
     @property

@@ -29,6 +29,7 @@ SCENE_SCRIPTS = tuple(
         "arrangement",
         "rod",
         "failure",
+        "drawing",
         "scene",
     )
 )
@@ -57,20 +58,32 @@ class Link(NamedTuple):
     words: str
 
 
-def render_page(scene: SceneData, back: Link | tuple[str, str] | None = None, more: Sequence[Link] = ()) -> str:
+class Drawn(NamedTuple):
+    """What scripts draw into a page: messages so far, `[command, path, base64]`, and where more come from."""
+
+    messages: Sequence[Sequence[str]] = ()
+    address: str = ""
+
+
+def render_page(
+    scene: SceneData, back: Link | tuple[str, str] | None = None, more: Sequence[Link] = (), drawn: Drawn | None = None
+) -> str:
     """Return the self-contained page as text; names from the problem file are escaped.
 
     Args:
         scene: what is drawn.
         back: where the page was opened from.
         more: links to what else can be done with its runs.
+        drawn: what scripts draw into it.
     """
     body = Template(asset("page.html")).substitute(
         title=html.escape(scene.name),
         back="" if back is None else _anchor(Link(*back)) + "\n",
         more="".join(map(_anchor, more)),
     )
-    return framed(body, scene.name, scene.to_dict(), (*CURVES_STYLES, "page.css"), SCRIPTS)
+    data = scene.to_dict() | ({} if drawn is None else {"drawn": drawn._asdict()})
+    connect = "connect-src 'self'" if drawn is not None and drawn.address else "connect-src 'none'"
+    return framed(body, scene.name, data, (*CURVES_STYLES, "page.css"), SCRIPTS, connect)
 
 
 def _anchor(link: Link) -> str:
@@ -78,7 +91,14 @@ def _anchor(link: Link) -> str:
     return f'<a href="{html.escape(link.address)}" target="_top">{html.escape(link.words)}</a>'
 
 
-def framed(body: str, title: str, data: Mapping[str, Any], style_names: Sequence[str], names: Sequence[str]) -> str:
+def framed(
+    body: str,
+    title: str,
+    data: Mapping[str, Any],
+    style_names: Sequence[str],
+    names: Sequence[str],
+    connect: str = "connect-src 'none'",
+) -> str:
     """Return a self-contained page that draws with meshcat.
 
     Args:
@@ -87,12 +107,14 @@ def framed(body: str, title: str, data: Mapping[str, Any], style_names: Sequence
         data: JSON-ready, for the scripts.
         style_names: files of `web/`.
         names: scripts of `web/`, in their order.
+        connect: the part of the content policy that says where the page may get more from.
     """
     meshcat = _meshcat()
     texts = [(meshcat / name).read_text("utf-8") for name in ("LICENSE", "dist/main.min.js.LICENSE.txt")]
     curves = f"\nuPlot: {licence('uplot/LICENSE.txt')}" if set(CURVES_SCRIPTS) <= set(names) else ""
     return Template(asset("frame.html")).substitute(
         title=html.escape(title),
+        connect=connect,
         styles=styles(style_names),
         body=body,
         data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),

@@ -17,6 +17,9 @@ PAGE_POLICY = (
 )
 """Of a page with everything inside it, which needs nothing from anywhere."""
 
+DRAWN_POLICY = PAGE_POLICY.replace("connect-src", "connect-src 'self'")
+"""Of a page into which scripts draw: it asks its own server for what they draw, and nobody else."""
+
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "SAMEORIGIN",

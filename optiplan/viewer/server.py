@@ -23,13 +23,19 @@ class PageServer(ThreadingHTTPServer):
 
     daemon_threads = True
     allow_reuse_address = False
+    policy = PAGE_POLICY
+
+    @property
+    def handler(self) -> "type[PageHandler]":
+        """What answers a request."""
+        return PageHandler
 
     def __init__(self, page: str, host: str = "127.0.0.1", port: int = FIRST_PORT) -> None:
         self.page = page.encode("utf-8")
         last = min(port + PORTS_TRIED, 65536) if port else 1
         for candidate in range(port, last):
             try:
-                super().__init__((host, candidate), _Handler)
+                super().__init__((host, candidate), self.handler)
                 return
             except OSError as error:
                 reason = error
@@ -40,6 +46,10 @@ class PageServer(ThreadingHTTPServer):
         """Return the page at an address of this server, without its host; None: no such page."""
         return self.page if path.split("?")[0] == "/" else None
 
+    def kept(self) -> str:
+        """The page as it is now, which plays without this server."""
+        return self.page.decode()
+
     @property
     def url(self) -> str:
         """Address of the page."""
@@ -47,14 +57,22 @@ class PageServer(ThreadingHTTPServer):
         return f"http://{host!s}:{port}/"
 
 
-class _Handler(BaseHTTPRequestHandler):
+class PageHandler(BaseHTTPRequestHandler):
+    """Answers requests of a browser."""
+
     server: PageServer
+
+    def admitted(self) -> bool:
+        """Whether the caller knows us by a name of ours; else it is answered with 403."""
+        names = {*LOOPBACK, str(self.server.server_address[0])}
+        if is_ours(self.headers.get("Host"), self.headers.get("Origin"), names):
+            return True
+        self.send_error(403, explain="This server is called by another name than its own.")
+        return False
 
     def do_GET(self) -> None:
         """Answer with the page at `/`, and with 404 anywhere else; with 403 to whoever calls us by a name not ours."""
-        names = {*LOOPBACK, str(self.server.server_address[0])}
-        if not is_ours(self.headers.get("Host"), self.headers.get("Origin"), names):
-            self.send_error(403, explain="This server is called by another name than its own.")
+        if not self.admitted():
             return
         page = self.server.answer(self.path)
         if page is None:
@@ -63,7 +81,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_response(200)
         self.send_header("Content-Type", "text/html; charset=utf-8")
         self.send_header("Content-Length", str(len(page)))
-        self.send_header("Content-Security-Policy", PAGE_POLICY)
+        self.send_header("Content-Security-Policy", self.server.policy)
         self.end_headers()
         self.wfile.write(page)
 
@@ -90,8 +108,13 @@ def serve_runs(
         OptiPlanError: no port is free.
     """
     with PageServer(render_page(build_scene(problem, runs)), host, port) as server:
-        try:
-            on_ready(server.url)
-            server.serve_forever(poll_interval=0.2)
-        except KeyboardInterrupt:
-            return
+        serve_until_interrupted(server, lambda: on_ready(server.url))
+
+
+def serve_until_interrupted(server: PageServer, on_ready: Callable[[], None]) -> None:
+    """Serve until ctrl-C, from when `on_ready` has been called."""
+    try:
+        on_ready()
+        server.serve_forever(poll_interval=0.2)
+    except KeyboardInterrupt:
+        return

@@ -69,7 +69,13 @@ def server(tmp_path_factory) -> Iterator[Running]:
     (folder / "meshes").mkdir()
     paper = DriverSetup("paper", "file", {"path": str(folder / "set_points.csv")}, patience=0.1)
     settings = ServiceSettings(
-        data=folder / "data", port=0, folders=(folder / "meshes",), rate=1e6, burst=10**6, drivers=(paper,)
+        data=folder / "data",
+        port=0,
+        folders=(folder / "meshes",),
+        rate=1e6,
+        burst=10**6,
+        drivers=(paper,),
+        meshcat_port=0,
     )
     with serving(settings) as (url, service):
         with httpx.Client(base_url=url, timeout=PATIENCE, trust_env=False) as http:

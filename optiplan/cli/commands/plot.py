@@ -1,23 +1,29 @@
 """`optiplan plot`: runs as figures for papers and lectures."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import messages, print_json, say, stdout_is_ours
 
-NAMES = "joints, tool, path; several with commas"
+if TYPE_CHECKING:
+    from optiplan.viewer.plots.figures import PlotStyle
+
+NAMES = "joints, tool, path; textbook: laws, accuracy, singularities, vias; several with commas"
 KINDS = "png, svg, pdf, csv; several with commas (default: what FILE ends in, else png)"
 
 
 def plot(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="run folders of one robot")],
+    runs: Annotated[
+        list[Path] | None, typer.Argument(metavar="[RUN…]", help="run folders of one robot; textbook: one or none")
+    ] = None,
     out: Annotated[Path, typer.Option(metavar="FILE|DIR", help="curves.png, .svg, .pdf, .csv; or a folder")] = Path(
         "figures"
     ),
-    figure: Annotated[str | None, typer.Option(metavar="NAME", help=f"{NAMES} (default: all)")] = None,
+    figure: Annotated[str | None, typer.Option(metavar="NAME", help=f"{NAMES} (default: those of runs)")] = None,
+    style: Annotated[str, typer.Option(metavar="NAME", help="paper, or textbook")] = "paper",
     kinds: Annotated[str | None, typer.Option("--format", metavar="F", help=KINDS)] = None,
     joints: Annotated[str | None, typer.Option(metavar="J,J,…", help="only these joints")] = None,
     share: Annotated[bool, typer.Option("--share", help="joint curves in percent of their limits")] = False,
@@ -38,24 +44,27 @@ def plot(
 
       optiplan plot runs/shelf --figure path --frames 20 --out path.svg
 
+      optiplan plot --style textbook --out lessons.pdf            laws, accuracy, singularities, vias
+
     Exit code: 0 done · 2 bad input.
     """
     from optiplan.cli.viewing import plotted_runs
-    from optiplan.viewer.plots.figures import FORMATS, PlotOptions, figure_format, save_figures, write_all
+    from optiplan.viewer.plots.figures import FIGURES, FORMATS, PlotOptions, figure_format, save_figures, write_all
     from optiplan.viewer.plots.runs import comparable
 
     asked = None if kinds is None else _chosen("format", kinds, FORMATS)
     to_folder = out.suffix == "" or out.is_dir()
     single = not to_folder and figure_format(out) in ("png", "svg")
-    names = _figures(figure, single)
+    places, look = runs or [], _style(style)
+    names = _figures(figure, look, len(places), single)
     if not to_folder and asked not in (None, [figure_format(out)]):
         raise typer.BadParameter(f"--format {kinds}: --out {out} says another; expected a folder for several")
     with stdout_is_ours():
-        found, left_out = plotted_runs(runs)
+        found, left_out = plotted_runs(places)
         for words in left_out:
             messages().print(f"note: {words}", style="yellow")
-        drawn = comparable(found)
-        options = PlotOptions(None if joints is None else tuple(joints.split(",")), share, frames)
+        drawn = comparable(found) if places or FIGURES.keys() & names else ()
+        options = PlotOptions(None if joints is None else tuple(joints.split(",")), share, frames, look)
         if to_folder:
             written = write_all(names, asked or ["png"], drawn, options, out)
         else:
@@ -68,12 +77,22 @@ def plot(
     return 0
 
 
-def _figures(text: str | None, single: bool) -> list[str]:
-    from optiplan.viewer.plots.figures import FIGURES
+def _style(text: str) -> "PlotStyle":
+    from optiplan.errors import UnknownChoiceError
+    from optiplan.viewer.plots.figures import STYLES
+
+    for style in STYLES:
+        if style == text:
+            return style
+    raise UnknownChoiceError("style", text, STYLES)
+
+
+def _figures(text: str | None, style: "PlotStyle", runs: int, single: bool) -> list[str]:
+    from optiplan.viewer.plots.figures import figures_of, usual
 
     if text is None:
-        return ["joints"] if single else list(FIGURES)
-    return _chosen("figure", text, tuple(FIGURES))
+        return list(usual(style, runs))[: 1 if single else None]
+    return _chosen("figure", text, tuple(figures_of(style)))
 
 
 def _chosen(kind: str, text: str, valid: tuple[str, ...]) -> list[str]:

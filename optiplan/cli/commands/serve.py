@@ -60,6 +60,13 @@ RootPath = Annotated[
     typer.Option(metavar="PATH", help="where a proxy has put this server, such as /optiplan"),
 ]
 Memory = Annotated[float, typer.Option(min=300.0, metavar="MB", help="memory limit of a process")]
+UploadsGb = Annotated[
+    float, typer.Option(min=0.0, metavar="GB", help="disk space for uploads; the longest unused are deleted")
+]
+MeshcatPort = Annotated[
+    int | None,
+    typer.Option(min=0, max=65535, metavar="N", help="where meshcat's scripts draw into pages of runs (0: any)"),
+]
 LogLevel = Annotated[str, typer.Option(metavar="LEVEL", help="debug, info, warning or error")]
 
 
@@ -89,10 +96,9 @@ def serve(
     keep_gb: Annotated[
         float, typer.Option(min=0.0, metavar="GB", help="disk space for runs; the oldest are deleted")
     ] = 10.0,
-    uploads_gb: Annotated[
-        float, typer.Option(min=0.0, metavar="GB", help="disk space for uploads; the longest unused are deleted")
-    ] = 1.0,
+    uploads_gb: UploadsGb = 1.0,
     upload_files: Annotated[int, typer.Option(min=0, metavar="N", help="uploaded files at most")] = 10_000,
+    meshcat_port: MeshcatPort = None,
     log_level: LogLevel = "info",
 ) -> int:
     """Serve the planner to browsers and programs: REST, OpenAPI at /openapi.json, pages at /.
@@ -130,6 +136,7 @@ def serve(
         keep_bytes=int(1e9 * keep_gb),
         uploads=int(1e9 * uploads_gb),
         upload_files=upload_files,
+        meshcat_port=meshcat_port,
     )
     return run_server(settings, _level(log_level))
 

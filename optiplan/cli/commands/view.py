@@ -1,14 +1,19 @@
 """`optiplan view`: runs in the browser, or as a page, a picture or a film to send."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from optiplan.cli.output import say
 from optiplan.errors import InputError, Issue
 from optiplan.files import write_text
+
+if TYPE_CHECKING:
+    from optiplan.problem.problem import Problem
+    from optiplan.viewer.runs import ViewedRun
 
 ADDRESS = ("t", "paused", "speed", "cam", "layers", "run", "runs", "tab", "panel", "theme")
 """What may stand after the page's #."""
@@ -26,12 +31,16 @@ def view(
     at: Annotated[str, typer.Option(metavar="ADDRESS", help="what pictures show, as after the page's #")] = "",
     size: Annotated[str, typer.Option(metavar="WxH", help="size of pictures, px")] = "1280x800",
     port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="first port to try; 0: any")] = 7000,
+    meshcat_port: Annotated[
+        int | None, typer.Option(min=0, max=65535, metavar="N", help="where meshcat's scripts draw (6000; 0: any)")
+    ] = None,
 ) -> int:
     """Show runs in the browser: motion, curves against limits, clearance, verdict.
 
     Several runs play together, in turn or side by side; of different problems each with its own obstacles.
 
     An exported page needs no network and no OptiPlan; `#t=0.6&paused` behind its address shows one instant.
+    With --meshcat-port, meshcat.Visualizer and Pinocchio's MeshcatVisualizer draw into the page.
     FILE.mcap opens in Foxglove, FILE.rrd in Rerun: scene, motion, curves and verdict of one run (extra `recordings`).
     Pictures and films need chromium and the extra `pictures`, FILE.mp4 also ffmpeg.
 
@@ -40,6 +49,8 @@ def view(
       optiplan view runs/shelf
 
       optiplan view runs/trajopt runs/rrtconnect --export compare.html
+
+      optiplan view runs/shelf --meshcat-port 6000
 
       optiplan view runs/shelf --export shelf.mcap
 
@@ -51,22 +62,17 @@ def view(
     from optiplan.viewer.page import render_page
     from optiplan.viewer.pictures import save_film, save_picture
     from optiplan.viewer.recordings.formats import FORMATS as RECORDINGS
-    from optiplan.viewer.recordings.formats import save_recording
     from optiplan.viewer.scene import build_scene
 
     wanted = {"export": export, "png": png, "gif": gif}
-    _check(wanted)
+    _check(wanted, meshcat_port)
     pixels, at = _pixels(size), _address(at)
     problem, shown = open_runs(runs)
     if not any(wanted.values()):
-        serve_page(problem, shown, port)
+        serve_page(problem, shown, port, meshcat_port)
         return 0
     if export is not None and export.suffix.lower() in RECORDINGS:
-        if len(shown) > 1:
-            expected = "one run; a page (PAGE.html) takes several"
-            raise InputError([Issue("view", None, "export", f"{len(shown)} runs", expected)])
-        save_recording(problem, shown[0], export)
-        say(f"written: {export}")
+        _record(problem, shown, export)
         del wanted["export"]
         if not any(wanted.values()):
             return 0
@@ -84,10 +90,23 @@ def view(
     return 0
 
 
-def _check(wanted: dict[str, Path | None]) -> None:
-    """Raise InputError where a file to write is a folder, or its name does not fit."""
+def _record(problem: "Problem", shown: "Sequence[ViewedRun]", path: Path) -> None:
+    """Write a recording of one run."""
+    from optiplan.viewer.recordings.formats import save_recording
+
+    if len(shown) > 1:
+        expected = "one run; a page (PAGE.html) takes several"
+        raise InputError([Issue("view", None, "export", f"{len(shown)} runs", expected)])
+    save_recording(problem, shown[0], path)
+    say(f"written: {path}")
+
+
+def _check(wanted: dict[str, Path | None], meshcat_port: int | None) -> None:
+    """Raise InputError where a file to write is a folder, its name does not fit, or scripts would draw into a file."""
     suffixes = {"export": (), "png": (".png",), "gif": (".gif", ".webp", ".mp4")}
     issues = []
+    if meshcat_port is not None and any(wanted.values()):
+        issues.append(Issue("view", None, "meshcat-port", "a file to write", "no --export, --png and --gif beside it"))
     for name, path in wanted.items():
         if path is not None and path.is_dir():
             issues.append(Issue(str(path), None, name, "is a folder", "a file to write, such as page.html"))

@@ -1,9 +1,12 @@
 """`parabolic`: constant velocities from point to point, changed at constant rates around the vias (blends)."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue
@@ -61,6 +64,22 @@ class Parabolic(ThroughVias[ParabolicOptions]):
         return ParabolicMotion(goal[kept], tolerances[kept], times, self.options, problem.limits, names)
 
 
+class Refinement(NamedTuple):
+    """A step on the way to a motion that misses no via by more than its tolerance.
+
+    Attributes:
+        points: (m, n) points with the pseudo-via points so far, rad or m.
+        hit: (k,) which of the k points given are hit between two pseudo-via points.
+        blends: of `points`.
+        late: (k,) which points are missed by more than their tolerance, and are hit in the next step.
+    """
+
+    points: Array
+    hit: npt.NDArray[np.bool_]
+    blends: Blends
+    late: npt.NDArray[np.bool_]
+
+
 @dataclass(frozen=True, eq=False)
 class ParabolicMotion:
     """The motion along points (k, n), which may be missed by tolerances (k,), at times (k - 2,) if any."""
@@ -96,28 +115,45 @@ class ParabolicMotion:
     def _shortest(self) -> Trajectory:
         if len(self.points) == 1:
             return stop_at_corners(self.points[[0, 0]], self.limits, self.joint_names)
+        return self._chosen(self._factor)
+
+    @cached_property
+    def _factor(self) -> float:
+        """By how much the free times of the shortest motion are stretched."""
         factors = [least_stretch(partial(self._good, share)) for share in _SHARES]
-        found = [factor for factor in factors if factor is not None]
-        return self._chosen(min(found, default=1.0))
+        return min((factor for factor in factors if factor is not None), default=1.0)
+
+    def refinements(self) -> list[Refinement]:
+        """Return the steps to the motion in the option's duration: blends alone, then more and more pseudo-via points.
+
+        Raises:
+            InputError: blends overlap at the times given.
+        """
+        duration = self.options.duration
+        factor = self._factor if duration is None else self._times.factor(duration)
+        return list(self._refined(factor, self._share(factor)))
 
     def _good(self, share: float, factor: float) -> bool:
         return self._blends(factor, share).keeps(self.limits.velocity, self.limits.acceleration)
 
     def _chosen(self, factor: float) -> Trajectory:
-        """The first motion within limits, else the first whose blends do not overlap."""
-        fitting: list[Blends] = []
+        return run_blends(self.points[0], self._blends(factor, self._share(factor)), self.joint_names)
+
+    def _share(self, factor: float) -> float:
+        """The first share whose motion is within limits, else the first whose blends do not overlap."""
+        fitting: list[tuple[float, Blends]] = []
         issues: list[Issue] = []
         for share in _SHARES:
             blends = self._blends(factor, share)
             overlap = blends.overlap()
             if overlap is None:
-                fitting.append(blends)
+                fitting.append((share, blends))
             else:
                 issues.append(self._issue(blends.times, *overlap))
         if not fitting:
             raise InputError(issues[-1:])
-        kept = (blends for blends in fitting if blends.keeps(self.limits.velocity, self.limits.acceleration))
-        return run_blends(self.points[0], next(kept, fitting[0]), self.joint_names)
+        velocity, acceleration = self.limits.velocity, self.limits.acceleration
+        return next((share for share, blends in fitting if blends.keeps(velocity, acceleration)), fitting[0][0])
 
     @cached_property
     def _times(self) -> FreeTimes:
@@ -125,15 +161,21 @@ class ParabolicMotion:
 
     def _blends(self, factor: float, share: float) -> Blends:
         """Blends whose free times are stretched by the factor, with the pseudo-via points that it takes."""
+        *_, last = self._refined(factor, share)
+        return last.blends
+
+    def _refined(self, factor: float, share: float) -> Iterator[Refinement]:
         times = self._times.at(factor)
         hit = np.zeros(len(times), dtype=bool)
         while True:  # a pseudo-via point changes the velocities, and so the misses, beside it
-            blends = self._make(*with_pseudo_vias(self.points, times, hit, share))
+            points, all_times = with_pseudo_vias(self.points, times, hit, share)
+            blends = self._make(points, all_times)
             miss = blends.miss.max(axis=1)[np.arange(len(times)) + 2 * np.cumsum(hit) - hit]
             late = (miss > self.tolerances) & ~hit
+            yield Refinement(points, hit, blends, late)
             if not late.any():
-                return blends
-            hit |= late
+                return
+            hit = hit | late
 
     def _make(self, points: Array, times: Array) -> Blends:
         o = self.options

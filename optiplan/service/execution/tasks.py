@@ -82,7 +82,7 @@ class Tasks:
 
     def page(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """The page of runs, each of them from the texts of its two files."""
-        from optiplan.viewer.page import Link, render_page
+        from optiplan.viewer.page import Drawn, Link, render_page
         from optiplan.viewer.runs import ViewedRun
         from optiplan.viewer.scene import build_scene
 
@@ -100,7 +100,8 @@ class Tasks:
             links += [Link(f"{api}/problem", "Problem"), Link(f"{api}/run.zip", "Files")]
             if shown[0].trajectory is not None:
                 links += [Link(f"{api}/export.csv", "CSV"), Link(f"../execution#run={run}", "Execute")]
-        return {}, {"page.html": render_page(build_scene(problem, shown), links[0], links[1:]).encode()}
+        drawn = Drawn(address=request["drawn"]) if request.get("drawn") else None
+        return {}, {"page.html": render_page(build_scene(problem, shown), links[0], links[1:], drawn).encode()}
 
     def picture(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """A small picture of a problem, with the motion of a `trajectory.json` where there is one."""

@@ -15,7 +15,7 @@ from optiplan.service.planner_service import PlannerService
 from optiplan.service.refusals import Refusal
 from optiplan.service.sessions.sessions import Session
 from optiplan.service.store.run_table import Record
-from optiplan.viewer.safety import PAGE_POLICY
+from optiplan.viewer.safety import DRAWN_POLICY, PAGE_POLICY
 
 ERRORS = {
     400: "the body is not JSON",
@@ -95,9 +95,10 @@ async def recorded(service: PlannerService, session: Session, problem: Mapping[s
     return zipped((await service.requests.ask({**problem, **asked}, "recording")).files)
 
 
-def whole_page(page: bytes) -> Response:
-    """Return a page with everything inside it, which may load nothing from anywhere."""
-    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": PAGE_POLICY})
+def whole_page(page: bytes, drawn: bool = False) -> Response:
+    """Return a page with everything inside it, which may load nothing from anywhere, but what scripts draw."""
+    policy = DRAWN_POLICY if drawn else PAGE_POLICY
+    return Response(page, media_type="text/html; charset=utf-8", headers={"Content-Security-Policy": policy})
 
 
 def run_answer(record: Record) -> dict[str, Any]:

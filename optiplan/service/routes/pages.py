@@ -43,13 +43,16 @@ PAGES = {
 @router.get("/runs/{run}")
 async def run_page(run: RunPath, service: Service) -> Response:
     """The page of a run that has ended."""
-    return whole_page(await service.pictures.page(await service.archive.run(run)))
+    drawn = "../api/drawing" if service.drawing else ""
+    return whole_page(await service.pictures.page(await service.archive.run(run), drawn=drawn), bool(drawn))
 
 
 @router.get("/compare")
 async def comparison(run: Annotated[list[str], Query(min_length=1, max_length=8)], service: Service) -> Response:
     """One page of several runs of one problem."""
-    return whole_page(await service.pictures.page(*[await service.archive.run(one) for one in run]))
+    drawn = "api/drawing" if service.drawing else ""
+    records = [await service.archive.run(one) for one in run]
+    return whole_page(await service.pictures.page(*records, drawn=drawn), bool(drawn))
 
 
 @router.get("/api/runs/{run}/thumbnail.svg")

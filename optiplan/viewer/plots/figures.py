@@ -4,16 +4,20 @@ import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.errors import InputError, Issue, UnknownChoiceError
-from optiplan.figure_style import line_style, sheet, styled, undated
+from optiplan.figure_style import INK, line_style, sheet, styled, undated
 from optiplan.files import replacing
 from optiplan.viewer.plots.joint_figure import QUANTITIES, bounds, draw_joints, extrema_of
+from optiplan.viewer.plots.lessons.laws import draw_laws
+from optiplan.viewer.plots.lessons.pseudo_vias import draw_pseudo_vias
+from optiplan.viewer.plots.lessons.singularities import draw_singularities
+from optiplan.viewer.plots.lessons.targets import draw_targets
 from optiplan.viewer.plots.path_figure import draw_path
 from optiplan.viewer.plots.runs import PlottedRun
 
@@ -29,6 +33,14 @@ CSV_LIMITS = ("run", "joint", "quantity", "unit", "lower", "upper", "least", "le
 _TOOL_ROWS = ("x, m", "y, m", "z, m", "speed, m/s", "turning, rad/s")
 
 
+PlotStyle = Literal["paper", "textbook"]
+STYLES: dict[PlotStyle, dict[str, Any]] = {
+    "paper": {},
+    "textbook": {"font__size": 10, "axes__titlesize": 10, "lines__linewidth": 1.8, "axes__edgecolor": INK},
+}
+"""What a style changes of the style of every figure."""
+
+
 @dataclass(frozen=True)
 class PlotOptions:
     """How the figures are drawn.
@@ -37,33 +49,61 @@ class PlotOptions:
         joints: names of the joints to show; None: all.
         share: joints in percent of their limits instead of units.
         frames: tool frames along the path; 0 for none.
+        style: `textbook` has axes that the curves fill, and the figures of `LESSONS`.
     """
 
     joints: tuple[str, ...] | None = None
     share: bool = False
     frames: int = 9
+    style: PlotStyle = "paper"
 
 
 Draw = Callable[[Sequence[PlottedRun], PlotOptions], Any]
 
 FIGURES: dict[str, Draw] = {
-    "joints": lambda runs, options: draw_joints(runs, _joints(runs, options), options.share),
+    "joints": lambda runs, options: draw_joints(
+        runs, _joints(runs, options), options.share, by_curve=options.style == "textbook"
+    ),
     "tool": lambda runs, options: _draw_tool(runs),
     "path": lambda runs, options: draw_path(runs, options.frames),
 }
-"""Figures by name: joints against time, tool against time, path of the tool in space and in planes."""
+"""Figures of runs by name: joints against time, tool against time, path of the tool in space and in planes."""
+
+LESSONS: dict[str, Draw] = {
+    "laws": lambda runs, options: draw_laws(runs),
+    "accuracy": lambda runs, options: draw_targets(),
+    "singularities": lambda runs, options: draw_singularities(runs),
+    "vias": lambda runs, options: draw_pseudo_vias(runs),
+}
+"""Figures of the textbook style, of one run or of none: time laws, accuracy and repeatability, singularities, vias."""
+
+
+def figures_of(style: PlotStyle) -> dict[str, Draw]:
+    """The figures that a style has, by name."""
+    return FIGURES | LESSONS if style == "textbook" else FIGURES
+
+
+def usual(style: PlotStyle, runs: int) -> tuple[str, ...]:
+    """Names of the figures drawn where none is asked for: without a run those that need none."""
+    return tuple(LESSONS) if style == "textbook" and not runs else tuple(FIGURES)
 
 
 def draw(name: str, runs: Sequence[PlottedRun], options: PlotOptions) -> Any:
     """Draw a figure of runs of one robot, as matplotlib's `Figure`.
 
     Raises:
-        UnknownChoiceError: no such figure, or no such joint.
+        UnknownChoiceError: no such figure in this style, or no such joint.
+        InputError: no run where the figure needs one, several where it takes one, or one that it cannot show.
     """
-    if name not in FIGURES:
-        raise UnknownChoiceError("figure", name, FIGURES)
-    with styled():
-        return FIGURES[name](runs, options)
+    known = figures_of(options.style)
+    if name not in known:
+        raise UnknownChoiceError("figure", name, known)
+    if name in LESSONS and len(runs) > 1:
+        raise InputError([Issue("plot", None, "runs", f"{len(runs)} runs for '{name}'", "one run, or none")])
+    if name in FIGURES and not runs:
+        raise InputError([Issue("plot", None, "runs", f"none for '{name}'", "at least one run that has a trajectory")])
+    with styled(**STYLES[options.style]):
+        return known[name](runs, options)
 
 
 def save_figures(names: Sequence[str], runs: Sequence[PlottedRun], options: PlotOptions, path: Path) -> None:
@@ -72,15 +112,17 @@ def save_figures(names: Sequence[str], runs: Sequence[PlottedRun], options: Plot
     A PDF has a page for each, CSV is the same whatever the figure; the others hold one.
 
     Raises:
-        InputError: another suffix, or several figures in a file that holds one.
+        InputError: another suffix, several figures in a file that holds one, or CSV without a run.
         UnknownChoiceError: as `draw`.
     """
     kind = figure_format(path)
     if kind not in ("pdf", "csv") and len(names) != 1:
         found = f"{len(names)} figures: {', '.join(names)}"
         raise InputError([Issue(str(path), None, "figure", found, f"one of them for a {kind}, a .pdf or a folder")])
-    for name in options.joints or ():
+    for name in (options.joints or ()) if runs else ():
         _joint(runs, name)
+    if kind == "csv" and not runs:
+        raise InputError([Issue(str(path), None, "runs", "none", "a run, whose curves a CSV holds")])
     if kind == "csv":
         with replacing(path) as temporary:
             _write_curves(runs, temporary)

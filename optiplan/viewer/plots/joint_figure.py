@@ -16,13 +16,48 @@ from optiplan.trajectory.trajectory import Extrema
 from optiplan.viewer.plots.runs import PlottedRun
 
 QUANTITIES = (*ORDERS, "torque")
+LIMIT_LINE = "limit"
+"""Mark of a line that is a limit."""
 ROW, COLUMNS = 1.55, 7
 """Height of a panel, in; joints beside each other at most, the others continue below."""
 
+_ROOM = 0.25  # of what the curves of a panel span, on either side: free, or with a limit in it
+_FLAT = 1e-9  # of a value, or alone: a smaller span is that of a constant
 
-def draw_joints(runs: Sequence[PlottedRun], joints: Sequence[int], share: bool) -> Any:
-    """The figure: `joints` by their index, values in units or as `share` of their limits, in percent."""
-    return _together(runs[0], joints, share) if len(runs) == 1 else _apart(runs, joints, share)
+
+def draw_joints(runs: Sequence[PlottedRun], joints: Sequence[int], share: bool, by_curve: bool = False) -> Any:
+    """The figure: `joints` by their index, values in units or as `share` of their limits, in percent.
+
+    With `by_curve` the axes are as large as the curves need, and a limit is drawn where it lies within them.
+    """
+    figure = _together(runs[0], joints, share) if len(runs) == 1 else _apart(runs, joints, share)
+    if by_curve:
+        for panel in figure.axes:
+            _fit_curves(panel)
+    drawn = any(line.get_gid() == LIMIT_LINE for panel in figure.axes for line in panel.lines)
+    figure.suptitle(f"{_title_of(runs)}{'; dashed: limits' if drawn else ''}", fontsize=9)
+    return figure
+
+
+def _title_of(runs: Sequence[PlottedRun]) -> str:
+    if len(runs) == 1:
+        return f"{runs[0].problem.name}: {runs[0].legend}"
+    return ", ".join(dict.fromkeys(run.problem.name for run in runs))
+
+
+def _fit_curves(panel: Any) -> None:
+    """Set a panel's height by its curves; limits outside it are taken away."""
+    values = [np.asarray(line.get_ydata()) for line in panel.lines if line.get_gid() != LIMIT_LINE]
+    known = np.concatenate([y[np.isfinite(y)] for y in values])
+    if not len(known):
+        return
+    low, high = float(known.min()), float(known.max())
+    span = high - low
+    room = _ROOM * span if span > _FLAT * max(1.0, abs(low), abs(high)) else 1.0
+    panel.set_ylim(low - room, high + room)
+    for line in [line for line in panel.lines if line.get_gid() == LIMIT_LINE]:
+        if not low - room <= float(line.get_ydata()[0]) <= high + room:
+            line.remove()
 
 
 def _together(run: PlottedRun, joints: Sequence[int], share: bool) -> Any:
@@ -37,7 +72,6 @@ def _together(run: PlottedRun, joints: Sequence[int], share: bool) -> Any:
     panels[-1].set_xlabel("time, s")
     figure.align_ylabels(list(panels))
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", title="joint")
-    figure.suptitle(f"{run.problem.name}: {run.legend}; dashed: limits", fontsize=9)
     return figure
 
 
@@ -60,8 +94,6 @@ def _apart(runs: Sequence[PlottedRun], joints: Sequence[int], share: bool) -> An
     for panel in panels[-1]:
         panel.set_xlabel("time, s")
     figure.align_ylabels(list(panels[:, 0]))
-    names = dict.fromkeys(run.problem.name for run in runs)
-    figure.suptitle(f"{', '.join(names)}; dashed: limits", fontsize=9)
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=min(3, len(runs)))
     return figure
 
@@ -112,7 +144,7 @@ def _shared(run: PlottedRun, quantity: str, joint: int, share: bool, values: Arr
 
 def _draw_limits(panel: Any, limits: Sequence[float], colour: str) -> None:
     for value in limits:
-        panel.axhline(value, color=colour, linestyle=(0, (4, 3)), linewidth=0.8, gid="limit")
+        panel.axhline(value, color=colour, linestyle=(0, (4, 3)), linewidth=0.8, gid=LIMIT_LINE)
 
 
 def _title(run: PlottedRun, quantity: str, joints: Sequence[int], share: bool) -> str:

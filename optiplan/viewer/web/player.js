@@ -350,6 +350,13 @@
   if (!location.hash && !scene) clock.pause();
   requestAnimationFrame(tick);
 
+  // Scripts draw into a page that is served; the words of a message stand where the note does.
+  const told = (words) => { byId("note").textContent = words || data.note; byId("note").hidden = !byId("note").textContent; };
+  if (scene && data.drawn) {
+    app.drawing = new OptiPlanDrawing.Drawing(scene, data.drawn.messages, told);
+    if (data.drawn.address && location.protocol.startsWith("http")) app.drawing.listen(data.drawn.address);
+  }
+
   const poses = () => scene.runs.map((run) => run.figure.bodies.slice(1).map((b) => [...b.position.toArray(), ...b.quaternion.toArray()]));
   window.optiplan = { app, scene, clock, state: clock, get duration() { return clock.duration; }, play: () => clock.play(), pause: () => clock.pause(), seek: (t) => clock.seek(t), poses, film, picture: () => OptiPlanPictures.picture(app) };
 })();

@@ -1,0 +1,1 @@
+"""What a user's own script draws into a page that is served, by meshcat's protocol."""
