@@ -159,8 +159,8 @@ def _do(stages: Stages, state: WorldState, step: TaskStep, budget: Budget, ends:
         return _event(stages, state, step, action)
     if isinstance(action, Dwell):
         return PlannedStep(step, state, state)
-    if isinstance(action, TargetTour):
-        raise TypeError("a tour is planned as a section of its own")
+    if not isinstance(action, Move | StraightLine):
+        raise TypeError("a tour or a path is planned as a section of its own")
     stage = stages.at(state, step, action.joints)
     corner: Corner | None = None
     if isinstance(action, Move):

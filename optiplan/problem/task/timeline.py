@@ -165,10 +165,13 @@ def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float
     """Yield when each step begins and ends, s, and the configurations (n,) there; and its vias of joint values."""
     for step, _, begin, end in steps_in_time(problem, trajectory):
         yield from ((t, trajectory(t)) for t in (begin, end))
-        for via in step.action.vias if isinstance(step.action, Move) else ():
+        action = step.action
+        if not isinstance(action, Move):
+            continue
+        for via in action.vias:
             if isinstance(via.at, JointGoal):
                 whole = np.array(trajectory(begin))
-                whole[columns(problem.robot, step.action.joints)] = via.at.q
+                whole[columns(problem.robot, action.joints)] = via.at.q
                 yield begin, whole
 
 
