@@ -106,7 +106,8 @@ def _prepared(problem: Problem) -> Prepared:
     if problem not in _kept:
         found = _not_covered(problem)
         if found:
-            raise wrong_argument("certify", "problem", found, "one robot among obstacles that stand still; `clearance=…` says how far off")
+            expected = "one robot among obstacles that stand still; `clearance=…` says how far off"
+            raise wrong_argument("certify", "problem", found, expected)
         try:
             proof = WarmProof(problem)
         except OptiPlanError as error:
