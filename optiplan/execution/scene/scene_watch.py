@@ -1,7 +1,7 @@
 """What obstacles block of the rest of a path, after they have moved."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 CELL = 4e-3
 """s: parts of a path in which the robot's bodies are bounded about one place."""
+
+SAME_PLACE = 1e-9
+"""m, and of directions: so far apart two poses are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +78,9 @@ class SceneWatch:
     Holds at: all times of a law until the robot stands still, and `linger` s after that for obstacles that keep their
     velocity.
 
+    Where the problem asks for a clearance, obstacles that are not where the run was proved with them have to be as far
+    off; with groups of pairs, as far as the most of these.
+
     Args:
         path: its run gives robot and scene.
         margin: distance to keep from the obstacles that were seen, m.
@@ -83,6 +89,8 @@ class SceneWatch:
 
     def __init__(self, path: ProvedPath, margin: float, linger: float = 0.0) -> None:
         self._path, self.margin, self._linger = path, margin, linger
+        safety = path.run.problem.scene.safety
+        self.asked = 0.0 if safety is None else max(safety.scene, *(one.at_least for one in safety.pairs), 0.0)
         self._watches: WeakKeyDictionary[PathStretch, list[_PartWatch]] = WeakKeyDictionary()
 
     @property
@@ -103,10 +111,17 @@ class SceneWatch:
         rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
         for part in parts:
             last = part is parts[-1] or part.begin <= rest <= part.end
-            found = part.blocked(law, now, seen, self.margin + spare, self._linger if last else 0.0)
+            found = part.blocked(law, now, seen, max(self.margin, self.asked) + spare, self._linger if last else 0.0)
             if found is not None:
                 return BlockedPlace(stretch.place(found.place), found.pair)
         return None
+
+    def proved(self, seen: SeenObstacle) -> bool:
+        """Whether the run was proved with an obstacle where it was seen and stands, all along."""
+        if seen.spread > 0.0 or seen.velocity.any():
+            return False
+        stands = [[one for one in part.problem.scene.obstacles if one.name == seen.name] for part in self._path.parts]
+        return all(len(found) == 1 and is_at(found[0], seen) for found in stands)
 
     def standing(self, place: float, now: float) -> list[SeenObstacle]:
         """Return the obstacles of the run as they stand when the robot is at a place of the path, s."""
@@ -151,14 +166,14 @@ class SceneWatch:
         if stretch not in self._watches:
             motion, found = stretch.laws.motion, list[_PartWatch]()
             if stretch.model is not None:
-                found.append(_PartWatch(stretch.model, motion, 0.0, []))
+                found.append(_PartWatch(_without_floors(stretch.model), motion, 0.0, []))
             for part in self._path.parts:
                 begin, end = sorted(stretch.direction * (place - stretch.start) for place in (part.begin, part.end))
                 begin, end = max(begin, 0.0), min(end, motion.duration)
                 if end > begin:
                     whole = (begin, end) == (0.0, motion.duration)
                     cut = motion if whole else cut_trajectory(motion, begin, end)
-                    model = NativeCollisionModel(part.problem.robot, part.problem.scene)
+                    model = NativeCollisionModel(part.problem.robot, replace(part.problem.scene, safety=None))
                     found.append(_PartWatch(model, cut, begin, part.problem.tracking_error.tolist()))
             self._watches[stretch] = sorted(found, key=lambda part: part.begin)
         return self._watches[stretch]
@@ -235,6 +250,13 @@ class _PartWatch:
         return next(name for name, _, added in self._added if added == body)
 
 
+def _without_floors(model: NativeCollisionModel) -> NativeCollisionModel:
+    """Return a model of the same bodies whose distances are those of the bodies; itself where it is one."""
+    if model.scene.safety is None:
+        return model
+    return NativeCollisionModel(model.robot, replace(model.scene, safety=None), model)
+
+
 def _arrays(seen: Sequence[SeenObstacle]) -> tuple[Array, Array]:
     """Return poses (k, 4, 4), and velocity, spread and time (k, 5)."""
     motions = np.array([[*one.velocity, one.spread, one.time] for one in seen])
@@ -244,3 +266,9 @@ def _arrays(seen: Sequence[SeenObstacle]) -> tuple[Array, Array]:
 def same_body(one: Shape, other: Shape) -> bool:
     """Whether two shapes are one."""
     return one is other or (type(one) is type(other) and one.same_body(other))
+
+
+def is_at(obstacle: Obstacle, seen: SeenObstacle) -> bool:
+    """Whether an obstacle of a run stands where it was seen, but for rounding."""
+    found = obstacle.X_WO.homogeneous, seen.X_WO.homogeneous
+    return same_body(obstacle.shape, seen.shape) and np.allclose(*found, rtol=0.0, atol=SAME_PLACE)

@@ -10,7 +10,7 @@ from optiplan.arrays import Array, is_finite
 from optiplan.execution.arguments import numbers, told
 from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
-from optiplan.execution.scene.scene_watch import BlockedPlace, SceneWatch, SeenObstacle, same_body
+from optiplan.execution.scene.scene_watch import BlockedPlace, SceneWatch, SeenObstacle, is_at
 from optiplan.execution.scene.separation import SeparationMonitor
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
 SceneUpdate = Mapping[str, Pose | Obstacle | None]
 """What is where, by name: the pose of a known obstacle, one that appears, or None for one that is gone."""
-
-SAME_PLACE = 1e-9
-"""m, and of directions: so far apart two poses are one."""
 
 
 class SeenScene:
@@ -100,7 +97,9 @@ class SeenScene:
         By obstacles that were seen; by those that are `known` from the run, too, where the way is not its path.
         """
         seen = list(self._obstacles.values())
-        if known:
+        if self._watch.asked > 0.0:  # cells are too coarse to tell a clearance that is just kept, as was proved
+            seen = [one for one in seen if not self._watch.proved(one)]
+        elif known:
             skipped = {*self._obstacles, *self._gone}
             seen += [one for one in self._watch.standing(stretch.start, now) if one.name not in skipped]
         return self._watch.blocked(stretch, law, now, seen, spare)
@@ -138,15 +137,9 @@ class SeenScene:
         other = SeenScene(watch, None if self.people is None else self.people.over(path, watch))
         stands = {one.name: one for one in path.run.problem.scene.obstacles}
         for name, one in self._obstacles.items():
-            if name not in stands or one.spread > 0.0 or one.velocity.any() or not _is_at(stands[name], one):
+            if name not in stands or one.spread > 0.0 or one.velocity.any() or not is_at(stands[name], one):
                 other._obstacles[name] = one
         return other
-
-
-def _is_at(obstacle: Obstacle, seen: SeenObstacle) -> bool:
-    """Whether an obstacle of a run stands where it was seen, but for rounding."""
-    found = obstacle.X_WO.homogeneous, seen.X_WO.homogeneous
-    return same_body(obstacle.shape, seen.shape) and np.allclose(*found, rtol=0.0, atol=SAME_PLACE)
 
 
 def _later(one: SeenObstacle, then: float) -> Obstacle:

@@ -28,13 +28,13 @@ def seen(position, velocity=(0.0, 0.0, 0.0), spread=0.0):
 
 
 def clearances(run, position, places):
-    """Distances of the robot from the ball at a position, at places of the path (k,), by coal."""
+    """Distances up to 0.1 m of the robot from the ball at a position, at places of the path (k,), by coal."""
     scene = op.Scene([op.Sphere("ball0", radius=0.06, position=position)])
     model = collision_model(run.problem.robot, scene)
     found = []
     for q in run.trajectory(places):
-        contacts = [one.distance for one in model.contacts(q, 10.0) if "ball0" in (one.pair.name_a, one.pair.name_b)]
-        found.append(min(contacts))
+        contacts = [one.distance for one in model.contacts(q, 0.1) if "ball0" in (one.pair.name_a, one.pair.name_b)]
+        found.append(min(contacts, default=0.1))
     return np.array(found)
 
 
@@ -58,6 +58,25 @@ def test_what_is_blocked_is_what_a_dense_check_finds(run):
             blocked += 1
     assert blocked >= 4
     assert free >= 4
+
+
+def test_a_clearance_of_the_problem_is_kept_from_what_is_not_where_it_was_proved(run):
+    asked = op.plan(run.problem.with_parts(clearance=0.0213), budget=3.0)  # as near as the path is to what stands
+    assert asked.verified
+    path, places = ProvedPath(asked, "test"), np.linspace(0.0, asked.duration, 100)
+    watch, law = SceneWatch(path, 0.0), path.forwards.laws.steady(0.0, 1.0, 0.0)
+    tool = asked.problem.robot.fk(asked.trajectory(0.5 * asked.duration)).matrix[:3, 3]
+    found = []
+    for off in np.linspace(0.08, 0.4, 33):
+        position = tool + np.array([0.0, 0.0, off])
+        least = clearances(asked, position, places).min()
+        found.append((least, watch.blocked(path.forwards, law, 0.0, [seen(position)]) is not None))
+    assert all(blocked for least, blocked in found if least < 0.0213)
+    assert any(0.012 < least < 0.0213 for least, _ in found)
+    assert not any(blocked for least, blocked in found if least > 0.05)
+    executor = op.Executor(asked)
+    executor.update_scene({one.name: op.Pose(tuple(one.X_WO.translation)) for one in asked.problem.scene.obstacles})
+    assert executor.status.reason == ""
 
 
 def test_the_robot_waits_until_the_path_is_clear(run):
