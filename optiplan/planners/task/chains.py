@@ -33,7 +33,6 @@ from optiplan.problem.task.steps import (
     Event,
     Move,
     StraightLine,
-    TargetTour,
     TaskStep,
 )
 from optiplan.robot.frames import frame_pose

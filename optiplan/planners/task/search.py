@@ -17,11 +17,12 @@ from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Failure, Planner, Progress
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import goal_sampler
+from optiplan.planners.common.many_ends import end_batches
 from optiplan.planners.common.safety_ends import with_ends
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.task.chains import Chain, do_chain, is_chained, of_step
 from optiplan.planners.task.planned_steps import PlannedMotion, PlannedStep
-from optiplan.planners.task.stages import Stages, WorldState
+from optiplan.planners.task.stages import Stage, Stages, WorldState
 from optiplan.planners.task.stops import ends_in_motion
 from optiplan.problem.problem import Goal, JointGoal, Problem
 from optiplan.problem.task.steps import Move, TaskStep
@@ -195,7 +196,22 @@ class TaskSearch:
     ) -> list[_Node]:
         """Return the configurations from which what follows a move can be done; see `_layer`."""
         stage = self.stages.at(state, leg.step, leg.move.joints)
-        told = with_ends(stage.to(leg.move.goal), self.budget)
+        for goal in end_batches(stage.problem, leg.move.goal, stage.model, self.budget):
+            good = self._candidates_of(leg, (stage, state), goal, failures, pace)
+            if good or self.budget.over:
+                return good
+        return []
+
+    def _candidates_of(
+        self,
+        leg: Leg,
+        at: tuple[Stage, WorldState],
+        goal: Goal,
+        failures: list[tuple[tuple[int, float], Failure]],
+        pace: Budget,
+    ) -> list[_Node]:
+        stage, state = at
+        told = with_ends(stage.to(goal), self.budget)
         stage = stage.ending(*told.scene.safety.ends[1:]) if told.scene.safety is not None else stage
         sampler = goal_sampler(told, stage.model, self.budget, _CANDIDATES, nearer=not leg.chain)
         if isinstance(sampler, Failure):
