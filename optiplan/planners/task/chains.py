@@ -23,7 +23,7 @@ from optiplan.planners.task.planned_steps import PlannedMotion, PlannedStep
 from optiplan.planners.task.stages import Stage, Stages, WorldState
 from optiplan.problem.problem import JointGoal
 from optiplan.problem.task.scene_change import scene_after
-from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
+from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine, TaskStep
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.timing.stops import stop_at_corners
@@ -147,8 +147,8 @@ def _do(stages: Stages, state: WorldState, step: TaskStep, budget: Budget, ends:
         return _event(stages, state, step, action)
     if isinstance(action, Dwell):
         return PlannedStep(step, state, state)
-    if isinstance(action, TargetTour):
-        raise TypeError("a tour is planned as a section of its own")
+    if not isinstance(action, Move | StraightLine):
+        raise TypeError("a tour or a path is planned as a section of its own")
     stage = stages.at(state, step, action.joints)
     corner: Corner | None = None
     if isinstance(action, Move):

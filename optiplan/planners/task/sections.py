@@ -6,12 +6,12 @@ from typing import Any
 
 from optiplan.planners.base import Budget, Failure, Planner, Progress, stages_of
 from optiplan.planners.common.context import Stopwatch
+from optiplan.planners.seams.seam_search import FoundSeam, SeamSearch
 from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.planned_steps import Pause, PlannedMotion, PlannedStep, Stretch, TaskPart
 from optiplan.planners.task.search import TaskSearch
 from optiplan.planners.task.stages import Stages, WorldState
 from optiplan.planners.task.timed_step import timed_step
-from optiplan.planners.seams.seam_search import FoundSeam, SeamSearch
 from optiplan.planners.tours.search import FoundTour, TourSearch
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.seams.actions import Passing, SeamPath

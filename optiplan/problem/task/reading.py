@@ -16,6 +16,7 @@ from optiplan.problem.builder import Compiler, frame_names, link_names
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.schema.ends import ENDS, AlternativeSpec, ViaSpec
+from optiplan.problem.schema.seam import SeamSpec
 from optiplan.problem.schema.task import (
     ApproachSpec,
     AttachSpec,
@@ -26,7 +27,6 @@ from optiplan.problem.schema.task import (
     StraightLineSpec,
     TaskStepSpec,
 )
-from optiplan.problem.schema.seam import SeamSpec
 from optiplan.problem.schema.tour import TourSpec
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.seams.reading import read_path

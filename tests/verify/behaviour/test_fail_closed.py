@@ -17,6 +17,8 @@ from optiplan.problem.goals_and_vias import JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.problem import derived
 from optiplan.problem.regions.region import RegionGoal
+from optiplan.problem.seams.actions import Passing, PathEvent, SeamPart, SeamPath, Transit
+from optiplan.problem.seams.curve import SeamCurve
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Move, Process, StraightLine, Target, TargetTour, TaskStep
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.segments import Segment
@@ -249,6 +251,15 @@ def test_fields_of_what_a_problem_states_are_known():
         Attach: {"body", "link", "touch", "mass", "centre", "inertia"},
         Detach: {"body"},
         Dwell: {"seconds"},
+        PathEvent: {"at", "name"},
+        SeamPath: {
+            *("joints", "frame", "curve", "speed", "within"),
+            *("ramp", "cone", "position", "orientation", "events"),
+        },
+        SeamCurve: {"breakpoints", "position", "axis", "heading", "corners"},
+        SeamPart: {"path", "low", "high"},
+        Passing: {"path", "at"},
+        Transit: {"joints"},  # to where a part of a path begins, whose check looks there
         TaskStep: {"number", "kind", "name", "action", "allowed", "constraints"},
         Obstacle: {"name", "shape", "X_WO", "stated", "motion"},
         Attachment: {"name", "shape", "link", "X_LO", "touch", "stated", "mass", "centre", "inertia"},
