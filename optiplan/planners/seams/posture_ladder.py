@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import end_collides, out_of_time
 from optiplan.planners.seams.rungs import Rungs
@@ -47,11 +47,10 @@ class PostureLadder:
         problem: of the joints that move.
         path: the path.
         rungs: that are made as they are needed.
-        slow: whether only jumps count, not the speed of joints.
     """
 
-    def __init__(self, problem: Problem, path: SeamPath, rungs: Rungs, *, slow: bool = False) -> None:
-        self.problem, self.path, self.rungs, self.slow = problem, path, rungs, slow
+    def __init__(self, problem: Problem, path: SeamPath, rungs: Rungs) -> None:
+        self.problem, self.path, self.rungs = problem, path, rungs
         self._times = TravelTimes(problem.limits)
 
     def lengths(self) -> Array:
@@ -69,7 +68,9 @@ class PostureLadder:
         if not len(rungs[0]):
             return self._unreached(0.0)
         costs = [_APPROACH * self._times.between(self.problem.start[None], rungs[0])[0] + self._own(rungs[0])]
-        came: list[Array] = []
+        chosen = self.rungs.fewer(costs[0])
+        rungs[0], costs[0] = rungs[0][chosen], costs[0][chosen]
+        came: list[Index] = []
         for k in range(1, len(s)):
             if budget.over:
                 return out_of_time(budget, "choosing the posture along a path")
@@ -84,13 +85,15 @@ class PostureLadder:
             kept = np.isfinite(cost)
             if not kept.any():
                 return self._cut_off(float(s[k]), rungs[-1], new, seconds)
-            rungs.append(new[kept])
-            costs.append(cost[kept])
-            came.append(origin[kept])
-        chosen = [int(costs[-1].argmin())]
+            chosen = np.flatnonzero(kept)
+            chosen = chosen[self.rungs.fewer(cost[chosen])]
+            rungs.append(new[chosen])
+            costs.append(cost[chosen])
+            came.append(origin[chosen])
+        way = [int(costs[-1].argmin())]
         for origin in reversed(came):
-            chosen.append(int(origin[chosen[-1]]))
-        Q = np.array([rung[i] for rung, i in zip(rungs, reversed(chosen), strict=True)])
+            way.append(int(origin[way[-1]]))
+        Q = np.array([rung[i] for rung, i in zip(rungs, reversed(way), strict=True)])
         return Posture(s, Q)
 
     def _own(self, Q: Array) -> Array:
@@ -110,7 +113,7 @@ class PostureLadder:
             np.maximum(fastest, share, out=fastest)
             np.maximum(farthest, way, out=farthest)
         cost *= seconds
-        cost[(farthest > _JUMP) | ((fastest > _ALLOWED) & (not self.slow))] = np.inf
+        cost[(farthest > _JUMP) | (fastest > _ALLOWED)] = np.inf
         return cost
 
     def _cut_off(self, s: float, before: Array, after: Array, seconds: float) -> Failure:

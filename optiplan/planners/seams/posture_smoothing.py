@@ -6,14 +6,17 @@ after each. Joints near their limits, axes near the edge of their cone, and peak
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import spsolve
 
 from optiplan.arrays import Array, Flags
-from optiplan.planners.seams.seam_tool import Places, SeamTool
+from optiplan.libraries import loading
+from optiplan.planners.seams.seam_tool import SeamTool, ToolPlaces
 from optiplan.problem.problem import Problem
+
+if TYPE_CHECKING:
+    import scipy.sparse as sp
 
 _WEIGHTS = 0.3, 1.0, 1.0
 """Of speeds, accelerations and jerks, as shares of their limits."""
@@ -44,7 +47,7 @@ _PEAK = 0.5
 class Stations:
     """Stations of a path: lengths s (N,), m, places of the tool, and at which (N,) there is a corner."""
 
-    at: Places
+    at: ToolPlaces
     corner: Flags
 
     @property
@@ -97,6 +100,9 @@ class PostureSmoothing:
         r = free.shape[2]
         if r == 0:
             return np.zeros_like(Q)
+        with loading():
+            import scipy.sparse as sp
+            from scipy.sparse.linalg import spsolve
         H = sp.csr_matrix((N * n, N * n))
         g = np.zeros((N, n))
         parts = zip(self._orders, self._limits, _WEIGHTS, strict=True)
@@ -124,7 +130,7 @@ class PostureSmoothing:
         return np.asarray((Z @ z).reshape(N, n))
 
     def _near_limits(self, Q: Array) -> tuple[Array, Array]:
-        """Return curvature and slope (N, n) of the squares of how far joints are in the margins next to their limits."""
+        """Return curvature and slope (N, n) of the squares of how far joints are in the margins of their limits."""
         limits = self.problem.limits
         wide = np.where(np.isfinite(limits.upper - limits.lower), limits.upper - limits.lower, np.inf)
         margin = np.where(np.isfinite(wide), _MARGIN * wide, 0.0)
@@ -144,11 +150,14 @@ class PostureSmoothing:
         return slope, J * weight[:, None, None]
 
 
-def _differences(t: Array, corner: Flags) -> list[tuple[sp.csr_matrix, Array]]:
+def _differences(t: Array, corner: Flags) -> "list[tuple[sp.csr_matrix, Array]]":
     """Return first, second and third divided differences over times t (N,), s, as matrices, and the time of each, s.
 
     Second and third ones do not reach across corners, where the arm stops.
     """
+    with loading():
+        import scipy.sparse as sp
+
     N = len(t)
     h = np.diff(t)
     first = sp.diags([-1.0 / h, 1.0 / h], [0, 1], shape=(N - 1, N)).tocsr()
@@ -165,8 +174,11 @@ def _differences(t: Array, corner: Flags) -> list[tuple[sp.csr_matrix, Array]]:
     return found
 
 
-def _spread(D: sp.csr_matrix, W: Array) -> sp.csr_matrix:
+def _spread(D: "sp.csr_matrix", W: Array) -> "sp.csr_matrix":
     """Return sum over joints of D^T diag(W_j) D in the order of stations and then joints, (N n, N n)."""
+    with loading():
+        import scipy.sparse as sp
+
     n = W.shape[1]
     blocks = []
     for j in range(n):

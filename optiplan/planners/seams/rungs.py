@@ -9,18 +9,23 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.kinematics.ik.numeric import random_seeds
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.seams.seam_tool import Places, SeamTool
+from optiplan.planners.seams.seam_tool import SeamTool, ToolPlaces
 from optiplan.problem.problem import Problem
 
 _REACHED = 1e-6
 """m and rad: largest error of a configuration that counts."""
 
-_TURNS, _TILTS = 24, 6
-"""Turns about the tool's axis, and directions of its tilt."""
+_TURN = 2.0 * np.pi
+
+_TURNS, _TILTS = 36, 6
+"""Turns about the tool's axis (half as many with a cone), and directions of its tilt."""
+
+_TILTED = 0.7
+"""Share of the cone by which the tool is tilted."""
 
 _FIRST, _FRESH = 600, 40
 """Random configurations from which the first rung, and every further one, is looked for."""
@@ -33,7 +38,7 @@ _STEPS, _CARRIED = 40, 6
 
 
 @dataclass(eq=False)
-class Miss:
+class NearMiss:
     """The nearest to a place that was found where nothing is: configuration q (n,), and its error; 0: it is there."""
 
     q: Array
@@ -57,7 +62,7 @@ class Rungs:
     tool: SeamTool
     check: MotionCheck
     most: int
-    miss: Miss | None = None
+    miss: NearMiss | None = None
     barred: list[tuple[float, Array]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -69,7 +74,7 @@ class Rungs:
         """Return free configurations (k, n) at a length s, m, of the path; none where none was found."""
         self.miss = None
         if self._closed is not None:
-            return self._kept(self._solved(s), s)
+            return self._kept(self._images(self._solved(s)), s)
         random = random_seeds(self.problem.robot, self.problem.start, self._rng, _FIRST)
         return self._kept(self._reached(np.concatenate([self._own, np.array(list(random))]), s, _STEPS), s)
 
@@ -77,7 +82,7 @@ class Rungs:
         """Return those at a length s, of which those `before` (k, n) stand so many seconds earlier on the path."""
         self.miss = None
         if self._closed is not None:
-            return self._kept(self._solved(s), s)
+            return self._kept(self._near(self._solved(s), before, seconds), s)
         at = self._at(s, len(before))
         rows = self.tool.rows(before, at, self.tool.path.cone)
         free = self.tool.free_motions(rows.J[:, : self.tool.equalities])
@@ -88,7 +93,7 @@ class Rungs:
         fresh = self._reached(np.array(list(random)), s, _STEPS // 2)
         return self._kept(np.concatenate([carried, fresh]), s)
 
-    def _at(self, s: float, count: int) -> Places:
+    def _at(self, s: float, count: int) -> ToolPlaces:
         return self.tool.places(np.full(count, s))
 
     def _reached(self, seeds: Array, s: float, steps: int) -> Array:
@@ -102,10 +107,10 @@ class Rungs:
 
     def _missed(self, q: Array, error: float) -> None:
         if self.miss is None or error < self.miss.error:
-            self.miss = Miss(q, error)
+            self.miss = NearMiss(q, error)
 
     def _kept(self, Q: Array, s: float) -> Array:
-        """Return those that are free, one of each cell, no more than `most`."""
+        """Return those that are free, one of each cell."""
         limits = self.problem.limits
         Q = Q[((Q >= limits.lower) & (Q <= limits.upper)).all(axis=1)]
         for where, q in self.barred:
@@ -117,11 +122,18 @@ class Rungs:
         free = np.array([not self.check.blocked(q) for q in Q], dtype=bool)
         if len(Q) and not free.any():
             self._missed(Q[0], 0.0)
-        Q = Q[free]
-        return Q if len(Q) <= self.most else Q[np.sort(self._rng.choice(len(Q), self.most, replace=False))]
+        return np.asarray(Q[free])
+
+    def fewer(self, costs: Array) -> Index:
+        """Return which of configurations with these costs (k,) go on: the cheapest, and some of the others."""
+        if len(costs) <= self.most:
+            return np.arange(len(costs))
+        order = np.argsort(costs, kind="stable")
+        half = self.most // 2
+        return np.sort(np.concatenate([order[:half], self._rng.choice(order[half:], self.most - half, replace=False)]))
 
     def _solved(self, s: float) -> Array:
-        """Return all branches at turns and tilts, equal up to whole turns of joints."""
+        """Return all branches at turns and tilts."""
         assert self._closed is not None
         at = self._at(s, 1)
         X = np.tile(np.eye(4), (1, 1, 1))
@@ -130,31 +142,44 @@ class Rungs:
         if not solutions.valid.any():
             k, j = np.unravel_index(int(solutions.error.max(axis=2).argmin()), solutions.valid.shape)
             self._missed(solutions.q[k, j], float(solutions.error[k, j].max()))
-        return self._images(solutions.q[solutions.valid])
+        return np.asarray(solutions.q[solutions.valid])
 
     def _turned(self) -> Array:
         """Return turns and tilts of the tool as poses (t, 4, 4) in its own frame."""
         path = self.tool.path
         tilts = [np.eye(3)]
         if path.cone > 0.0:
-            for share in (0.5, 0.95):
-                angles = np.arange(_TILTS) * (2.0 * np.pi / _TILTS)
-                tilts += [pin.exp3(share * path.cone * np.array([np.cos(a), np.sin(a), 0.0])) for a in angles]
+            angles = np.arange(_TILTS) * (_TURN / _TILTS)
+            tilts += [pin.exp3(_TILTED * path.cone * np.array([np.cos(a), np.sin(a), 0.0])) for a in angles]
         turns = [np.eye(3)]
         if self.tool.spins:
-            turns = [pin.exp3(np.array([0.0, 0.0, a])) for a in np.arange(_TURNS) * (2.0 * np.pi / _TURNS)]
+            count = _TURNS // 2 if path.cone > 0.0 else _TURNS
+            turns = [pin.exp3(np.array([0.0, 0.0, a])) for a in np.arange(count) * (_TURN / count)]
         found = np.tile(np.eye(4), (len(tilts) * len(turns), 1, 1))
         found[:, :3, :3] = [tilt @ turn for tilt in tilts for turn in turns]
         return found
 
     def _images(self, Q: Array) -> Array:
-        limits = self.problem.limits
-        found = [Q]
-        for j in np.flatnonzero(self.problem.robot.revolute):
-            if limits.upper[j] - limits.lower[j] > 2.0 * np.pi:
-                every = np.concatenate(found)
-                for turn in (-2.0 * np.pi, 2.0 * np.pi):
-                    other = every.copy()
-                    other[:, j] += turn
-                    found.append(other[(other[:, j] >= limits.lower[j]) & (other[:, j] <= limits.upper[j])])
+        """Return configurations equal to Q (k, n) up to whole turns: nearest to the start, or one turn farther."""
+        limits, start = self.problem.limits, self.problem.start
+        wide = np.flatnonzero(self.problem.robot.revolute & (limits.upper - limits.lower > _TURN))
+        near = Q.copy()
+        near[:, wide] += _TURN * np.round((start[wide] - Q[:, wide]) / _TURN)
+        found = [near]
+        for j in wide:
+            for turn in (-_TURN, _TURN):
+                found.append(near.copy())
+                found[-1][:, j] += turn
         return np.concatenate(found)
+
+    def _near(self, Q: Array, before: Array, seconds: float) -> Array:
+        """Return those equal to Q (k, n) up to whole turns that ones before (m, n) reach in time, or the nearest."""
+        turning = np.asarray(self.problem.robot.revolute, dtype=bool)
+        way = Q[None] - before[:, None]
+        way = np.where(turning, way - _TURN * np.round(way / _TURN), way)
+        share = (np.abs(way) / (self.problem.limits.velocity * seconds)).max(axis=2, initial=0.0)
+        soon = share <= max(1.0, float(share.min(initial=np.inf)))
+        i, k = np.nonzero(soon)
+        found = before[i] + way[i, k]
+        _, chosen = np.unique(np.round(found / 1e-6).astype(np.int64), axis=0, return_index=True)
+        return np.asarray(found[np.sort(chosen)])

@@ -131,10 +131,10 @@ def _held(problem: Problem, motion: Trajectory) -> bool:
     return slowed is not None and slowed.duration <= motion.duration * (1.0 + 1e-9)
 
 
-def limit_kept(problem: Problem, motion: Trajectory) -> Excess | None | bool:
-    """Return what passes a limit, False where torques do, and None where all are kept."""
+def within_limits(problem: Problem, motion: Trajectory) -> Trajectory | Excess | None:
+    """Return the motion if it keeps all limits, else what passes one; None where torques do."""
     over = excess(motion, problem.limits)
-    return over if over is not None else None if _held(problem, motion) else False
+    return over if over is not None else motion if _held(problem, motion) else None
 
 
 def joined(parts: list[Trajectory]) -> Trajectory:

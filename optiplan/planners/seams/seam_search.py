@@ -18,7 +18,7 @@ from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.seams.posture_ladder import Posture, PostureLadder
 from optiplan.planners.seams.posture_smoothing import PostureSmoothing, Stations
 from optiplan.planners.seams.rungs import Rungs
-from optiplan.planners.seams.seam_motion import joined, joint_curves, limit_kept, ramped, run_up, steady
+from optiplan.planners.seams.seam_motion import joined, joint_curves, ramped, run_up, steady, within_limits
 from optiplan.planners.seams.seam_tool import SeamTool
 from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.problem.seams.actions import SeamPath
@@ -217,16 +217,17 @@ class SeamSearch:
                 t += motion.duration
                 continue
             motion = steady(one, path.speed)
-            over = limit_kept(self.problem, motion)
-            if over is not None:
-                return self._too_fast(over or None, motion.start, 0.0, "along the path", motion)
+            kept = within_limits(self.problem, motion)
+            if not isinstance(kept, Trajectory):
+                return self._too_fast(kept, motion.start, 0.0, "along the path", motion)
             state = one.state(np.array([one.low, high]))
             states = state * np.array([1.0, path.speed, path.speed**2])[:, None]
             begin, end = (run_up(self.problem, states[k], out=k == 1) for k in (0, 1))
             for run, q in ((begin, states[0, 0]), (end, states[1, 0])):
                 if not isinstance(run, Trajectory):
                     return self._too_fast(run, q, 0.0 if run is begin else high, "to gain or lose it at its ends")
-            assert isinstance(begin, Trajectory) and isinstance(end, Trajectory)
+            assert isinstance(begin, Trajectory)
+            assert isinstance(end, Trajectory)
             parts += [begin, motion, end]
             knots, lengths = [begin.duration, begin.duration + motion.duration], [0.0, high]
         whole = joined(parts)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags
+from optiplan.arrays import Array, Flags, Index
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.robot.robot import Robot
 
@@ -33,16 +33,16 @@ class ToolRows:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class ToolPlaces:
     """Where the tool should be in N configurations: lengths s (N,), points (N, 3), and its axes as R_WF (N, 3, 3)."""
 
     s: Array
     p: Array
     R: Array
 
-    def take(self, chosen: Flags | Array) -> "Places":
+    def take(self, chosen: Flags | Index) -> "ToolPlaces":
         """Return some of them."""
-        return Places(self.s[chosen], self.p[chosen], self.R[chosen])
+        return ToolPlaces(self.s[chosen], self.p[chosen], self.R[chosen])
 
 
 class SeamTool:
@@ -63,15 +63,15 @@ class SeamTool:
         self._moves = self._kinematics.carries[self._joint]
         self._turns = self._kinematics.revolute > 0.5
 
-    def places(self, s: Array) -> Places:
+    def places(self, s: Array) -> ToolPlaces:
         """Return where the tool should be at lengths s (N,), m."""
-        return Places(s, self.path.curve.points(s), self.path.curve.rotations(s))
+        return ToolPlaces(s, self.path.curve.points(s), self.path.curve.rotations(s))
 
     def poses(self, Q: Array) -> Array:
         """Return the tool's poses (N, 4, 4) in configurations Q (N, n)."""
         return np.asarray(self._kinematics.poses(Q)[:, self._joint] @ self._placement)
 
-    def rows(self, Q: Array, at: Places, cone: float) -> ToolRows:
+    def rows(self, Q: Array, at: ToolPlaces, cone: float) -> ToolRows:
         """Return errors and Jacobians in configurations Q (N, n); tilts up to `cone`, rad, are no error."""
         joints = self._kinematics.poses(Q)
         X = joints[:, self._joint] @ self._placement
@@ -95,7 +95,7 @@ class SeamTool:
             turning = turning * (kept > 0.0)[:, None, None]
         return ToolRows(e, np.concatenate([J[:, :3], turning], axis=1), tilt)
 
-    def corrected(self, Q: Array, at: Places, steps: int, cone: float | None = None) -> tuple[Array, Array]:
+    def corrected(self, Q: Array, at: ToolPlaces, steps: int, cone: float | None = None) -> tuple[Array, Array]:
         """Return configurations (N, n) with the tool in place, and the largest error (N,) that is left, m or rad."""
         cone = self.path.cone if cone is None else cone
         Q, worst = Q.copy(), np.full(len(Q), np.inf)

@@ -35,8 +35,8 @@ class ViaMoves:
 
     Attributes:
         problem: its task has a move to each via and one to the goal.
-        counts: moves that stand for each step of the task as it was, of a tour or path one for each of its segments; empty
-            where there was no task.
+        counts: moves that stand for each step of the task as it was, of a tour or path one for each of its segments;
+            empty where there was no task.
     """
 
     problem: Problem

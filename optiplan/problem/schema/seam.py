@@ -59,8 +59,8 @@ class SeamSpec(Strict):
     `speed` within `ramp`, m, of it. The speed is held within a share `speed_within` from the first point to the last;
     with a `ramp` but within it of both ends, where the tool then begins and ends at rest.
     The tool's z axis points along `axis`, or along the axes of the points, and may turn about it; a rotation of points
-    fixes that turn unless `free_axis: z`. It may tilt within `cone`, rad. `lead` turns it ahead, `side` to the left, rad.
-    `at`: events on the way.
+    fixes that turn unless `free_axis: z`. It may tilt within `cone`, rad. `lead` turns it ahead, `side` to the left,
+    rad. `at`: events on the way.
     """
 
     points: FileName | Annotated[tuple[SeamPointSpec, ...], Field(min_length=2)]

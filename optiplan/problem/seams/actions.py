@@ -1,6 +1,7 @@
 """Actions of a path of the tool: the whole, and the parts of which its motion consists."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class SeamPath:
     def parts(self) -> list[tuple[float, float]]:
         """Return the parts between the events, from one length to another, m."""
         edges = [0.0, *(event.at for event in self.events), self.curve.length]
-        return list(zip(edges[:-1], edges[1:], strict=True))
+        return list(pairwise(edges))
 
     def slow_parts(self) -> list[tuple[float, float]]:
         """Return where the tool may be slower, from one length to another, m."""

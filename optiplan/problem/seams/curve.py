@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -93,7 +94,7 @@ class SeamCurve:
         least = np.linalg.norm(self._middles(self.axis), axis=1) - 0.5 * h * rate
         turning = rate / np.maximum(least, _LEAST)
         if self.heading is None:
-            return turning
+            return np.asarray(turning)
         middles = 0.5 * (self.breakpoints[1:] + self.breakpoints[:-1])
         across = self._values(self.heading, middles)
         z = self.directions(middles)
@@ -112,7 +113,7 @@ class SeamCurve:
     def runs(self) -> list[tuple[float, float]]:
         """Return the parts between corners, from one length to another, m."""
         edges = [0.0, *self.corners, self.length]
-        return list(zip(edges[:-1], edges[1:], strict=True))
+        return list(pairwise(edges))
 
 
 def _derived(coefficients: Array, order: int) -> Array:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,6 +16,9 @@ CORNER = 1e-3
 
 _TURN = 0.1
 """rad: largest turn of the curve within a part of an element that becomes a piece."""
+
+_STRAIGHT = 0.02
+"""m: longest piece of a straight part, over which directions are interpolated."""
 
 _BLEND_PARTS = 16
 _SPAN_PARTS = 8
@@ -43,7 +47,7 @@ class Element:
         width = end - begin
 
         def state(u: Array) -> Array:
-            return self.state(begin + width * u) * np.array([1.0, width, width * width])[:, None, None]
+            return np.asarray(self.state(begin + width * u) * np.array([1.0, width, width**2])[:, None, None])
 
         parts = max(1, int(np.ceil(self.parts * width)))
         return Element(state, parts, self.uniform * width, self.point)
@@ -69,7 +73,8 @@ def straight(a: Array, b: Array, point: int) -> Element:
         along = np.broadcast_to(b - a, (len(u), 3))
         return np.stack([a + u[:, None] * (b - a), along, np.zeros_like(along)])
 
-    return Element(state, 1, float(np.linalg.norm(b - a)), point)
+    length = float(np.linalg.norm(b - a))
+    return Element(state, max(1, int(np.ceil(length / _STRAIGHT))), length, point)
 
 
 def round_part(a: Array, through: Array, b: Array, point: int) -> Element:
@@ -103,7 +108,7 @@ def rounded(elements: Sequence[Element], blend: float) -> tuple[list[Element], l
     A corner is replaced from `blend`, m, before to as much after it, or half of a part where that is shorter, by a
     polynomial of degree five that keeps tangent and curvature.
     """
-    angles = [_angle(a.end(1.0)[1], b.end(0.0)[1]) for a, b in zip(elements, elements[1:], strict=False)]
+    angles = [_angle(a.end(1.0)[1], b.end(0.0)[1]) for a, b in pairwise(elements)]
     found: list[Element] = []
     corners: list[int] = []
     begin = 0.0

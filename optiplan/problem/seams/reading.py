@@ -66,6 +66,9 @@ def read_path(
         expected = "`blend: …`, m, which rounds them, or `ramp: …`, m, within which the tool stops there"
         compiler.report(place, found, expected)
         return None
+    if curve.corners and (spec.lead or spec.side):
+        compiler.report(place, "lead or side with exact corners, where they would jump", "`blend: …`, m")
+        return None
     events = tuple(PathEvent(one.path, one.do) for one in sorted(spec.at, key=lambda one: one.path))
     for k, one in enumerate(spec.at):
         if one.path > curve.length:
@@ -102,8 +105,8 @@ class _SeamReader:
                 self.compiler.issues.extend(error.issues)
                 return []
         p = np.array([one.position for one in found], float)
-        for k in np.flatnonzero(np.linalg.norm(np.diff(p, axis=0), axis=1) < _SAME):
-            self.report(int(k) + 1, "position", f"the place of point {k + 1}", "a place of its own")
+        for k in np.flatnonzero(np.linalg.norm(np.diff(p, axis=0), axis=1) < _SAME).tolist():
+            self.report(k + 1, "position", f"the place of point {k + 1}", "a place of its own")
         return found
 
     def shape(self, points: Sequence[SeamPointSpec]) -> SeamShape | None:
@@ -112,25 +115,24 @@ class _SeamReader:
         axes = np.array([self._axis(k, one) for k, one in enumerate(points)])
         turned = [one.rpy is not None or one.quaternion is not None for one in points]
         given = any(turned) and spec.free_axis is None
-        for k in np.flatnonzero(~np.array(turned)) if given else ():
-            self.report(int(k), "position", "no rotation, which other points have", "a rotation, or `free_axis: z`")
+        for k in np.flatnonzero(~np.array(turned)).tolist() if given else ():
+            self.report(k, "position", "no rotation, which other points have", "a rotation, or `free_axis: z`")
         cosines = (axes[1:] * axes[:-1]).sum(axis=1)
-        for k in np.flatnonzero(cosines < OPPOSITE):
-            self.report(int(k) + 1, "axis", "an axis nearly opposite to the one before", "points between the two")
+        for k in np.flatnonzero(cosines < OPPOSITE).tolist():
+            self.report(k + 1, "axis", "an axis nearly opposite to the one before", "points between the two")
         headings = np.array([pose_of(one).rotation[:, 0] for one in points]) if given else None
         p = np.array([one.position for one in points], float)
         if spec.lead or spec.side or spec.weave is not None:
             along = np.diff(p, axis=0)
             along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), _SAME)
             sines = np.linalg.norm(np.cross(along, axes[:-1]), axis=1)
-            for k in np.flatnonzero(sines < _STRAIGHT):
-                self.report(int(k), "axis", "an axis along the path", "one across it, which lead, side or weave need")
+            for k in np.flatnonzero(sines < _STRAIGHT).tolist():
+                self.report(k, "axis", "an axis along the path", "one across it, which lead, side or weave need")
         if len(self.compiler.issues) > count:
             return None
         through = {k: np.array(one.through, float) for k, one in enumerate(points) if one.through is not None}
         if 0 in through or (through and spec.curve == "spline"):
-            k = min(through)
-            self.report(k, "through", "an arc to this point", "a point after the first, with `curve: line`")
+            self.report(min(through), "through", "an arc to this point", "a point after the first, with `curve: line`")
             return None
         weave = None if spec.weave is None else (spec.weave.amplitude, spec.weave.length)
         smooth = spec.curve == "spline"

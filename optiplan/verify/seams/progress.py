@@ -17,7 +17,7 @@ _MOST = 200_000
 _CORRECTIONS = 4
 
 
-class Progress:
+class PathProgress:
     """A length s(t) along the path that never decreases, from the part's beginning to its end.
 
     Whatever it is, a tool within a tolerance of c(s(t)) at all times follows the path in its order. It is made from the

@@ -51,6 +51,5 @@ def _passing(k: int, action: Passing, problem: Problem, q: Array) -> Check:
     off = float(np.linalg.norm(frame_pose(problem.robot, q, path.frame).translation - place))
     found = Check("path event", "exact", off <= path.position + POSITION_ROUNDING, off, path.position, "m", 0.0)
     detail = f"at {action.at:.4g} m of the path"
-    return covering(
-        replace(found, place=path.frame, detail=detail, witness={"q": q.tolist()}), f"{step_place(k)}.event"
-    )
+    found = replace(found, place=path.frame, detail=detail, witness={"q": q.tolist()})
+    return covering(found, f"{step_place(k)}.event")

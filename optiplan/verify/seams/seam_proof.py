@@ -21,7 +21,7 @@ from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion
 from optiplan.verify.continuous.intervals import derivative_bounds, step_sizes
 from optiplan.verify.continuous.motion_bounds import Boxes
 from optiplan.verify.report import Check, VerifyPolicy
-from optiplan.verify.seams.progress import Progress
+from optiplan.verify.seams.progress import PathProgress
 
 _FIRST, _MOST_FIRST = 0.01, 40_000
 """s; intervals to begin with, and about how many at most."""
@@ -34,7 +34,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class _Spans:
+class _SeamSpans:
     """K intervals of time, each within a piece of the motion: `begin` and `width` (K,), s, in the piece's time."""
 
     piece: Index
@@ -42,7 +42,7 @@ class _Spans:
     width: Array
 
     @classmethod
-    def of(cls, motion: Trajectory) -> "_Spans":
+    def of(cls, motion: Trajectory) -> "_SeamSpans":
         first = max(_FIRST, motion.duration / _MOST_FIRST)
         h = np.diff(motion.breakpoints)
         parts = np.maximum(1, np.ceil(h / first)).astype(np.intp)
@@ -50,20 +50,20 @@ class _Spans:
         width = (h / parts)[which]
         return cls(which, within * width, width)
 
-    def of_these(self, chosen: Flags | slice) -> "_Spans":
-        return _Spans(self.piece[chosen], self.begin[chosen], self.width[chosen])
+    def of_these(self, chosen: Flags | slice) -> "_SeamSpans":
+        return _SeamSpans(self.piece[chosen], self.begin[chosen], self.width[chosen])
 
-    def halved(self) -> "_Spans":
+    def halved(self) -> "_SeamSpans":
         width = 0.5 * self.width
         begin = np.concatenate([self.begin, self.begin + width])
-        return _Spans(np.tile(self.piece, 2), begin, np.tile(width, 2))
+        return _SeamSpans(np.tile(self.piece, 2), begin, np.tile(width, 2))
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
     """What is known on K intervals: tool and curve at begin, middle and end, and bounds between."""
 
-    spans: _Spans
+    spans: _SeamSpans
     time: Array
     s: Array
     q: list[Array]
@@ -93,7 +93,7 @@ class SeamProof:
         self.part, self.motion, self.policy = part, motion, policy
         self.curve = part.path.curve
         self._frame = FrameMotion(robot, part.path.frame)
-        self._progress = Progress(part, robot, motion)
+        self._progress = PathProgress(part, robot, motion)
         self._jump = step_sizes(motion, policy.jump_tolerance)
         self._pieces = [motion.derivatives(order) for order in range(2)]
         self._slow = part.path.slow_parts()
@@ -108,7 +108,7 @@ class SeamProof:
 
     def _check(self, name: str, words: str, unit: str, limit: float, value: Callable[[_State], _Deviation]) -> Check:
         allowed, policy = limit + _ROUNDING, self.policy
-        spans, worst, when, evaluated, reason = _Spans.of(self.motion), -np.inf, 0.0, 0, ""
+        spans, worst, when, evaluated, reason = _SeamSpans.of(self.motion), -np.inf, 0.0, 0, ""
         while len(spans.piece) and not reason:
             left = []
             for k in range(0, len(spans.piece), _CHUNK):
@@ -134,7 +134,7 @@ class SeamProof:
         witness: dict[str, Any] = {"q": self.motion(when).tolist()}
         return Check(name, "continuous", not reason, worst, limit, unit, when, place, detail, witness)
 
-    def _state(self, spans: _Spans) -> _State:
+    def _state(self, spans: _SeamSpans) -> _State:
         begin = self.motion.breakpoints[spans.piece] + spans.begin
         time = np.stack([begin, begin + 0.5 * spans.width, begin + spans.width])
         s = self._progress(time[[0, 2]].ravel()).reshape(2, -1)
@@ -147,7 +147,7 @@ class SeamProof:
         boxes = Boxes(half[:, 0], q[1], v, speed * half + jump, speed, acceleration, jump)
         return _State(spans, time, places, q, self._frame.bounds(boxes))
 
-    def _joints(self, spans: _Spans, share: float, order: int) -> Array:
+    def _joints(self, spans: _SeamSpans, share: float, order: int) -> Array:
         local = (spans.begin + share * spans.width)[:, None]
         return polynomial.evaluate(np.swapaxes(self._pieces[order][spans.piece], 1, 2), local)
 
@@ -178,8 +178,6 @@ class SeamProof:
         angle = 2.0 * np.arcsin(np.minimum(1.0, 0.5 * chord))
         way = 0.5 * (state.s[2] - state.s[0])
         bound = angle + state.bounds.turn + way * self._most(self.curve.turns, state.s)
-        for corner in self.curve.corners:  # the direction may jump there, by what is met on both sides
-            bound[(state.s[0] < corner) & (corner < state.s[2])] = np.inf
         return _Deviation(angle, state.time[1], bound)
 
     def _off_speed(self, state: _State) -> _Deviation:

@@ -18,6 +18,8 @@ from optiplan.problem.goals_and_vias import AllOfGoal, JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.problem import derived
 from optiplan.problem.regions.region import RegionGoal
+from optiplan.problem.seams.actions import Passing, PathEvent, SeamPart, SeamPath, Transit
+from optiplan.problem.seams.curve import SeamCurve
 from optiplan.problem.task.steps import (
     Attach,
     ChangeTool,
@@ -270,6 +272,15 @@ def test_fields_of_what_a_problem_states_are_known():
         MountedTool: {"name", "link", "X_LT", "bodies", "X_WP", "mounted"},
         Detach: {"body"},
         Dwell: {"seconds"},
+        PathEvent: {"at", "name"},
+        SeamPath: {
+            *("joints", "frame", "curve", "speed", "within"),
+            *("ramp", "cone", "position", "orientation", "events"),
+        },
+        SeamCurve: {"breakpoints", "position", "axis", "heading", "corners"},
+        SeamPart: {"path", "low", "high"},
+        Passing: {"path", "at"},
+        Transit: {"joints"},  # to where a part of a path begins, whose check looks there
         TaskStep: {"number", "kind", "name", "action", "allowed", "constraints"},
         Obstacle: {"name", "shape", "X_WO", "stated", "motion"},
         Attachment: {"name", "shape", "link", "X_LO", "touch", "stated", "mass", "centre", "inertia", "framed"},
