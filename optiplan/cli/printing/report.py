@@ -19,6 +19,9 @@ BOUNDS = {
 }
 """What a lower bound is about, by `Run.lower_bound_of`."""
 
+_REASONS = 6
+"""So many reasons to stop are printed; a tour of 60 targets has a reason for each."""
+
 
 def show_run(console: Console, run: Run, full: bool = False) -> None:
     """Print a run: verdict, quality of the motion, scope of the verdict, and timings."""
@@ -115,11 +118,14 @@ def _cost(run: Run) -> str:
 
 
 def _stops(stops: Sequence[Mapping[str, Any]], full: bool) -> list[str]:
-    """Say where a task stops and why: how often for each reason, or each stop."""
+    """Say where a task stops and why: how often for the most frequent reasons, or each stop."""
     if full:
         return [f"stops at {stop['t']:.3f} s, after step {stop['after']}: {stop['why']}" for stop in stops]
     counts = Counter(stop["why"] for stop in stops)
-    words = [why if count == 1 else f"{why} ({count} times)" for why, count in counts.items()]
+    shown = counts.most_common(_REASONS)
+    words = [why if count == 1 else f"{why} ({count} times)" for why, count in shown]
+    if rest := len(stops) - sum(count for _, count in shown):
+        words.append(f"{rest} others (--full)")
     return [f"stops {len(stops)} times on the way: {'; '.join(words)}"] if stops else []
 
 
