@@ -1,18 +1,12 @@
-"""`init_robot`: from a URDF to a robot.yaml and the SRDF of the pairs that need no check."""
+"""`init_robot`: from a URDF or a robot of another program to a robot.yaml and the pairs that need no check."""
 
-import os
-import tempfile
-import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+from optiplan.api.robot_files import YAML_NAME, Choices, RobotSource, at_rest, laid_out, refuse_files, write_robot
 from optiplan.arrays import is_finite
 from optiplan.errors import (
-    InputError,
-    Issue,
     OptiPlanError,
     UnknownChoiceError,
     described,
@@ -22,28 +16,14 @@ from optiplan.errors import (
     text_argument,
     wrong_argument,
 )
-from optiplan.files import write_text
+from optiplan.importers.robots.describe import describe
 from optiplan.planners.base import Progress
-from optiplan.problem.write import problem_text
 from optiplan.robot.limits import DEFAULTS, joint_units
 from optiplan.robot.robot import Robot, load_robot
-from optiplan.robot.urdf.reader import read_urdf
-from optiplan.robot.urdf.srdf import LinkPair, link_pair, srdf_text
+from optiplan.robot.urdf.srdf import link_pair
 from optiplan.verify.continuous.kept_clearance import prove_kept_clearances as prove
 
-YAML_NAME, SRDF_NAME = "robot.yaml", "robot.srdf"
 TOUCHING = "touching"
-
-
-@dataclass(frozen=True)
-class Choices:
-    """Entries of a robot.yaml beside the names of its files; empty means OptiPlan's default."""
-
-    group: tuple[str, ...] = ()
-    tool: str = ""
-    locked: tuple[tuple[str, float], ...] = ()
-    limits: tuple[tuple[str, float], ...] = ()
-    allowed: tuple[LinkPair, ...] = ()
 
 
 def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
@@ -59,14 +39,16 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     replace_files: bool = False,
     progress: Progress = lambda stage, fraction: None,
 ) -> Robot:
-    """Make a robot of a URDF: find the pairs of links that need no check, and write robot.yaml and robot.srdf.
+    """Make a robot of a URDF, or import one: find the pairs of links that need no check, write robot.yaml, robot.srdf.
 
     What `optiplan robots init URDF --no-ask` does. The robot.yaml names the joints, the tool frame and what is given
-    here; the rest is OptiPlan's defaults, and `Robot.notes` says what was assumed.
+    here; the rest is OptiPlan's defaults, and `Robot.notes` says what was assumed. Of a robot of another program
+    robot.urdf and its meshes are written too, and the head of the robot.yaml says what was left out.
 
     Args:
-        urdf: the path of the URDF; meshes are looked for beside it.
-        out: folder for the files; None: that of the URDF.
+        urdf: the path of a URDF, a xacro file, MuJoCo's MJCF, or a MoveIt configuration folder; meshes are looked for
+            beside it.
+        out: folder for the files; None: that of the URDF, or the configuration folder.
         name: of the robot; None: that in the URDF.
         group: names of the joints to plan, base to tip; none: the longest chain.
         tool_frame: the frame that goals are for; empty: a link behind the last planned joint.
@@ -91,7 +73,7 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
           joints: joint_1, joint_2, joint_3, joint_4, joint_5, joint_6
     """
     path = path_argument("init_robot", "urdf", urdf, "the path of a URDF")
-    folder = path.parent if out is None else path_argument("init_robot", "out", out, "the path of a folder")
+    folder = home_of(path) if out is None else path_argument("init_robot", "out", out, "the path of a folder")
     text_argument("init_robot", "name", name, "the name of the robot")
     text_argument("init_robot", "tool_frame", tool_frame, "the name of a link or fixed frame")
     flag_argument("init_robot", "replace_files", replace_files)
@@ -117,9 +99,12 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
         expected = f"'{TOUCHING}', or pairs of links such as [('link_4', 'link_6')]"
         raise wrong_argument("init_robot", "allow_pairs", described(allow_pairs), expected)
     choices = Choices(tuple(group), tool_frame, tuple((locked or {}).items()), checked, pairs)
-    load = partial(load_choices, path, name or title_of(path))
-    robot, choices = prepare(load, choices, allow_pairs == TOUCHING, progress)
-    write_robot(path, folder, robot, choices)
+    progress("reading the robot", 0.0)
+    read = describe(path)
+    refuse_files(folder, replace_files, read)
+    with laid_out(read, name) as source:
+        robot, choices = prepare(source, choices, allow_pairs == TOUCHING, progress)
+        write_robot(source, folder, robot, choices)
     return load_robot(str(folder / YAML_NAME))
 
 
@@ -130,21 +115,9 @@ def _are_pairs(value: object) -> bool:
     )
 
 
-def refuse_files(folder: Path, force: bool) -> None:
-    """Raise an `InputError` for existing files that must not be replaced."""
-    there = [folder / name for name in (YAML_NAME, SRDF_NAME) if (folder / name).exists()]
-    if there and not force:
-        found, expected = "a file that is there already", "--force to replace it, or another folder: --out DIR"
-        raise InputError([Issue(str(path), None, "robots init", found, expected) for path in there])
-
-
-def title_of(urdf: Path) -> str:
-    """Return the name in the URDF, else that of its file.
-
-    Raises:
-        InputError: not a URDF, or one that is not supported.
-    """
-    return ET.fromstring(read_urdf(urdf, urdf.parent).xml).get("name") or urdf.stem
+def home_of(source: Path) -> Path:
+    """Return the folder for the files of a robot where none is given: that of its source."""
+    return source if source.is_dir() else source.parent
 
 
 def checked_limit(key: str, value: float) -> tuple[str, float]:
@@ -160,65 +133,22 @@ def checked_limit(key: str, value: float) -> tuple[str, float]:
     return key, value
 
 
-def _data(urdf: str, title: str, choices: Choices) -> dict[str, Any]:
-    """The robot.yaml as plain data."""
-    data: dict[str, Any] = {"version": 1, "name": title, "urdf": urdf}
-    if choices.group:
-        data["group"] = list(choices.group)
-    if choices.tool:
-        data["tool_frame"] = choices.tool
-    if choices.locked:
-        data["locked"] = dict(choices.locked)
-    if choices.limits:
-        data["limits"] = dict(choices.limits)
-    if choices.allowed:
-        data["allowed_collisions"] = [list(pair) for pair in choices.allowed]
-    return data
-
-
-def load_choices(urdf: Path, title: str, choices: Choices) -> Robot:
-    """Load the robot of a robot.yaml that is not written yet."""
-    with tempfile.TemporaryDirectory() as made:
-        path = Path(made) / YAML_NAME
-        write_text(path, problem_text(_data(str(urdf.resolve()), title, choices)))
-        try:
-            return load_robot(str(path))
-        except InputError as error:
-            own = str(path.resolve())
-            issues = (replace(issue, file="robots init", line=None) for issue in error.issues if issue.file == own)
-            others = (issue for issue in error.issues if issue.file != own)
-            raise InputError([*issues, *others]) from error
-
-
-def prepare(
-    load: Callable[[Choices], Robot], choices: Choices, touching: bool, progress: Progress
-) -> tuple[Robot, Choices]:
+def prepare(source: RobotSource, choices: Choices, touching: bool, progress: Progress) -> tuple[Robot, Choices]:
     """Load the robot, without the pairs of links that are to be allowed, and prove what is kept of the others.
 
     Args:
-        load: the robot of these choices.
+        source: the robot to be made.
         choices: of the user.
         touching: whether those are to be allowed that touch in more than `OFTEN` of the configurations.
         progress: of the work.
     """
     progress("reading meshes and pairs of links", 0.0)
-    robot = load(choices)
+    robot = source.load(choices)
+    at_once, choices = choices, at_rest(source, robot, choices)
+    robot = robot if choices == at_once else source.load(choices)
     if touching:
         progress("pairs of links without those that touch", 0.5)
         choices = replace(choices, allowed=tuple(robot.survey.often_touching(robot.allowed)))
-        robot = load(choices) if choices.allowed else robot
+        robot = source.load(choices) if choices.allowed else robot
     prove(robot, lambda pair, share: progress(f"proving {pair}", 0.5 + 0.5 * share))
     return robot, choices
-
-
-def write_robot(urdf: Path, folder: Path, robot: Robot, choices: Choices) -> None:
-    """Write the SRDF and then the robot.yaml, with the joints and the tool frame that were chosen.
-
-    The robot.yaml does not name the SRDF: its pairs hold for these joints, limits and locked values only, and where a
-    problem chooses others they are found anew.
-    """
-    relative = os.path.relpath(urdf.resolve(), folder.resolve())
-    chosen = replace(choices, group=robot.joint_names, tool=robot.tool_frame)
-    data = _data(relative, robot.name, chosen)
-    write_text(folder / SRDF_NAME, srdf_text(robot.name, robot.allowed))
-    write_text(folder / YAML_NAME, problem_text(data, f"Made by `optiplan robots init {urdf.name}`."))

@@ -1,6 +1,6 @@
 """Limits of the planned joints: from the robot.yaml, else from the URDF, else default values with a note."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.config.document import Document
+from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue
 from optiplan.robot.joint_groups import Group, Reduced
 from optiplan.robot.mimic_joints import turning
@@ -90,8 +91,9 @@ def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: 
     values: dict[str, Array] = {}
     for key in DEFAULTS:
         given = getattr(spec, key)
-        if given is None:
-            values[key] = _from_urdf(key, own.get(key), reduced.model, names, notes)
+        if given is None or isinstance(given, dict):
+            stated = _by_name(key, given or {}, own.get(key), document, issues, group)
+            values[key] = _from_urdf(key, stated, reduced.model, names, notes)
         else:
             values[key] = _from_yaml(key, given, document, issues, group)
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
@@ -132,6 +134,22 @@ def _narrowed_velocity(reduced: Reduced, names: list[str]) -> Array:
             own /= abs(mimic.multiplier)
             velocity[j] = min(velocity[j], own) if velocity[j] > 0.0 else own
     return velocity
+
+
+def _by_name(
+    key: str, given: Mapping[str, float], own: Array | None, document: Document, issues: list[Issue], group: Group
+) -> Array | None:
+    """Return the URDF's values (n,) with those of some joints replaced; 0 where nothing is stated."""
+    for name, value in given.items():
+        if name not in group.listed:
+            found, expected = f"unknown joint '{name}'", choices(name, group.listed)
+            issues.append(document.issue(("limits", key, name), found, expected))
+        elif value <= 0:
+            issues.append(document.issue(("limits", key, name), f"{value:g}", "a number > 0"))
+    if not given:
+        return own
+    values = np.zeros(len(group.joints)) if own is None else np.array(own, dtype=np.float64)
+    return np.array([given.get(name, value) for name, value in zip(group.joints, values, strict=True)])
 
 
 def _from_yaml(key: str, given: float | list[float], document: Document, issues: list[Issue], group: Group) -> Array:

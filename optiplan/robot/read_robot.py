@@ -29,7 +29,9 @@ from optiplan.robot.spec import MecanumSpec, RobotSpec
 from optiplan.robot.urdf.reader import UrdfSource
 from optiplan.robot.urdf.srdf import LinkPair, Srdf
 
-_TOOL = re.compile(r"(^|_)(tcp|tool0|grasp(ing)?(_frame|_link)?|end_effector|eef?)($|_)", re.IGNORECASE)
+_TOOL = re.compile(
+    r"(^|_)(tcp|tool0|grasp(ing)?(_frame|_link)?|end_effector|eef?|attachment|pinch)($|_)", re.IGNORECASE
+)
 """Common names of tool frames."""
 
 

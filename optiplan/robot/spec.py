@@ -9,8 +9,8 @@ from optiplan.config.values import FileVersion
 from optiplan.robot.dh.spec import DhSpec, Length, Name
 
 Treatment = Literal["auto", "hull", "mesh", "convex_pieces"]
-PerJoint = Number | list[Number]
-"""One value for each planned joint, or one for all of them."""
+PerJoint = Number | list[Number] | dict[Name, Number]
+"""One value for each planned joint, one for all of them, or values of some by name."""
 
 
 class PackageSource(Strict):

@@ -108,3 +108,27 @@ def test_parts_of_an_objective_have_the_units_of_the_joints():
     assert part_unit("jerk", [True, False]) == "rad² s⁻⁵ or m² s⁻⁵"
     assert part_unit("energy", [False]) == "N² s"
     assert part_unit("time", [True, False]) == "s"
+
+
+def test_limits_by_name_leave_the_others_to_the_urdf(tmp_path):
+    urdf = chain(joint("j1", "a", "b"), joint("j2", "b", "c"))
+    path = write_robot(tmp_path, urdf, "limits: {velocity: {j2: 0.5}, jerk: {j1: 40}}")
+    limits = load_robot(str(path)).limits
+    plain = load_robot(str(write_robot(tmp_path / "plain", urdf))).limits
+    assert limits.velocity.tolist() == [plain.velocity[0], 0.5]
+    assert limits.jerk.tolist() == [40.0, 500.0]
+    assert (limits.acceleration == plain.acceleration).all()
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ("{j3: 1}", "limits.velocity.j3: unknown joint 'j3'"),
+        ("{j2: 0}", "limits.velocity.j2: 0; expected a number > 0"),
+    ],
+)
+def test_wrong_limits_by_name_are_named(tmp_path, given, words):
+    path = write_robot(tmp_path, chain(joint("j1", "a", "b"), joint("j2", "b", "c")), f"limits: {{velocity: {given}}}")
+    with pytest.raises(InputError) as caught:
+        load_robot(str(path))
+    assert words in str(caught.value)

@@ -22,6 +22,7 @@ from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue
 from optiplan.robot.dh.spec import BodySpec, DhPoseSpec, DhRoundSpec, DhSpec, LinkSpec
 from optiplan.robot.dh.table import DhTable, JointKind, along_x, along_z
+from optiplan.robot.urdf.elements import inertial_element, number_words, origin_element
 
 PLACE: Place = ("dh",)
 
@@ -144,7 +145,7 @@ class _Writer:
                 found = f"a mass of {spec.mass:g} kg without a body"
                 self.issues.append(self.document.issue((*place, "mass"), found, "geometry, or centre and inertia"))
             else:
-                _inertial(link, _inertia_of(spec, self.spec))
+                inertial_element(link, _inertia_of(spec, self.spec))
         for i, body in enumerate(spec.geometry or ()):
             self._body(link, body, f"{name}_{i}")
 
@@ -152,10 +153,10 @@ class _Writer:
         X_LB = _body_pose(body, self.spec)
         for kind in ("visual", "collision"):
             element = ET.SubElement(link, kind)
-            _origin(element, X_LB)
+            origin_element(element, X_LB)
             geometry = ET.SubElement(element, "geometry")
             if body.box is not None:
-                ET.SubElement(geometry, "box", size=_numbers(body.box))
+                ET.SubElement(geometry, "box", size=number_words(body.box))
             elif body.sphere is not None:
                 ET.SubElement(geometry, "sphere", radius=repr(body.sphere))
             else:
@@ -167,7 +168,7 @@ class _Writer:
             ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
             for end in (-0.5, 0.5):
                 cap = ET.SubElement(link, "visual")
-                _origin(cap, X_LB * pin.SE3(np.eye(3), np.array([0.0, 0.0, end * body.capsule.length])))
+                origin_element(cap, X_LB * pin.SE3(np.eye(3), np.array([0.0, 0.0, end * body.capsule.length])))
                 ET.SubElement(ET.SubElement(cap, "geometry"), "sphere", radius=repr(body.capsule.radius))
 
     def _pose(self, spec: DhPoseSpec) -> Array:
@@ -178,35 +179,17 @@ class _Writer:
         endless = joint.kind == "revolute" and joint.limits is None
         kind = "continuous" if endless else joint.kind or "fixed"
         element = ET.SubElement(self.root, "joint", name=joint.name, type=kind)
-        _origin(element, pin.SE3(X_PJ))
+        origin_element(element, pin.SE3(X_PJ))
         ET.SubElement(element, "parent", link=links[0])
         ET.SubElement(element, "child", link=links[1])
         if joint.kind is None:
             return
-        ET.SubElement(element, "axis", xyz=_numbers(joint.axis))
+        ET.SubElement(element, "axis", xyz=number_words(joint.axis))
         limit = ET.SubElement(element, "limit", effort="0", velocity="0")
         if joint.limits is not None:
             turn = self.spec.angle if joint.kind == "revolute" else float
             limit.set("lower", repr(turn(joint.limits[0])))
             limit.set("upper", repr(turn(joint.limits[1])))
-
-
-def _inertial(link: ET.Element, inertia: pin.Inertia) -> None:
-    element = ET.SubElement(link, "inertial")
-    ET.SubElement(element, "origin", xyz=_numbers(inertia.lever))
-    ET.SubElement(element, "mass", value=repr(float(inertia.mass)))
-    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    values = np.asarray(inertia.inertia)[np.triu_indices(3)]
-    ET.SubElement(element, "inertia", {name: repr(float(v)) for name, v in zip(names, values, strict=True)})
-
-
-def _origin(element: ET.Element, X: pin.SE3) -> None:
-    rpy = pin.rpy.matrixToRpy(X.rotation)
-    ET.SubElement(element, "origin", xyz=_numbers(X.translation), rpy=_numbers(rpy))
-
-
-def _numbers(values: Sequence[float] | Array) -> str:
-    return " ".join(repr(float(value)) for value in values)
 
 
 def _body_pose(body: DhPoseSpec, spec: DhSpec) -> pin.SE3:

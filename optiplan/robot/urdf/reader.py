@@ -87,7 +87,8 @@ def read_urdf(path: Path, folder: Path, text: str | None = None) -> UrdfSource:
         InputError: no URDF, or one that cannot be planned with; names link or joint and what was tried.
     """
     root = _parse(path, text)
-    _refuse_xacro(path, root)
+    if text is None:
+        _refuse_xacro(path, root)
     notes: list[str] = []
     finder = _MeshFinder(path, folder)
     joints = [joint for joint in root.findall("joint") if joint.find("parent") is not None]
@@ -107,6 +108,17 @@ def read_urdf(path: Path, folder: Path, text: str | None = None) -> UrdfSource:
     xml = ET.tostring(root, encoding="unicode")
     meshes, remarks = tuple(finder.collision), tuple(notes)
     return UrdfSource(path, xml, renamed, types, mimics, _edges(joints), meshes, remarks)
+
+
+def with_found_meshes(path: Path, folder: Path, text: str) -> str:
+    """Return a URDF with the absolute paths of its meshes, looked for as by `read_urdf`; others stay as they are."""
+    root = _parse(path, text)
+    finder = _MeshFinder(path, folder)
+    for mesh in root.iter("mesh"):
+        found = finder.find(mesh.get("filename", ""))
+        if found is not None:
+            mesh.set("filename", str(found.resolve()))
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
 
 def build_model(source: UrdfSource) -> pin.Model:
@@ -173,8 +185,8 @@ def _refuse_xacro(path: Path, root: ET.Element | None) -> None:
     """Raise an `InputError` for a file of macros, which another program turns into a URDF."""
     tags = () if root is None else (str(element.tag) for element in root.iter())
     if path.suffix == ".xacro" or any(tag.startswith("{") and "xacro" in tag for tag in tags):
-        command = f"`xacro {path.name} > {path.name.split('.')[0]}.urdf`"
-        raise InputError([Issue(str(path), None, "urdf", "this is xacro", f"a URDF: run xacro first, {command}")])
+        command = f"`optiplan robots init {path.name}` expands it"
+        raise InputError([Issue(str(path), None, "urdf", "this is xacro", f"a URDF; {command}")])
 
 
 class _MeshFinder:

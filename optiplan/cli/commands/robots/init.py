@@ -1,7 +1,6 @@
-"""`optiplan robots init`: from a URDF to a robot.yaml and the SRDF of the pairs that need no check."""
+"""`optiplan robots init`: from a URDF, or a robot of another program, to a robot.yaml and its SRDF."""
 
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -10,15 +9,17 @@ import typer
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import stdout_is_ours
 
+SOURCE = "a URDF, a xacro file, MuJoCo's MJCF, or a MoveIt configuration folder"
+
 
 def init(
     context: typer.Context,
-    urdf: Annotated[Path, typer.Argument(metavar="URDF", help="the robot's URDF")],
+    urdf: Annotated[Path, typer.Argument(metavar="URDF", help=SOURCE)],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="folder for the files (default: the URDF's)")
+        Path | None, typer.Option("--out", metavar="DIR", help="folder for the files (default: the source's)")
     ] = None,
     name: Annotated[
-        str | None, typer.Option("--name", metavar="NAME", help="of the robot (default: the URDF's)")
+        str | None, typer.Option("--name", metavar="NAME", help="of the robot (default: the source's)")
     ] = None,
     group: Annotated[str | None, typer.Option("--group", metavar="J1,J2,…", help="joints to plan")] = None,
     tool: Annotated[str | None, typer.Option("--tool", metavar="FRAME", help="the frame that goals are for")] = None,
@@ -42,6 +43,8 @@ def init(
     """Make a robot from a URDF: choose the joints to plan, find the pairs of links that need no check, write both.
 
     On a terminal it asks for what no flag says; a plain Enter takes what stands in brackets.
+    Robots of MuJoCo and MoveIt are written as robot.urdf with their meshes. The head of robot.yaml says what was left
+    out.
 
     [bold]Examples[/]
 
@@ -49,25 +52,33 @@ def init(
 
       optiplan robots init my_arm.urdf --allow-pairs touching   links that overlap as they are built
 
+      optiplan robots init panda.xml --out panda                MuJoCo's MJCF (package mujoco)
+
+      optiplan robots init panda_moveit_config --out panda      groups, states, pairs and limits of MoveIt
+
       optiplan robots init my_arm.urdf --group j1,j2,j3 --tool tool0 --lock finger=0.02 --limit acceleration=5
     """
-    from optiplan.api import init_robot as robots
+    from optiplan.api import robot_files
+    from optiplan.api.init_robot import TOUCHING, home_of, prepare
     from optiplan.cli.commands.robots import wizard
     from optiplan.cli.commands.robots.mesh_covers import make_covers
     from optiplan.cli.progress import ProgressLog
+    from optiplan.importers.robots.describe import describe
 
     as_json = as_json or bool(context.obj)
-    folder = urdf.parent if out is None else out
-    robots.refuse_files(folder, force)
+    folder = home_of(urdf) if out is None else out
+    robot_files.refuse_files(folder, force)
     choices = wizard.read_choices(group or "", tool or "", lock or [], limit or [], allow_pairs or "")
     with stdout_is_ours():
-        load = partial(robots.load_choices, urdf, name or robots.title_of(urdf))
-        with ProgressLog() as progress:
-            make_covers(urdf, progress)
-        if sys.stdin.isatty() and not as_json if ask is None else ask:
-            choices = wizard.ask(load, choices)
-        with ProgressLog() as progress:
-            robot, choices = robots.prepare(load, choices, allow_pairs == robots.TOUCHING, progress)
-    robots.write_robot(urdf, folder, robot, choices)
-    wizard.show(robot, folder, as_json, full)
+        read = describe(urdf)
+        robot_files.refuse_files(folder, force, read)
+        with robot_files.laid_out(read, name) as source:
+            with ProgressLog() as progress:
+                make_covers(source, progress)
+            if sys.stdin.isatty() and not as_json if ask is None else ask:
+                choices = wizard.ask(source.load, choices)
+            with ProgressLog() as progress:
+                robot, choices = prepare(source, choices, allow_pairs == TOUCHING, progress)
+            robot_files.write_robot(source, folder, robot, choices)
+    wizard.show(robot, folder, as_json, full, read.notes)
     return 0

@@ -7,6 +7,7 @@ from pathlib import Path
 import coal
 
 from optiplan import cache
+from optiplan.api.robot_files import RobotSource
 from optiplan.arrays import Array
 from optiplan.cores import cores
 from optiplan.errors import InputError
@@ -18,22 +19,22 @@ from optiplan.robot.urdf.reader import build_collisions, build_model, read_urdf
 from optiplan.workspace.parallel import ChunkedWork, run_chunks
 
 
-def make_covers(urdf: Path, progress: Progress) -> None:
+def make_covers(source: RobotSource, progress: Progress) -> None:
     """Put the covers of the collision meshes into the cache, as `cover_of` makes them, the largest mesh first.
 
     What is wrong with a mesh, or with the URDF, is left for the load to say, which names the link.
 
     Args:
-        urdf: the file.
+        source: the robot; one whose meshes stand as their hulls needs no covers.
         progress: of the work.
 
     Raises:
         OptiPlanError: a worker process died.
     """
-    if not cache.writable():
+    if not cache.writable() or source.described.keys.get("collision") == "hull":
         return
     try:
-        meshes = _meshes_to_cut(urdf)
+        meshes = _meshes_to_cut(source.urdf)
     except InputError:
         return
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import typer
 
-from optiplan.api.init_robot import SRDF_NAME, TOUCHING, YAML_NAME, Choices, checked_limit
+from optiplan.api.init_robot import TOUCHING, checked_limit
+from optiplan.api.robot_files import SRDF_NAME, YAML_NAME, Choices
 from optiplan.cli.output import print_error, print_json, results, say
 from optiplan.cli.printing.robot_table import describe, show_robot
 from optiplan.errors import OptiPlanError, UnknownChoiceError
@@ -91,15 +92,17 @@ def _ask_names(what: str, default: str, valid: list[str]) -> tuple[str, ...]:
         print_error(str(error))
 
 
-def show(robot: Robot, folder: Path, as_json: bool, full: bool) -> None:
-    """Print the files written and the next command; with `full` every pair of links and every frame."""
+def show(robot: Robot, folder: Path, as_json: bool, full: bool, imported: Sequence[str] = ()) -> None:
+    """Print the files written, remarks of an import, the next command; with `full` every pair of links and frame."""
     data = describe(robot) | {"source": str(folder / YAML_NAME)}
     files = [str(folder / YAML_NAME), str(folder / SRDF_NAME)]
     follow = "optiplan plan problem.yaml --view"
     if as_json:
-        print_json(data | {"written": files, "next": follow})
+        print_json(data | {"written": files, "imported": list(imported), "next": follow})
         return
     show_robot(results(), data, full)
+    for note in imported:
+        say(f"import: {note}")
     say(f"written: {' and '.join(files)}")
     line = f"next: {follow}, with the line `robot: {folder / YAML_NAME}` in problem.yaml"
     say(line)

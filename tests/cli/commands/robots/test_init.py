@@ -172,14 +172,21 @@ def test_what_is_wrong_is_said_and_nothing_written(optiplan, urdf, flags, words)
 
 
 @pytest.mark.parametrize("name", ["arm.urdf.xacro", "arm.xacro", "arm.urdf"])
-def test_xacro_is_named_with_the_command_to_run(optiplan, tmp_path, name):
+def test_xacro_is_named_with_the_command_that_expands_it(optiplan, tmp_path, name):
     macros = '<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="a" value="1"/></robot>'
     (tmp_path / name).write_text(macros)
     (tmp_path / "robot.yaml").write_text(f"version: 1\nname: x\nurdf: {name}\n")
-    for command in (("robots", "init", tmp_path / name, "--force"), ("robots", "show", tmp_path / "robot.yaml")):
-        code, out, err = optiplan(*command)
-        assert (code, out) == (2, "")
-        assert f"{tmp_path / name}: urdf: this is xacro; expected a URDF: run xacro first, `xacro {name} > arm" in err
+    code, out, err = optiplan("robots", "show", tmp_path / "robot.yaml")
+    assert (code, out) == (2, "")
+    assert f"{tmp_path / name}: urdf: this is xacro; expected a URDF; `optiplan robots init {name}` expands it" in err
+
+
+def test_xacro_without_its_package_names_it(optiplan, tmp_path, monkeypatch):
+    monkeypatch.setattr("optiplan.importers.robots.xacro_files.find_spec", lambda name: None)
+    (tmp_path / "arm.xacro").write_text('<robot name="x"/>')
+    code, out, err = optiplan("robots", "init", tmp_path / "arm.xacro")
+    assert (code, out) == (2, "")
+    assert "pip install 'optiplan[xacro]'" in err
 
 
 def test_a_urdf_that_only_declares_the_namespace_is_a_urdf(optiplan, urdf):

@@ -1,0 +1,55 @@
+"""The robot of a file or folder, whatever program it is of."""
+
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from optiplan.errors import InputError, Issue
+from optiplan.files import is_file, read_bytes
+from optiplan.importers.robots.description import Description
+from optiplan.robot.urdf.reader import read_urdf, with_found_meshes
+
+KNOWN = "a URDF, a xacro file, an MJCF file of MuJoCo, or the folder of a MoveIt configuration"
+_ROOT = re.compile(rb"<\s*([A-Za-z_][\w.-]*)")
+_SKIPPED = re.compile(rb"<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>]*>", re.DOTALL)
+
+
+def describe(path: Path) -> Description:
+    """Read the robot of a URDF, a xacro file, an MJCF file or a MoveIt configuration folder.
+
+    Raises:
+        InputError: none of these, or one that cannot be used.
+        OptiPlanError: a package that is needed for it is not installed; the message says which.
+    """
+    if path.is_dir():
+        from optiplan.importers.robots.moveit_config import describe_moveit
+
+        return describe_moveit(path)
+    if path.suffix in (".usd", ".usda", ".usdc", ".usdz"):
+        raise InputError([Issue(str(path), None, "robots init", "a USD file", KNOWN)])
+    if path.suffix == ".xacro" or (is_file(path) and b"<xacro:" in read_bytes(path)):
+        return _expanded(path)
+    if _root_tag(path) == "mujoco":
+        from optiplan.importers.robots.mjcf.to_urdf import describe_mjcf
+
+        return describe_mjcf(path)
+    name = ET.fromstring(read_urdf(path, path.parent).xml).get("name") or path.stem
+    return Description(path, name, urdf=path)
+
+
+def _expanded(path: Path) -> Description:
+    from optiplan.importers.robots.ros_packages import RosPackages
+    from optiplan.importers.robots.xacro_files import expand_xacro
+
+    text = expand_xacro(path, RosPackages(path.parent))
+    name = ET.fromstring(read_urdf(path, path.parent, text).xml).get("name") or path.name.split(".")[0]
+    text = with_found_meshes(path, path.parent, text)
+    return Description(path, name, text=text, notes=(f"expanded by xacro, with the default arguments of {path.name}",))
+
+
+def _root_tag(path: Path) -> str:
+    """The tag of the root of an XML file; empty where it is none."""
+    if not is_file(path):
+        return ""
+    match = _ROOT.search(_SKIPPED.sub(b"", read_bytes(path)))
+    return "" if match is None else match[1].decode()

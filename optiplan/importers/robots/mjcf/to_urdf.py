@@ -1,0 +1,234 @@
+"""A robot of MuJoCo (MJCF) as a URDF: bodies, joints, inertias, geoms, sites, exclusions and keyframes.
+
+MuJoCo compiles the file; its compiled model is read. A body B with joints i = 1 … k of anchor p_i and axis a_i moves as
+
+    X_PB(q) = X_PB0 Π_i T(p_i) R(a_i, q_i - q0_i) T(-p_i),    of a slide: T(a_i (q_i - q0_i)),
+
+with q0 the reference positions, so each joint becomes one of a URDF, with links without a body between them.
+"""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.importers.robots.description import Description
+from optiplan.importers.robots.mjcf.compiled import compile_mjcf
+from optiplan.importers.robots.mjcf.couplings import Couplings, find_couplings
+from optiplan.importers.robots.mjcf.geoms import GeomWriter, placed
+from optiplan.robot.urdf.elements import inertial_element, number_words, origin_element
+from optiplan.robot.urdf.srdf import LinkPair, link_pair
+
+FAR = 100.0
+"""m; a slide without limits is given these, since a URDF has no endless ones."""
+
+WORLD = "world"
+
+
+def describe_mjcf(path: Path) -> Description:
+    """Read the robot of an MJCF file.
+
+    Raises:
+        InputError: no MJCF, or one that MuJoCo does not compile.
+        OptiPlanError: the package `mujoco` is not installed.
+    """
+    mujoco, model, remarks = compile_mjcf(path)
+    writer = _MjcfWriter(mujoco, model, _model_name(path))
+    for body in range(model.nbody):
+        writer.body(body)
+    text = ET.tostring(_indented(writer.root), encoding="unicode")
+    states, rest = writer.keyframes()
+    notes = [*remarks, *writer.couplings.notes, *writer.geoms.notes, *writer.notes]
+    return Description(
+        source=path,
+        name=str(writer.root.get("name")),
+        text=f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n',
+        files=writer.geoms.files,
+        keys={"collision": "hull"},
+        states=states,
+        rest=rest,
+        allowed=tuple(writer.exclusions()),
+        notes=tuple(dict.fromkeys([*notes, "links touch as hulls of their meshes, as in MuJoCo: collision: hull"])),
+    )
+
+
+def _model_name(path: Path) -> str:
+    name = ET.parse(path).getroot().get("model") or path.stem
+    return name.replace(" ", "_")
+
+
+def _indented(root: ET.Element) -> ET.Element:
+    ET.indent(root)
+    return root
+
+
+class _MjcfWriter:
+    """The URDF of one compiled model."""
+
+    def __init__(self, mujoco: Any, model: Any, name: str) -> None:
+        self.mujoco, self.model = mujoco, model
+        self.root = ET.Element("robot", name=name)
+        self.notes: list[str] = []
+        self.geoms = GeomWriter(mujoco, model)
+        self.joints = _unique([str(model.joint(j).name) or self._joint_of(j) for j in range(model.njnt)], set())
+        bodies = [WORLD] + [str(model.body(b).name) or f"body_{b}" for b in range(1, model.nbody)]
+        self.links = _unique(bodies, {*self.joints, "universe"}, "_link")
+        self.sites = _unique(
+            [str(model.site(s).name) for s in range(model.nsite)], {*self.joints, *self.links, "universe"}, "_site"
+        )
+        self.couplings: Couplings = find_couplings(mujoco, model, self.joints)
+        self._taken = {*self.joints, *self.links, *self.sites}
+
+    def _joint_of(self, j: int) -> str:
+        body = int(self.model.jnt_bodyid[j])
+        return f"{self.model.body(body).name or f'body_{body}'}_joint"
+
+    def body(self, b: int) -> None:
+        """One body: its joints, links between them, its inertia, geoms and sites."""
+        model = self.model
+        link = self.links[b]
+        if b > 0:
+            self._chain(b, link)
+        element = ET.SubElement(self.root, "link", name=link)
+        if model.body_mass[b] > 0.0:
+            inertia = pin.Inertia(float(model.body_mass[b]), np.zeros(3), np.diag(model.body_inertia[b]))
+            inertial_element(element, placed(model.body_ipos[b], model.body_iquat[b]).act(inertia))
+        first = int(model.body_geomadr[b])
+        for geom in range(first, first + int(model.body_geomnum[b])):
+            self.geoms.add(element, geom, pin.SE3.Identity())
+        for site in (s for s in range(model.nsite) if model.site_bodyid[s] == b and model.site(s).name):
+            ET.SubElement(self.root, "link", name=self.sites[site])
+            X_BS = placed(model.site_pos[site], model.site_quat[site])
+            self._joint(self._free(f"{self.sites[site]}_fixed"), "fixed", (link, self.sites[site]), X_BS)
+
+    def _chain(self, b: int, link: str) -> None:
+        """The joints before a body; the last link is the body's own frame."""
+        model = self.model
+        parent = self.links[int(model.body_parentid[b])]
+        X = placed(model.body_pos[b], model.body_quat[b])
+        first = int(model.body_jntadr[b])
+        own = range(first, first + int(model.body_jntnum[b]))
+        moving = [j for j in own if self._has_axis(j)]
+        for j in moving:
+            anchor, axis = np.array(model.jnt_pos[j], float), np.array(model.jnt_axis[j], float)
+            turns = int(model.jnt_type[j]) == self.mujoco.mjtJoint.mjJNT_HINGE
+            before = X * pin.SE3(np.eye(3), anchor) * _moved(turns, axis, -float(model.qpos0[model.jnt_qposadr[j]]))
+            held = self._held(j)
+            if held is not None:
+                X = before * _moved(turns, axis, held) * pin.SE3(np.eye(3), -anchor)
+                continue
+            last = j == moving[-1] and not np.any(anchor)
+            child = link if last else self._free(f"{self.joints[j]}_frame")
+            self._moving(j, (parent, child), before, turns)
+            if last:
+                return
+            ET.SubElement(self.root, "link", name=child)
+            parent, X = child, pin.SE3(np.eye(3), -anchor)
+        self._joint(self._free(f"{link}_fixed"), "fixed", (parent, link), X)
+
+    def _held(self, j: int) -> float | None:
+        """The position at which joint j is held, itself or by its leader; None where it moves."""
+        found = self.couplings
+        if j in found.held:
+            return found.held[j]
+        if j in found.followers:
+            leader, slope, offset = found.followers[j]
+            value = self._held(leader)
+            return None if value is None else slope * value + offset
+        return None
+
+    def _moving(self, j: int, links: tuple[str, str], X_PJ: pin.SE3, turns: bool) -> None:
+        model = self.model
+        limited = bool(model.jnt_limited[j])
+        kind = ("revolute" if limited else "continuous") if turns else "prismatic"
+        element = self._joint(self.joints[j], kind, links, X_PJ)
+        ET.SubElement(element, "axis", xyz=number_words(model.jnt_axis[j]))
+        limit = ET.SubElement(element, "limit", effort=repr(self._effort(j)), velocity="0")
+        if limited or not turns:
+            low, high = model.jnt_range[j] if limited else (-FAR, FAR)
+            limit.set("lower", repr(float(low)))
+            limit.set("upper", repr(float(high)))
+        if not limited and not turns:
+            self.notes.append(f"{self.joints[j]} slides without limits: ±{FAR:g} m are taken")
+        mimic = self.couplings.mimic(j, self.joints)
+        if mimic is not None:
+            follower = ET.SubElement(element, "mimic", joint=mimic.source)
+            follower.set("multiplier", repr(mimic.multiplier))
+            follower.set("offset", repr(mimic.offset))
+
+    def _effort(self, j: int) -> float:
+        """The largest force, N, or torque, N·m, of the drives of a joint; 0 where none is stated or springs help."""
+        model, transmission = self.model, self.mujoco.mjtTrn
+        if np.any(model.body_gravcomp):
+            self.notes.append("gravity is compensated in the file (gravcomp): no limits of torque are taken")
+            return 0.0
+        ends = [model.jnt_actfrcrange[j]] if model.jnt_actfrclimited[j] else []
+        own = (transmission.mjTRN_JOINT, transmission.mjTRN_JOINTINPARENT)
+        for k in range(model.nu):
+            if (
+                int(model.actuator_trntype[k]) in own
+                and model.actuator_trnid[k, 0] == j
+                and model.actuator_forcelimited[k]
+            ):
+                ends.append(model.actuator_forcerange[k] * float(model.actuator_gear[k, 0]))
+        return min((float(np.min(np.abs(end))) for end in ends), default=0.0)
+
+    def _joint(self, name: str, kind: str, links: tuple[str, str], X: pin.SE3) -> ET.Element:
+        element = ET.SubElement(self.root, "joint", name=name, type=kind)
+        origin_element(element, X)
+        ET.SubElement(element, "parent", link=links[0])
+        ET.SubElement(element, "child", link=links[1])
+        return element
+
+    def _free(self, name: str) -> str:
+        """A name that nothing has yet, taken now."""
+        while name in self._taken:
+            name += "_"
+        self._taken.add(name)
+        return name
+
+    def exclusions(self) -> list[LinkPair]:
+        """Pairs of links that the file excludes from contact."""
+        signatures = [int(signature) for signature in self.model.exclude_signature]
+        pairs = ((self.links[one >> 16], self.links[one & 0xFFFF]) for one in signatures)
+        return sorted({link_pair(a, b) for a, b in pairs if a != b})
+
+    def keyframes(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+        """Named configurations, and the positions of joints that are not planned: of the first keyframe."""
+        model = self.model
+        moving = [j for j in range(model.njnt) if self._moves(j)]
+        states = {}
+        for k in range(model.nkey):
+            q = model.key_qpos[k]
+            states[str(model.key(k).name) or f"key_{k}"] = {
+                self.joints[j]: float(q[model.jnt_qposadr[j]]) for j in moving
+            }
+        return states, dict(next(iter(states.values()), {}))
+
+    def _moves(self, j: int) -> bool:
+        return self._has_axis(j) and self._held(j) is None and j not in self.couplings.followers
+
+    def _has_axis(self, j: int) -> bool:
+        kinds = self.mujoco.mjtJoint
+        return int(self.model.jnt_type[j]) in (kinds.mjJNT_SLIDE, kinds.mjJNT_HINGE)
+
+
+def _moved(turns: bool, axis: Array, value: float) -> pin.SE3:
+    """The motion of a joint about or along its axis, by rad or m."""
+    if turns:
+        return pin.SE3(pin.exp3(axis * value), np.zeros(3))
+    return pin.SE3(np.eye(3), axis * value)
+
+
+def _unique(names: list[str], taken: set[str], ending: str = "_") -> list[str]:
+    """The names, with an ending where one is taken."""
+    taken, result = set(taken), []
+    for name in names:
+        while name in taken:
+            name += ending
+        taken.add(name)
+        result.append(name)
+    return result

@@ -1,0 +1,30 @@
+"""Elements of a URDF that is written: poses, inertias, rows of numbers."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+
+
+def number_words(values: Sequence[float] | Array) -> str:
+    """Numbers as an attribute, each in full: reading them gives the same bits."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def origin_element(element: ET.Element, X: pin.SE3) -> None:
+    """Add the <origin> of a pose X, lengths in m, angles in rad."""
+    rpy = pin.rpy.matrixToRpy(X.rotation)
+    ET.SubElement(element, "origin", xyz=number_words(X.translation), rpy=number_words(rpy))
+
+
+def inertial_element(link: ET.Element, inertia: pin.Inertia) -> None:
+    """Add the <inertial> of a spatial inertia in the frame of the link: kg, m and kg·m² about the centre of mass."""
+    element = ET.SubElement(link, "inertial")
+    ET.SubElement(element, "origin", xyz=number_words(inertia.lever))
+    ET.SubElement(element, "mass", value=repr(float(inertia.mass)))
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    values = np.asarray(inertia.inertia)[np.triu_indices(3)]
+    ET.SubElement(element, "inertia", {name: repr(float(v)) for name, v in zip(names, values, strict=True)})
