@@ -138,7 +138,7 @@ _ROOMS = {
     "execution.status": ("KeptSeparation", "Status", "Stopping", "Tick"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
-    "planners.trajopt.program.nlp": ("TrajectoryNlp",),
+    "planners.trajopt.nonlinear.trajectory_nlp": ("TrajectoryNlp",),
     "problem.constraints.expression": ("Expression",),
     "problem.constraints.motions": (
         "JointCoupling",
