@@ -142,7 +142,7 @@ _ROOMS = {
     "geometry.safety": ("SafePairs", "Safety"),
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
-    "planners.trajopt.program.nlp": ("TrajectoryNlp",),
+    "planners.trajopt.nonlinear.trajectory_nlp": ("TrajectoryNlp",),
     "problem.constraints.expression": ("Expression",),
     "problem.constraints.motions": (
         "JointCoupling",

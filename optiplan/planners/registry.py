@@ -12,6 +12,10 @@ from optiplan.planners.third_party import PlannerClass, checked_class, planner_c
 
 _BUNDLED = {
     "optimisation": {
+        "casadi": (
+            "trajopt.nonlinear.planner:CasadiPlanner",
+            "the curves of trajopt by nonlinear programs of CasADi, with a solver of your choice (IPOPT, fatrop, …)",
+        ),
         "trajopt": (
             "trajopt.planner:TrajOpt",
             "minimum-time B-spline by sequential quadratic programming with exact collision distances; the default",

@@ -1,20 +1,28 @@
 """`optiplan export`: the motion of a run for other programs, or to be looked at."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from optiplan.cli.output import Exit, print_error, say
 from optiplan.errors import InputError, Issue
 
+if TYPE_CHECKING:
+    from optiplan.runs.run import Run
+
 PICTURES = ("png", "mp4")
 """What a motion can be drawn as."""
+
+PROGRAM = "casadi"
+"""The program of which the motion is an answer."""
 
 
 def export(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="a run folder")],
-    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv, json, npz, ros, urscript, png or mp4")],
+    to: Annotated[
+        str, typer.Option("--to", metavar="FORMAT", help="csv, json, npz, ros, urscript, casadi, png or mp4")
+    ],
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="to write (default: RUN/motion.…)")] = None,
     rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="least sample rate (default: 200, urscript 500)")
@@ -30,6 +38,7 @@ def export(
 
     The motion is verified again first. The deviation from it of a controller that puts straight lines, cubic or quintic
     polynomials between the samples is printed.
+    `casadi` writes the program of which the motion is an answer, for CasADi alone.
     A picture (png) shows the page half-way, a film (mp4) the scene; they need chromium and the extra `pictures`,
     a film also ffmpeg.
 
@@ -41,6 +50,8 @@ def export(
 
       optiplan export runs/cell --to urscript --out cell.script
 
+      optiplan export runs/shelf --to casadi
+
       optiplan export runs/shelf --to mp4
 
     Exit code: 0 written · 2 bad input · 3 the run has no motion · 4 not verified, nothing written.
@@ -48,11 +59,13 @@ def export(
     from optiplan.api.loading import load_run
     from optiplan.runs.export import FORMATS
 
-    if to not in (*FORMATS, *PICTURES):
-        raise InputError([Issue("--to", None, "format", repr(to), f"one of: {', '.join((*FORMATS, *PICTURES))}")])
-    if to in PICTURES and (rate is not None or cyclic):
+    known = (*FORMATS, PROGRAM, *PICTURES)
+    if to not in known:
+        raise InputError([Issue("--to", None, "format", repr(to), f"one of: {', '.join(known)}")])
+    if to not in FORMATS and (rate is not None or cyclic):
         given = "--rate" if rate is not None else "--cyclic"
-        raise InputError([Issue(given, None, "option", f"{given} beside --to {to}", "none: pictures have no samples")])
+        why = "none: " + ("a program has no rate" if to == PROGRAM else "pictures have no samples")
+        raise InputError([Issue(given, None, "option", f"{given} beside --to {to}", why)])
     stored = load_run(run)
     if stored.trajectory is None:
         reason = stored.failure.detail if stored.failure else "no reason given"
@@ -62,6 +75,8 @@ def export(
         print_error(f"optiplan: the motion of {run} is not verified; nothing was written (--unverified writes it)")
         return Exit.NOT_VERIFIED
     folder = run if run.is_dir() else run.parent
+    if to == PROGRAM:
+        return _write_program(stored, out or folder / "motion.casadi.json")
     if to in PICTURES:
         path = out or folder / f"motion.{to}"
         _draw(run, path, to, stored.trajectory.duration)
@@ -83,6 +98,20 @@ def export(
     ]
     say("\n".join(told))
     return Exit.VERIFIED if proved else Exit.NOT_VERIFIED
+
+
+def _write_program(stored: "Run", path: Path) -> int:
+    """Write the program of planner `casadi` along the motion of a run."""
+    from optiplan.api.casadi_problems import casadi_problem
+
+    try:
+        nlp = casadi_problem(stored.problem, stored)
+        say(
+            f"written: {nlp.save(path)}\n{nlp.x.numel()} variables, {nlp.g.numel()} rows; the file says how to solve it"
+        )
+    except InputError as error:
+        raise error.about("op.casadi_problem", "optiplan export --to casadi") from None
+    return Exit.VERIFIED if stored.verified else Exit.NOT_VERIFIED
 
 
 def _draw(run: Path, path: Path, to: str, duration: float) -> None:

@@ -44,7 +44,7 @@ class SymbolicState:
         casadi = load_casadi()
         self.robot, self._twin = robot, SymbolicRobot(robot.model, machine_code=False)
         self.q, self.v, self.a = (casadi.SX.sym(name, robot.n) for name in "qva")
-        self._constants: list[tuple[Any, Array]] = []
+        self.constants: list[tuple[Any, Array]] = []
 
     def joint(self, name: str) -> Any:
         """Return the position of a joint by name, rad or m.
@@ -87,8 +87,8 @@ class SymbolicState:
     def constant(self, value: Any) -> Any:
         """Return a number, (k,) or (k, l) as an expression whose values are no part of the compiled function."""
         array = np.asarray(value, float)
-        symbol = load_casadi().SX.sym(f"p{len(self._constants)}", *array.shape)
-        self._constants.append((symbol, array))
+        symbol = load_casadi().SX.sym(f"p{len(self.constants)}", *array.shape)
+        self.constants.append((symbol, array))
         return symbol
 
     def sin(self, x: Any) -> Any:
@@ -146,8 +146,8 @@ class BatchedExpression:
             order for order, part in enumerate(parts) if any(casadi.which_depends(value, part, 1, True))
         )
         slopes = [casadi.densify(casadi.jacobian(value, parts[order])) for order in self.orders]
-        constants = casadi.vertcat(*(casadi.vec(symbol) for symbol, _ in state._constants))
-        self._constants = np.concatenate([np.zeros(0), *(array.ravel(order="F") for _, array in state._constants)])
+        constants = casadi.vertcat(*(casadi.vec(symbol) for symbol, _ in state.constants))
+        self._constants = np.concatenate([np.zeros(0), *(array.ravel(order="F") for _, array in state.constants)])
         inputs = [*(parts[order] for order in self.orders), constants]
         function = casadi.Function(name, inputs, [value, *slopes], {"cse": True})
         self.content = function.serialize() + repr(self._constants.tolist())

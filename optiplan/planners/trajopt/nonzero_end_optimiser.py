@@ -46,6 +46,11 @@ class EndStates:
         first, last = (np.array([state.q, state.v, state.a]) * scale for state in (self.start, self.end))
         return first, last
 
+    def powers(self, basis: SplineBasis) -> list[Array]:
+        """Return the held control points as H0 + H1 T + H2 T² of the duration: (6, n) each."""
+        states = np.array([[state.q, state.v, state.a] for state in (self.start, self.end)])
+        return [basis.ends(*(states * power[None, :, None])) for power in np.eye(3)]
+
     def held(self, basis: SplineBasis, control: Array, duration: float) -> Array:
         """Return the control points (K, n) of the curve bent to its ends at this duration, s."""
         return basis.moved_ends(control, *self.by_share(duration))

@@ -16,6 +16,7 @@ from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.path_constraints.motion_check import Broken, PathConstraints
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_basis
 from optiplan.planners.trajopt.initial_guess import along_path
+from optiplan.planners.trajopt.nonlinear.options import CasadiOptions
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 from optiplan.planners.trajopt.program.iteration_log import NOTHING, IterationLog
 from optiplan.planners.trajopt.program.native_sqp import NativeSqp
@@ -109,7 +110,7 @@ class Optimiser:
         end: the set in which motions end; None: the end of the initial curve.
         constraints: on the path.
         constraint_terms: the same as terms.
-        objective: parts of the cost.
+        objective: parts of the cost; `costs`: those of them that are integrals, for the optimiser.
         steps: taken so far, in all attempts; `taken`: in the latest one.
         log: of the latest attempt.
     """
@@ -127,7 +128,7 @@ class Optimiser:
         self.constraints = PathConstraints(problem)
         self.constraint_terms = ConstraintTerms(self.constraints)
         self.objective = problem.objective_parts()
-        self._costs = integral_costs(problem, model)
+        self.costs = integral_costs(problem, model)
         self.steps = self.taken = 0
         self.log: IterationLog = NOTHING
 
@@ -154,7 +155,7 @@ class Optimiser:
         attempt, self.taken, self.log = None, 0, NOTHING
         least = self.basis.shortest_duration(control, self.problem.limits.rates)
         best, first, late = options.best, options.first, options.late
-        longest = np.inf if options.patient or terms or self._costs else GROWN * least
+        longest = np.inf if options.patient or terms or self.costs else GROWN * least
         looked: Attempt | None = None
         looks = 0
 
@@ -233,7 +234,11 @@ class Optimiser:
             terms: of path constraints.
         """
         margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
-        transcription = Transcription(self.problem, self.model, self.basis, margins, terms, self._costs)
+        transcription = Transcription(self.problem, self.model, self.basis, margins, terms, self.costs)
+        if isinstance(self.options, CasadiOptions):
+            from optiplan.planners.trajopt.nonlinear.subproblem import NlpDescent, NlpSubproblem
+
+            return NlpDescent(NlpSubproblem(transcription, self.options.solver))
         if self.options.solver == AUTO and core is not None and transcription.plain:
             return NativeSqp(transcription)
         return Sqp(step_solver(transcription, self.options.solver))

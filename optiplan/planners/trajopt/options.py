@@ -58,6 +58,10 @@ class TrajOptOptions(PlannerOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        self._check_solver()
+
+    def _check_solver(self) -> None:
+        """Raise an `OptionError` for a solver that there is not."""
         if self.solver not in (AUTO, "piqp"):  # always installed; listing all solvers takes a quarter of a second
             import qpsolvers
 

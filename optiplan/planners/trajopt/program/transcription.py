@@ -33,7 +33,7 @@ class Transcription:
         extra: Sequence[Term] = (),
         costs: Sequence[Cost] = (),
     ) -> None:
-        self.basis, self.model, self.margins = basis, model, margins
+        self.robot, self.basis, self.model, self.margins = problem.robot, basis, model, margins
         self.limits = problem.limits
         self.rates = problem.limits.rates
         self.objective = problem.objective

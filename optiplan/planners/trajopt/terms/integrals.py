@@ -21,27 +21,40 @@ _STILL = 1e-2
 Residuals = Callable[[Curve], tuple[Array, tuple[Array, Array, Array]]]
 """r (N, m) at the samples of a curve, and their derivatives (N, m, n) by q, v and a."""
 
+Build = Callable[[SymbolicState], Any]
+"""Makes an expression (m,) from the robot's state."""
+
 
 class IntegralCost:
     """w * integral of |r|² over the motion, by the trapezoid rule over the samples.
 
     Holds at: samples; which of several motions is the best is decided by the integral itself (`ObjectiveParts`).
+
+    Attributes:
+        residuals: r with its derivatives.
+        build: r as an expression of the robot's state; None where there is none.
     """
 
     timed = True
 
-    def __init__(self, name: str, weight: float, residuals: Residuals) -> None:
-        self.name, self.weight, self._residuals = name, weight, residuals
+    def __init__(
+        self,
+        name: str,
+        weight: float,
+        residuals: Residuals,
+        build: Build | None = None,
+    ) -> None:
+        self.name, self.weight, self.residuals, self.build = name, weight, residuals, build
 
     def value(self, curve: Curve) -> float:
         """Return the weighted cost, s."""
-        r, _ = self._residuals(curve)
-        return self.weight * curve.duration * float(_weights(curve.samples.u) @ (r * r).sum(axis=1))
+        r, _ = self.residuals(curve)
+        return self.weight * curve.duration * float(shares(curve.samples.u) @ (r * r).sum(axis=1))
 
     def model(self, curve: Curve) -> CostModel:
         """Return the cost with its derivatives, second ones without those of r (Gauss-Newton)."""
-        r, by_state = self._residuals(curve)
-        T, samples, share = curve.duration, curve.samples, _weights(curve.samples.u)
+        r, by_state = self.residuals(curve)
+        T, samples, share = curve.duration, curve.samples, shares(curve.samples.u)
         count, size, joints = by_state[0].shape
         points = samples.moving[0].shape[1]
         J = np.zeros((count, size, points, joints))
@@ -66,14 +79,14 @@ def integral_costs(problem: Problem, model: CollisionModel) -> tuple[Cost, ...]:
     robot, weights = problem.robot, problem.objective.weights
     limits = robot.limits
 
-    def expression(build: Callable[[SymbolicState], Any]) -> Residuals:
+    def expression(build: Build) -> tuple[Residuals, Build]:
         batched = BatchedExpression(robot, "residual", build)
 
         def residuals(curve: Curve) -> tuple[Array, tuple[Array, Array, Array]]:
             value, (by_q, by_v, by_a) = batched(curve.motion)
             return value, (by_q, by_v, by_a)
 
-        return residuals
+        return residuals, build
 
     def length(k: SymbolicState, rate: Any) -> Any:
         return (rate.T @ rate + _STILL**2) ** 0.25
@@ -84,16 +97,16 @@ def integral_costs(problem: Problem, model: CollisionModel) -> tuple[Cost, ...]:
         middle = np.where(limited, 0.5 * (limits.upper + limits.lower), 0.0)
         return (k.q - k.constant(middle)) * k.constant(1.0 / half)
 
-    makers: dict[str, Callable[[], Residuals]] = {
-        "energy": lambda: TorqueTerm(robot, np.full(robot.n, np.inf)).residuals,
+    makers: dict[str, Callable[[], tuple[Residuals, Build | None]]] = {
+        "energy": lambda: (TorqueTerm(robot, np.full(robot.n, np.inf)).residuals, SymbolicState.torque),
         "joint_path": lambda: expression(lambda k: length(k, k.v)),
         "tool_path": lambda: expression(lambda k: length(k, k.twist("tool").linear)),
         "tool_smoothness": lambda: expression(lambda k: k.acceleration("tool").linear),
         "manipulability": lambda: expression(lambda k: (SINGULAR + k.manipulability("tool")) ** -0.5),
         "centring": lambda: expression(centring),
-        "clearance": lambda: _Nearness(model),
+        "clearance": lambda: (_Nearness(model), None),
     }
-    return tuple(IntegralCost(name, weights[name], makers[name]()) for name in weights if name not in PLAIN)
+    return tuple(IntegralCost(name, weights[name], *makers[name]()) for name in weights if name not in PLAIN)
 
 
 class _Nearness:
@@ -116,7 +129,7 @@ class _Nearness:
         return lacking, (slope, none, none)
 
 
-def _weights(u: Array) -> Array:
+def shares(u: Array) -> Array:
     """Return the share of the motion (N,) that each sample at u (N,) stands for: half-way to its neighbours."""
     edges = np.concatenate([[0.0], 0.5 * (u[1:] + u[:-1]), [1.0]])
     return np.diff(edges)

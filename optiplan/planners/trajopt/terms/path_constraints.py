@@ -8,7 +8,7 @@ from optiplan.arrays import Array, Index
 from optiplan.planners.path_constraints.inequality import KEPT, CompiledInequality, PairsApart
 from optiplan.planners.path_constraints.motion_check import Broken, Kept, PathConstraints
 from optiplan.planners.trajopt.terms.contacts import NamedClearanceTerm
-from optiplan.planners.trajopt.terms.term import Curve, Instants, SoftRows, Term, within
+from optiplan.planners.trajopt.terms.term import Curve, Expressed, Instants, SoftRows, Term, within
 
 PRICE = 0.5
 """Price of a violation by one unit at one sample."""
@@ -41,6 +41,12 @@ class ExpressionTerm(Term):
         sample = np.repeat(self._inside, self._inequality.size)
         by_q, by_v, by_a = (slope.reshape(len(sample), -1) for slope in slopes)
         return curve.rows(sample, value.ravel(), (by_q, by_v, by_a))
+
+    def expressed(self) -> Expressed:
+        """Return the inequality, at the samples in its part of the motion."""
+        return Expressed(
+            self._stated.build, self._inside, lambda curve: self._reserve(curve, curve.samples.u[self._inside])
+        )
 
     def _reserve(self, curve: Curve, u: Array) -> Array:
         """Return the reserve at fractions u (N,) of the duration, no more than the ends have: (N, m)."""

@@ -1,9 +1,10 @@
 """The interface of the optimiser to soft constraints (`Term`) and costs (`Cost`) of a curve."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import add
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,8 @@ from optiplan.planners.trajopt.bspline_basis import REACH, SplineBasis
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
+
+    from optiplan.kinematics.symbolic.state import SymbolicState
 
 Mask = npt.NDArray[np.bool_]
 
@@ -144,6 +147,23 @@ class SoftRows:
         return float(worst.sum())
 
 
+@dataclass(frozen=True, eq=False)
+class Expressed:
+    """Rows of a term as expressions of the state at samples.
+
+    Attributes:
+        build: makes the expression (m,), from the robot's state.
+        samples: (S,) at which it holds.
+        least: lower bounds (S, m) of the rows on a curve.
+        labels: (m,) names of the rows; none: the term's.
+    """
+
+    build: Callable[["SymbolicState"], Any]
+    samples: Index
+    least: Callable[[Curve], Array]
+    labels: tuple[str, ...] = ()
+
+
 class Term(Protocol):
     """A soft constraint: rows g >= 0 at samples, and the price of violating them.
 
@@ -173,6 +193,10 @@ class Term(Protocol):
         A term without omitted rows has none.
         """
         return False
+
+    def expressed(self) -> Expressed | None:
+        """Return its rows, in the term's own unit, as expressions; None where they are only known linearised."""
+        return None
 
 
 class CostModel(NamedTuple):

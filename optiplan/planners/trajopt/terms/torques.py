@@ -1,15 +1,20 @@
 """Torque limits of the planned joints."""
 
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.planners.trajopt.terms.term import Curve, Instants, Mask, SoftRows
+from optiplan.planners.path_constraints.parts import stacked
+from optiplan.planners.trajopt.terms.term import Curve, Expressed, Instants, Mask, SoftRows
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.mimic_joints import Unfolded, unfold
 from optiplan.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from optiplan.kinematics.symbolic.state import SymbolicState
 
 TORQUE_SHARE = 0.6
 """Torques above this share of their limit get a row."""
@@ -75,6 +80,20 @@ class TorqueTerm:
         upper = np.triu(mass)  # pinocchio fills the upper half of the mass matrix only
         mass = upper + np.triu(upper, 1).transpose(0, 2, 1)
         return [A.T @ matrix @ A for matrix in (by_q, by_v, mass)]
+
+    def expressed(self) -> Expressed:
+        """Return 1 - tau / limit and 1 + tau / limit of the limited joints, at all samples."""
+
+        def build(k: "SymbolicState") -> Any:
+            if not len(self._limited):
+                return stacked()
+            share = k.torque()[self._limited.tolist()] * k.constant(1.0 / self.limit[self._limited])
+            return stacked(1.0 - share, 1.0 + share)
+
+        samples = np.arange(len(self._watched))
+        names = [f"torque of {self._robot.joint_names[j]}" for j in self._limited]
+        labels = (*(f"upper {name}" for name in names), *(f"lower {name}" for name in names))
+        return Expressed(build, samples, lambda curve: np.zeros((len(samples), len(labels))), labels)
 
     def watch(self, rows: SoftRows) -> bool:
         """Add rows for the joints and samples whose torque is too large in `rows`; return whether any is new.

@@ -1,0 +1,24 @@
+"""Options of the planner `casadi`."""
+
+from dataclasses import dataclass
+
+from optiplan.planners.option_schema import OptionError, option
+from optiplan.planners.trajopt.nonlinear.solvers import DEFAULT, SOLVERS, installed
+from optiplan.planners.trajopt.options import TrajOptOptions
+
+
+@dataclass(frozen=True)
+class CasadiOptions(TrajOptOptions):
+    """Options of `casadi`: those of `trajopt`, whose curves it optimises with solvers of nonlinear programs."""
+
+    iterations: int = option(60, "programs solved in an attempt, at most.", least=1, most=100_000)
+    solver: str = option(
+        DEFAULT,
+        f"of the nonlinear programs, where the installed CasADi has it: {', '.join(SOLVERS)}.",
+    )
+
+    def _check_solver(self) -> None:
+        if self.solver not in SOLVERS or not SOLVERS[self.solver].installed:
+            raise OptionError("solver", f"'{self.solver}'", f"one of {', '.join(installed())}")
+        if self.workers != 1:
+            raise OptionError("workers", str(self.workers), "1: solvers of CasADi run one at a time")
