@@ -16,7 +16,7 @@ from optiplan.runs.run import Run
 from optiplan.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from optiplan.planners.trajopt.program.nlp import TrajectoryNlp
+    from optiplan.planners.trajopt.nonlinear.trajectory_nlp import TrajectoryNlp
 
 _LOOKING = 5.0
 """s for a goal configuration, where no guess is given."""

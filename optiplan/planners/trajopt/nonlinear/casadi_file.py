@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
+from optiplan.arrays import Array
 from optiplan.files import write_bytes
 
 if TYPE_CHECKING:
@@ -32,8 +33,8 @@ q, v, a (n, N) of the joints in rad or m. `x_names` and `g_names` name variables
 of p have which name. Distances between bodies are linearised at x0, and lbx and ubx keep x near it."""
 
 
-def write_program(nlp: "TrajectoryNlp", path: Path) -> None:
-    """Write a program as JSON: how to solve it, three functions that CasADi reads, and names.
+def write_program(nlp: "TrajectoryNlp", arguments: dict[str, Array], path: Path) -> None:
+    """Write a program with its start and bounds as JSON: how to solve it, functions that CasADi reads, and names.
 
     Raises:
         OSError: the file cannot be written.
@@ -41,7 +42,7 @@ def write_program(nlp: "TrajectoryNlp", path: Path) -> None:
     program = nlp.to_casadi()
     functions = {
         "nlp": ca.Function("nlp", [nlp.x, nlp.p], [program["f"], nlp.g], ["x", "p"], ["f", "g"]),
-        "start": _start(nlp),
+        "start": ca.Function("start", [], [ca.DM(value) for value in arguments.values()], [], list(arguments)),
         "motion": ca.Function("motion", [nlp.x, nlp.p], list(nlp.motion(np.linspace(0.0, 1.0, INSTANTS)))),
     }
     content = {
@@ -54,11 +55,3 @@ def write_program(nlp: "TrajectoryNlp", path: Path) -> None:
         **{name: function.serialize() for name, function in functions.items()},
     }
     write_bytes(path, json.dumps(content, indent=1, allow_nan=False).encode() + b"\n")
-
-
-def _start(nlp: "TrajectoryNlp") -> ca.Function:
-    """Return the function () -> x0, p and all bounds."""
-    from optiplan.planners.trajopt.nonlinear.trajectory_nlp import KEPT_NEAR
-
-    arguments = nlp.arguments(reach=KEPT_NEAR)
-    return ca.Function("start", [], [ca.DM(value) for value in arguments.values()], [], list(arguments))

@@ -149,7 +149,7 @@ class CurveProgram:
     def point(self, curve: Curve, rows: Sequence[SoftRows]) -> Array:
         """Return x (X,) of a curve: slacks are what is missing."""
         by_term = dict(zip(self.transcription.terms, rows, strict=True))
-        parts = [self.transcription.basis.moving(curve.control).ravel(), [curve.duration]]
+        parts = [self.transcription.basis.moving(curve.control).ravel(), np.array([curve.duration])]
         for block in self.soft:
             worst, found = np.zeros(len(self.samples)), by_term[block.term]
             np.maximum.at(worst, found.sample, -found.value / block.term.unit)

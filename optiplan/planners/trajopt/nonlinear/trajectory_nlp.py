@@ -11,6 +11,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import wrong_argument
 from optiplan.planners.trajopt.bspline_basis import DEGREE
+from optiplan.planners.trajopt.nonlinear.casadi_file import write_program
 from optiplan.planners.trajopt.nonlinear.curve_program import CurveProgram
 from optiplan.planners.trajopt.nonlinear.solvers import DEFAULT, SOLVERS
 from optiplan.planners.trajopt.program.transcription import Transcription
@@ -112,10 +113,8 @@ class TrajectoryNlp:
         Raises:
             InputError: the file cannot be written.
         """
-        from optiplan.planners.trajopt.nonlinear.casadi_file import write_program
-
         try:
-            write_program(self, Path(path))
+            write_program(self, self.arguments(reach=KEPT_NEAR), Path(path))
         except OSError as error:
             found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
             raise wrong_argument("TrajectoryNlp.save", "path", found, "a file that can be written") from None
@@ -168,6 +167,6 @@ class TrajectoryNlp:
     def _curve(self, x: Any) -> Curve:
         control, duration = self._program.moved(np.array(x, dtype=float).ravel(), self.first.control)
         if self._held is not None:
-            ends = sum(points * duration**order for order, points in enumerate(self._held))
+            ends = np.sum([points * duration**order for order, points in enumerate(self._held)], axis=0)
             control = np.vstack([ends[:3], control[3:-3], ends[3:]])
         return self._transcription.curve(control, duration)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.program.iteration_log import Ending, IterationLog
-from optiplan.planners.trajopt.program.native_step import NativeSubproblem
-from optiplan.planners.trajopt.program.qp import Penalty, Step, Subproblem
+from optiplan.planners.trajopt.program.qp import Penalty, Step
+from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import CENTIMETRE
 from optiplan.planners.trajopt.terms.term import Cost, SoftRows, Term
 
@@ -97,6 +97,14 @@ class Stepper(Protocol):
         self, control: Array, duration: float, soft: Sequence[Penalty], radius: float, span: float
     ) -> Step | None:
         """Return one step from (control, duration); None when the solver fails."""
+
+
+class SampledStepper(Stepper, Protocol):
+    """One whose terms hold at samples."""
+
+    @property
+    def transcription(self) -> Transcription:
+        """Return the transcription."""
 
 
 class Merit(Protocol):
@@ -217,7 +225,7 @@ class PythonProgram:
 class Sqp(PythonProgram):
     """Descends with one solver of programs, without the native core's rows."""
 
-    def __init__(self, subproblem: NativeSubproblem | Subproblem) -> None:
+    def __init__(self, subproblem: SampledStepper) -> None:
         super().__init__(subproblem)
         self._transcription = subproblem.transcription
 
