@@ -216,11 +216,10 @@ def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] |
                 ("smallest distance met", "met_clearance"),
             )
             facts += [(name, f"{1e3 * witness[key]:.2f} mm") for name, key in named if witness.get(key) is not None]
-            if asked := witness.get("asked"):
-                told = (
-                    f"{1e3 * asked['scene']:g} mm from the scene, {1e3 * asked['self']:g} mm of the robot from itself"
-                )
-                facts.append(("clearance asked", told + (", groups of pairs as stated" if asked["pairs"] else "")))
+            if required := witness.get("required"):
+                scene, own = 1e3 * required["scene"], 1e3 * required["self"]
+                groups = ", groups of pairs as stated" if required["pairs"] else ""
+                facts.append(("clearance required", f"{scene:g} mm from the scene, {own:g} mm from itself{groups}"))
     return facts
 
 

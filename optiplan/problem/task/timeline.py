@@ -165,7 +165,9 @@ def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float
     """Yield when each step begins and ends, s, and the configurations (n,) there; and its vias of joint values."""
     for step, _, begin, end in steps_in_time(problem, trajectory):
         yield from ((t, trajectory(t)) for t in (begin, end))
-        for via in step.action.vias if isinstance(step.action, Move) else ():
+        if not isinstance(step.action, Move):
+            continue
+        for via in step.action.vias:
             if isinstance(via.at, JointGoal):
                 whole = np.array(trajectory(begin))
                 whole[columns(problem.robot, step.action.joints)] = via.at.q
