@@ -135,7 +135,7 @@ def _measures(robot: Robot) -> tuple[str, ...]:
     """Return the headings of the measures, with the units of the robot's joints."""
     jerk, torque = (joint_units(quantity, robot.revolute).replace(" or ", " or\n") for quantity in ("jerk", "torque"))
     limited = f"peak jerk\n{jerk}", "of its\nlimit", f"RMS torque\n{torque}"
-    return "tool path\nm", *limited, "clearance\nmm", "least mani-\npulability"
+    return "tool path\nm", *limited, "clearance mm\nscene / self", "least mani-\npulability"
 
 
 def _print(console: Console, runs: Sequence[Run], bound: Bound) -> None:
@@ -186,7 +186,9 @@ def _numbers(run: Run, ratio: float | None) -> list[str]:
         _text(found.peak_jerk, ".4g"),
         _text(found.jerk_share, ".0%"),
         _text(found.rms_torque, ".2f"),
-        _text(found.clearance if found.clearance is None else 1e3 * found.clearance, ".3g"),
+        " / ".join(
+            _text(None if one is None else 1e3 * one, ".3g") for one in (found.scene_clearance, found.self_clearance)
+        ),
         _text(found.manipulability, ".3g"),
     ]
 

@@ -47,7 +47,7 @@ class Contact:
         """Return "'a' meets 'b'", with the names of the bodies, or how much nearer than asked they come."""
         if self.apart is not None and self.apart > 0.0:
             near = f"comes within {1e3 * self.apart:.3g} mm of"
-            return f"'{self.pair.name_a}' {near} '{self.pair.name_b}', nearer than the clearance asked"
+            return f"'{self.pair.name_a}' {near} '{self.pair.name_b}', nearer than the clearance required"
         return f"'{self.pair.name_a}' meets '{self.pair.name_b}'"
 
     @property
@@ -55,7 +55,7 @@ class Contact:
         """Return how deep two bodies overlap, or how near they are where that is nearer than asked."""
         names = f"'{self.pair.name_a}' and '{self.pair.name_b}'"
         if self.apart is not None and self.apart > 0.0:
-            return f"{names} are {1e3 * self.apart:.3g} mm apart, nearer than the clearance asked"
+            return f"{names} are {1e3 * self.apart:.3g} mm apart, nearer than the clearance required"
         return f"{names} overlap by {1e3 * max(0.0, -self.bodies_apart):.3g} mm"
 
 

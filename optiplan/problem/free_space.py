@@ -10,6 +10,7 @@ from optiplan.collision.contacts import Contact
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.pose import Values
+from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Scene
 from optiplan.problem.constraints.states import TOUCHING
 from optiplan.robot.given_configurations import configurations
@@ -43,6 +44,11 @@ class FreeSpace:
 
     robot: Robot
     scene: Scene
+
+    @property
+    def safety(self) -> Safety | None:
+        """How far bodies stay apart; None: they do not touch."""
+        return self.scene.safety
 
     def is_free(self, q: Values | Mapping[str, float] | str) -> FreeCheck | list[FreeCheck]:
         """Say whether the robot, with what it holds, touches neither itself nor an obstacle.

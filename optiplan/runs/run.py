@@ -167,6 +167,8 @@ class Run:
         if self.metrics is not None:
             clearance = self.metrics.clearance
             rows["clearance"] = "" if clearance is None else f"{1e3 * clearance:.3g} mm, proved"
+            for name, apart in (("scene", self.metrics.scene_clearance), ("itself", self.metrics.self_clearance)):
+                rows[f"clearance from {name}"] = "" if apart is None else f"{1e3 * apart:.3g} mm, proved"
             rows["path of the tool"] = f"{self.metrics.tool_path:.3g} m"
         rows["time"] = ", ".join(f"{stage} {seconds:.3g} s" for stage, seconds in self.timings.items())
         cells = "".join(f"<tr><th>{key}</th><td>{escape(value)}</td></tr>" for key, value in rows.items() if value)

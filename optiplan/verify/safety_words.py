@@ -1,5 +1,6 @@
-"""What a scene's `Safety` asked of a motion, and of which pairs less, for reports."""
+"""What a scene's `Safety` required of a motion, and of which pairs less, for reports."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from optiplan.collision.floors import Floors
@@ -11,13 +12,13 @@ MOST_NAMED = 6
 
 
 def asked_words(model: CollisionModel, safety: Safety | None, floors: Floors | None) -> dict[str, Any]:
-    """Return the witness of a check of collisions: what was asked, m, and the pairs with lower floors; or nothing."""
+    """Return what was required, m, and the pairs with lower floors, for the witness of a check; or nothing."""
     if safety is None or floors is None:
         return {}
     nearer = [
         {
             "pair": sorted((model.pairs[one.pair].name_a, model.pairs[one.pair].name_b)),
-            "asked": one.asked,
+            "required": one.asked,
             "distance": one.distance,
             "floor": one.base,
             "built": one.end < 0,
@@ -25,19 +26,20 @@ def asked_words(model: CollisionModel, safety: Safety | None, floors: Floors | N
         }
         for one in floors.near
     ]
-    asked = {"scene": safety.scene, "self": safety.own, "within": safety.within, "pairs": len(safety.pairs)}
-    return {"asked": asked, "nearer": nearer}
+    required = {"scene": safety.scene, "self": safety.own, "within": safety.within, "pairs": len(safety.pairs)}
+    return {"required": required, "nearer": nearer}
 
 
-def safety_scope(witness: dict[str, Any]) -> list[str]:
-    """Return what was asked, and which pairs were nearer, from the witness of a check of collisions."""
-    if "asked" not in witness:
+def safety_scope(witness: Mapping[str, Any]) -> list[str]:
+    """Return what was required, and which pairs were nearer, from the witness of a check of collisions."""
+    if "required" not in witness:
         return []
-    asked, nearer = witness["asked"], witness["nearer"]
-    groups = f", {asked['pairs']} groups of pairs as stated" if asked["pairs"] else ""
-    said = f"clearance asked: {1e3 * asked['scene']:g} mm from the scene, {1e3 * asked['self']:g} mm of the robot"
-    found = [f"{said} from itself{groups}, of pairs of links that can meet"]
-    way = f"growing to what is asked within {asked['within']:g} rad or m, summed over the joints"
+    required, nearer = witness["required"], witness["nearer"]
+    groups = f", {required['pairs']} groups of pairs as stated" if required["pairs"] else ""
+    scene, own = 1e3 * required["scene"], 1e3 * required["self"]
+    said = f"clearance required: {scene:g} mm from the scene, {own:g} mm of the robot from itself"
+    found = [f"{said}{groups}, of pairs of links that can meet"]
+    way = f"growing to what is required within {required['within']:g} rad or m, summed over the joints"
     for built, where in ((False, f"nearer at an end, with floors of 0.8 of that, {way}"), (True, "built nearer")):
         names: dict[str, dict[str, Any]] = {}
         for one in nearer:

@@ -372,6 +372,8 @@ def _collision(checks: Iterable[Check]) -> Check:
         known = [check.witness[key] for check in found if check.witness[key] is not None]
         complete = key == "met_clearance" or all(check.passed for check in found)
         witness[key] = min(known) if known and complete else None
+    if "nearer" in witness:
+        witness["nearer"] = [one for check in found for one in check.witness.get("nearer", ())]
     detail = f"least of {len(found)} parts with scenes of their own: {worst.detail}" if len(found) > 1 else worst.detail
     covers = tuple(dict.fromkeys(one for check in found for one in check.covers))
     passed = all(check.passed for check in found)

@@ -167,7 +167,7 @@ def _row(run: ViewedRun) -> dict[str, float | None]:
     """What the command line's comparison shows of a run, None where it is not known; m, s, rad, N m."""
     record = run.record or {}
     metrics = record.get("metrics") or {}
-    keys = ("tool_path", "peak_jerk", "jerk_share", "rms_torque", "clearance", "manipulability")
+    keys = ("tool_path", "peak_jerk", "jerk_share", "rms_torque", "scene_clearance", "self_clearance", "manipulability")
     row = {key: metrics.get(key) for key in keys}
     row["planning"] = (record.get("timings") or {}).get("plan")
     row["duration"] = None if run.trajectory is None else run.trajectory.duration
@@ -212,9 +212,14 @@ def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] |
             named = (
                 ("clearance, proved", "proved_clearance"),
                 ("clearance from the scene, proved", "scene_clearance"),
+                ("clearance of the robot from itself, proved", "self_clearance"),
                 ("smallest distance met", "met_clearance"),
             )
             facts += [(name, f"{1e3 * witness[key]:.2f} mm") for name, key in named if witness.get(key) is not None]
+            if required := witness.get("required"):
+                scene, own = 1e3 * required["scene"], 1e3 * required["self"]
+                groups = ", groups of pairs as stated" if required["pairs"] else ""
+                facts.append(("clearance required", f"{scene:g} mm from the scene, {own:g} mm from itself{groups}"))
     return facts
 
 

@@ -30,6 +30,8 @@ METRICS = {
     "tool_rotation": ("turning of the tool", "rad", 1.0),
     "joint_path": ("path of the joints", joint_units("position"), 1.0),
     "clearance": ("clearance, proved", "mm", 1e3),
+    "scene_clearance": ("clearance from the scene, proved", "mm", 1e3),
+    "self_clearance": ("clearance of the robot from itself, proved", "mm", 1e3),
     "lowest_clearance": ("smallest distance met", "mm", 1e3),
     "peak_jerk": ("largest jerk", joint_units("jerk"), 1.0),
     "jerk_share": ("largest jerk / limit", "", 1.0),

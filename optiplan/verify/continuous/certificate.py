@@ -378,7 +378,7 @@ class _Search:
         k = found[np.argmin(query.found.best[found] - asked[found])]
         self.proof.met = (None, None)  # named is the pair that is too near for its floor, not the nearest
         self.update_nearest(query, at, np.array([k]))
-        self.stop(query.items, f"bodies come nearer than the {1e3 * asked[k]:.3g} mm asked of them", True)
+        self.stop(query.items, f"bodies come nearer than the {1e3 * asked[k]:.3g} mm required of them", True)
 
     def stop(self, items: Intervals, reason: str, contact: bool = False) -> Intervals:
         """End the search with a reason."""

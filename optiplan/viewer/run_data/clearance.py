@@ -7,6 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array, Flags
 from optiplan.collision.contacts import Contact
+from optiplan.collision.floors import floors_of
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
@@ -112,7 +113,8 @@ def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -
     if not model.pairs:
         return None
     motion, record = with_obstacles(motion, model.motions), ClearanceRecord()
-    proof = certify(model, motion, policy, record)
+    floors = floors_of(model, part.problem.scene.safety)
+    proof = certify(model, motion, policy, record, floors=floors)
     bound = record.bound(motion.duration, len(model.pairs)) if proof.proved else None
     own = max(4, int(np.ceil(even * motion.duration / duration)))
     t = _times(motion, bound, own, None if proof.nearest is None else proof.nearest.time)

@@ -6,7 +6,8 @@ const OptiPlanComparison = (() => {
   const COLUMNS = [
     ["planning", "planning, s", fixed(2)], ["duration", "duration, s", fixed(3)], ["ratio", "duration / bound", fixed(3)], ["tool_path", "tool path, m", fixed(3)],
     ["peak_jerk", "peak jerk", fixed(0), "jerk"], ["jerk_share", "of its limit", (v) => (100 * v).toFixed(0) + " %"], ["rms_torque", "RMS torque", fixed(2), "torque"],
-    ["clearance", "clearance, mm", (v) => digits(1e3 * v)], ["manipulability", "least manipulability", digits],
+    ["scene_clearance", "clearance from scene, mm", (v) => digits(1e3 * v)], ["self_clearance", "from itself, mm", (v) => digits(1e3 * v)],
+    ["manipulability", "least manipulability", digits],
   ];
 
   class Comparison {
