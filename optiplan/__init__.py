@@ -20,6 +20,7 @@ __version__ = "0.2.0"
 if TYPE_CHECKING:
     from optiplan.api.casadi_problems import casadi_problem
     from optiplan.api.checking import check
+    from optiplan.api.designing import design
     from optiplan.api.driving import driver
     from optiplan.api.init_robot import init_robot
     from optiplan.api.kinematics import ik
@@ -91,6 +92,7 @@ if TYPE_CHECKING:
     from optiplan.simulation.log import Log, ObjectLog, WheelLog
     from optiplan.simulation.plants.task_plant import FrictionGrip
     from optiplan.simulation.simulation import Simulation
+    from optiplan.studies.result import DesignResult
     from optiplan.trajectory.sample_file import Samples
     from optiplan.trajectory.state import State
     from optiplan.trajectory.trajectory import Trajectory
@@ -99,6 +101,7 @@ if TYPE_CHECKING:
 _ROOMS = {
     "api.casadi_problems": ("casadi_problem",),
     "api.checking": ("check",),
+    "api.designing": ("design",),
     "api.driving": ("driver",),
     "api.init_robot": ("init_robot",),
     "api.kinematics": ("ik",),
@@ -121,6 +124,7 @@ _ROOMS = {
     "control.limits.tool_speed": ("ToolSpeedLimit",),
     "control.limits.torque": ("TorqueLimit",),
     "control.limits.wheel_speed": ("WheelSpeedLimit",),
+    "studies.result": ("DesignResult",),
     "trajectory.state": ("State",),
     "control.control_problem": ("ControlProblem",),
     "control.step": ("ControlStep",),
@@ -197,6 +201,7 @@ __all__ = [
     "Controller",
     "Cylinder",
     "DampingTask",
+    "DesignResult",
     "Driver",
     "Execution",
     "Executor",
@@ -289,6 +294,7 @@ __all__ = [
     "casadi_problem",
     "certify",
     "check",
+    "design",
     "driver",
     "execute",
     "ik",

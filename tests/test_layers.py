@@ -16,7 +16,7 @@ ROOMS = (
     {"control", "importers"},
     {"planners", "verify"},
     {"runs"},
-    {"execution"},
+    {"execution", "studies"},
     {"simulation"},
     {"viewer"},
     {"api"},

@@ -10,6 +10,8 @@ from optiplan.arrays import is_finite
 from optiplan.errors import described, path_argument, progress_argument, wrong_argument
 from optiplan.files import replacing
 from optiplan.planners.base import Budget, Progress
+from optiplan.problem.problem import Problem
+from optiplan.runs.run import Run
 from optiplan.runs.run_folder import check_folder
 from optiplan.studies.measures import MEASURES, check_measures
 from optiplan.studies.proof import DesignProof, chosen_designs, prove_design
@@ -56,7 +58,7 @@ def design(
         ...         "changes": {"dh.rows.0.a": "=upper", "dh.rows.1.a": "=1 - upper"},
         ...         "states": {"count": 500},
         ...         "maximise": ["manipulability"],
-        ...         "search": {"population": 8, "generations": 6},
+        ...         "search": {"population": 8, "generations": 8},
         ...     }
         ... )
         >>> 0.45 < found.row(found.front[0])["upper"] < 0.55
@@ -101,7 +103,11 @@ def _proofs(study: DesignStudy, search: DesignSearch, progress: Progress) -> tup
     proofs = []
     try:
         for role, k in chosen_designs(study, search):
-            proofs.append(prove_design(study, role, search.designs[k], lambda problem, budget: plan(problem, budget=budget), progress))
+            proofs.append(prove_design(study, role, search.designs[k], _planned, progress))
     except KeyboardInterrupt:
         pass
     return tuple(proofs)
+
+
+def _planned(problem: Problem, budget: Budget) -> Run:
+    return plan(problem, budget=budget)

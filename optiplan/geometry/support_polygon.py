@@ -48,7 +48,7 @@ class SupportPolygon:
     @cached_property
     def offsets(self) -> Array:
         """Distances (k,) of the edges from the origin along their normals, m: inside is n · p >= offset."""
-        return np.einsum("ki,ki->k", self.normals, self.corners)
+        return np.asarray((self.normals * self.corners).sum(axis=1))
 
     @property
     def area(self) -> float:
@@ -57,7 +57,7 @@ class SupportPolygon:
         return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
     def rows(self, margin: float = 0.0) -> Array:
-        """Rows R (k, 6) with R w = (n · p - offset - margin) F_z, N·m, for a wrench w = [F; M] about the world's origin.
+        """Rows R (k, 6) with R w = (n · p - offset - margin) F_z, N·m, for wrenches w = [F; M] about the origin.
 
         p is the zero-moment point, n an edge's inward normal. R w >= 0 in every row, with F_z > 0, says that p lies at
         least `margin`, m, inside. The rows are linear in the wrench, so they have no pole where F_z is 0.

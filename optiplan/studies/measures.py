@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.arrays import Array, distinct
 from optiplan.errors import InputError, OptiPlanError
 from optiplan.geometry.support_polygon import SupportPolygon
-from optiplan.kinematics.manipulability import ToolKinematics, scaled, yoshikawa
+from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, scaled, yoshikawa
 from optiplan.planners.base import Budget
 from optiplan.planners.tours.placing import PlaceScore
 from optiplan.problem.load import problem_from_dict
@@ -21,8 +21,8 @@ from optiplan.workspace.reach import sampling_range, shoulder_point
 _SCORING = 30.0
 """s for the score of one task; it takes milliseconds."""
 
-IMPOSSIBLE = np.inf
-"""Cycle time of a design for which a place of a task is missing, s."""
+_POSE = 6
+"""Joints that a pose of the tool needs; the manipulability of fewer is that of the tool's velocity alone."""
 
 
 class MeasureMeaning(NamedTuple):
@@ -45,7 +45,7 @@ MEASURES = {
 
 
 @dataclass(frozen=True, eq=False)
-class States:
+class DesignStates:
     """K states of a robot.
 
     Attributes:
@@ -59,16 +59,14 @@ class States:
     A: Array
 
 
-def states_of(robot: Robot, count: int, motion: float, seed: int) -> States:
+def states_of(robot: Robot, count: int, motion: float, seed: int) -> DesignStates:
     """Return the states that a design is measured over: for the same seed the same shares of every robot's limits."""
     rng = np.random.default_rng(seed)
     lower, upper = sampling_range(robot)
     Q = lower + (upper - lower) * rng.random((count, robot.n))
     signs = rng.choice([-1.0, 1.0], (2, count, robot.n))
-    fastest = [
-        np.where(np.isfinite(limit), limit, 0.0) for limit in (robot.limits.velocity, robot.limits.acceleration)
-    ]
-    return States(Q, motion * signs[0] * fastest[0], motion * signs[1] * fastest[1])
+    fastest = [np.where(np.isfinite(limit), limit, 0.0) for limit in (robot.limits.velocity, robot.limits.acceleration)]
+    return DesignStates(Q, motion * signs[0] * fastest[0], motion * signs[1] * fastest[1])
 
 
 class DesignMeasures:
@@ -104,15 +102,16 @@ class DesignMeasures:
         return {name: found[name] for name in self.names}
 
 
-def _kinematic(robot: Robot, states: States, support: SupportPolygon | None, edge: float) -> dict[str, float]:
+def _kinematic(robot: Robot, states: DesignStates, support: SupportPolygon | None, edge: float) -> dict[str, float]:
     X_WT, J = ToolKinematics(robot).evaluate(states.Q)
     shoulder = shoulder_point(robot)
     away = X_WT[:, :3, 3] - shoulder
     largest = max(float(np.linalg.norm(away, axis=1).max()), 1e-9)
     ground = -np.inf if support is None else support.height - float(shoulder[2])
+    part: JacobianRows = "full" if robot.n >= _POSE else "translation"
     return {
         "reach_volume": reached_volume(away, edge, largest, ground),
-        "manipulability": float(yoshikawa(scaled(J, length=largest)).mean()),
+        "manipulability": float(yoshikawa(scaled(J, part, largest)).mean()),
     }
 
 

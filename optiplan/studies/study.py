@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -74,9 +75,7 @@ class DesignStudy:
         issues: list[Issue] = []
         for path, change in self.spec.changes.items():
             holder, key = place_in(data, path)
-            amounts = [
-                _amount(amount, values, self.document, ("changes", path), issues) for amount in _listed(change)
-            ]
+            amounts = [_amount(amount, values, self.document, ("changes", path), issues) for amount in _listed(change)]
             holder[key] = amounts if isinstance(change, list) else amounts[0]
         if issues:
             raise InputError(issues)
@@ -218,7 +217,7 @@ def _wrong_places(spec: StudySpec, document: Document, description: Mapping[str,
         if name in ("pi", *FUNCTIONS):
             issues.append(document.issue(("parameters", name), f"'{name}', which expressions know", "another name"))
         elif not _mentions(used, name):
-            expected = f"an expression with it in `changes` or `support`, such as \"={name}\""
+            expected = f'an expression with it in `changes` or `support`, such as "={name}"'
             issues.append(document.issue(("parameters", name), "a parameter that changes nothing", expected))
     return issues
 
@@ -230,7 +229,7 @@ def _listed(change: Change) -> list[Amount]:
 def _amounts(spec: StudySpec) -> list[Amount]:
     support = spec.support
     changes = [amount for change in spec.changes.values() for amount in _listed(change)]
-    return changes + ([] if support is None else [support.height, *sum(support.corners, [])])
+    return changes if support is None else [*changes, support.height, *chain.from_iterable(support.corners)]
 
 
 def _mentions(text: str, name: str) -> bool:
@@ -304,4 +303,3 @@ def _amount(
         pass
     issues.append(document.issue(place, f"'{amount}'", "an expression with a finite value, such as '=0.5 * length'"))
     return float("nan")
-

@@ -44,7 +44,7 @@ def sampling_range(robot: Robot) -> tuple[Array, Array]:
             f"{robot.name}: found sliding joints without limits: {names}; expected limits, or a group without them"
         )
     middle = np.zeros(robot.n)
-    middle[~endless] = 0.5 * (lower + upper)[~endless]
+    middle[~endless] = 0.5 * (lower[~endless] + upper[~endless])
     wide = revolute & (endless | (upper - lower > 2.0 * np.pi))
     return np.where(wide, middle - np.pi, lower), np.where(wide, middle + np.pi, upper)
 

@@ -32,6 +32,6 @@ def test_a_weight_above_a_point_has_that_zero_moment_point_and_a_push_above_the_
 def test_the_rows_are_the_margin_times_the_normal_force():
     rng = np.random.default_rng(0)
     polygon = SupportPolygon.of(rng.uniform(-1.0, 1.0, (9, 2)), 0.3)
-    wrench = rng.normal(size=(50, 6)) + [0.0, 0.0, 20.0, 0.0, 0.0, 0.0]
+    wrench = rng.normal([0.0, 0.0, 20.0, 0.0, 0.0, 0.0], size=(50, 6))
     left = (wrench @ polygon.rows(0.05).T).min(axis=1)
     assert np.allclose(left, (polygon.margins(wrench) - 0.05) * wrench[:, 2])

@@ -42,7 +42,8 @@ def base_reaction(robot: Robot, Q: Array, V: Array, A: Array) -> Array:
             w, dw = w + rate * z, dw + change * z + np.cross(w, rate * z)
         else:
             a = a + 2.0 * np.cross(w, rate * z) + change * z
-        omega.append(w), alpha.append(dw), place.append(p), linear.append(a)
+        for kept, value in ((omega, w), (alpha, dw), (place, p), (linear, a)):
+            kept.append(value)
         inertia = model.inertias[j]
         if inertia.mass > 0.0:
             wrench += _of_body(inertia, poses[:, j], (w, dw, a), gravity)

@@ -18,12 +18,13 @@ _MOST = 10
 _PAGE = Template(
     """<!doctype html>
 <html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>$title</title>
-<style>body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;background:#fff;color:#1d2429}
+<style>body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem}
+body{background:#fff;color:#1d2429}
 svg{max-width:100%;height:auto}.wide{overflow-x:auto}table{border-collapse:collapse}
 td,th{padding:.2rem .7rem;text-align:right;white-space:nowrap}td:last-child,th:last-child{text-align:left}
 th button{all:unset;cursor:pointer;font-weight:600}th button:focus-visible{outline:2px solid}
 tbody tr:hover,tbody tr.lit{background:#e69f0044}tr.role{font-weight:600}
-g.lit path,g.lit use{stroke:#d55e00!important;stroke-width:4px!important}</style>
+g.lit use{transform-box:fill-box;transform-origin:center;transform:scale(2.6)}</style>
 <h1>$title</h1>
 <p>$summary</p>
 $figure
@@ -32,8 +33,10 @@ Point at a row to see its places in the figure; a heading sorts.</p>
 <div class="wide"><table id="front"><thead><tr>$head</tr></thead><tbody>
 $rows</tbody></table></div>
 <h2>Designs that were planned with</h2>
-<p>They have their bodies; every task is planned and verified. Torque and tip-over margin are the worst along the motions.</p>
-<div class="wide"><table><thead><tr><th>cycle time, s<th>torque, N·m<th>tip-over margin, m<th>verified<th>design</tr></thead>
+<p>They have their bodies; every task is planned and verified.
+Torque and tip-over margin are the worst along the motions.</p>
+<div class="wide"><table>
+<thead><tr><th>cycle time, s<th>torque, N·m<th>tip-over margin, m<th>verified<th>design</tr></thead>
 <tbody>$proofs</tbody></table></div>
 <script>
 const table = document.getElementById("front"), body = table.tBodies[0];
@@ -61,14 +64,14 @@ table.tHead.querySelectorAll("button").forEach((button, k) => {
 
 
 def draw_front(result: DesignResult) -> Any:
-    """Draw the front as matplotlib's `Figure`: a panel for each pair of objectives, one with its parameters if alone."""
+    """Draw the front as matplotlib's `Figure`: a panel for each pair of objectives, or for each parameter."""
     units = dict(result.columns)
     names = [name for name, _ in result.wishes]
     pairs = list(combinations(names, 2)) or [(name, names[0]) for name in result.study.names]
     pairs = pairs[:_MOST]
     columns = min(len(pairs), 3 if len(pairs) != 4 else 2)
     lines = -(-len(pairs) // columns)
-    figure = sheet(2.5 * lines + 0.6)
+    figure = sheet((2.5 if len(pairs) > 1 else 3.6) * lines + 0.6)
     panels = np.atleast_1d(figure.subplots(lines, columns, squeeze=False)).ravel()
     for k, panel in enumerate(panels):
         if k >= len(pairs):

@@ -27,6 +27,7 @@ def valid(name):
         "load_problem": lambda: {"source": "12_planar"},
         "load_robot": lambda: {"source": "panda"},
         "load_run": lambda: {"folder": "nowhere"},
+        "design": lambda: {"study": {}},
         "plan": lambda: {"problem": problem},
         "place": lambda: {"problem": problem, "budget": 0.1},
         "plan_many": lambda: {"problems": [problem]},
@@ -55,6 +56,7 @@ CALLS = (
     *(
         "bench",
         "check",
+        "design",
         "execute",
         "ik",
         "init_robot",
