@@ -72,7 +72,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     document, wrong = written_out(document)
     if wrong:
         raise _error(wrong)
-    document, wrong = in_world(document)
+    document, wrong = in_world(document, lambda: Compiler(document, base, document.data).robot(robots))
     if wrong:
         rest = _issues_of(document, base, robots)
         raise _error([*wrong, *rest])
