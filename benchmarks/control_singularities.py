@@ -37,7 +37,7 @@ Step = Callable[[Array, pin.SE3, Array], Array]
 
 @dataclass
 class Passage:
-    """ScrewTool errors, mm; velocities and accelerations as multiples of the limits; the least singular value of J."""
+    """Tool errors, mm; velocities and accelerations as multiples of the limits; the least singular value of J."""
 
     rms: float
     peak: float
@@ -180,7 +180,7 @@ def main() -> None:
             told[f"{name} {singularity}"] = {way: asdict(passage) for way, passage in found.items()}
     headings = ("robot", "singularity", *WAYS)
     remark = (
-        "ScrewTool error at most / at the end, mm · velocity / acceleration at most, in multiples of the robot's limits "
+        "Tool error at most / at the end, mm · velocity / acceleration at most, in multiples of the robot's limits "
         f"(more than 1 is beyond them). {SECONDS:g} s, every {DT * 1e3:g} ms."
     )
     print_table(headings, rows)

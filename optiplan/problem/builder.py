@@ -47,7 +47,8 @@ class Compiler:
     """One pass over a problem file; errors go to `issues`, and the part concerned becomes None.
 
     Each part is read by itself: none hides what is wrong with another. `main_joints` are those of the problem's own
-    group, once there is a robot. `followed` are the frames that goals and constraints name.
+    group, once there is a robot. `followed` are the frames that goals and constraints name;
+    `sound_tools` says whether every tool is as it should be: where one is not, nothing is said of steps that name it.
     """
 
     def __init__(self, document: Document, base: Path, data: Any) -> None:
@@ -72,6 +73,8 @@ class Compiler:
         self.tools = stated_tools(root)
         own = [name for place, name, _ in self.tools if place == ("tool",)]
         self.mounted_tool: str | None = own[0] if own else fit(Name, root.get("tool"))
+        named, first = mapping(root.get("tools")), root.get("tool")
+        self.sound_tools = len(self.tools) == len(named) + (first is not None and not isinstance(first, str))
         self._allowed = fits(("scene", "allowed_collisions"), NamePair, scene.get("allowed_collisions"))
 
     def report(self, place: Place, found: str, expected: str) -> None:

@@ -75,7 +75,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     document, wrong = written_out(document)
     if wrong:
         raise _error(wrong)
-    document, wrong = in_world(document)
+    document, wrong = _without_frames(document, base, robots)
     stated = document
     document, twice = with_one_robot(document)
     if wrong or twice:
@@ -85,6 +85,16 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
         return _read_named(document, base, robots)
     except InputError as error:
         raise _error(in_words_of(stated, error.issues)) from None
+
+
+def _without_frames(document: Document, base: Path, robots: RobotLoader) -> tuple[Document, list[Issue]]:
+    """Return a problem file whose poses are all in the world, and what is wrong with those in frames."""
+
+    def robot() -> Robot | None:
+        whole, _ = with_one_robot(document)
+        return Compiler(whole, base, whole.data).robot(robots)
+
+    return in_world(document, robot)
 
 
 def _issues_of(document: Document, base: Path, robots: RobotLoader) -> Sequence[Issue]:

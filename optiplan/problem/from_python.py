@@ -66,7 +66,8 @@ def read_arguments(robot: Any, arguments: Mapping[str, Any], labels: Mapping[str
     if by == UNKNOWN:
         raise wrong_argument("Problem", "robot", "a robot that was put together by hand", "one that was loaded")
     data |= {"robot": by.robot, "locked": by.locked} | ({} if by.group is None else {"group": by.group})
-    if robot.tool_frame != by.tool_frame:
+    own = robot.unmounted.model.existFrame(robot.tool_frame)  # else it is that of a tool of another problem
+    if robot.tool_frame != by.tool_frame and own:
         for statement in to_data.tool_statements(data, robot.tool_frames):
             statement.setdefault("frame", robot.tool_frame)
     return read_data(data, robot)

@@ -8,6 +8,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.errors import wrong_argument
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.steps import ChangeTool
 from optiplan.simulation.closed_loop import Loop, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque, WheeledTorque
 from optiplan.simulation.execution_report import execution_report
@@ -89,9 +90,11 @@ def execute(
             at its own speed.
 
     Raises:
-        InputError: a joint of the robot moves no inertia.
+        InputError: a joint of the robot moves no inertia; a task that changes tools, in MuJoCo.
     """
     robot = problem.robot
+    if options.engine == "mujoco" and any(isinstance(step.action, ChangeTool) for step in problem.task):
+        raise wrong_argument("execute", "engine", "mujoco, with a task that changes tools", "the engine own")
     check_inertias(robot)
     start = np.asarray(trajectory.start)
     made = PlantOptions(payload=options.payload, velocity=trajectory(np.zeros(1), 1)[0])

@@ -13,8 +13,8 @@ from optiplan.problem.goals_and_vias import Goal, PoseGoal
 from optiplan.problem.problem import Problem
 from optiplan.problem.regions.together import joints_of
 
-AT_ONCE = 12
-"""Ends that are searched for configurations together; a goal of no more is taken as it is."""
+AT_ONCE, MANY = 6, 12
+"""Ends of a goal of many that are searched for configurations together; a goal of no more than so many is no such."""
 
 _SEEDS, _ITERATIONS = 3, 40
 """Random starts of the inverse kinematics of an end, and steps of each."""
@@ -29,7 +29,7 @@ def end_batches(problem: Problem, goal: Goal, model: CollisionModel, budget: Bud
     Of each pose some starts of the inverse kinematics look for a free configuration. Ends where one has 5 mm of room
     come first, then those with less; among them the one that the joints could reach soonest. The others come last.
     """
-    if len(goal) <= AT_ONCE or not all(isinstance(end, PoseGoal) for end in goal):
+    if len(goal) <= MANY or not all(isinstance(end, PoseGoal) for end in goal):
         yield goal
         return
     poses = [end for end in goal if isinstance(end, PoseGoal)]

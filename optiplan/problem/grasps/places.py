@@ -26,10 +26,10 @@ def unbounded(region: RegionGoal) -> str:
 
 def places(region: RegionGoal, count: int = PLACES) -> list[PoseGoal]:
     """Return poses of a region that is bounded along its axes, its middle first; free rotations take whole turns."""
-    low = np.where(np.isfinite(region.low), region.low, -np.pi)
-    high = np.where(np.isfinite(region.high), region.high, np.pi)
-    middle, half = 0.5 * (low + high), 0.5 * _SHARE * (high - low)
+    bounded = np.isfinite(region.low) & np.isfinite(region.high)
+    low, high = np.where(bounded, region.low, -np.pi), np.where(bounded, region.high, np.pi)
     width = high - low
+    middle, half = 0.5 * (low + high), 0.5 * np.where(bounded, _SHARE, 1.0) * width
     position = float(min(1e-4, 0.05 * np.min(width[:3])))
     orientation = float(min(1e-3, 0.05 * np.min(width[3:])))
     shares = 2.0 * np.mod(0.5 + np.arange(count)[:, None] * _STEPS, 1.0) - 1.0

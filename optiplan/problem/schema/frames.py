@@ -4,8 +4,9 @@ A pose X_WB that the file says `in` F, with an `offset`, is X_WF X_FB X_BO: the 
 offset in its own axes. An obstacle's frame is where the file puts it, also where a task takes it away later.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from optiplan.config.messages import choices, describe
 from optiplan.errors import Issue
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.problem.partial import mapping
+from optiplan.problem.schema.fixed_links import fixed_links
+from optiplan.robot.robot import Robot
 
 WORLD = "world"
 OWN = ("in", "offset", "position", "rpy", "rpy_deg", "quaternion")
@@ -41,8 +44,8 @@ class FrameReader:
         issues: what is wrong with them, and with poses that name them.
     """
 
-    def __init__(self, document: Document) -> None:
-        self._document = document
+    def __init__(self, document: Document, robot: Callable[[], Robot | None]) -> None:
+        self._document, self._robot = document, robot
         root = mapping(document.data)
         self._said: dict[str, tuple[Place, Mapping[str, Any]]] = {}
         for k, one in enumerate(_listed(mapping(root.get("scene")).get("obstacles"))):
@@ -52,6 +55,13 @@ class FrameReader:
         for name, pose in mapping(root.get("frames")).items():
             self._add(name, pose)
         self._known: dict[str, pin.SE3 | None] = {WORLD: pin.SE3.Identity()}
+        self._base = mapping(root.get("base"))
+
+    @cached_property
+    def _links(self) -> Mapping[str, pin.SE3]:
+        """Poses X_BL of the links that no joint moves; the robot is loaded where a pose names what is no frame."""
+        robot = self._robot()
+        return {} if robot is None else fixed_links(robot)
 
     def _add(self, name: str, pose: Any) -> None:
         place: Place = ("frames", name)
@@ -73,6 +83,9 @@ class FrameReader:
 
     def pose_of(self, name: str, way: tuple[str, ...]) -> pin.SE3 | None:
         """Return X_WF of a frame that is there; None where it cannot be said. `way` has the names that led to it."""
+        if name not in self._known and name not in self._said:
+            X_WB = self.in_world(("base",), self._base, way)
+            return None if X_WB is None else X_WB * self._links[name]
         if name not in self._known:
             self._known[name] = None  # for whoever asks again on the way
             place, pose = self._said[name]
@@ -82,9 +95,12 @@ class FrameReader:
     def in_world(self, place: Place, pose: Mapping[str, Any], way: tuple[str, ...] = ()) -> pin.SE3 | None:
         """Return X_WO of a pose of the file; None where it cannot be said, which has been reported or will be."""
         parent = pose.get("in", WORLD)
-        if not isinstance(parent, str) or parent not in (WORLD, *self._said):
-            expected = choices(str(parent), [WORLD, *self._said])
-            self._report((*place, "in"), f"unknown frame {describe(parent)}", expected)
+        known = isinstance(parent, str) and (parent in (WORLD, *self._said) or parent in self._links)
+        if not known:
+            expected = choices(str(parent), list(dict.fromkeys([WORLD, *self._said, *self._links])))
+            moves = self._moves(parent)
+            found = f"'{parent}', a link that joints move" if moves else f"unknown frame {describe(parent)}"
+            self._report((*place, "in"), found, f"what stands still: {expected}" if moves else expected)
             return None
         if parent in way:
             found = f"a circle of frames: {' in '.join([*way, parent])}"
@@ -105,18 +121,26 @@ class FrameReader:
             self._report((*place, "offset", "position"), f"{far:g} m", f"metres, at most {FARTHEST:g}")
         return None if X_WF is None else X_WF * X_FB * X_BO
 
+    def _moves(self, name: Any) -> bool:
+        """Whether this is the name of a link that is not fixed."""
+        robot = self._robot()
+        return robot is not None and isinstance(name, str) and robot.model.existFrame(name, pin.FrameType.BODY)
+
     def _report(self, place: Place, found: str, expected: str) -> None:
         self.issues.append(self._document.issue(place, found, expected))
 
 
-def in_world(document: Document) -> tuple[Document, list[Issue]]:
-    """Return a problem file whose poses are all in the world, without frames; and what is wrong with these."""
+def in_world(document: Document, robot: Callable[[], Robot | None]) -> tuple[Document, list[Issue]]:
+    """Return a problem file whose poses are all in the world, without frames; and what is wrong with these.
+
+    `robot` loads the robot, whose fixed links are frames, too.
+    """
     if not isinstance(document.data, Mapping):
         return document, []
     placed = list(_placed(document.data))
     if not placed and "frames" not in document.data:
         return document, []
-    frames = FrameReader(document)
+    frames = FrameReader(document, robot)
     frames.check()
     poses = {place: frames.in_world(place, pose) for place, pose in placed}
     data = {key: value for key, value in document.data.items() if key != "frames"}

@@ -25,6 +25,13 @@ class ToolShapeSpec(Strict):
     pose: PoseSpec = PoseSpec()
 
 
+def _near(pose: PoseSpec) -> PoseSpec:
+    far = max(map(abs, pose.position))
+    if far > LONGEST:
+        raise ValueError(f"found a TCP {far:g} m from the link; expected metres, at most {LONGEST:g}")
+    return pose
+
+
 class ToolSpec(Strict):
     """A tool on `link`: its TCP, its bodies and its mass, all in the frame of the link.
 
@@ -35,7 +42,7 @@ class ToolSpec(Strict):
     """
 
     link: Name
-    tcp: PoseSpec = PoseSpec()
+    tcp: Annotated[PoseSpec, AfterValidator(_near)] = PoseSpec()
     shapes: tuple[ToolShapeSpec, ...] = ()
     touch: tuple[Name, ...] = ()
     mass: Annotated[Length, Field(le=LARGEST_MASS)] | None = None
@@ -49,9 +56,6 @@ class ToolSpec(Strict):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        far = max(map(abs, self.tcp.position))
-        if far > LONGEST:
-            raise ValueError(f"found a TCP {far:g} m from the link; expected metres, at most {LONGEST:g}")
         check_weight(self.mass, self.centre, self.inertia)
         if self.mass is not None and not self.shapes:
             raise ValueError(

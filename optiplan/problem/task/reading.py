@@ -117,7 +117,7 @@ class TaskReader:
         bodies = {*link_names(self.robot), *self.scene.names, *tools}
         for k, pair in enumerate(part.value.allowed_collisions):
             for i, name in enumerate(pair):
-                if name not in bodies:
+                if name not in bodies and self.compiler.sound_tools:
                     self.compiler.unknown((*part.place, "allowed_collisions", k, i), "body", name, bodies)
         return frozenset(frozenset(pair) for pair in part.value.allowed_collisions)
 
@@ -272,6 +272,8 @@ class TaskReader:
 
     def _tool(self, place: Place, name: str) -> Iterator[ChangeTool]:
         """Change the tool; from one rack to another takes a step for each."""
+        if not self.compiler.sound_tools:
+            return
         names, now = [*self.tools.by_name, NONE], NONE if self.tools.now is None else self.tools.now.name
         if name not in names or name == now:
             found = f"'{name}', which is mounted here" if name == now != NONE else f"unknown tool '{name}'"

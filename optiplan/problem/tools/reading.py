@@ -38,9 +38,11 @@ def read_tools(compiler: Compiler, robot: Robot, scene: Scene) -> tuple[MountedT
         if spec.link in links and bodies is not None:
             parked = None if spec.parked is None else pose_of(spec.parked)
             found.append(MountedTool(name, spec.link, pose_of(spec.tcp), bodies, parked, name == compiler.mounted_tool))
-    mounted = compiler.mounted_tool
-    if mounted is not None and mounted not in {name for _, name, _ in compiler.tools}:
-        compiler.unknown(("tool",), "tool", mounted, [name for _, name, _ in compiler.tools])
+    compiler.sound_tools = compiler.sound_tools and len(found) == len(compiler.tools)
+    mounted, names = compiler.mounted_tool, [tool.name for tool in found]
+    if compiler.sound_tools and mounted is not None and mounted not in names:
+        compiler.unknown(("tool",), "tool", mounted, names)
+        compiler.sound_tools = False
     return tuple(found)
 
 

@@ -11,7 +11,7 @@ from optiplan.config.document import parse_yaml
 from optiplan.errors import InputError
 from optiplan.geometry.poses import pose_from_data
 from optiplan.problem.from_data import read_problem
-from optiplan.problem.load import problem_from_dict
+from optiplan.problem.load import load_problem, problem_from_dict
 from optiplan.problem.schema.problem import problem_schema
 
 TABLE = {"name": "table", "shape": {"box": [0.6, 1.0, 0.04]}, "pose": {"position": [0.5, 0, 0.1], "rpy": [0, 0, 0.3]}}
@@ -103,3 +103,21 @@ def test_editors_know_the_keys():
     assert "frames" in schema["properties"]
     for name in ("PoseSpec", "PoseGoalSpec", "RegionSpec"):
         assert {"in", "offset"} <= set(schema["$defs"][name]["properties"])
+
+
+def test_a_link_that_no_joint_moves_is_a_frame(tmp_path):
+    """The torso of Baxter carries its arms and stands on the base, which stands anywhere."""
+    text = "version: 1\nrobot: baxter_left\nbase: {position: [0, 0, 1]}\nstart: {configuration: ready}\n"
+    text += "goal: {pose: {in: left_arm_mount, position: [0.6, 0.1, 0.1]}}\n"
+    file = tmp_path / "link.yaml"
+    file.write_text(text)
+    problem = load_problem(file)
+    robot = op.load_robot("baxter_left")
+    X = robot.fk(problem.start, "left_arm_mount").matrix
+    assert np.allclose(problem.goal[0].X_WG.translation, (X @ [0.6, 0.1, 0.1, 1])[:3] + np.array([0, 0, 1]))
+    file.write_text(text.replace("in: left_arm_mount", "in: left_gripper"))
+    with pytest.raises(InputError) as caught:
+        load_problem(file)
+    assert caught.value.issues[0].line == 5
+    assert "'left_gripper', a link that joints move" in caught.value.issues[0].found
+    assert "torso" in caught.value.issues[0].expected
