@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
+    from optiplan.api.batches import Batch, plan_batch
     from optiplan.api.casadi_problems import casadi_problem
     from optiplan.api.checking import check
     from optiplan.api.designing import design
@@ -99,6 +100,7 @@ if TYPE_CHECKING:
     from optiplan.verify.report import Check, Report
 
 _ROOMS = {
+    "api.batches": ("Batch", "plan_batch"),
     "api.casadi_problems": ("casadi_problem",),
     "api.checking": ("check",),
     "api.designing": ("design",),
@@ -186,6 +188,7 @@ __all__ = [
     "AllOf",
     "Attachment",
     "BaseMotionTask",
+    "Batch",
     "BenchResults",
     "Box",
     "Budget",
@@ -304,6 +307,7 @@ __all__ = [
     "load_run",
     "place",
     "plan",
+    "plan_batch",
     "plan_many",
     "planners",
     "plot",

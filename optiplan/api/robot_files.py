@@ -51,13 +51,15 @@ class RobotSource:
             except InputError as error:
                 own = str(path.resolve())
                 issues = (replace(issue, file="robots init", line=None) for issue in error.issues if issue.file == own)
-                others = (self._named(issue) for issue in error.issues if issue.file != own)
-                raise InputError([*issues, *others]) from error
+                others = (issue for issue in error.issues if issue.file != own)
+                raise InputError([self._named(issue) for issue in (*issues, *others)]) from error
 
     def _named(self, issue: Issue) -> Issue:
-        """Name a file that was made by its name alone: where it lies now is nowhere to look."""
-        made = self.described.urdf is None and str(self.urdf.resolve().parent) in issue.file
-        return replace(issue, file=Path(issue.file).name) if made else issue
+        """Name a file that was made by what it was made of: where it lies now is nowhere to look."""
+        if self.described.urdf is not None:
+            return issue
+        made, source = str(self.urdf.resolve()), str(self.described.source)
+        return replace(issue, file=issue.file.replace(made, source), found=issue.found.replace(made, source))
 
 
 @contextmanager

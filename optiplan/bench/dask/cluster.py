@@ -47,10 +47,6 @@ class DaskCluster:
         Raises:
             ClusterError: `distributed` is not installed, nothing answers, or a worker has other versions.
         """
-        try:
-            import distributed
-        except ImportError as error:
-            raise ClusterError("--dask needs distributed: pip install 'optiplan[cluster]'") from error
         self.address = address
         self._session = uuid.uuid4().hex
         self._stop = threading.Event()
@@ -58,13 +54,7 @@ class DaskCluster:
         self._packed: tuple[str, BenchProblem] | None = None
         self._done: queue.Queue[Any] = queue.Queue()
         self._running: dict[Any, tuple[BenchTask, cluster_worker.Bundles]] = {}
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # other versions of Dask: below we say so ourselves
-                self._client = _connect(distributed.Client, address)
-        except (OSError, ValueError, TypeError, ImportError, AssertionError) as error:
-            expected = "a running one, as of `dask scheduler` (docs/how-to/cluster.md)"
-            raise ClusterError(f"no Dask scheduler at {address}: {named_reason(error)}; expected {expected}") from error
+        self._client = connected_client(address)
         try:
             self._compare()
         except BaseException:
@@ -187,6 +177,25 @@ class DaskCluster:
             self._client.run(cluster_worker.end_session, self._session, on_error="ignore")
         self._running.clear()
         self._client.close(timeout=2)
+
+
+def connected_client(address: str) -> Any:
+    """Return a client of the scheduler at an address.
+
+    Raises:
+        ClusterError: `distributed` is not installed, or nothing answers.
+    """
+    try:
+        import distributed
+    except ImportError as error:
+        raise ClusterError("--dask needs distributed: pip install 'optiplan[cluster]'") from error
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # other versions of Dask: who needs the same ones says so
+            return _connect(distributed.Client, address)
+    except (OSError, ValueError, TypeError, ImportError, AssertionError) as error:
+        expected = "a running one, as of `dask scheduler` (docs/how-to/cluster.md)"
+        raise ClusterError(f"no Dask scheduler at {address}: {named_reason(error)}; expected {expected}") from error
 
 
 def _connect(client: Callable[..., Any], address: str) -> Any:

@@ -18,9 +18,13 @@ from optiplan.problem.examples import find_problem
 
 BUDGET = 20.0
 """Seconds, when none are given; as `op.plan`."""
-PROBLEM = "a problem file, or the name of an example: 01_reach"
+PROBLEM = "a problem file, the name of an example (01_reach), or a folder of problem files with --out"
 SERVER = "have an `optiplan serve` plan (OPTIPLAN_TOKEN: its token)"
-WORKERS = "attempts of trajopt side by side, in threads: the same motion, sooner"
+WORKERS = "attempts of trajopt side by side, in threads: the same motion, sooner; of a folder: processes"
+SEEDS = "of a folder: plan every file with the seeds 0 to N - 1"
+RATE = "of a folder: samples a second"
+LEROBOT = "of a folder: also write the verified episodes as LeRobot data sets (v3.0)"
+DASK = "of a folder: plan on the workers of this Dask scheduler (tcp://…)"
 TRACKING_ERROR = (
     "rad or m that each joint may be off the motion, which is proved for all of that; instead of the file's"
 )
@@ -48,6 +52,10 @@ def plan(
     workers: Annotated[int | None, typer.Option(min=1, max=64, metavar="N", help=WORKERS)] = None,
     server: Annotated[str, typer.Option(metavar="URL", help=SERVER)] = "",
     tracking_error: Annotated[float | None, typer.Option(min=0.0, max=10.0, metavar="E", help=TRACKING_ERROR)] = None,
+    seeds: Annotated[int | None, typer.Option(min=1, metavar="N", help=SEEDS)] = None,
+    rate: Annotated[int | None, typer.Option(min=1, metavar="HZ", help=RATE)] = None,
+    lerobot: Annotated[bool, typer.Option("--lerobot", help=LEROBOT)] = False,
+    dask: Annotated[str, typer.Option(metavar="URL", help=DASK)] = "",
 ) -> int:
     """Plan a motion, prove it, and print the report.
 
@@ -65,11 +73,22 @@ def plan(
 
       optiplan plan cell.yaml --server http://127.0.0.1:7100   planned there, verified here
 
+      optiplan plan problems/ --out runs/batch --seeds 10 --lerobot   every *.yaml; again, it continues
+
     Of several planners each has the whole budget, and the planner that the file names has the file's options.
 
     Exit code: 0 verified · 2 bad input · 3 no plan within the budget · 4 found but not verified.
     Of several planners: 0 one is verified · 4 one was found, none verified · 3 none found.
+    Of a folder: 0 all verified · 2 a file is bad · 4 one is not verified · 3 one has no plan; the others are planned.
     """
+    from optiplan.cli.plan_folder import is_folder_of_problems
+
+    asked = {"seeds": seeds, "rate": rate, "lerobot": lerobot or None, "dask": dask or None}
+    if is_folder_of_problems(file):
+        one = {"--seed": seed, "--view": view or None, "--server": server or None, "--tracking-error": tracking_error}
+        return _folder(Path(file), out, planner, budget, as_json, {**asked, "workers": workers}, one)
+    if wrong := [f"--{flag}" for flag, value in asked.items() if value is not None]:
+        raise typer.BadParameter("goes with a folder of problems", param_hint=wrong[0])
     from optiplan.api.planning import with_tracking_error
     from optiplan.cli import plan_comparison
     from optiplan.problem.load import load_problem
@@ -98,6 +117,25 @@ def plan(
     if view:
         _view(runs)
     return code
+
+
+def _folder(
+    folder: Path,
+    out: Path | None,
+    planner: str | None,
+    budget: float,
+    as_json: bool,
+    asked: dict[str, Any],
+    one: dict[str, Any],
+) -> int:
+    """Plan a folder of problems; `one` are the flags that go with one problem only."""
+    from optiplan.api.batches import RATE as SAMPLES
+    from optiplan.cli.plan_folder import plan_folder
+
+    if wrong := [flag for flag, value in one.items() if value is not None]:
+        raise typer.BadParameter("goes with one problem, not with a folder", param_hint=wrong[0])
+    given = {**asked, "rate": asked["rate"] or SAMPLES, "lerobot": bool(asked["lerobot"]), "dask": asked["dask"] or ""}
+    return plan_folder(folder, out, planner, budget, as_json, given)
 
 
 def _run(path: Path, problem: Any, planner: str | None, more: dict[str, int], seconds: float, server: str) -> Any:

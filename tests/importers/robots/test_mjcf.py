@@ -162,6 +162,19 @@ def test_bad_files_are_named(arm, tmp_path, old, new, words):
     assert words in str(caught.value)
 
 
+def test_links_that_overlap_as_drawn_go_unchecked_where_mujoco_lets_them(tmp_path):
+    path = tmp_path / "row.xml"
+    ball = '<geom size="0.1" {}/>'
+    path.write_text(f"""<mujoco><worldbody><body name="a"><joint axis="0 1 0"/>{ball.format("")}
+        <body name="b" pos="0.05 0 0"><joint axis="0 1 0"/>{ball.format("")}
+        <body name="c" pos="0.5 0 0"><joint axis="0 1 0"/>{ball.format("")}</body></body></body>
+        <body name="d" pos="0 0.05 0"><joint axis="0 1 0"/>{ball.format('contype="2" conaffinity="2"')}</body>
+        <body name="e" pos="0 -0.05 0"><joint axis="0 1 0"/>{ball.format("")}</body></worldbody></mujoco>""")
+    described = describe(path)
+    assert set(described.allowed) == {("a", "b"), ("a", "d"), ("b", "d"), ("d", "e")}
+    assert "overlap as drawn" in " ".join(described.notes)
+
+
 @pytest.mark.parametrize(
     ("equality", "actuator", "words", "moving"),
     [

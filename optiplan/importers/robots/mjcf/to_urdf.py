@@ -17,10 +17,10 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.mjcf.compiled import compile_mjcf
+from optiplan.importers.robots.mjcf.contacts import excluded_pairs, overlapping_pairs
 from optiplan.importers.robots.mjcf.couplings import Couplings, find_couplings
 from optiplan.importers.robots.mjcf.geoms import GeomWriter, placed
 from optiplan.robot.urdf.elements import inertial_element, number_words, origin_element
-from optiplan.robot.urdf.srdf import LinkPair, link_pair
 
 FAR = 100.0
 """m; a slide without limits is given these, since a URDF has no endless ones."""
@@ -41,6 +41,11 @@ def describe_mjcf(path: Path) -> Description:
         writer.body(body)
     text = ET.tostring(_indented(writer.root), encoding="unicode")
     states, rest = writer.keyframes()
+    excluded = excluded_pairs(model, writer.links)
+    overlapping = sorted(overlapping_pairs(mujoco, model, writer.links) - excluded)
+    if overlapping:
+        listed = ", ".join(f"{a}-{b}" for a, b in overlapping)
+        writer.notes.append(f"not checked, since they overlap as drawn and MuJoCo lets them: {listed}")
     notes = [*remarks, *writer.couplings.notes, *writer.geoms.notes, *writer.notes]
     return Description(
         source=path,
@@ -50,7 +55,7 @@ def describe_mjcf(path: Path) -> Description:
         keys={"collision": "hull"},
         states=states,
         rest=rest,
-        allowed=tuple(writer.exclusions()),
+        allowed=(*sorted(excluded), *overlapping),
         notes=tuple(dict.fromkeys([*notes, "links touch as hulls of their meshes, as in MuJoCo: collision: hull"])),
     )
 
@@ -189,12 +194,6 @@ class _MjcfWriter:
             name += "_"
         self._taken.add(name)
         return name
-
-    def exclusions(self) -> list[LinkPair]:
-        """Pairs of links that the file excludes from contact."""
-        signatures = [int(signature) for signature in self.model.exclude_signature]
-        pairs = ((self.links[one >> 16], self.links[one & 0xFFFF]) for one in signatures)
-        return sorted({link_pair(a, b) for a, b in pairs if a != b})
 
     def keyframes(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
         """Named configurations, and the positions of joints that are not planned: of the first keyframe."""

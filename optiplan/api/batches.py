@@ -1,0 +1,164 @@
+"""`plan_batch`: folders of thousands of problem files, resumable, into Parquet and LeRobot data sets."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from optiplan.api.planning import BUDGET, checked_seconds
+from optiplan.cores import cores
+from optiplan.errors import (
+    InputError,
+    Issue,
+    described,
+    options_argument,
+    path_argument,
+    progress_argument,
+    whole_argument,
+    wrong_argument,
+)
+from optiplan.planners.base import Progress
+from optiplan.planners.registry import make_planner
+from optiplan.runs.batches.episode import BAD_INPUT, STATES, EpisodeRequest, digest_of
+from optiplan.runs.batches.lerobot import write_lerobot
+from optiplan.runs.batches.store import BatchStore
+from optiplan.runs.batches.workers import in_processes, on_cluster
+
+RATE = 50
+"""Hz of the samples, when none is given."""
+
+LEROBOT = "lerobot"
+"""Folder of the data sets within that of the batch."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What came of a batch.
+
+    Attributes:
+        out: its folder.
+        counts: episodes of each state: verified, unverified, no-plan, bad-input, crashed.
+        made: episodes that this call planned.
+        kept: episodes that were there already.
+        bad: files that cannot be used and why, with file, line and field.
+        data_sets: folders of LeRobot data sets.
+    """
+
+    out: Path
+    counts: Mapping[str, int]
+    made: int
+    kept: int
+    bad: tuple[tuple[str, str], ...]
+    data_sets: tuple[Path, ...]
+
+
+def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
+    problems: Path | str | Sequence[Path | str],
+    out: Path | str,
+    planner: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    budget: float = BUDGET,
+    *,
+    seeds: int | None = None,
+    rate: int = RATE,
+    lerobot: bool = False,
+    workers: int | Any = None,
+    progress: Progress | None = None,
+) -> Batch:
+    """Plan and verify every problem file of a folder, and keep all results; called again, it continues.
+
+    Each episode is a row of `out/episodes/part-*.parquet`: state, verdict with every check, the motion in pieces, and
+    samples. An episode is planned once: a later call leaves out those whose file has not changed. A file that cannot
+    be used, or that kills its worker, is a row as well and ends no other.
+
+    Args:
+        problems: a folder, whose `*.yaml` are taken at any depth, or files.
+        out: the folder of the batch; a new one, or that of a batch with the same arguments.
+        planner: a name of `op.planners()`, or `module:Class`; None: each problem's own.
+        options: of that planner, as of `op.plan`.
+        budget: seconds of wall time for planning and proof of each.
+        seeds: plan every file with the seeds 0 to seeds - 1; None: once, with its own.
+        rate: of the samples, Hz.
+        lerobot: also write `out/lerobot/ROBOT`, a data set of LeRobot (v3.0) of all verified episodes.
+        workers: how many processes, each on one core; None: as many as this process may use cores. Or a Dask client
+            (`distributed.Client`), whose workers have the same versions and see the same files.
+        progress: called with the last file that is done and the fraction (0 to 1) of all that is to be done.
+
+    Returns:
+        What came of it.
+
+    Raises:
+        InputError: an argument does not fit, no such planner, no problem file, or `out` is of another batch.
+        OptiPlanError: pyarrow is not installed.
+
+    A script that calls it guards its own start with `if __name__ == "__main__":`, since the processes import it.
+
+    Example:
+        >>> import optiplan as op
+        >>> op.plan_batch("problems", "runs/batch", seeds=10, lerobot=True).counts  # doctest: +SKIP
+        {'verified': 420, 'no-plan': 30}
+    """
+    progress_argument("plan_batch", progress)
+    options_argument("plan_batch", options)
+    target = path_argument("plan_batch", "out", out, "the path of a folder")
+    if planner is not None and not isinstance(planner, str):
+        raise wrong_argument("plan_batch", "planner", described(planner), "the name of a planner, or `module:Class`")
+    if seeds is not None:
+        whole_argument("plan_batch", "seeds", seeds, 1, "a whole number >= 1")
+    whole_argument("plan_batch", "rate", rate, 1, "a whole number of Hz >= 1")
+    if planner is not None:
+        make_planner(planner, options or {})
+    root, files = _files(problems)
+    seconds = checked_seconds("plan_batch", budget)
+    told = {"planner": planner, "options": options and dict(options), "budget": seconds, "seeds": seeds, "rate": rate}
+    with BatchStore(target, {**told, "root": str(root)}) as store:
+        done = store.done()
+        wanted = [(file, seed) for file in files for seed in (range(seeds) if seeds else (None,))]
+        left = [(file, seed) for file, seed in wanted if done.get((file, _shown(seed))) != digest_of(root / file)]
+        requests = (EpisodeRequest(root, file, seed, planner, options, seconds, float(rate)) for file, seed in left)
+        for k, episode in enumerate(_episodes(requests, workers, len(left)), 1):
+            store.add(episode)
+            if progress is not None:
+                progress(episode.file, k / len(left))
+        store.flush()
+        counts = store.states()
+        bad = {row["file"]: row["detail"] for row in store.rows(["state", "detail"]) if row["state"] == BAD_INPUT}
+        data_sets = write_lerobot(store, target / LEROBOT) if lerobot else []
+    ordered = {state: counts[state] for state in STATES if counts[state]}
+    return Batch(target, ordered, len(left), len(wanted) - len(left), tuple(bad.items()), tuple(data_sets))
+
+
+def _shown(seed: int | None) -> int:
+    return -1 if seed is None else seed
+
+
+def _episodes(requests: Iterator[EpisodeRequest], workers: Any, count: int) -> Iterator[Any]:
+    first = next(requests, None)
+    if first is None:
+        return iter(())
+    requests = chain([first], requests)
+    if type(workers).__module__.split(".")[0] == "distributed" and hasattr(workers, "submit"):
+        return on_cluster(requests, workers)
+    if workers is not None:
+        whole_argument(
+            "plan_batch", "workers", workers, 1, "a whole number >= 1, or a Dask client (distributed.Client)"
+        )
+    return in_processes(requests, min(workers or cores(), count))
+
+
+def _files(problems: Any) -> tuple[Path, list[str]]:
+    """The folder that file names are relative to, and the names in order."""
+    if isinstance(problems, str | Path):
+        root = Path(problems)
+        found = sorted(path for path in chain(root.rglob("*.yaml"), root.rglob("*.yml")) if path.name != "robot.yaml")
+        if not found:
+            told = "a folder without any *.yaml" if root.is_dir() else "no folder"
+            raise InputError([Issue(str(root), None, "problems", told, "a folder with problem files")])
+        return root.resolve(), [str(path.relative_to(root)) for path in found]
+    if not isinstance(problems, Sequence) or not all(isinstance(path, str | Path) for path in problems) or not problems:
+        raise wrong_argument("plan_batch", "problems", described(problems), "a folder, or the paths of problem files")
+    paths = [Path(path).resolve() for path in problems]
+    root = Path(paths[0].anchor)
+    common = next(folder for folder in (*paths[0].parents, root) if all(path.is_relative_to(folder) for path in paths))
+    return common, [str(path.relative_to(common)) for path in paths]

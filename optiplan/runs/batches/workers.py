@@ -1,0 +1,97 @@
+"""Episodes planned side by side, in processes or on a Dask cluster, in the order in which they are asked for."""
+
+import multiprocessing
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any
+
+from optiplan.runs.batches.episode import CRASHED, Episode, EpisodeRequest, digest_of, planned_episode
+
+AHEAD = 3
+"""Episodes in hand for each worker: while the oldest one is waited for, the others have something to do."""
+
+CHILD_LIFE = 2000
+"""Episodes after which a process is replaced by a new one, against memory that libraries do not give back."""
+
+
+def in_processes(requests: Iterable[EpisodeRequest], count: int) -> Iterator[Episode]:
+    """Yield the episodes in order; a process that dies costs only the episode that kills it again, alone."""
+    source, pending = iter(requests), deque[tuple[EpisodeRequest, Future[Episode]]]()
+    pool = _pool(count)
+    try:
+        while True:
+            while len(pending) < AHEAD * count and (request := next(source, None)) is not None:
+                pending.append((request, pool.submit(planned_episode, request)))
+            if not pending:
+                return
+            request, future = pending[0]
+            try:
+                episode = future.result()
+            except BrokenProcessPool:
+                _end(pool)
+                suspects = list(pending)
+                pending.clear()
+                pool = _pool(count)
+                for request, future in suspects:
+                    whole = future.done() and not future.cancelled() and future.exception() is None
+                    yield future.result() if whole else _alone(request)
+                continue
+            pending.popleft()
+            yield episode
+    finally:
+        _end(pool)
+
+
+def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Episode]:
+    """Yield the episodes in order, planned by the workers of a `distributed.Client`, which see the same files."""
+    source, pending = iter(requests), deque[tuple[EpisodeRequest, Any]]()
+    try:
+        while True:
+            slots = sum(client.nthreads().values()) or 1
+            while len(pending) < AHEAD * slots and (request := next(source, None)) is not None:
+                pending.append((request, client.submit(planned_episode, request, pure=False)))
+            if not pending:
+                return
+            request, future = pending.popleft()
+            try:
+                yield future.result()
+            except Exception as error:
+                yield _crashed(request, f"{type(error).__name__}: {error}")
+    finally:
+        client.cancel([future for _, future in pending])
+
+
+def _alone(request: EpisodeRequest) -> Episode:
+    """Plan an episode in a process of its own."""
+    pool = _pool(1)
+    try:
+        return pool.submit(planned_episode, request).result()
+    except BrokenProcessPool:
+        return _crashed(request, "its process died, killed or out of memory")
+    finally:
+        _end(pool)
+
+
+def _crashed(request: EpisodeRequest, detail: str) -> Episode:
+    seed = -1 if request.seed is None else request.seed
+    return Episode(request.file, digest_of(request.root / request.file), seed, CRASHED, detail)
+
+
+def _pool(count: int) -> ProcessPoolExecutor:
+    context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
+    return ProcessPoolExecutor(count, context, initializer=_one_thread, max_tasks_per_child=CHILD_LIFE)
+
+
+def _one_thread() -> None:
+    os.environ["OMP_NUM_THREADS"] = "1"
+
+
+def _end(pool: ProcessPoolExecutor) -> None:
+    """End the processes at once, whatever they do."""
+    workers = list((pool._processes or {}).values())
+    pool.shutdown(wait=False, cancel_futures=True)
+    for worker in workers:
+        worker.terminate()

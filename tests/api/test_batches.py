@@ -1,0 +1,140 @@
+"""`op.plan_batch`: rows with proofs, resumed without redoing, bad files and dead workers that end no other."""
+
+import json
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.runs.batches.episode import EpisodeRequest, planned_episode
+from optiplan.runs.batches.store import BatchStore, array_of
+from optiplan.runs.batches.workers import in_processes, on_cluster
+
+pytest.importorskip("pyarrow")
+
+PROBLEM = """version: 1
+name: NAME
+robot: planar2r
+start: {joints: [0.1, 0.2]}
+goal: {joints: [GOAL, 0.5]}
+planner: quintic
+"""
+HERE = "tests.api.unruly_planners"
+
+
+def folder_of_problems(root):
+    for name, goal in {"a/one": 0.8, "a/two": -0.4, "b/three": 0.3}.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / f"{name}.yaml").write_text(PROBLEM.replace("NAME", name[2:]).replace("GOAL", str(goal)))
+    (root / "bad.yaml").write_text(PROBLEM.replace("[GOAL, 0.5]", "[0.5]"))
+    return root
+
+
+@pytest.fixture(autouse=True, scope="module")
+def here():
+    """Plan in this process, which need not start, but where the processes are what is tested."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("optiplan.api.batches.in_processes", lambda requests, count: map(planned_episode, requests))
+        yield
+
+
+@pytest.fixture(scope="module")
+def problems(tmp_path_factory):
+    return folder_of_problems(tmp_path_factory.mktemp("problems"))
+
+
+@pytest.fixture(scope="module")
+def batch(problems, tmp_path_factory):
+    return op.plan_batch(problems, tmp_path_factory.mktemp("batch") / "out", workers=1, lerobot=True, rate=20)
+
+
+def settings(batch):
+    return json.loads((batch.out / "batch.json").read_text())
+
+
+def test_a_batch_counts_what_came_of_every_file(batch):
+    assert (dict(batch.counts), batch.made, batch.kept) == ({"verified": 3, "bad-input": 1}, 4, 0)
+    ((file, reason),) = batch.bad
+    assert file == "bad.yaml"
+    assert "bad.yaml:5: goal.joints: 1 values; expected 2 values" in reason
+
+
+def test_each_row_holds_a_motion_that_can_be_proved_again(batch, problems, tmp_path):
+    with BatchStore(batch.out, settings(batch)) as store:
+        rows = {row["file"]: row for row in store.rows()}
+    row = rows["a/one.yaml"]
+    problem = op.load_problem(problems / "a/one.yaml")
+    assert (row["state"], row["hash"], row["task"], row["planner"]) == ("verified", problem.hash, "a", "quintic")
+    (tmp_path / "trajectory.json").write_bytes(row["trajectory"])
+    report = op.verify(problem, tmp_path / "trajectory.json")
+    assert report.verified
+    assert len(json.loads(row["report"])["checks"]) == len(report.checks)
+    positions = array_of(row, "positions")
+    assert positions[0].tolist() == pytest.approx([0.1, 0.2])
+    assert positions[-1].tolist() == pytest.approx([0.8, 0.5])
+    assert len(positions) == np.ceil(row["duration"] * 20) + 1
+
+
+def test_again_it_plans_only_what_is_new_or_changed(tmp_path):
+    root, out = folder_of_problems(tmp_path / "problems"), tmp_path / "out"
+    (root / "a/one.yaml").unlink()
+    assert op.plan_batch(root, out, workers=1).made == 3
+    again = op.plan_batch(root, out, workers=1)
+    assert (again.made, again.kept) == (0, 3)
+    folder_of_problems(root)
+    (root / "bad.yaml").write_text(PROBLEM.replace("GOAL", "0.6"))
+    more = op.plan_batch(root, out, workers=1)
+    assert (more.made, more.kept, dict(more.counts), more.bad) == (2, 2, {"verified": 4}, ())
+
+
+def test_what_was_made_before_an_interruption_is_kept(problems, tmp_path):
+    def interrupt(name, share):
+        if share > 0.4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        op.plan_batch(problems, tmp_path / "out", workers=1, progress=interrupt)
+    assert op.plan_batch(problems, tmp_path / "out", workers=1).kept == 2
+
+
+def test_other_settings_do_not_continue_a_batch(batch, problems):
+    with pytest.raises(op.InputError, match="rate: 30 in the place of 20"):
+        op.plan_batch(problems, batch.out, rate=30)
+
+
+def request(root, planner):
+    return EpisodeRequest(root, "a/one.yaml", 1, planner, None, 5.0, 20.0)
+
+
+def test_a_worker_that_dies_costs_one_episode(problems):
+    wanted = [request(problems, name) for name in ("quintic", f"{HERE}:Killed", "quintic")]
+    assert [row.state for row in in_processes(wanted, 1)] == ["verified", "crashed", "verified"]
+
+
+def test_a_dask_client_in_place_of_processes(problems):
+    distributed = pytest.importorskip("distributed")
+    with distributed.Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
+        rows = list(on_cluster([request(problems, "quintic"), request(problems, f"{HERE}:Broken")], client))
+    assert [row.state for row in rows] == ["verified", "no-plan"]
+    assert "one by zero" in rows[1].detail
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"problems": 3}, "op.plan_batch: problems: found the int 3"),
+        ({"problems": "/nowhere"}, "/nowhere: problems: no folder"),
+        ({"seeds": 0}, "op.plan_batch: seeds: found the int 0"),
+        ({"rate": 0.5}, "op.plan_batch: rate: found the float 0.5"),
+        ({"workers": "all"}, "op.plan_batch: workers: found the str 'all'"),
+    ],
+)
+def test_errors_name_the_argument(problems, tmp_path, arguments, words):
+    with pytest.raises(op.InputError) as caught:
+        op.plan_batch(**{"problems": problems, "out": tmp_path / "out", **arguments})
+    assert words in str(caught.value)
+
+
+def test_a_folder_with_other_files_is_refused(problems):
+    with pytest.raises(op.InputError, match=r"a folder without batch\.json"):
+        op.plan_batch(problems, problems)

@@ -1,0 +1,48 @@
+"""`optiplan plan DIR`: what is printed, exit codes, and flags that do not go with a folder."""
+
+import json
+
+import pytest
+
+from optiplan.runs.batches.episode import planned_episode
+
+pytest.importorskip("pyarrow")
+
+PROBLEM = "version: 1\nrobot: planar2r\nstart: {joints: [0.1, 0.2]}\ngoal: {joints: [0.5, 0.5]}\nplanner: quintic\n"
+
+
+@pytest.fixture(autouse=True)
+def here(monkeypatch):
+    monkeypatch.setattr("optiplan.api.batches.in_processes", lambda requests, count: map(planned_episode, requests))
+
+
+def test_a_folder_is_planned_and_continued(optiplan, tmp_path):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "one.yaml").write_text(PROBLEM)
+    command = ("plan", tmp_path / "in", "--out", tmp_path / "out", "--seeds", "2", "--lerobot")
+    code, out, _ = optiplan(*command)
+    assert code == 0
+    assert "2 verified; 2 planned now, 0 kept" in out
+    assert (tmp_path / "out/lerobot/planar2r/meta/info.json").exists()
+    (tmp_path / "in" / "bad.yaml").write_text(PROBLEM.replace("0.5, 0.5", "0.5"))
+    code, out, _ = optiplan(*command, "--json")
+    told = json.loads(out)
+    assert (code, told["counts"], told["planned"], told["kept"]) == (2, {"verified": 2, "bad-input": 2}, 2, 2)
+    assert "bad.yaml:4: goal.joints: 1 values" in told["bad"][0]["reason"]
+
+
+@pytest.mark.parametrize(
+    ("given", "flags", "words"),
+    [
+        ("in", (), "--out"),
+        ("in", ("--out", "out", "--seed", "3"), "goes with one problem, not with a folder"),
+        ("in/one.yaml", ("--seeds", "3"), "goes with a folder of problems"),
+        ("in", ("--out", "out", "--dask", "tcp://127.0.0.1:1", "--workers", "2"), "not with --dask"),
+    ],
+)
+def test_flags_that_do_not_go_together(optiplan, tmp_path, given, flags, words):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "one.yaml").write_text(PROBLEM)
+    code, _, err = optiplan("plan", tmp_path / given, *flags)
+    assert code == 2
+    assert words in " ".join(err.replace("│", "").split())
