@@ -27,7 +27,7 @@ from optiplan.problem.schema.loops import written_out
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.schema.safety import safety_of
 from optiplan.problem.schema.side_by_side import in_words_of, with_one_robot
-from optiplan.problem.seams.reading import points_data
+from optiplan.problem.seams.reading import with_points
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.problem.task.target_files import targets_data
@@ -252,7 +252,7 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
         if "tour" in step:
             step["tour"]["targets"] = targets_data(step["tour"]["targets"], base)
         if "path" in step:
-            step["path"]["points"] = points_data(step["path"]["points"], base)
+            step["path"] = with_points(step["path"], base)
     digest = problem_hash(source, base, robot)
     source["robot"] = _named(spec, robot)
     for mesh in shape_files_of(source):

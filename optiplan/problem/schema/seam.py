@@ -7,7 +7,9 @@ from pydantic import BeforeValidator, Field, model_validator
 from optiplan.config.document import Strict
 from optiplan.config.values import Coordinate, Direction, FileName, Fraction, Length, Name, NotNegative, Vector
 from optiplan.geometry.pose import PoseSpec, ToleranceSpec
+from optiplan.problem.schema.ends import exactly_one
 from optiplan.problem.schema.tour import Axis
+from optiplan.problem.seams.coverage import CoverSpec
 
 Tilt = Annotated[Coordinate, Field(gt=-1.4, lt=1.4)]
 """An angle well below a right one, rad."""
@@ -54,6 +56,7 @@ class WeaveSpec(Strict):
 class SeamSpec(Strict):
     """The tool follows a path through `points`, a list or a CSV file, at a constant `speed`, m/s, that is held.
 
+    Or they `cover` a patch of a surface, in one smooth curve.
     `curve`: straight and round parts (`line`), or one smooth `spline` through all points. In a corner of straight parts
     the tool leaves them within `blend`, m; without it the corner is exact, the tool stops there, and is slower than
     `speed` within `ramp`, m, of it. The speed is held within a share `speed_within` from the first point to the last;
@@ -63,7 +66,8 @@ class SeamSpec(Strict):
     rad. `at`: events on the way.
     """
 
-    points: FileName | Annotated[tuple[SeamPointSpec, ...], Field(min_length=2)]
+    points: FileName | Annotated[tuple[SeamPointSpec, ...], Field(min_length=2)] | None = None
+    cover: CoverSpec | None = None
     curve: Literal["line", "spline"] = "line"
     blend: Length | None = None
     ramp: NotNegative = 0.0
@@ -82,6 +86,7 @@ class SeamSpec(Strict):
 
     @model_validator(mode="after")
     def _sensible(self) -> Self:
+        exactly_one(self, ("points", "cover"))
         if self.free_axis not in (None, "z"):
             raise ValueError(f"found free_axis {self.free_axis}; expected z, the axis of a path's tool")
         if self.curve == "spline" and self.blend is not None:

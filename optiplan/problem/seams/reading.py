@@ -14,6 +14,7 @@ from optiplan.problem.constraints.base import pose_of
 from optiplan.problem.schema.seam import POINT_COLUMNS, SeamPointSpec, SeamSpec
 from optiplan.problem.seams.actions import PathEvent, SeamPath
 from optiplan.problem.seams.building import OPPOSITE, SeamShape
+from optiplan.problem.seams.coverage import CoverSpec, cover
 from optiplan.problem.task.csv_rows import RowsOf, read_rows
 from optiplan.robot.robot import Robot
 
@@ -34,15 +35,32 @@ def read_points(file: Path) -> list[SeamPointSpec]:
     return read_rows(file, _ROWS)
 
 
-def points_data(points: Any, base: Path) -> list[dict[str, Any]]:
-    """Return points as a problem file lists them, those of a CSV file relative to `base` too.
+def with_points(path: dict[str, Any], base: Path) -> dict[str, Any]:
+    """Return a `path` of a problem file with its points as a list; files are relative to `base`.
+
+    Points of a CSV file, or those that cover a patch.
 
     Raises:
         InputError: as `read_points`.
     """
-    if not isinstance(points, str):
-        return [dict(one) for one in points]
-    return [one.model_dump(mode="json", exclude_none=True) for one in read_points(base / points)]
+    if "cover" in path:
+        found = covering(CoverSpec.model_validate(path["cover"]), base)
+        path = {key: value for key, value in path.items() if key != "cover"} | {"curve": "spline"}
+    elif isinstance(path["points"], str):
+        found = read_points(base / path["points"])
+    else:
+        return path
+    return {**path, "points": [one.model_dump(mode="json", exclude_none=True) for one in found]}
+
+
+def covering(spec: CoverSpec, base: Path) -> list[SeamPointSpec]:
+    """Return the points that cover a patch.
+
+    Raises:
+        ValueError: as `cover`.
+    """
+    points, inward = (np.round(values, 9).tolist() for values in cover(spec, base))
+    return [SeamPointSpec(position=tuple(p), axis=tuple(n)) for p, n in zip(points, inward, strict=True)]
 
 
 def read_path(
@@ -96,8 +114,15 @@ class _SeamReader:
 
     def points(self) -> Sequence[SeamPointSpec]:
         """Return the points, different from one to the next; none where they cannot be read."""
+        found: Sequence[SeamPointSpec]
+        if self.spec.cover is not None:
+            try:
+                return covering(self.spec.cover, self.compiler.base)
+            except ValueError as error:
+                self.compiler.report((*self.place, "cover"), str(error), "a patch of a mesh that can be covered so")
+                return []
         if self.file is None:
-            found: Sequence[SeamPointSpec] = [one for one in self.spec.points if isinstance(one, SeamPointSpec)]
+            found = [one for one in self.spec.points or () if isinstance(one, SeamPointSpec)]
         else:
             try:
                 found = read_points(Path(self.file))
@@ -135,7 +160,7 @@ class _SeamReader:
             self.report(min(through), "through", "an arc to this point", "a point after the first, with `curve: line`")
             return None
         weave = None if spec.weave is None else (spec.weave.amplitude, spec.weave.length)
-        smooth = spec.curve == "spline"
+        smooth = spec.curve == "spline" or spec.cover is not None
         return SeamShape(p, through, smooth, spec.blend or 0.0, axes, headings, spec.lead, spec.side, weave)
 
     def _axis(self, k: int, point: SeamPointSpec) -> Array:

@@ -163,7 +163,7 @@ class Task:
         step = {key: tour.pop(key) for key in _STEP_KEYS if key in tour}
         return self._with("tour", {"targets": _targets(targets), "order": order} | _given(**tour), step)
 
-    def path(self, points: Targets, speed: float, **path: Any) -> "Task":
+    def path(self, points: Targets | None, speed: float, **path: Any) -> "Task":
         """Lead the tool along a path at a constant speed that is held; see `Path` for the arguments.
 
         Args:
@@ -172,7 +172,8 @@ class Task:
             path: further keys of a `path` of a problem file, and those of the step.
         """
         step = {key: path.pop(key) for key in _STEP_KEYS if key in path}
-        return self._with("path", {"points": _targets(points, "Path", "points"), "speed": speed} | _given(**path), step)
+        given = {} if points is None else {"points": _targets(points, "Path", "points")}
+        return self._with("path", given | {"speed": speed} | _given(**path), step)
 
     def _with(self, kind: str, said: Any, step: Mapping[str, Any]) -> "Task":
         more = {key: value for key, value in step.items() if value is not None}
@@ -215,11 +216,11 @@ class Path(Task):
 
     Args:
         points: a list of `Pose` or of mappings (`position` with `axis`, `rpy` or `quaternion`, `through`), an array
-            (k, 3) of positions, m, or (k, 6) with axes, or the path of a CSV file.
+            (k, 3) of positions, m, or (k, 6) with axes, or the path of a CSV file; None with `cover`.
         speed: m/s.
         path: `curve` ("line" or "spline"), `blend` and `ramp` (m), `speed_within` (share), `axis`, `free_axis`,
-            `cone`, `lead` and `side` (rad), `weave` ({"amplitude": m, "length": m}), `at`
-            ([{"path": 0.12, "do": "glue_on"}]), `tolerance`, `frame`, `group`.
+            `cover` ({"mesh": file, "pattern": "raster", "spacing": m}), `cone`, `lead` and `side` (rad), `weave`
+            ({"amplitude": m, "length": m}), `at` ([{"path": 0.12, "do": "glue_on"}]), `tolerance`, `frame`, `group`.
 
     Raises:
         InputError: too few points, or keys that are unknown.
@@ -230,7 +231,7 @@ class Path(Task):
         Task: path
     """
 
-    def __init__(self, points: Targets, speed: float, **path: Any) -> None:
+    def __init__(self, points: Targets | None, speed: float, **path: Any) -> None:
         super().__init__(Task().path(points, speed, **path).steps)
 
 
