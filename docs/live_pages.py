@@ -14,12 +14,16 @@ from optiplan.viewer.page import render_page
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
 
-PROBLEM = "02_shelf"
-PAGES: Mapping[str, tuple[str, ...]] = {
-    "proof": ("trajopt",),
-    "failure": ("quintic",),
-    "comparison": ("trajopt", "rrtconnect", "kpiece", "prm", "quintic", "circle"),
+PAGES: Mapping[str, tuple[str, tuple[str | None, ...]]] = {
+    "proof": ("02_shelf", ("trajopt",)),
+    "failure": ("02_shelf", ("quintic",)),
+    "comparison": ("02_shelf", ("trajopt", "rrtconnect", "kpiece", "prm", "quintic", "circle")),
+    "srra": ("15_srra", (None,)),
+    "delbot": ("27_circle", (None,)),
+    "lecture": ("20_puma_quintic", (None,)),
+    "baxter": ("30_screw_report_a", (None,)),
 }
+"""Problem and planners of each page; None: the problem's own."""
 BUDGET = 5.0  # s for each planner
 
 
@@ -33,16 +37,20 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 @cache
 def live_pages() -> Mapping[str, str]:
     """The text of each page."""
-    problem = op.load_problem(PROBLEM)
-    names = dict.fromkeys(name for planners in PAGES.values() for name in planners)
-    runs = {name: _viewed(problem, name) for name in names}
-    return {page: render_page(build_scene(problem, [runs[name] for name in used])) for page, used in PAGES.items()}
+    found = {}
+    for page, (name, planners) in PAGES.items():
+        runs = [_viewed(name, planner) for planner in planners]
+        found[page] = render_page(build_scene(op.load_problem(name), runs))
+    return found
 
 
-def _viewed(problem: op.Problem, planner: str) -> ViewedRun:
+@cache
+def _viewed(name: str, planner: str | None) -> ViewedRun:
+    problem = op.load_problem(name)
+    label = planner or problem.planner
     try:
         run = op.plan(problem, planner, budget=BUDGET)
     except op.InputError as error:
-        return ViewedRun(planner, None, None, {"kind": "input", "detail": str(error)})
+        return ViewedRun(label, None, None, {"kind": "input", "detail": str(error)})
     record = run.to_dict()
-    return ViewedRun(planner, run.trajectory, record["report"], record["failure"], record)
+    return ViewedRun(label, run.trajectory, record["report"], record["failure"], record)

@@ -13,6 +13,15 @@ import pytest
 ROOT = Path(__file__).parent.parent
 SCRIPTS = sorted((ROOT / "examples").glob("[0-9]*.py"))
 NOTEBOOK = ROOT / "examples" / "notebook.ipynb"
+LESSONS = sorted((ROOT / "examples" / "lessons").glob("*.ipynb"))
+SHOWS = {
+    "c_shaped_link": "joint 1 at    0°: joint 2 touches nothing",
+    "lspb_bounds": "c: V 0.0200, t_b -32.0000 s",
+    "mecanum_base": "hands (1, 1, 1, 1): rank 2",
+    "sclerp_corrected": "J1_printed  does not arrive",
+    "wrist_singularity": "null motion of the joints: [ 0.  0.  0.  1.  0. -1.]",
+}
+"""What each lesson finds, by its name; the rest it asserts itself."""
 SECONDS = 120
 """For one of them; each takes a tenth of that where nothing else runs."""
 
@@ -91,6 +100,19 @@ def test_notebook_runs(runner, tmp_path, monkeypatch):
     names = runner.run_cells(notebook)
     assert names["run"].verified
     assert [kinds(cell) for cell in notebook["cells"]] == stored
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("path", LESSONS, ids=lambda path: path.stem)
+def test_lessons_run_and_show_what_is_stored(runner, path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    notebook = json.loads(path.read_text("utf-8"))
+    assert len(path.read_text("utf-8")) < 100_000
+    stored = [kinds(cell) for cell in notebook["cells"]]
+    runner.run_cells(notebook)
+    assert [kinds(cell) for cell in notebook["cells"]] == stored
+    printed = [text for cell in notebook["cells"] for out in cell.get("outputs", []) for text in out.get("text", [])]
+    assert SHOWS[path.stem] in "".join(printed)
     assert list(tmp_path.iterdir()) == []
 
 
