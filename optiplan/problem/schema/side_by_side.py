@@ -1,4 +1,4 @@
-"""Robots side by side in a problem file: `robots: {…}` is read as `robot: {robots: {…}}`, with the lines of the file."""
+"""Robots side by side in a problem file: `robots: {…}` is read as `robot: {robots: {…}}`, with lines of the file."""
 
 from collections.abc import Iterable
 from dataclasses import replace

@@ -4,10 +4,10 @@ import pytest
 
 from optiplan.errors import InputError
 from optiplan.robot.robot import load_robot
-from optiplan.robot.urdf.export import write_srdf
 from optiplan.robot.self_collision import pair_survey
 from optiplan.robot.self_collision.pair_proof import GAP
 from optiplan.robot.self_collision.pairs import ADJACENT, FILE, FIXED, PROVED, count_reasons, reasons_in_words
+from optiplan.robot.urdf.export import write_srdf
 from optiplan.robot.urdf.srdf import read_srdf
 from tests.robot.robots import BARE, LINK, TWO, chain, joint, write_robot
 
