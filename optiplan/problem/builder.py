@@ -35,6 +35,7 @@ from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.schema.tools import FirstToolSpec, ToolSpec
 from optiplan.robot.mounting import GRAVITY, Mounting
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
+from optiplan.robot.side_by_side import KEY
 
 RobotLoader = Callable[[str | Mapping[str, Any], Path | None, Mapping[str, float] | None, str | None], Robot]
 """`load_robot`, or what stands in for it: reference, folder it is relative to, locked joints, group."""
@@ -135,7 +136,9 @@ class Compiler:
 
     def _relocated(self, issue: Issue) -> Issue:
         """Attribute the robot reader's issues about locked joints or an inline robot to the problem file."""
-        if isinstance(self._robot, Mapping) and Path(issue.file).name == DESCRIPTION:
+        inline = isinstance(self._robot, Mapping) and Path(issue.file).name == DESCRIPTION
+        of_arms = isinstance(self._robot, Mapping) and KEY in self._robot and issue.path[:1] == ("locked",)
+        if inline and not of_arms:
             return self.document.issue(("robot", *issue.path), issue.found, issue.expected)
         if issue.path not in [("locked", name) for name in self._locked]:
             return issue

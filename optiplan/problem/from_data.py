@@ -105,24 +105,47 @@ def _issues_of(document: Document, base: Path, robots: RobotLoader) -> Sequence[
     return ()
 
 
-def _read_named(document: Document, base: Path, robots: RobotLoader) -> Mapping[str, Any]:
-    """Read a problem file whose poses are in the world."""
-    orders = joint_orders(document.data)
-    if not orders:
-        return _read_lists(document, base, robots)
-    listed = with_lists(document, orders)
+def in_one_form(document: Document, base: Path, robots: RobotLoader = load_robot) -> Document:
+    """Return a problem file as the schema has it: without loops, frames and `robots`, joint values as lists.
+
+    Raises:
+        InputError: what is wrong with these; not with the rest.
+    """
+    for step in (written_out, in_world, with_one_robot):
+        document, wrong = step(document)
+        if wrong:
+            raise _error(wrong)
+    given, wanted, wrong = _orders(document, base, robots)
+    if wrong:
+        raise _error(wrong)
+    return with_lists(document, wanted) if given else document
+
+
+def _orders(document: Document, base: Path, robots: RobotLoader) -> tuple[Orders, Orders, list[Issue]]:
+    """Return the orders of joint values by name as written and as the robot has them; and wrong names."""
+    given = joint_orders(document.data)
+    if not given:
+        return given, given, []
+    listed = with_lists(document, given)
     compiler = Compiler(listed, base, listed.data)
     robot = compiler.robot(robots)
-    if robot is not None:
-        wanted = {place: compiler.joints_at(robot, place) or names for place, names in orders.items()}
-        issues = _wrong_names(document, orders, wanted)
-        if issues:
-            raise _error(issues + with_names(document, _schema(listed)[1], orders))
-        orders = wanted
+    if robot is None:
+        return given, given, []
+    wanted = {place: compiler.joints_at(robot, place) or names for place, names in given.items()}
+    return given, wanted, _wrong_names(document, given, wanted)
+
+
+def _read_named(document: Document, base: Path, robots: RobotLoader) -> Mapping[str, Any]:
+    """Read a problem file whose poses are in the world."""
+    given, wanted, wrong = _orders(document, base, robots)
+    if not given:
+        return _read_lists(document, base, robots)
+    if wrong:
+        raise _error(wrong + with_names(document, _schema(with_lists(document, given))[1], given))
     try:
-        return _read_lists(with_lists(document, orders), base, robots)
+        return _read_lists(with_lists(document, wanted), base, robots)
     except InputError as error:
-        raise _error(with_names(document, error.issues, orders)) from None
+        raise _error(with_names(document, error.issues, wanted)) from None
 
 
 def _wrong_names(document: Document, given: Orders, wanted: Orders) -> list[Issue]:

@@ -23,7 +23,7 @@ from optiplan.config.messages import choices, some
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
 from optiplan.planners.base import Progress
 from optiplan.planners.registry import make_planner
-from optiplan.problem.from_data import goal_or_task, source_of
+from optiplan.problem.from_data import goal_or_task, in_one_form, source_of
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.runs.metrics import Metrics
 
@@ -214,7 +214,7 @@ def _problem(item: Found, difficulty: str | None, robots: RobotCache) -> BenchPr
     Raises:
         InputError: it does not fit, or its robot or meshes cannot be read.
     """
-    document = item.document or Document(Path(item.id), item.data, {})
+    document = in_one_form(item.document or Document(Path(item.id), item.data, {}), item.base, robots)
     spec, missing = validate(ProblemSpec, document), goal_or_task(document)
     if missing:
         raise InputError(missing)

@@ -241,7 +241,7 @@ class PushSpec(Strict):
     torque: Vector = (0.0, 0.0, 0.0)
 
 
-OF_PROBLEM = ("robot", "group", "locked", "base", "gravity", "start", "scene", "limits")
+OF_PROBLEM = ("robot", "robots", "group", "locked", "base", "gravity", "start", "scene", "limits")
 """Keys of a problem file that may stand in a control file, instead of `problem`."""
 
 
@@ -255,6 +255,7 @@ class ControlSpec(Strict):
     name: Name | None = None
     problem: FileName | None = None
     robot: Any = None
+    robots: Any = None
     group: Any = None
     locked: Any = None
     base: Any = None
@@ -273,8 +274,8 @@ class ControlSpec(Strict):
     @model_validator(mode="after")
     def _one_robot(self) -> Self:
         own = [key for key in OF_PROBLEM if key in self.model_fields_set]
-        if self.problem is None and not {"robot", "start"} <= set(own):
-            raise ValueError("found no problem; expected `problem`, or `robot` and `start`")
+        if self.problem is None and not ("start" in own and {"robot", "robots"} & set(own)):
+            raise ValueError("found no problem; expected `problem`, or `robot` (or `robots`) and `start`")
         if self.problem is not None and own:
             raise ValueError(f"found problem and {own[0]}; expected the problem, or its keys")
         return self

@@ -31,8 +31,9 @@ def stated(path):
     labels |= {f"start_{key}": data["start"][key] for key in ("velocity", "acceleration") if key in data["start"]}
     if goal:
         labels["goal"] = [end(one) for one in goal["any_of"]] if "any_of" in goal else end(goal)
+    keys = {"group": data.get("group"), "locked": data.get("locked")}
     return op.Problem(
-        op.load_robot(data["robot"], group=data.get("group"), locked=data.get("locked")),
+        op.Robot.side_by_side(data["robots"], **keys) if "robots" in data else op.load_robot(data["robot"], **keys),
         start=end(data["start"]),
         scene=around,
         vias=[via(one) for one in data.get("via", [])],

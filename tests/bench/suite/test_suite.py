@@ -45,6 +45,17 @@ def test_problem_files_are_found_and_hashed(load, problems):
         assert problem.origin == {"file": str(problems / f"{name}.yaml")}
 
 
+def test_short_forms_of_a_file_are_written_out_first(load, tmp_path):
+    (tmp_path / "arms.yaml").write_text(
+        "{version: 1, robots: {a: {use: planar2r}, b: {use: planar2r, base: {in: rail}}}, start: {configuration: out}, "
+        "frames: {rail: {position: [0, 1.0, 0]}}, "
+        "goal: {joints: {b/shoulder: -0.5, b/elbow: 0, a/shoulder: 0.5, a/elbow: 1}}}"
+    )
+    (problem,) = load(f"problems: [{{glob: '{tmp_path}/arms.yaml'}}]\nplanners: [quintic]\n").problems
+    assert problem.hash == load_problem(tmp_path / "arms.yaml").hash
+    assert problem.data["goal"] == {"joints": [0.5, 1.0, -0.5, 0.0]}
+
+
 def test_the_folder_may_be_called_as_it_likes(problems, tmp_path):
     folder = tmp_path / "odd [a]*? ü"
     folder.mkdir()
