@@ -32,7 +32,7 @@ TOURS = SHARED / "tours"
 SPEEDS = {"floor": 0.1, "wok": 0.05, "wokreal": 0.05}
 """m/s."""
 
-SHIPPED = ("46_glue_line", "47_polishing")
+SHIPPED = ("53_glue_line", "54_polishing")
 _SAMPLES = 20_000
 _LEAST = 3
 """Targets of a path, where one has to be given up."""

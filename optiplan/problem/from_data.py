@@ -111,10 +111,13 @@ def in_one_form(document: Document, base: Path, robots: RobotLoader = load_robot
     Raises:
         InputError: what is wrong with these; not with the rest.
     """
-    for step in (written_out, in_world, with_one_robot):
-        document, wrong = step(document)
-        if wrong:
-            raise _error(wrong)
+    document, wrong = written_out(document)
+    if not wrong:
+        document, wrong = _without_frames(document, base, robots)
+    if not wrong:
+        document, wrong = with_one_robot(document)
+    if wrong:
+        raise _error(wrong)
     given, wanted, wrong = _orders(document, base, robots)
     if wrong:
         raise _error(wrong)
