@@ -112,12 +112,10 @@ def simulate(
     rng = np.random.default_rng(seed)
     robot, scene = op.load_robot(name), op.Scene(SCENES[name])
     tool = PoseTask(robot.tool_frame)
-    solver = Flaky(fail, seed) if fail > 0.0 else "proxqp"
+    solver = Flaky(fail, seed) if fail > 0.0 else "native"
     at_least = CLEARANCE.get(name, AT_LEAST)
     limits = [*default_limits(), ClearanceLimit(scene, at_least)]
-    controller = Controller(
-        robot, [tool, PostureTask(START[name])], limits=limits, solver=solver, guess=fail == 0.0, form=form
-    )
+    controller = Controller(robot, [tool, PostureTask(START[name])], limits=limits, solver=solver, form=form)
     check = CollisionModel(robot, scene)
     state, worst, left = State(robot.configurations[START[name]]), Worst(), 0.0
     for k in range(round(seconds / dt)):

@@ -303,7 +303,7 @@ def contestants(robot: op.Robot) -> dict[str, Callable[[], Step]]:
     at_once = {"gain": 1.0 / DT, "response": 0.0}
     found: dict[str, Callable[[], Step]] = {
         "optiplan": lambda: ours(robot, list(simple), **at_once),
-        "optiplan, proxqp in every step": lambda: ours(robot, list(simple), guess=False, **at_once),
+        "optiplan, proxqp in every step": lambda: ours(robot, list(simple), solver="proxqp", **at_once),
     }
     if find_spec("pink") is not None:
         found["pink"] = lambda: of_pink(robot)

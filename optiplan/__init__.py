@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from optiplan.geometry.scene import Attachment, Obstacle, Scene
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
     from optiplan.planners.tours.placing import PlaceRange
-    from optiplan.planners.trajopt.program.nlp import TrajectoryNlp
+    from optiplan.planners.trajopt.nonlinear.trajectory_nlp import TrajectoryNlp
     from optiplan.problem.constraints.expression import Expression
     from optiplan.problem.constraints.motions import (
         JointCoupling,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import qpsolvers
 
@@ -12,6 +13,7 @@ from optiplan.control.qp.program import Program
 from optiplan.control.qp.solvers import qpsolvers_problem
 from optiplan.control.row_stack import RowStack
 from optiplan.control.step_report import StepOutcome
+from optiplan.errors import wrong_argument
 
 SHOWN_ROWS = 12
 """Rows of each kind that `repr` prints."""
@@ -71,6 +73,22 @@ class ControlProblem:
         """
         bounds = self.lower, self.upper
         return qpsolvers_problem(Program(self.P, self.q, self.C, self.low, self.high, bounds, self.A, self.b))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the program to a file of NumPy arrays (.npz) that `qpsolvers.Problem.load` reads; return its path.
+
+        Raises:
+            InputError: the path does not end with .npz, or cannot be written.
+        """
+        file = Path(path)
+        if file.suffix != ".npz":
+            raise wrong_argument("ControlProblem.save", "path", repr(str(path)), "a file that ends with .npz")
+        try:
+            self.to_qpsolvers().save(str(file))
+        except OSError as error:
+            found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
+            raise wrong_argument("ControlProblem.save", "path", found, "a file that can be written") from None
+        return file
 
     def __repr__(self) -> str:
         """Return sizes, bounds with their limits, and the rows by name."""

@@ -27,7 +27,7 @@ from optiplan.control.limits.stop_limits import StopLimit
 from optiplan.control.objective import BASE_DAMPING, TaskObjective, singular_values
 from optiplan.control.qp.program import Program
 from optiplan.control.qp.qp_sequence import QpSequence
-from optiplan.control.qp.solvers import DEFAULT, ProxQp, QpSolver, make_solver
+from optiplan.control.qp.solvers import DEFAULT, NATIVE, ProxQp, QpSolver, make_solver
 from optiplan.control.row_stack import RowStack
 from optiplan.control.step import ControlStep
 from optiplan.control.step_report import StepOutcome, StepReporter
@@ -66,12 +66,14 @@ class Controller:
         form: `velocity`: tasks ask for velocities, and q' = q + dt x; `acceleration`: tasks ask for accelerations, and
             q' = q + dt (v + x) / 2. A step that brakes goes along the stop, in either form: (q' - q) / dt is its mean
             velocity.
-        solver: `proxqp`, or another that qpsolvers finds.
+        solver: `native`, an active set that begins at the limits of the last step, with ProxQP where that fails;
+            `proxqp`, or another that qpsolvers finds, asked in every step. An answer is polished on the constraints
+            that it touches, whoever gives it.
         damping: weight of all velocities, per rad/s or m/s; near singularities it grows by itself.
         response: s; time constant with which velocities follow what tasks ask for, in the form `velocity`; 0: at
             once; None: as short as the robot's jerk limits allow.
         relax: names of limits, the first given up first, where not all can hold; those not named come first.
-        guess: try the active limits of the last step before the solver; False asks the solver in every step.
+        guess: deprecated; say `solver="native"` or name another.
         longest_step: s; steps may differ in length and be as long as this. In a longer one the robot goes on along its
             stop, and the step says so.
 
@@ -110,7 +112,7 @@ class Controller:
         damping: float = BASE_DAMPING,
         response: float | None = None,
         relax: Sequence[str] = ORDER,
-        guess: bool = True,
+        guess: bool | None = None,
         longest_step: float = LONGEST_STEP,
     ) -> None:
         check_options(robot, scene, form, damping, relax, guess, longest_step)
@@ -121,7 +123,8 @@ class Controller:
         response = response_time(robot) if response is None else response
         if not is_finite(response) or response < 0.0:
             raise wrong_argument("Controller", "response", described(response), "a finite number of seconds >= 0")
-        self._programs, self._longest = QpSequence(make_solver(solver), guess), float(longest_step)
+        first = solver == NATIVE if guess is None else guess
+        self._programs, self._longest = QpSequence(make_solver(solver), first), float(longest_step)
         for part in (*self.tasks, *self.limits):
             part.bind(robot)
         self._order = relaxed_order(relax, self.limits)

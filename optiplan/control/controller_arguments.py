@@ -1,6 +1,7 @@
 """Checks of what a `Controller` is given; errors name the function and the argument."""
 
 import math
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal, get_args
 
@@ -51,7 +52,10 @@ def check_options(robot: Any, scene: Any, form: Any, damping: Any, relax: Any, g
         raise wrong_argument("Controller", "scene", described(scene), "op.Scene([…])")
     if isinstance(relax, str) or not isinstance(relax, Sequence):
         raise wrong_argument("Controller", "relax", described(relax), "a list of names of limits")
-    flag_argument("Controller", "guess", guess)
+    if guess is not None:
+        flag_argument("Controller", "guess", guess)
+        words = "op.Controller: guess is deprecated; solver='native' begins at the active limits of the last step"
+        warnings.warn(words, DeprecationWarning, stacklevel=3)
     if form not in get_args(Form):
         raise wrong_argument("Controller", "form", described(form), f"one of: {', '.join(get_args(Form))}")
     if not is_finite(damping) or damping <= 0.0:

@@ -35,6 +35,19 @@ def test_it_leaves_the_controller_as_it_is_and_its_solution_is_the_step(panda):
     assert checked > 20
 
 
+@pytest.mark.parametrize("form", ["velocity", "acceleration"])
+def test_a_saved_program_is_the_same_for_qpsolvers(panda, form, tmp_path):
+    controller = op.Controller(panda, [op.PostureTask("ready")], form=form)
+    problem = controller.build(op.State(panda.configurations["ready"] + 0.1), DT)
+    stored = qpsolvers.Problem.load(str(problem.save(tmp_path / "step.npz")))
+    again = problem.to_qpsolvers()
+    for name in ("P", "q", "G", "h", "lb", "ub"):
+        kept, given = getattr(stored, name), getattr(again, name)
+        assert (kept is None and given is None) or np.array_equal(kept, given), name
+    with pytest.raises(op.InputError, match=r"^op\.ControlProblem\.save: path: found .*expected a file that ends with"):
+        problem.save(tmp_path / "step.json")
+
+
 def test_every_row_has_a_name(panda):
     problem = reaching(panda).build(op.State(panda.configurations["ready"]), DT)
     assert problem.joint_names == tuple(panda.joint_names)

@@ -79,7 +79,7 @@ def test_a_solver_that_always_fails_stops_the_robot(panda, answer):
     for _ in range(150):
         state = good.step(state, DT).state
     assert np.abs(state.v).max() > 0.1
-    bad = op.Controller(panda, [tool], solver=Broken(answer), guess=False)
+    bad = op.Controller(panda, [tool], solver=Broken(answer))
     for _ in range(400):
         step = bad.step(state, DT)
         state = step.state
@@ -260,14 +260,31 @@ def test_solvers_agree():
 @pytest.mark.parametrize("solver", ["proxqp", "piqp"])
 def test_answers_do_not_depend_on_the_solver(panda, solver):
     ends = []
-    for choice, guess in (("proxqp", True), (solver, False)):
+    for choice in ("native", solver):
         tool = reach(panda, position=(0.5, 0.3, 0.4), rpy=(3.14, 0, 0))
-        controller = op.Controller(panda, [tool, op.PostureTask("ready")], solver=choice, guess=guess)
+        controller = op.Controller(panda, [tool, op.PostureTask("ready")], solver=choice)
         state = op.State(panda.configurations["ready"])
         for _ in range(100):
             state = controller.step(state, 0.004).state
         ends.append(state.q)
     assert ends[0] == pytest.approx(ends[1], abs=1e-5)
+
+
+@pytest.mark.parametrize(("solver", "found"), [("native", {"active set", "unconstrained"}), ("proxqp", {"proxqp"})])
+def test_the_solver_that_is_named_answers(panda, solver, found):
+    tool = reach(panda, position=(0.5, 0.3, 0.4), rpy=(3.14, 0, 0))
+    controller, state = op.Controller(panda, [tool], solver=solver), op.State(panda.configurations["ready"])
+    told = set()
+    for _ in range(30):
+        step = controller.step(state, 0.004)
+        state = step.state
+        told.add(step.solver)
+    assert told <= found
+
+
+def test_a_guess_is_deprecated(panda):
+    with pytest.warns(DeprecationWarning, match="guess is deprecated"):
+        op.Controller(panda, [], guess=True)
 
 
 def test_where_no_way_leads_out_the_step_says_what_stands_in_the_way_and_what_was_tried(panda):

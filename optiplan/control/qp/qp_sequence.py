@@ -36,7 +36,7 @@ class QpSequence:
     of itself is not asked.
 
     Args:
-        solver: asked where no guess leads to the solution.
+        solver: asked in every step, or where no guess leads to the solution.
         guess: whether the active limits of the last step are tried first, without the solver.
     """
 
@@ -144,7 +144,7 @@ class QpSequence:
             np.zeros(0),
         )
         start = np.append(witness, room)
-        found = solve_from(phase, active_at(phase, start, _TOUCHES))
+        found = solve_from(phase, active_at(phase, start, _TOUCHES)) if self._guess else None
         x = self._answer(phase) if found is None else found[0]
         if x is None:
             return witness

@@ -14,7 +14,10 @@ PRECISION = 1e-8
 """Absolute residual that is asked of solvers, rad/s or m/s."""
 ITERATIONS = 200
 """After which a solver gives up: a step has no time for more."""
-DEFAULT = "proxqp"
+NATIVE, PROXQP = "native", "proxqp"
+"""The active set that begins at the limits of the last step, with ProxQP where that fails; ProxQP in every step."""
+DEFAULT = NATIVE
+"""It answers the programs of the shipped loops, in a seventh of ProxQP's time (`benchmarks/control_qp.py`)."""
 _CAPACITY = 8
 """Rows are allocated in multiples of this."""
 _PRECISIONS = {"proxqp": {"eps_abs": PRECISION, "eps_rel": 0.0}, "osqp": {"eps_abs": PRECISION, "eps_rel": 0.0}}
@@ -137,14 +140,14 @@ def qpsolvers_problem(program: Program) -> qpsolvers.Problem:
 
 
 def make_solver(name: object) -> QpSolver:
-    """The solver of that name; an object that is one is taken as it is.
+    """The solver of that name, of `native` the one that is asked where it fails; an object is taken as it is.
 
     Raises:
         InputError: there is none.
     """
     if isinstance(name, QpSolver):
         return name
-    choices = sorted(set(qpsolvers.dense_solvers) | {DEFAULT})
+    choices = sorted({*qpsolvers.dense_solvers, NATIVE, PROXQP})
     if name not in choices:
         raise wrong_argument("Controller", "solver", f"{name!r}", f"one of: {', '.join(choices)}")
-    return ProxQp() if name == DEFAULT else QpSolvers(str(name))
+    return ProxQp() if name in (NATIVE, PROXQP) else QpSolvers(str(name))

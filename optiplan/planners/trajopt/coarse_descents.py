@@ -1,6 +1,6 @@
 """Short descents of coarse curves: estimate the motion along a sampled path before it is optimised."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -107,6 +107,6 @@ class CoarseDescents:
     def _among(self, model: CollisionModel) -> Optimiser:
         if model not in self._coarse:
             options = self.optimiser.options
-            few = replace(options, spans=min(_SPANS, options.spans), samples=min(_SAMPLES, options.samples))
+            few = options.coarse(min(_SPANS, options.spans), min(_SAMPLES, options.samples))
             self._coarse[model] = Optimiser(self.optimiser.problem, model, few)
         return self._coarse[model]

@@ -1,6 +1,6 @@
 """Options of the main planner."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from optiplan.planners.option_schema import OptionError, PlannerOptions, option
 
@@ -59,6 +59,10 @@ class TrajOptOptions(PlannerOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._check_solver()
+
+    def coarse(self, spans: int, samples: int) -> "TrajOptOptions":
+        """Return the options of short descents that estimate the motion along a path."""
+        return replace(self, spans=spans, samples=samples)
 
     def _check_solver(self) -> None:
         """Raise an `OptionError` for a solver that there is not."""

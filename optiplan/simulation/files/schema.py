@@ -169,13 +169,15 @@ class TaskSpaceSpec(Strict):
 
     `feedback` says what a step starts from: `commanded`, the state commanded before, which computed torque
     (`frequency`, `damping`) makes the robot follow; or `measured`, whose accelerations become torques as they are.
+    `solver` is `native` (an active set that begins at the limits of the last step, ProxQP where that fails), or one
+    that is asked in every step: `proxqp`, or another that qpsolvers finds.
     `gain`, 1/s, is that of the pose; null: as large as the robot's jerk limits allow.
     `clearance` is the least distance, m, kept from everything; null: not looked after. `response` is the time, s, with
     which velocities follow what the tasks ask for; null: what the robot's jerk limits allow.
     """
 
     form: Literal["velocity", "acceleration"] = "velocity"
-    solver: Name = "proxqp"
+    solver: Name = "native"
     feedback: Literal["commanded", "measured"] = "commanded"
     position_cost: NotNegative = 1.0
     orientation_cost: NotNegative = 1.0

@@ -1,10 +1,10 @@
 """Options of the planner `casadi`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from optiplan.planners.option_schema import OptionError, option
 from optiplan.planners.trajopt.nonlinear.solvers import DEFAULT, SOLVERS, installed
-from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,11 @@ class CasadiOptions(TrajOptOptions):
         DEFAULT,
         f"of the nonlinear programs, where the installed CasADi has it: {', '.join(SOLVERS)}.",
     )
+
+    def coarse(self, spans: int, samples: int) -> TrajOptOptions:
+        """Return options of `trajopt`: estimates need no solver of nonlinear programs, and have to be cheap."""
+        own = {field.name: getattr(self, field.name) for field in fields(TrajOptOptions)}
+        return TrajOptOptions(**{**own, "spans": spans, "samples": samples, "solver": AUTO})
 
     def _check_solver(self) -> None:
         if self.solver not in SOLVERS or not SOLVERS[self.solver].installed:

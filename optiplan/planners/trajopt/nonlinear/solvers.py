@@ -14,7 +14,7 @@ DEFAULT = "ipopt"
 TOLERANCE = 1e-3
 """Of the optimality of an answer, and of its rows: shares of a limit or of a unit of a term."""
 
-_ITERATIONS = 60
+_ITERATIONS = 25
 """Most iterations of a solver in one program; its last point is then the answer."""
 
 _QUIET: dict[str, Any] = {"print_time": False, "error_on_fail": False}

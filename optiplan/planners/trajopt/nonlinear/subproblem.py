@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -12,6 +13,9 @@ from optiplan.planners.trajopt.nonlinear.solvers import SOLVERS, NlpSolver, sile
 from optiplan.planners.trajopt.program.qp import Penalty, Step, within_reach
 from optiplan.planners.trajopt.program.sqp import Descended, DescentOptions, Sqp
 from optiplan.planners.trajopt.program.transcription import Transcription
+
+SLOW = 4
+"""Steps after which a curve has to be good: each of them is an optimum of its own."""
 
 
 class NlpSubproblem:
@@ -60,7 +64,7 @@ class NlpDescent(Sqp):
     def optimise(self, control: Array, options: DescentOptions) -> Descended:
         """Descend from control points (K, n); see `sqp.descend`."""
         self._nlp.stop = options.stop
-        return super().optimise(control, options)
+        return super().optimise(control, replace(options, slow=SLOW))
 
 
 class _Kept:

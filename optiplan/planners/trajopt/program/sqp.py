@@ -53,9 +53,10 @@ class DescentOptions:
     Attributes:
         iterations: most steps.
         stop: called before every step.
-        best: cost of the best motion, s; after 30 steps, a curve with more than 1.5 times this cost is given up.
-        longest: s; a curve that takes longer after 30 steps is given up.
+        best: cost of the best motion, s; after `slow` steps, a curve with more than 1.5 times this cost is given up.
+        longest: s; a curve that takes longer after as many steps is given up.
         go_on: may end it at the first curve on which all rows hold.
+        slow: steps after which a curve has to be good.
     """
 
     iterations: int
@@ -63,6 +64,7 @@ class DescentOptions:
     best: float = inf
     longest: float = inf
     go_on: GoOn | None = None
+    slow: int = SLOW
 
 
 class Discretised(Protocol):
@@ -314,7 +316,7 @@ def descend(  # noqa: C901
     ended: Ending | None = None
     go_on = None if point.feasible else options.go_on
     while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
-        if taken >= SLOW and (point.merit > WORSE * options.best or point.duration > options.longest):
+        if taken >= options.slow and (point.merit > WORSE * options.best or point.duration > options.longest):
             ended = "too slow"
             break
         missing.append(point.missing)
