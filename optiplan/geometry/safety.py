@@ -105,7 +105,7 @@ class Safety:
         """
         if value is None or isinstance(value, Safety):
             return value if value is not None and value.most > 0.0 else None
-        _distance("safety", value)
+        _distance("safety", value, "Scene")
         return cls(float(value), float(value)) if value > 0.0 else None
 
     @property
@@ -159,6 +159,6 @@ def _names(stated: str | Sequence[str]) -> tuple[str, ...]:
     return (stated,) if isinstance(stated, str) else tuple(stated)
 
 
-def _distance(argument: str, value: Any) -> None:
+def _distance(argument: str, value: Any, of: str = "Safety") -> None:
     if not (is_finite(value) and 0.0 <= value <= MOST):
-        raise wrong_argument("Safety", argument, described(value), f"a distance in [0, {MOST:g}] m")
+        raise wrong_argument(of, argument, described(value), f"a distance in [0, {MOST:g}] m")

@@ -59,7 +59,7 @@ def test_ends_tell_safeties_apart():
 
 @pytest.mark.parametrize("value", [-0.001, 1.5, float("nan"), "5 mm", True])
 def test_what_is_no_distance_is_refused(value):
-    with pytest.raises(op.InputError, match=r"Safety: .*expected a distance in \[0, 1\] m"):
+    with pytest.raises(op.InputError, match=r"op.Scene: safety: .*expected a distance in \[0, 1\] m"):
         op.Scene(safety=value)
 
 

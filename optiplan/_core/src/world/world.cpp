@@ -11,8 +11,7 @@ static constexpr double INF = std::numeric_limits<double>::infinity();
 static constexpr double ROUNDING = 2e-6;  // m; what a hull's distance may exceed that of its mesh by, rounded
 
 World::World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
-             const std::vector<Cluster> &clusters, const std::vector<int> &never, TubeError tube,
-             Floors floors)
+             const std::vector<Cluster> &clusters, const std::vector<int> &never, TubeError tube, Floors floors)
     : tree_(std::move(tree)), bodies_(std::move(bodies)), tube_(std::move(tube)), floors_(std::move(floors)),
       plain_(tube_.error.empty() && floors_.asked.empty()), hulls_(static_cast<int>(bodies_.size())) {
     for (std::size_t j = 1; j < tree_.joints.size() && !tube_.error.empty(); ++j)
@@ -317,9 +316,8 @@ bool World::collides(Placement &at, const std::vector<int> &pairs, Trail &trail)
 Witness World::distance(const Placement &at, int pair, double cutoff) const {
     const auto [a, b, by_outline] = pairs_[pair];
     const double wide = cutoff + taken(at, pair);
-    return above(at, pair,
-                   optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], wide), cutoff,
-                   !by_outline);
+    return above(at, pair, optiplan::distance(bodies_[a].solid(), at.bodies[a], bodies_[b].solid(), at.bodies[b], wide),
+                 cutoff, !by_outline);
 }
 
 Witness World::nearest_points(const Placement &at, int pair, double cutoff, Features *features, double gap) const {

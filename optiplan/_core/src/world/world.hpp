@@ -113,7 +113,8 @@ class World {
     // `never`: pairs that are apart wherever the joints stand: `collides`, `near` and what visits `alone` and `groups`
     // leave them out.
     World(Tree tree, std::vector<Body> bodies, const std::vector<std::pair<int, int>> &pairs,
-          const std::vector<Cluster> &clusters = {}, const std::vector<int> &never = {}, TubeError tube = {}, Floors floors = {});
+          const std::vector<Cluster> &clusters = {}, const std::vector<int> &never = {}, TubeError tube = {},
+          Floors floors = {});
 
     // Adds a body that no joint carries, with a pair with each body of the robot that a joint carries; returns its
     // index. Only those who name its pairs ask for them: no search, sweep or `near` does.
