@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
     from optiplan.planners.tours.placing import PlaceRange
     from optiplan.planners.trajopt.program.nlp import TrajectoryNlp
+    from optiplan.problem.constraints.balance import TipOver
     from optiplan.problem.constraints.expression import Expression
     from optiplan.problem.constraints.motions import (
         JointCoupling,
@@ -143,6 +144,7 @@ _ROOMS = {
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "planners.trajopt.program.nlp": ("TrajectoryNlp",),
+    "problem.constraints.balance": ("TipOver",),
     "problem.constraints.expression": ("Expression",),
     "problem.constraints.motions": (
         "JointCoupling",
@@ -263,6 +265,7 @@ __all__ = [
     "Stopping",
     "Task",
     "Tick",
+    "TipOver",
     "ToolAcceleration",
     "ToolSpeed",
     "ToolSpeedLimit",
