@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from optiplan.planners.base import Budget, Failure, Planner, PlanResult
     from optiplan.planners.tours.placing import PlaceRange
     from optiplan.planners.trajopt.nonlinear.trajectory_nlp import TrajectoryNlp
+    from optiplan.problem.constraints.balance import TipOver
     from optiplan.problem.constraints.expression import Expression
     from optiplan.problem.constraints.motions import (
         JointCoupling,
@@ -149,6 +150,7 @@ _ROOMS = {
     "geometry.scene": ("Attachment", "Obstacle", "Scene"),
     "planners.base": ("Budget", "Failure", "PlanResult", "Planner"),
     "planners.trajopt.nonlinear.trajectory_nlp": ("TrajectoryNlp",),
+    "problem.constraints.balance": ("TipOver",),
     "problem.constraints.expression": ("Expression",),
     "problem.constraints.motions": (
         "JointCoupling",
@@ -277,6 +279,7 @@ __all__ = [
     "Stopping",
     "Task",
     "Tick",
+    "TipOver",
     "Tool",
     "ToolAcceleration",
     "ToolSpeed",

@@ -56,11 +56,18 @@ class SupportPolygon:
         x, y = self.corners.T
         return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
+    @property
+    def perimeter(self) -> float:
+        """Perimeter, m."""
+        return float(np.linalg.norm(np.roll(self.corners, -1, axis=0) - self.corners, axis=1).sum())
+
     def rows(self, margin: float = 0.0) -> Array:
         """Rows R (k, 6) with R w = (n · p - offset - margin) F_z, N·m, for wrenches w = [F; M] about the origin.
 
         p is the zero-moment point, n an edge's inward normal. R w >= 0 in every row, with F_z > 0, says that p lies at
-        least `margin`, m, inside. The rows are linear in the wrench, so they have no pole where F_z is 0.
+        least `margin`, m, inside. The rows are linear in the wrench, so they have no pole where F_z is 0. Their sum,
+        weighted by the edges' lengths, is (2 area - margin perimeter) F_z, so R w >= 0 implies F_z >= 0 where that
+        factor is positive.
         """
         h, (nx, ny) = self.height, self.normals.T
         zero = np.zeros(len(nx))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from optiplan.arrays import Array, distinct
+from optiplan.arrays import Array
 from optiplan.errors import InputError, OptiPlanError
 from optiplan.geometry.support_polygon import SupportPolygon
 from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, scaled, yoshikawa
@@ -33,7 +33,7 @@ class MeasureMeaning(NamedTuple):
 
 
 MEASURES = {
-    "reach_volume": MeasureMeaning("m³", "volume of the cubes that the tool reaches, above the ground of the support"),
+    "reach_volume": MeasureMeaning("m³", "reached part of the ball of the largest reach, above the ground"),
     "manipulability": MeasureMeaning("1", "mean of Yoshikawa's measure, lengths in units of the largest reach"),
     "torque": MeasureMeaning("N·m", "the largest torque of a turning joint"),
     "torque_share": MeasureMeaning("1", "the largest torque or force of a joint, as a share of its limit"),
@@ -116,18 +116,24 @@ def _kinematic(robot: Robot, states: DesignStates, support: SupportPolygon | Non
 
 
 def reached_volume(points: Array, edge: float, largest: float, ground: float = -np.inf) -> float:
-    """Volume, m³, of the cubes of edge `edge`, m, in which one of the points (K, 3), m, lies.
+    """Reached part, m³, of the ball of radius `largest`, m, about the origin, above z = `ground`.
 
-    Cubes count whose centre lies within `largest`, m, of the origin and above z = `ground`: those that the boundary
-    cuts would add half of theirs otherwise. Few points in small cubes miss some, so compare equal numbers only.
-    No point is further away than `largest`.
+    It is the ball's volume there times the share of its cubes of edge `edge`, m, in which one of the points (K, 3), m,
+    lies; cubes go by their centre. Few points in small cubes miss some, so compare equal numbers only. No point is
+    further away than `largest`.
     """
     side = int(np.ceil(largest / edge))
-    cells = np.floor(points / edge).astype(np.int64) + side
-    flat = distinct((cells[:, 0] * 2 * side + cells[:, 1]) * 2 * side + cells[:, 2])
-    centres = (np.stack(np.unravel_index(flat, (2 * side,) * 3), axis=1) - side + 0.5) * edge
-    inside = (np.linalg.norm(centres, axis=1) <= largest) & (centres[:, 2] > ground)
-    return float(inside.sum() * edge**3)
+    line = (np.arange(2 * side) - side + 0.5) * edge
+    centres = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
+    counted = (np.linalg.norm(centres, axis=1) <= largest) & (centres[:, 2] > ground)
+    if not counted.any():
+        return 0.0
+    cells = np.clip(np.floor(points / edge).astype(np.int64) + side, 0, 2 * side - 1)
+    reached = np.zeros(len(centres), dtype=bool)
+    reached[(cells[:, 0] * 2 * side + cells[:, 1]) * 2 * side + cells[:, 2]] = True
+    cut = min(max(ground, -largest), largest)
+    ball = np.pi * (2.0 / 3.0 * largest**3 - largest**2 * cut + cut**3 / 3.0)
+    return float(reached[counted].mean() * ball)
 
 
 def torques(robot: Robot, tau: Array) -> dict[str, float]:

@@ -9,6 +9,7 @@ import numpy as np
 from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.mecanum import wheel_matrix
+from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.measures import Measure, measures
 from optiplan.problem.constraints.motions import (
@@ -26,6 +27,7 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.balance_check import tip_over
 from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion
 from optiplan.verify.continuous.intervals import derivative_bounds, step_sizes
@@ -333,4 +335,5 @@ _CHECKS: Mapping[type[PathConstraint], ChecksOf] = {
     ManipulabilityAbove: lambda problem, trajectory, policy, one: [manipulability(problem, trajectory, one)],
     ToolAcceleration: lambda problem, trajectory, policy, one: tool_acceleration(problem, trajectory, one),
     ToolSpeed: _tool_speed,
+    TipOver: lambda problem, trajectory, policy, one: [tip_over(problem, trajectory, policy, one)],
 }

@@ -34,6 +34,7 @@ CONSTRAINTS = {
     "manipulability": {"at_least": 0.06},
     "coupling": {"joints": {"panda_joint3": 1.0, "panda_joint5": 1.0}, "within": 0.2},
     "wheel_speed": {"at_most": 10.0},
+    "tip_over": {"corners": [[-0.18, -0.18], [0.18, -0.18], [0.18, 0.18], [-0.18, 0.18]], "margin": 0.01},
 }
 KIND = {"tool_acceleration": "sampled", "manipulability": "sampled", "coupling": "exact"}
 """Of the check, where it is not continuous."""

@@ -11,6 +11,7 @@ from optiplan.errors import wrong_argument
 from optiplan.execution.arguments import told
 from optiplan.execution.clearance_left import ClearanceLeft
 from optiplan.execution.paths.path_laws import Load, PathLaws
+from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolAcceleration
 from optiplan.problem.problem import Problem
@@ -22,7 +23,7 @@ from optiplan.trajectory.trajectory import Trajectory
 if TYPE_CHECKING:
     from optiplan._core._core_base import TimeLaw
 
-TIMED_CONSTRAINTS = (ToolAcceleration, Expression)
+TIMED_CONSTRAINTS = (ToolAcceleration, TipOver, Expression)
 """Path constraints that a slower run of the same path may violate."""
 
 AT_ONCE = 1e-6

@@ -168,6 +168,12 @@ class SymbolicRobot:
         A, b = self._plain.A, self._plain.b
         return A.T @ expressions.symbolic_inverse_dynamics(self._tree, A @ q + b, A @ v, A @ a, gravity)
 
+    def wrench_expression(self, q: Any, v: Any, a: Any, gravity: Array) -> Any:
+        """Return the wrench [F; M] (6,) that moves what the joints carry, about the world's origin, in world axes."""
+        A, b = self._plain.A, self._plain.b
+        joints = (A @ q + b, A @ v, A @ a) if self._follows else (q, v, a)
+        return expressions.symbolic_forces(self._tree, *joints, gravity)[1]
+
     def frame_expression(self, q: Any, frame: str) -> tuple[Any, Any]:
         """Return R_WF (3, 3) and p_WF (3,), m, at a symbolic configuration."""
         return expressions.symbolic_frame_pose(self._poses(q), self._find(frame))

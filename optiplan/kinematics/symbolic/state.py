@@ -80,6 +80,13 @@ class SymbolicState:
         gravity = np.array(self.robot.model.gravity.linear)
         return self._twin.torque_expression(self.q, self.v, self.a, gravity)
 
+    def base_wrench(self) -> Any:
+        """Return the wrench [F; M] (6,) of the ground on the base about the world's origin, in world axes, N, N·m."""
+        gravity, fixed = np.array(self.robot.model.gravity.linear), self.robot.model.inertias[0]
+        weight = -fixed.mass * gravity
+        still = np.concatenate([weight, np.cross(np.array(fixed.lever), weight)])
+        return self._twin.wrench_expression(self.q, self.v, self.a, gravity) + still
+
     def manipulability(self, frame: str, rows: tuple[int, ...] = ALL_ROWS) -> Any:
         """Return Yoshikawa's measure of a frame's Jacobian; `rows` as of `SymbolicRobot.manipulability`."""
         return self._twin.manipulability_expression(self.q, self._named(frame), rows)

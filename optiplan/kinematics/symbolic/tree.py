@@ -139,6 +139,16 @@ def symbolic_inverse_dynamics(
     `gravity` (3,) is the linear acceleration of free fall in the world, m/s². As in pinocchio, armature counts and
     friction does not.
     """
+    return symbolic_forces(tree, q, v, a, gravity)[0]
+
+
+def symbolic_forces(
+    tree: tuple[Joint, ...], q: Expression, v: Expression, a: Expression, gravity: Array
+) -> tuple[Expression, Expression]:
+    """Return tau (nv,) as `symbolic_inverse_dynamics`, and the wrench [F; M] (6,) that moves all bodies of the joints.
+
+    The wrench is about the world's origin, in world axes, N and N·m.
+    """
     casadi = load_casadi()
     still = casadi.SX.zeros(3)
     transforms = joint_transforms(tree, q)
@@ -159,7 +169,7 @@ def symbolic_inverse_dynamics(
         joint, X = tree[index - 1], transforms[index - 1]
         tau[joint.v] = joint.screws.T @ casadi.vertcat(*forces[index]) + joint.armature * a[joint.v]
         forces[joint.parent] = _add(forces[joint.parent], _force_to_parent(X, forces[index]))
-    return tau
+    return tau, casadi.vertcat(*forces[0])
 
 
 def tangent(tree: tuple[Joint, ...], q: Expression, nv: int) -> Expression:

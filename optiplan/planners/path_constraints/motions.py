@@ -8,7 +8,8 @@ import numpy as np
 from optiplan.kinematics.mecanum import Mecanum
 from optiplan.kinematics.symbolic.state import SymbolicState
 from optiplan.planners.path_constraints.inequality import Inequality
-from optiplan.planners.path_constraints.parts import ANGLE, both_sides, held_to, stacked
+from optiplan.planners.path_constraints.parts import ANGLE, LENGTH, both_sides, held_to, stacked
+from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.constraints.motions import (
     JointCoupling,
     ManipulabilityAbove,
@@ -19,6 +20,10 @@ from optiplan.problem.constraints.motions import (
 
 _SPEED_RESERVE = 0.003
 """Share of a speed or acceleration reserved for the motion between samples."""
+
+
+_MARGIN_RESERVE = 0.002
+"""m of a tip-over margin, times F_z as a share of the weight, reserved for the motion between samples."""
 
 
 def _tool_speed(one: ToolSpeed) -> list[Inequality]:
@@ -80,11 +85,21 @@ def _coupling(one: JointCoupling) -> list[Inequality]:
     return [held_to("coupling", build, one.within, ANGLE)]
 
 
+def _tip_over(one: TipOver) -> list[Inequality]:
+    def build(k: SymbolicState) -> Any:
+        mass = sum(body.mass for body in k.robot.model.inertias)
+        weight = max(mass * float(np.linalg.norm(k.robot.model.gravity.linear)), 1e-9)
+        return k.constant(one.polygon.rows(one.margin) / weight) @ k.base_wrench()
+
+    return [Inequality("tip over", build, LENGTH, _MARGIN_RESERVE)]
+
+
 KINDS: dict[type[Any], Callable[[Any], list[Inequality]]] = {
     ToolSpeed: _tool_speed,
     ToolAcceleration: _acceleration,
     WheelSpeed: _wheels,
     ManipulabilityAbove: _manipulability,
     JointCoupling: _coupling,
+    TipOver: _tip_over,
 }
 """The inequalities of each kind of statement."""

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 from pydantic import AfterValidator, create_model
 
 from optiplan.config.values import ExactlyOne
+from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.constraints.base import Statement
 from optiplan.problem.constraints.motions import (
     JointCoupling,
@@ -39,6 +40,7 @@ KINDS: dict[str, type[Statement]] = {
         ManipulabilityAbove,
         JointCoupling,
         WheelSpeed,
+        TipOver,
     )
 }
 """Classes of constraints by their key in a problem file."""

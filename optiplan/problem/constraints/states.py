@@ -9,6 +9,7 @@ from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.kinematics.mecanum import wheel_matrix
+from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.constraints.measures import ROUNDING, FramePoses, measures
 from optiplan.problem.constraints.motions import (
     JointCoupling,
@@ -19,6 +20,7 @@ from optiplan.problem.constraints.motions import (
     WheelSpeed,
 )
 from optiplan.problem.constraints.statements import PathConstraint
+from optiplan.robot.batched.base_reaction import base_reaction
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import WORDS
 from optiplan.trajectory.state import State
@@ -70,6 +72,8 @@ class BrokenConstraint:
                 return _rate(one, robot, state, pin.getFrameVelocity, ("m/s", "rad/s"))
             case ToolAcceleration():
                 return _rate(one, robot, state, pin.getFrameClassicalAcceleration, ("m/s²", "rad/s²"))
+            case TipOver():
+                return _tipping(one, robot, state)
         return _posed(one, robot, state)
 
     def _near(self, one: PairClearance, state: State) -> list[str]:
@@ -93,6 +97,16 @@ def _posed(one: PathConstraint, robot: Robot, state: State) -> list[str]:
         for each, value in values
         if value > each.allowed
     ]
+
+
+def _tipping(one: TipOver, robot: Robot, state: State) -> list[str]:
+    if not robot.has_inertia:
+        return [f"of masses that the file of {robot.name} does not give"]
+    wrench = base_reaction(robot, state.q[None], state.v[None], state.a[None])
+    margin = float(one.polygon.margins(wrench)[0])
+    if margin >= one.margin - ROUNDING:
+        return []
+    return [f"tipping over: a margin of {margin:.4g} m where {one.margin:.4g} m is asked for"]
 
 
 def _uncoupled(one: JointCoupling, robot: Robot, state: State) -> list[str]:

@@ -13,6 +13,11 @@ CASES = {
     "coupling": (START, {"joints": {"elbow_joint": 2.0}, "within": 0.5}, ("start", "uncoupled by 3 of 0.5")),
     "tool_speed": (MOVING, {"linear": 0.1}, ("start", "too fast: tool0 at 0.5", "0.1 m/s allowed")),
     "tool_acceleration": (MOVING, {"angular": 1.0}, ("start", "too fast: tool0 at 3", "1 rad/s² allowed")),
+    "tip_over": (
+        START,
+        {"corners": [[1, 0], [2, 0], [2, 1]], "height": -0.5},
+        ("start", "tipping over: a margin of -", "0 m is asked for"),
+    ),
     "clearance": (START, {"pairs": [["tool0", "base_link"]], "at_least": 0.1}, ("no body",)),
 }
 

@@ -10,6 +10,7 @@ import pytest
 import optiplan as op
 from optiplan.geometry.safety import SafePairs, Safety
 from optiplan.geometry.scene import Attachment, Box, Obstacle, Scene, Sphere
+from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.constraints.base import WHOLE, Statement
 from optiplan.problem.constraints.motions import PairClearance, ToolAcceleration, ToolSpeed
 from optiplan.problem.constraints.points import OnPlane
@@ -58,6 +59,9 @@ class Fresh(Statement):
 
     def to_data(self):
         return {}
+
+
+_AROUND = np.array([[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]])
 
 
 @pytest.fixture
@@ -127,6 +131,11 @@ def test_a_fresh_kind_is_refused_in_a_task_and_its_steps(planar, problem, swing)
         ToolAcceleration("tool"),
         OnPlane("tool", np.array([0.0, 1.0, 0.0]), 0.0, 10.0, during=(0.7, 0.2)),
         ToolSpeed("tool", np.nan),
+        TipOver(np.array([[-9.0, 0.0], [0.0, 0.0], [9.0, 0.0]])),
+        TipOver(_AROUND, margin=np.nan),
+        TipOver(_AROUND, margin=9.0),
+        TipOver(_AROUND, height=np.nan),
+        TipOver(_AROUND, during=(0.7, 0.2)),
     ],
 )
 def test_a_constraint_that_comes_to_nothing_is_refused(problem, swing, one):

@@ -1,0 +1,84 @@
+"""The proof that a robot does not tip over, beside dense samples of the wrench."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import optiplan as op
+from optiplan.problem.problem import derived
+from optiplan.robot.batched.base_reaction import base_reaction
+from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.balance_check import _BaseBounds, tip_over
+from optiplan.verify.continuous.intervals import derivative_bounds
+from optiplan.verify.report import VerifyPolicy
+
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+
+@pytest.fixture(scope="module", params=["panda", "delbot", "srra"])
+def swing(request):
+    """A problem, its base tilted and with a payload, and a quick motion of random polynomials."""
+    robot, rng = op.load_robot(request.param), np.random.default_rng(0)
+    link = next(str(f.name) for f in reversed(robot.model.frames.tolist()) if f.type == pin.FrameType.BODY)
+    load = ((link, pin.Inertia(1.0, np.array([0.05, 0.0, 0.1]), 0.01 * np.eye(3))),)
+    base = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.0, 0.4), np.array([0.1, 0.2, 0.05]))
+    robot = robot.mounted(replace(robot.mounting, X_WB=base, payload=load))
+    home = next(iter(robot.configurations.values()))
+    coefficients = rng.uniform(-0.4, 0.4, (3, 6, robot.n))
+    coefficients[:, 0] += home
+    motion = Trajectory(robot.joint_names, np.array([0.0, 0.6, 1.0, 1.7]), coefficients)
+    problem = derived(op.Problem(request.param, home, home + 0.1), robot=robot)
+    return problem, motion
+
+
+def margins(problem, motion, one):
+    """The margins at 4000 instants of each piece."""
+    piece = np.repeat(np.arange(len(motion.widths)), 4000)
+    local = np.concatenate([np.linspace(0.0, h, 4000) for h in motion.widths])
+    return one.polygon.margins(base_reaction(problem.robot, *motion.states_in(piece, local)))
+
+
+def test_what_is_just_held_is_proved_and_what_is_just_broken_is_refused(swing):
+    problem, motion = swing
+    wide = op.TipOver(3.0 * SQUARE, height=-0.2)
+    least = margins(problem, motion, wide).min()
+    held = tip_over(problem, motion, VerifyPolicy(), replace(wide, margin=least - 1e-3))
+    assert held.passed, held
+    assert held.kind == "continuous"
+    assert held.worst == pytest.approx(least, abs=1e-3)
+    broken = tip_over(problem, motion, VerifyPolicy(), replace(wide, margin=least + 1e-3))
+    assert not broken.passed
+    assert "beyond its limit" in broken.detail
+
+
+def test_the_bounds_are_above_the_second_derivative_of_the_wrench(swing):
+    problem, motion = swing
+    h, bounds = 1e-3, _BaseBounds(problem.robot)
+    t = np.linspace(0.05, 0.55, 40)
+    c = np.repeat(motion.coefficients[:1], len(t), axis=0)
+    size, curvature = bounds.over(derivative_bounds(c, t[:, None], np.full((len(t), 1), h), 5))
+    piece = np.zeros(len(t), dtype=np.intp)
+    before, here, after = (base_reaction(problem.robot, *motion.states_in(piece, t + k * h)) for k in (-1, 0, 1))
+    second = (before - 2.0 * here + after) / h**2
+    for column, part in ((0, slice(3)), (1, slice(3, 6))):
+        assert (np.linalg.norm(second[:, part], axis=1) <= curvature[:, column] * (1.0 + 1e-3) + 1e-3).all()
+        assert (np.linalg.norm(here[:, part], axis=1) <= size[:, column]).all()
+
+
+def test_a_robot_without_masses_is_refused():
+    problem = op.Problem("baxter_report", [0.1, -0.3, 0.1, 0.5, 0.1, 0.5, 0.1], [0.2, -0.3, 0.1, 0.5, 0.1, 0.5, 0.1])
+    motion = Trajectory(problem.robot.joint_names, np.array([0.0, 1.0]), problem.start[None, None])
+    check = tip_over(problem, motion, VerifyPolicy(), op.TipOver(SQUARE))
+    assert not check.passed
+    assert "no masses" in check.detail
+
+
+def test_a_start_that_tips_over_and_a_margin_beyond_the_polygon_are_bad_input():
+    """The SRRA on its own foot without the weight of a base."""
+    tipping = {"corners": [[-0.35, 0.55], [0.35, 0.55], [0.35, 0.95], [-0.35, 0.95]], "height": -2}
+    with pytest.raises(op.InputError, match="tipping over: a margin of -"):
+        op.Problem("srra", "home", [0.5] * 6, path_constraints=[{"tip_over": tipping}])
+    with pytest.raises(op.InputError, match="leaves nothing of the polygon"):
+        op.Problem("srra", "home", [0.5] * 6, path_constraints=[{"tip_over": tipping | {"margin": 0.3}}])
