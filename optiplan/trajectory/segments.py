@@ -6,7 +6,7 @@ from typing import Any
 
 from optiplan.errors import InputError, Issue
 
-EVENTS = ("attach", "detach", "gripper", "process")
+EVENTS = ("attach", "detach", "tool", "gripper", "process")
 """Kinds of segments that other programs act upon."""
 
 RESTING = (*EVENTS, "dwell")
@@ -26,7 +26,7 @@ class Segment:
         name: of the step.
         begin: s.
         end: s.
-        object: that is taken or released; empty of other kinds.
+        object: that is taken or released, or the tool that is; empty of other kinds.
         link: that takes it or lets it go.
     """
 
