@@ -51,6 +51,6 @@ def _line(spec: RobotSpec) -> str:
     parts = {
         "groups": ", ".join(spec.groups),
         "tool frame": spec.tool_frame or "the last link",
-        "configurations": ", ".join(spec.configurations),
+        "configurations": ", ".join((*spec.configurations, *spec.configurations_deg)),
     }
     return "; ".join(f"{key} {value}" for key, value in parts.items() if value)

@@ -388,7 +388,9 @@ class Compiler:
 
 def stated_tools(root: Mapping[Any, Any]) -> list[tuple[Place, str, ToolSpec]]:
     """Return the valid tools of `tools`, and the one that `tool` states itself: place, name and content."""
-    stated = [(("tools", name), str(name), fit(ToolSpec, one)) for name, one in mapping(root.get("tools")).items()]
+    named = mapping(root.get("tools")).items()
+    stated: list[tuple[Place, str, ToolSpec | None]]
+    stated = [(("tools", name), str(name), fit(ToolSpec, one)) for name, one in named]
     first = None if isinstance(root.get("tool"), str) else fit(FirstToolSpec, root.get("tool"))
     stated += [] if first is None else [(("tool",), first.name, first)]
     return [(place, name, spec) for place, name, spec in stated if spec is not None]

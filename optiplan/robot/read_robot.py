@@ -22,7 +22,7 @@ from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
 from optiplan.robot.limits import Limits, build_limits
 from optiplan.robot.link_geometry import LinkGeometry, treat
-from optiplan.robot.mimic_joints import Mimic
+from optiplan.robot.mimic_joints import Mimic, turning
 from optiplan.robot.reference import DESCRIPTION, UNKNOWN, Reference, description, inline_content, referred, robot_file
 from optiplan.robot.self_collision.pairs import Locked, declared_pairs, set_pairs, unchecked_pairs
 from optiplan.robot.spec import MecanumSpec, RobotSpec
@@ -94,7 +94,7 @@ def read_robot(
         limits=limits,
         joint_names=planned.joints,
         tool_frame=tool,
-        configurations=_configurations(spec, document, srdf, planned),
+        configurations=_configurations(spec, document, srdf, planned, reduced.model),
         link_geometry=treated.kinds,
         over_cover=treated.over_cover,
         build_visual=bound(reduced.build_visual),
@@ -170,17 +170,25 @@ def _last_link(model: pin.Model, urdf: UrdfSource, joint: str) -> str:
     return str((named or moved)[-1])
 
 
-def _configurations(spec: RobotSpec, document: Document, srdf: Srdf | None, group: Group) -> dict[str, Array]:
+def _configurations(
+    spec: RobotSpec, document: Document, srdf: Srdf | None, group: Group, model: pin.Model
+) -> dict[str, Array]:
     """Return the named configurations, each (n,): of the robot.yaml, then further ones of the SRDF.
 
     Raises:
-        InputError: a list of another length, an unknown joint, or a joint without a value.
+        InputError: a list of another length, an unknown joint, a joint without a value, or a name that is there twice.
     """
+    own = np.array([model.getJointId(joint) - 1 for joint in group.joints])
+    turns = turning(model)[own]
     result: dict[str, Array] = {}
     issues = []
-    for name, given in spec.configurations.items():
+    stated: list[tuple[Place, Any]] = [(("configurations", name), given) for name, given in spec.configurations.items()]
+    stated += [(("configurations_deg", name), given) for name, given in spec.configurations_deg.items()]
+    for place, given in stated:
+        name = str(place[1])
+        if name in result:
+            issues.append(document.issue(place, f"'{name}', which is in `configurations` too", "a name of its own"))
         if isinstance(given, dict):
-            place: Place = ("configurations", name)
             wrong = wrong_names(group.listed, given)
             issues += [document.issue(place if j is None else (*place, j), found, so) for j, found, so in wrong]
             if not wrong:
@@ -189,7 +197,9 @@ def _configurations(spec: RobotSpec, document: Document, srdf: Srdf | None, grou
             result[name] = group.pick(given)
         else:
             found, expected = f"a list of {len(given)} values", f"{len(group.listed)}, one a planned joint"
-            issues.append(document.issue(("configurations", name), found, expected))
+            issues.append(document.issue(place, found, expected))
+        if name in result and place[0] == "configurations_deg":
+            result[name] = np.where(turns, np.deg2rad(result[name]), result[name])
     if issues:
         raise InputError(issues)
     for name, values in ({} if srdf is None else srdf.states).items():

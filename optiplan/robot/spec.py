@@ -65,6 +65,7 @@ class RobotSpec(Strict):
     tool_frame: Name | None = None
     tool_frames: dict[Name, Name] = Field(default={})
     configurations: dict[Name, list[Number] | dict[Name, Number]] = Field(default={})
+    configurations_deg: dict[Name, list[Number] | dict[Name, Number]] = Field(default={})
     mecanum: MecanumSpec | None = None
     limits: LimitsSpec = LimitsSpec()
     collision: Treatment | Literal["none"] | CollisionSpec = "auto"

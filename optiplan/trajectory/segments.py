@@ -12,7 +12,7 @@ PASSING = "passing"
 ON_PATH = "path"
 """Kind of the segments along a path of the tool, to it and away from it."""
 
-STOPPED = ("attach", "detach", "gripper", "process")
+STOPPED = ("attach", "detach", "tool", "gripper", "process")
 
 EVENTS = (*STOPPED, PASSING)
 """Kinds of segments that other programs act upon."""
@@ -34,7 +34,7 @@ class Segment:
         name: of the step.
         begin: s.
         end: s.
-        object: that is taken or released; empty of other kinds.
+        object: that is taken or released, or the tool that is; empty of other kinds.
         link: that takes it or lets it go.
     """
 

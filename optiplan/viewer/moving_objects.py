@@ -64,6 +64,19 @@ def object_stays(problem: Problem, trajectory: Trajectory | None, names: Iterabl
     return found
 
 
+def mounted_tools(problem: Problem, trajectory: Trajectory) -> list[tuple[float, str]]:
+    """Return when a task changes tools, s, and the frame that is the tool frame from then on."""
+    if not problem.tools or not problem.task or mismatch(problem, trajectory):
+        return []
+    own = problem.robot.reference.tool_frame
+    changes = [(step.action, begin) for step, _, begin, _ in steps_in_time(problem, trajectory)]
+    return [
+        (begin, own if action.takes is None else action.takes.name)
+        for action, begin in changes
+        if isinstance(action, ChangeTool)
+    ]
+
+
 _Place = tuple[int, pin.SE3, bool]
 
 

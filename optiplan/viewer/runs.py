@@ -10,10 +10,12 @@ from optiplan.arrays import Array, is_finite
 from optiplan.errors import InputError
 from optiplan.kinematics.manipulability import ToolKinematics, ellipsoids, scaled
 from optiplan.problem.problem import Problem
+from optiplan.robot.frames import frame_poses
 from optiplan.runs.common_bound import duration_bound
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.goal_marks import targets
+from optiplan.viewer.moving_objects import mounted_tools
 from optiplan.viewer.run_data.attempts import found_by
 from optiplan.viewer.run_data.checks import about, checks_of
 from optiplan.viewer.run_data.clearance import clearance_of
@@ -188,7 +190,12 @@ def _motion(problem: Problem, poses: Poses, trajectory: Trajectory, detail: Deta
     count = int(min(MAX_SAMPLES, max(2, np.ceil(trajectory.duration * detail.rate) + 1)))
     Q = trajectory(np.linspace(0.0, trajectory.duration, count))
     joints, tool = poses.of(Q)
-    others = list(tool_points(problem.robot, Q).values())[1:] if len(tool_frames(problem.robot)) > 1 else []
+    points = dict(tool_points(problem.robot, Q)) if len(tool_frames(problem.robot)) > 1 else {}
+    t = np.linspace(0.0, trajectory.duration, count)
+    for begin, frame in mounted_tools(problem, trajectory):  # one path, of the TCP that is mounted
+        tool[t >= begin] = frame_poses(problem.robot, Q[t >= begin], frame)[:, :3, 3]
+    changed = {one.name for one in problem.tools}
+    others = [found for name, found in points.items() if name not in changed | {problem.robot.tool_frame}]
     return {
         "duration": trajectory.duration,
         "samples": count,

@@ -69,7 +69,7 @@ def sampler_of(robot: Robot, goal: RegionGoal | AllOfGoal) -> RegionSampler | To
 def joints_of(robot: Robot, goal: PoseGoal | RegionGoal | AllOfGoal) -> npt.NDArray[np.bool_]:
     """Return which joints (n,) move a frame of a goal."""
     parts = goal.parts if isinstance(goal, AllOfGoal) else (goal,)
-    return np.any([joints_that_move(robot, part.frame) for part in parts], axis=0)
+    return np.asarray(np.any([joints_that_move(robot, part.frame) for part in parts], axis=0))
 
 
 def _oriented(part: PoseGoal | RegionGoal) -> bool:

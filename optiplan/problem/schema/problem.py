@@ -110,7 +110,10 @@ class ProblemSpec(Strict):
 
 def as_written(schema: dict[str, Any]) -> dict[str, Any]:
     """Return the schema with what files have and what is read has not: frames, and steps that are written once."""
-    own = {"type": "string", "description": "The frame or obstacle that the pose is said in; the world without it."}
+    own = {
+        "type": "string",
+        "description": "The frame, obstacle or fixed link that the pose is said in; the world without it.",
+    }
     words = "A pose from there on, in its own axes: position, m, and rotation."
     offset = {"$ref": "#/$defs/PoseSpec", "description": words}
     steps = {"type": "array", "items": {"$ref": "#/$defs/TaskStepSpec"}}

@@ -94,6 +94,7 @@ class Task:
 
         The pose is any of several, any of the `Grasps` of an object, or of a `Region`. `blend` is as of `line`.
         """
+        said: dict[str, Any]
         said = {"grasps": to.to_data()} if isinstance(to, Grasps) else _ends(to, "Task.approach", "to")
         if "any_of" in said:
             said["any_of"] = [one["pose"] if "pose" in one else one for one in said["any_of"]]

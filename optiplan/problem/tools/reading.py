@@ -50,7 +50,8 @@ def _bodies(
     compiler: Compiler, stated: tuple[Place, str, ToolSpec], taken: dict[str, str]
 ) -> tuple[ToolBody, ...] | None:
     place, name, spec = stated
-    bodies, right, names = [], True, frozenset(spec.bodies_of(name))
+    bodies: list[ToolBody] = []
+    right, names = True, frozenset(spec.bodies_of(name))
     for k, (own, one) in enumerate(zip(spec.bodies_of(name), spec.shapes, strict=True)):
         at = (*place, "shapes", k)
         if taken.setdefault(own, "a body of a tool") != "a tool" and own in {body.name for body in bodies}:

@@ -59,7 +59,8 @@ class Tool:
 
     def to_data(self) -> dict[str, Any]:
         """Return the tool as a problem file says it, without its name."""
-        stated = {"link": self.link, "tcp": _place(self.tcp, "tcp"), "parked": _place(self.parked, "parked")}
+        places = {"tcp": _place(self.tcp, "tcp"), "parked": _place(self.parked, "parked")}
+        stated: dict[str, Any] = {"link": self.link, **places}
         stated |= {"shapes": [_body(one, f"shapes[{k}]") for k, one in enumerate(self.shapes)]}
         stated |= {"mass": self.mass, "centre": self.centre, "inertia": self.inertia, "touch": list(self.touch)}
         return {key: plain(value) for key, value in stated.items() if value is not None}

@@ -9,7 +9,7 @@ from optiplan.arrays import Array, Index
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_change import carrying
-from optiplan.problem.task.steps import Attach, Detach
+from optiplan.problem.task.steps import Attach, Event
 from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.base import NOMINAL, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
@@ -68,7 +68,7 @@ class MujocoTaskPlant(MujocoPlant):
         """Return the meeting of each two geoms of a and b (K,), its place in `TaskObjects.meetings`: (K,)."""
         return np.asarray(self._meeting[self._body[a], self._body[b]])
 
-    def enter(self, stage: TaskStage, actions: Sequence[Attach | Detach]) -> None:
+    def enter(self, stage: TaskStage, actions: Sequence[Event]) -> None:
         """See `TaskPlant`."""
         self._stage = self._objects.stages.index(stage)
         active = self._objects.active[self._stage][self._of_pair] | (self._of_pair < 0)

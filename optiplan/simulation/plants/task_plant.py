@@ -12,7 +12,7 @@ from optiplan.errors import described, wrong_argument
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_change import carrying, scene_after
-from optiplan.problem.task.steps import Attach, Detach
+from optiplan.problem.task.steps import Attach, Detach, Event
 from optiplan.robot.robot import Robot
 from optiplan.simulation.plants.base import NOMINAL, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
@@ -55,7 +55,7 @@ class FrictionGrip:
 class TaskPlant(Protocol):
     """A plant with objects that are taken and released."""
 
-    def enter(self, stage: TaskStage, actions: Sequence[Attach | Detach]) -> None:
+    def enter(self, stage: TaskStage, actions: Sequence[Event]) -> None:
         """Begin a stage: take and release these objects, in order."""
 
     def objects(self) -> Array:
@@ -89,7 +89,7 @@ class CarryingPlant(RigidBodyPlant):
         self._robot, self._options, self._scene = problem.robot, options, problem.scene
         self._names, self._data = objects_of(problem), problem.robot.model.createData()
 
-    def enter(self, stage: TaskStage, actions: Sequence[Attach | Detach]) -> None:
+    def enter(self, stage: TaskStage, actions: Sequence[Event]) -> None:
         """See `TaskPlant`; an object is taken where the links really are."""
         for action in actions:
             self._scene = scene_after(self._scene, action, self._robot, self.q)

@@ -16,6 +16,7 @@ from optiplan.viewer.runs import ViewedRun
 
 WORLD = "world"
 _SECOND = 1_000_000_000  # ns
+_NOTHING = 1e-9  # scale of what is nowhere; Rerun has no other word for it over time
 _NAMES = str.maketrans({" ": "_", "–": "-"})
 
 
@@ -57,7 +58,8 @@ def mcap(recording: Recording) -> bytes:
     path.log(fm.SceneUpdate(entities=[fm.SceneEntity(id="tool", frame_id=WORLD, lines=[line])]), log_time=0)
     for k, time in enumerate(recording.t):
         moved = [one for one in recording.bodies if one.name != WORLD and (k == 0 or len(one.poses) > 1)]
-        frames = [_frame(fm, body.name, body.poses[min(k, len(body.poses) - 1)]) for body in moved]
+        poses = [(body.name, body.poses[min(k, len(body.poses) - 1)]) for body in moved]
+        frames = [_frame(fm, name, pose) for name, pose in poses if np.isfinite(pose).all()]  # else it is not drawn yet
         transforms.log(fm.FrameTransforms(transforms=frames), log_time=int(time * _SECOND))
     values = {curve.name: curve for curve in recording.curves}
     joints, position, velocity = JointStatesChannel("/joints", context=context), values["position"], values["velocity"]
@@ -136,6 +138,8 @@ def rrd(recording: Recording) -> bytes:
 
 
 def _transform(rr: Any, pose: Array) -> Any:
+    if not np.isfinite(pose).all():
+        return rr.Transform3D(scale=_NOTHING)
     return rr.Transform3D(translation=pose[:3], quaternion=rr.Quaternion(xyzw=pose[3:]))
 
 

@@ -31,7 +31,8 @@ class RecordedBody:
         vertices: (k, 3), m, in the frame of the body.
         faces: (m, 3), indices of vertices.
         colours: (k, 4), 0 to 1, red, green, blue and opacity of each vertex.
-        poses: (n, 7), at each time of the recording, x, y, z, m, and the quaternion x, y, z, w; (1, 7) where it stands.
+        poses: (n, 7), at each time of the recording, x, y, z, m, and the quaternion x, y, z, w; (1, 7) where it stands;
+            NaN while it is nowhere, like a tool without a rack that is not mounted.
     """
 
     name: str
@@ -135,13 +136,13 @@ def _obstacle_poses(part: Mapping[str, Any], t: Array) -> Array:
 
 
 def _object_poses(one: Mapping[str, Any], joints: Array, t: Array) -> Array:
-    """Poses (n, 7) of what a task takes and puts down: with the body that it is in."""
+    """Poses (n, 7) of what a task takes and puts down: with the body that it is in; NaN where it is nowhere."""
     rows = np.empty((len(t), 7))
     for k, time in enumerate(t):
         stay = next((stay for stay in reversed(one["stays"]) if stay["begin"] <= time), one["stays"][0])
         X_BO = pin.XYZQUATToSE3(np.asarray(stay["pose"], float))
         X_WB = pin.XYZQUATToSE3(joints[k, stay["body"] - 1]) if stay["body"] else pin.SE3.Identity()
-        rows[k] = pin.SE3ToXYZQUAT(X_WB * X_BO)
+        rows[k] = np.nan if stay.get("absent") else pin.SE3ToXYZQUAT(X_WB * X_BO)
     return rows
 
 

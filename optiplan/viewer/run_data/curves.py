@@ -123,7 +123,10 @@ def short_names(names: Sequence[str]) -> list[str]:
 
 
 def tool_frames(robot: Robot) -> tuple[str, ...]:
-    """The robot's tool frame, and of an arm beside it the frame of the same name with left and right exchanged."""
+    """The robot's tool frame, the TCPs of other tools of a task, and the frame of an arm beside it.
+
+    That is the frame of the same name with left and right exchanged.
+    """
     own = robot.tool_frame
     twins = (own.replace("left", "right"), own.replace("right", "left"))
     joints = {int(robot.model.frames[robot.frame_id(own)].parentJoint)}
@@ -133,7 +136,8 @@ def tool_frames(robot: Robot) -> tuple[str, ...]:
             joint = int(robot.model.frames[robot.model.getFrameId(twin)].parentJoint)
             if joint and joint not in joints:
                 found.append(twin)
-    return tuple(found)
+    tools = [one.name for one in robot.mounting.frames if not one.held]
+    return tuple(dict.fromkeys([*found, *tools]))
 
 
 def tool_points(robot: Robot, Q: Array) -> Mapping[str, Array]:

@@ -179,7 +179,7 @@
       const most = Math.max(...speed.series.map((one) => Math.max(...one.y)));
       add(`tool, 0 to ${most.toPrecision(3)} m/s`, { background: `linear-gradient(90deg, ${OptiPlanPaths.SPEEDS.join()})`, width: "44px" });
     }
-    if (data.runs.some((run) => OptiPlanSteps.hasEvents(run))) add("attach, detach", {}, "diamond");
+    if (data.runs.some((run) => OptiPlanSteps.hasEvents(run))) add("attach, detach, tool", {}, "diamond");
     if (seen("rod") && moving.some((run) => run.clearance)) add("nearest points", { background: OptiPlanRod.COLOUR });
     byId("legend").replaceChildren(...rows);
   }

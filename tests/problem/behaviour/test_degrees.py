@@ -6,6 +6,7 @@ import pytest
 
 import optiplan as op
 from optiplan.geometry.poses import pose_from_data
+from optiplan.robot.robot import load_robot
 
 FILE = """version: 1
 name: degrees
@@ -144,3 +145,11 @@ def test_poses_of_dh_tables(tmp_path, unit, fits):
             op.load_robot(file)
     file.write_text(file.read_text().replace("rpy: [180", "rpy_deg: [180"))
     assert op.load_robot(file).n == 1
+
+
+def test_configurations_of_a_robot_file_may_be_in_degrees(arm):
+    given = {"urdf": str(arm.with_name("arm.urdf")), "group": ["shoulder", "elbow"]}
+    robot = load_robot({**given, "configurations": {"a": [0.5, 0]}, "configurations_deg": {"b": [90, -45]}})
+    assert np.allclose(robot.configurations["b"], [np.pi / 2.0, -np.pi / 4.0])
+    with pytest.raises(op.InputError, match="in `configurations` too"):
+        load_robot({**given, "configurations": {"a": [0.5, 0]}, "configurations_deg": {"a": [90, -45]}})

@@ -48,7 +48,12 @@ def robots(context: typer.Context, as_json: AsJson = False) -> int:
         return 0
     table = plain_table(("name", "groups", "tool frame", "configurations"))
     for name, spec in specs.items():
-        table.add_row(name, ", ".join(spec.groups), spec.tool_frame or "last link", ", ".join(spec.configurations))
+        table.add_row(
+            name,
+            ", ".join(spec.groups),
+            spec.tool_frame or "last link",
+            ", ".join((*spec.configurations, *spec.configurations_deg)),
+        )
     results().print(table)
     return 0
 

@@ -2,7 +2,7 @@
 // The steps of a task: a strip below the slider, the step of the moment in words, and a list to jump by.
 const OptiPlanSteps = (() => {
   const { make } = OptiPlanCurves, byId = (id) => document.getElementById(id);
-  const EVENTS = ["attach", "detach"];
+  const EVENTS = ["attach", "detach", "tool"];
 
   const named = (one) => `${one.step} · ${one.name}`;
 

@@ -19,21 +19,33 @@ SCENE = [
 PLACE = op.Region((0.5, 0, 0.052), along={"x": 0.1, "y": 0.1}, about={"z": "free"}, frame="cube")
 
 
+def finger(name, y):
+    return op.Box(name, size=(0.02, 0.01, 0.06), position=(0, y, 0.12))
+
+
+PALM = op.Box("palm", size=(0.06, 0.12, 0.08), position=(0, 0, 0.045))
+HAND = op.Tool(
+    "hand",
+    "tool0",
+    tcp=op.Pose((0, 0, 0.14)),
+    shapes=[PALM, finger("left", 0.045), finger("right", -0.045)],
+    touch=("wrist_3_link", "ee_link"),
+)
+
+
 def grasped(grasps):
-    return (
-        op.Task().gripper("hand", [0.04]).approach(grasps, 0.08).attach("cube", "panda_hand", touch=FINGERS, mass=0.1)
-    )
+    return op.Task().approach(grasps, 0.08).attach("cube", "tool0", mass=0.1)
 
 
 @pytest.fixture(scope="module")
 def problem():
     task = grasped(op.Grasps("cube", opening=0.078)).retreat(0.08, along=(0, 0, 1), within="world")
     task = task.approach(PLACE, 0.05, along=(0, 0, -1)).detach("cube")
-    return op.Problem("panda", "ready", task=task, scene=SCENE)
+    return op.Problem("ur5", "ready", task=task, scene=SCENE, tool=HAND)
 
 
 def test_grasps_are_poses_of_the_gripper_in_the_world(problem):
-    ends = problem.task[2].action.ends
+    ends = problem.task[1].action.ends
     X_WO = problem.scene.obstacles[1].X_WO
     assert len(ends) > 12
     for end in ends:
@@ -90,4 +102,4 @@ def test_an_object_in_hand_is_a_frame(problem):
 )
 def test_what_does_not_fit_is_told(task, words):
     with pytest.raises(InputError, match=words.replace("(", r"\(")):
-        op.Problem("panda", "ready", task=task, scene=SCENE)
+        op.Problem("ur5", "ready", task=task, scene=SCENE, tool=HAND)
