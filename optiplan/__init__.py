@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from optiplan.api.planning import plan, retime, verify
     from optiplan.api.plotting import plot
     from optiplan.api.replanning import Replanner
+    from optiplan.api.scenes import import_scene
     from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
     from optiplan.api.workspaces import workspace
@@ -108,6 +109,7 @@ _ROOMS = {
     "api.planning": ("plan", "retime", "verify"),
     "planners.tours.placing": ("PlaceRange",),
     "api.replanning": ("Replanner",),
+    "api.scenes": ("import_scene",),
     "api.simulating": ("execute", "simulate"),
     "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
@@ -283,6 +285,7 @@ __all__ = [
     "driver",
     "execute",
     "ik",
+    "import_scene",
     "init_robot",
     "load_problem",
     "load_robot",
