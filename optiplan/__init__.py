@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from optiplan.api.casadi_problems import casadi_problem
     from optiplan.api.checking import check
     from optiplan.api.driving import driver
+    from optiplan.api.imports.scenes import import_scene
     from optiplan.api.init_robot import init_robot
     from optiplan.api.kinematics import ik
     from optiplan.api.listings import planners, robots
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from optiplan.api.planning import plan, retime, verify
     from optiplan.api.plotting import plot
     from optiplan.api.replanning import Replanner
-    from optiplan.api.scenes import import_scene
     from optiplan.api.simulating import execute, simulate
     from optiplan.api.viewing import View, view
     from optiplan.api.workspaces import workspace
@@ -109,7 +109,7 @@ _ROOMS = {
     "api.planning": ("plan", "retime", "verify"),
     "planners.tours.placing": ("PlaceRange",),
     "api.replanning": ("Replanner",),
-    "api.scenes": ("import_scene",),
+    "api.imports.scenes": ("import_scene",),
     "api.simulating": ("execute", "simulate"),
     "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),

@@ -71,7 +71,7 @@ def scene(
 
       optiplan import scene shelf.scene shelf.yaml --robot my/robot.yaml
     """
-    from optiplan.api.scenes import write_scene
+    from optiplan.api.imports.scenes import write_scene
     from optiplan.importers.scenes.read import read_scene
 
     with stdout_is_ours():

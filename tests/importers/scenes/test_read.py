@@ -112,8 +112,12 @@ def test_meshes_and_included_models_come_along(tmp_path):
     (tmp_path / "w.sdf").write_text(f'<sdf version="1.6"><world name="w">{places}</world></sdf>')
     problem = op.import_scene(tmp_path / "w.sdf", tmp_path / "made" / "w.yaml", "planar2r")
     assert [obstacle.name for obstacle in problem.scene.obstacles] == ["a::l", "b::l"]
-    assert [obstacle.pose.translation.tolist() for obstacle in problem.scene.obstacles] == [[0, 0, 3], [0, 0.5, 3]]
-    np.testing.assert_allclose(np.ptp(problem.scene.obstacles[0].geometry.points(), axis=0), 0.2, atol=1e-9)
+    stated = [body["pose"]["position"] for body in problem.source["scene"]["obstacles"]]
+    assert stated == [[0, 0, 3], [0, 0.5, 3]]
+    vertices = [
+        line.split()[1:] for line in (tmp_path / "made" / "a__l.obj").read_text().splitlines() if line[0] == "v"
+    ]
+    np.testing.assert_allclose(np.ptp(np.array(vertices, float), axis=0), 0.2, atol=1e-9)
 
 
 @pytest.mark.parametrize(
