@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from optiplan.api.checking import check
     from optiplan.api.designing import design
     from optiplan.api.driving import driver
+    from optiplan.api.imports.scenes import import_scene
     from optiplan.api.init_robot import init_robot
     from optiplan.api.kinematics import ik
     from optiplan.api.listings import planners, robots
@@ -115,6 +116,7 @@ _ROOMS = {
     "api.planning": ("plan", "retime", "verify"),
     "planners.tours.placing": ("PlaceRange",),
     "api.replanning": ("Replanner",),
+    "api.imports.scenes": ("import_scene",),
     "api.simulating": ("execute", "simulate"),
     "api.plotting": ("plot",),
     "api.viewing": ("View", "view"),
@@ -304,6 +306,7 @@ __all__ = [
     "driver",
     "execute",
     "ik",
+    "import_scene",
     "init_robot",
     "load_problem",
     "load_robot",

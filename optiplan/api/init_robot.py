@@ -4,7 +4,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from optiplan.api.robot_files import YAML_NAME, Choices, RobotSource, at_rest, laid_out, refuse_files, write_robot
+from optiplan.api.imports.robot_files import (
+    YAML_NAME,
+    Choices,
+    RobotSource,
+    at_rest,
+    laid_out,
+    refuse_files,
+    write_robot,
+)
 from optiplan.arrays import is_finite
 from optiplan.errors import (
     OptiPlanError,

@@ -51,3 +51,38 @@ def mbm(
         messages().print(f"note ({count} problems): {note}", style="yellow", markup=False, soft_wrap=True)
     say(f"{len(done.written)} problems written to {out}")
     return 0
+
+
+@app.command("scene")
+def scene(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="a .scene of MoveIt, an SDF file, or MuJoCo's MJCF")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="the problem file to write; meshes go beside it")],
+    robot: Annotated[str, typer.Option("--robot", metavar="NAME_OR_FILE", help="the robot, at the scene's origin")],
+    force: Annotated[bool, typer.Option("--force", help="replace files that are there")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Turn a scene of another program into a problem file, whose start and goal are to be edited.
+
+    The head of the file says what was left out.
+
+    [bold]Examples[/]
+
+      optiplan import scene cell.sdf cell.yaml --robot panda
+
+      optiplan import scene shelf.scene shelf.yaml --robot my/robot.yaml
+    """
+    from optiplan.api.imports.scenes import write_scene
+    from optiplan.importers.scenes.read import read_scene
+
+    with stdout_is_ours():
+        read = read_scene(source)
+        write_scene(read, out, robot, force)
+    if as_json:
+        print_json(
+            {"written": str(out), "obstacles": len(read.obstacles), "meshes": len(read.files), "notes": read.notes}
+        )
+        return 0
+    for note in read.notes:
+        messages().print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
+    say(f"{len(read.obstacles)} obstacles written to {out}")
+    return 0

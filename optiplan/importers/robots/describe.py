@@ -29,7 +29,7 @@ def describe(path: Path) -> Description:
         raise InputError([Issue(str(path), None, "robots init", "a USD file", KNOWN)])
     if path.suffix == ".xacro" or (is_file(path) and b"<xacro:" in read_bytes(path)):
         return _expanded(path)
-    if _root_tag(path) == "mujoco":
+    if root_tag(path) == "mujoco":
         from optiplan.importers.robots.mjcf.to_urdf import describe_mjcf
 
         return describe_mjcf(path)
@@ -47,7 +47,7 @@ def _expanded(path: Path) -> Description:
     return Description(path, name, text=text, notes=(f"expanded by xacro, with the default arguments of {path.name}",))
 
 
-def _root_tag(path: Path) -> str:
+def root_tag(path: Path) -> str:
     """The tag of the root of an XML file; empty where it is none."""
     if not is_file(path):
         return ""

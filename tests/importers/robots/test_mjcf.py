@@ -8,7 +8,7 @@ import pytest
 
 import optiplan as op
 from optiplan.importers.robots.describe import describe
-from optiplan.importers.robots.mjcf.geoms import _around_ellipsoid
+from optiplan.importers.robots.mjcf.geoms import ellipsoid_hull
 from optiplan.robot.urdf.reader import build_model, read_urdf
 
 mujoco = pytest.importorskip("mujoco")
@@ -137,7 +137,7 @@ def test_the_hull_of_a_mesh_is_where_mujoco_has_it(robot):
 
 
 def test_a_polyhedron_holds_the_ellipsoid():
-    vertices, triangles = _around_ellipsoid(1.0, 2.0, 3.0)
+    vertices, triangles = ellipsoid_hull(1.0, 2.0, 3.0)
     a, b, c = (vertices[triangles[:, k]] / [1.0, 2.0, 3.0] for k in range(3))
     normals = np.cross(b - a, c - a)
     distances = np.einsum("ij,ij->i", normals, a) / np.linalg.norm(normals, axis=1)

@@ -58,7 +58,7 @@ def init(
 
       optiplan robots init my_arm.urdf --group j1,j2,j3 --tool tool0 --lock finger=0.02 --limit acceleration=5
     """
-    from optiplan.api import robot_files
+    from optiplan.api.imports import robot_files
     from optiplan.api.init_robot import TOUCHING, home_of, prepare
     from optiplan.cli.commands.robots import wizard
     from optiplan.cli.commands.robots.mesh_covers import make_covers

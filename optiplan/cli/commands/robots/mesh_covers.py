@@ -7,7 +7,7 @@ from pathlib import Path
 import coal
 
 from optiplan import cache
-from optiplan.api.robot_files import RobotSource
+from optiplan.api.imports.robot_files import RobotSource
 from optiplan.arrays import Array
 from optiplan.cores import cores
 from optiplan.errors import InputError

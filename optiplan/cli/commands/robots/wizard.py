@@ -8,8 +8,8 @@ from pathlib import Path
 
 import typer
 
+from optiplan.api.imports.robot_files import SRDF_NAME, YAML_NAME, Choices
 from optiplan.api.init_robot import TOUCHING, checked_limit
-from optiplan.api.robot_files import SRDF_NAME, YAML_NAME, Choices
 from optiplan.cli.output import print_error, print_json, results, say
 from optiplan.cli.printing.robot_table import describe, show_robot
 from optiplan.errors import OptiPlanError, UnknownChoiceError

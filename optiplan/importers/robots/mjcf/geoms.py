@@ -97,19 +97,13 @@ class GeomWriter:
             tag = "cylinder" if kind == kinds.mjGEOM_CYLINDER else "capsule"
             return ET.Element(tag, radius=repr(a), length=repr(2 * b))
         if kind == kinds.mjGEOM_ELLIPSOID:
-            return self._mesh_file(-1 - geom, f"ellipsoid_{geom}", *_around_ellipsoid(a, b, c))
+            return self._mesh_file(-1 - geom, f"ellipsoid_{geom}", *ellipsoid_hull(a, b, c))
         mesh = int(self.model.geom_dataid[geom])
         if kind in (kinds.mjGEOM_MESH, kinds.mjGEOM_SDF) and mesh >= 0:
-            return self._mesh_file(mesh, self.model.mesh(mesh).name or f"mesh_{mesh}", *self._triangles(mesh))
+            return self._mesh_file(mesh, self.model.mesh(mesh).name or f"mesh_{mesh}", *mesh_of(self.model, mesh))
         words = "plane" if kind == kinds.mjGEOM_PLANE else "height field"
         self.notes.append(f"left out: the {words} of {link}, which a robot cannot have; put it into the scene")
         return None
-
-    def _triangles(self, mesh: int) -> tuple[Array, Triangles]:
-        model = self.model
-        first, face = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
-        vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])]
-        return np.array(vertices, float), np.array(model.mesh_face[face : face + int(model.mesh_facenum[mesh])])
 
     def _mesh_file(self, key: int, name: str, vertices: Array, triangles: Triangles) -> ET.Element:
         if key not in self._written:
@@ -121,6 +115,13 @@ class GeomWriter:
         return ET.Element("mesh", filename=self._written[key])
 
 
+def mesh_of(model: Any, mesh: int) -> tuple[Array, Triangles]:
+    """Vertices (k, 3), m, in the frame of the geoms that have it, and triangles (m, 3) of a compiled mesh."""
+    first, face = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
+    vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])]
+    return np.array(vertices, float), np.array(model.mesh_face[face : face + int(model.mesh_facenum[mesh])])
+
+
 def stl_bytes(vertices: Array, triangles: Triangles) -> bytes:
     """A binary STL of vertices (k, 3), m, and triangles (m, 3)."""
     record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -129,7 +130,7 @@ def stl_bytes(vertices: Array, triangles: Triangles) -> bytes:
     return bytes(80) + len(triangles).to_bytes(4, "little") + rows.tobytes()
 
 
-def _around_ellipsoid(a: float, b: float, c: float) -> tuple[Array, Triangles]:
+def ellipsoid_hull(a: float, b: float, c: float) -> tuple[Array, Triangles]:
     """A polyhedron around the ellipsoid with half-axes a, b, c: an octahedron split three times, blown up.
 
     The unit ball touches it from inside: the vertices are on the sphere of radius 1 / r, with r the least distance of a

@@ -1,0 +1,47 @@
+"""What an importer makes of another program's scene: obstacles, mesh files beside the problem file, remarks."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.geometry.meshes.triangles import Triangles
+from optiplan.geometry.poses import pose_to_data
+
+
+@dataclass
+class ImportedScene:
+    """Obstacles as data of a problem file, meshes by file name, and what was assumed or left out."""
+
+    source: Path
+    obstacles: list[dict[str, Any]] = field(default_factory=list)
+    files: dict[str, bytes] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, name: str, shape: dict[str, Any], X_WO: pin.SE3) -> None:
+        """Add an obstacle; a name that is taken gets a number."""
+        taken = {body["name"] for body in self.obstacles}
+        numbered = (name if k == 0 else f"{name}_{k + 1}" for k in range(len(taken) + 1))
+        free = next(one for one in numbered if one not in taken)
+        pose = {} if shape.keys() == {"half_space"} else {"pose": pose_to_data(X_WO)}
+        self.obstacles.append({"name": free, "shape": shape, **pose})
+
+    def add_half_space(self, name: str, X_WP: pin.SE3, normal: Iterable[float] = (0.0, 0.0, 1.0)) -> None:
+        """Add what lies below a plane through the origin of P."""
+        n = X_WP.rotation @ (np.array(list(normal), float) / np.linalg.norm(list(normal)))
+        offset = float(n @ X_WP.translation)
+        self.add(name, {"half_space": {"normal": [float(x) for x in n], "offset": offset}}, pin.SE3.Identity())
+
+    def mesh(self, name: str, vertices: Array, triangles: Triangles) -> dict[str, Any]:
+        """Keep a mesh as an OBJ file beside the problem file, and return the shape."""
+        plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+        numbered = (f"{plain}{k or ''}.obj" for k in range(len(self.files) + 1))
+        file = next(one for one in numbered if one not in self.files)
+        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices, float).tolist()]
+        lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in np.asarray(triangles, int).tolist()]
+        self.files[file] = ("\n".join(lines) + "\n").encode()
+        return {"mesh": {"file": file}}

@@ -1,0 +1,145 @@
+"""Scenes of MoveIt, Gazebo and MuJoCo: the same cell three times gives the same obstacles; bad files are named."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.geometry.poses import pose_from_data
+from optiplan.importers.scenes.read import read_scene
+
+MOVEIT = """(noname)+
+* table
+0.5 0 0.2
+0 0 0.3826834323650898 0.9238795325112867
+2
+box
+0.4 0.6 0.02
+0 0 0.1
+0 0 0 1
+0 0 0 1
+cylinder
+0.03 0.3
+0.1 0 -0.05
+0 0 0 1
+1 1 1 1
+0
+* floor
+0 0 -0.5
+0 0 0 1
+1
+plane
+0 0 1 0
+0 0 0
+0 0 0 1
+0 0 0 0
+1
+corner
+1 1 0
+0 0 0 1
+.
+"""
+SDF = """<sdf version="1.9"><world name="cell">
+  <model name="table"><pose>0.5 0 0.2 0 0 0.7853981633974483</pose><static>true</static>
+    <frame name="top"><pose>0 0 0.1 0 0 0</pose></frame>
+    <link name="board"><pose relative_to="top"/>
+      <collision name="c"><geometry><box><size>0.4 0.6 0.02</size></box></geometry></collision>
+      <visual name="v"><geometry><sphere><radius>9</radius></sphere></geometry></visual></link>
+    <link name="leg"><pose degrees="true">0.1 0 0 0 0 0</pose>
+      <collision name="c"><pose>0 0 -0.05 0 0 0</pose>
+        <geometry><cylinder><radius>0.03</radius><length>0.3</length></cylinder></geometry></collision></link>
+    <joint name="hinge" type="revolute"><parent>board</parent><child>leg</child></joint>
+  </model>
+  <model name="floor"><pose>0 0 -0.5 0 0 0</pose>
+    <link name="l"><collision name="c"><geometry><plane><normal>0 0 1</normal></plane></geometry></collision></link>
+  </model>
+  <actor name="person"/>
+</world></sdf>
+"""
+MJCF = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1" pos="0 0 -0.5"/>
+  <body name="table" pos="0.5 0 0.2" euler="0 0 45"><freejoint/>
+    <geom type="box" size="0.2 0.3 0.01" pos="0 0 0.1"/>
+    <geom type="cylinder" size="0.03 0.15" pos="0.1 0 -0.05"/>
+    <geom type="sphere" size="9" contype="0" conaffinity="0"/></body>
+  <body name="robot"><joint axis="0 0 1"/><geom size="0.1"/></body></worldbody></mujoco>
+"""
+FILES = {"cell.scene": MOVEIT, "cell.sdf": SDF, "cell.xml": MJCF}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_same_cell_gives_the_same_obstacles(tmp_path, name):
+    if name.endswith("xml"):
+        pytest.importorskip("mujoco")
+    (tmp_path / name).write_text(FILES[name])
+    bodies = {next(iter(body["shape"])): body for body in read_scene(tmp_path / name).obstacles}
+    assert bodies.keys() == {"box", "cylinder", "half_space"}
+    assert bodies["box"]["shape"]["box"] == pytest.approx([0.4, 0.6, 0.02])
+    assert bodies["cylinder"]["shape"]["cylinder"] == pytest.approx({"radius": 0.03, "length": 0.3})
+    assert bodies["half_space"]["shape"]["half_space"]["offset"] == pytest.approx(-0.5)
+    assert bodies["half_space"]["shape"]["half_space"]["normal"] == pytest.approx([0, 0, 1])
+    board, leg = (pose_from_data(bodies[kind]["pose"]) for kind in ("box", "cylinder"))
+    turn = [[np.sqrt(0.5), -np.sqrt(0.5), 0], [np.sqrt(0.5), np.sqrt(0.5), 0], [0, 0, 1]]
+    np.testing.assert_allclose(board.rotation, turn, atol=1e-9)
+    np.testing.assert_allclose(board.translation, [0.5, 0, 0.3], atol=1e-9)
+    np.testing.assert_allclose(leg.translation, [0.5 + 0.1 * np.sqrt(0.5), 0.1 * np.sqrt(0.5), 0.15], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("cell.scene", ["1 subframes of floor", "plane floor became a half-space"]),
+        ("cell.sdf", ["table has 1 joints that move", "left out: 1 <actor>"]),
+        ("cell.xml", ["left out: robot, which have joints", "the loose bodies table"]),
+    ],
+)
+def test_what_is_left_out_is_said(tmp_path, name, words):
+    if name.endswith("xml"):
+        pytest.importorskip("mujoco")
+    (tmp_path / name).write_text(FILES[name])
+    notes = " | ".join(read_scene(tmp_path / name).notes)
+    assert all(word in notes for word in words), notes
+
+
+def test_meshes_and_included_models_come_along(tmp_path):
+    (tmp_path / "models" / "post").mkdir(parents=True)
+    (tmp_path / "models" / "post" / "model.sdf").write_text(
+        '<sdf version="1.6"><model name="post"><pose>0 0 3 0 0 0</pose><link name="l"><collision name="c"><geometry>'
+        "<mesh><uri>model://post/post.obj</uri><scale>2 2 2</scale></mesh></geometry></collision></link></model></sdf>"
+    )
+    tetrahedron = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+    (tmp_path / "models" / "post" / "post.obj").write_text(tetrahedron)
+    include = "<include><uri>model://post</uri><name>{}</name>{}</include>"
+    places = include.format("a", "") + include.format("b", "<pose>0 0.5 3 0 0 0</pose>")
+    (tmp_path / "w.sdf").write_text(f'<sdf version="1.6"><world name="w">{places}</world></sdf>')
+    problem = op.import_scene(tmp_path / "w.sdf", tmp_path / "made" / "w.yaml", "planar2r")
+    assert [obstacle.name for obstacle in problem.scene.obstacles] == ["a::l", "b::l"]
+    stated = [body["pose"]["position"] for body in problem.source["scene"]["obstacles"]]
+    assert stated == [[0, 0, 3], [0, 0.5, 3]]
+    vertices = [
+        line.split()[1:] for line in (tmp_path / "made" / "a__l.obj").read_text().splitlines() if line[0] == "v"
+    ]
+    np.testing.assert_allclose(np.ptp(np.array(vertices, float), axis=0), 0.2, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "words"),
+    [
+        (
+            "cell.scene",
+            "0.4 0.6 0.02",
+            "0.4 0.6",
+            ":7: scene: '0.4 0.6'; expected the sizes of a box: 3 numbers",
+        ),
+        ("cell.scene", "cylinder", "prism", ":11: scene: the shape 'prism'; expected one of: box"),
+        ("cell.scene", "\n.\n", "\n", "the end of the file"),
+        ("cell.sdf", "0.4 0.6 0.02", "0.4 0.6 0", "table::c: <size> '0.4 0.6 0' of a <box>; expected 3 numbers > 0"),
+        ("cell.sdf", 'relative_to="top"', 'relative_to="side"', "the frame 'side'; expected one of: board"),
+        ("cell.sdf", "<pose>0 0 0.1 0 0 0</pose>", '<pose relative_to="top"/>', "which depends on itself"),
+        ("cell.sdf", "</sdf>", "", "cell.sdf:"),
+        ("cell.sdf", "sdf", "urdf", "XML of <urdf>; expected a .scene of MoveIt"),
+    ],
+)
+def test_bad_files_are_named(tmp_path, name, old, new, words):
+    (tmp_path / name).write_text(FILES[name].replace(old, new))
+    with pytest.raises(op.InputError) as caught:
+        read_scene(tmp_path / name)
+    assert words in str(caught.value)
