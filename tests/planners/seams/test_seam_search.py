@@ -93,7 +93,7 @@ def test_a_speed_beyond_the_arm_names_the_step_and_a_joint():
 
 
 def test_a_path_through_an_obstacle_names_it():
-    box = op.Box("box", (0.3, 0.06, 0.3), (0.5, 0.05, 0.3))
+    box = op.Box("box", (0.1, 0.05, 0.3), (0.5, -0.1, 0.2))
     task = op.Path(LINE, 0.1, curve="spline", axis=DOWN)
     run = op.plan(op.Problem("ur5", "ready", task=task, scene=op.Scene([box])), budget=30)
     assert run.trajectory is None
