@@ -91,7 +91,8 @@ def via(data):
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_every_example_stated_in_python_is_the_same_problem(path, tmp_path):
+def test_every_example_stated_in_python_is_the_same_problem(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(path.parent)  # lists of targets are files beside it
     read, said = op.load_problem(path), stated(path)
     assert said.hash == read.hash != ""
     assert said.source == read.source
