@@ -109,6 +109,13 @@ class Patch:
         inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-12)
         return points, inward, hit
 
+    def inside(self, places: Array, margin: float) -> Flags:
+        """Return which places (N, 2) are on the patch, and so far from its edge, m, in eight directions."""
+        found = self.onto(places)[2]
+        for angle in np.arange(8) * (0.25 * np.pi) if margin else ():
+            found &= self.onto(places + margin * np.array([np.cos(angle), np.sin(angle)]))[2]
+        return found
+
     def extent(self, axis: int) -> tuple[float, float]:
         """Return from where to where the patch is along an axis of the plane, m."""
         values = self.corners[:, :, axis]
@@ -140,7 +147,7 @@ def cover(spec: CoverSpec, base: Path) -> tuple[Array, Array]:
 def _raster(patch: Patch, spec: CoverSpec) -> Array:
     """Return places (N, 2) of lines to and fro, each joined to the next by a turn."""
     (low, high), (near, far) = patch.extent(0), patch.extent(1)
-    inset = spec.margin + 0.25 * spec.spacing
+    inset = spec.margin + 0.25 * spec.spacing  # the edges of a mesh are not straight
     count = int(np.ceil((far - near - 2.0 * inset) / spec.spacing)) + 1
     if not 1 <= count <= _MOST_LINES:
         raise ValueError(f"{max(count, 0)} lines of {spec.spacing:g} m spacing; between 1 and {_MOST_LINES} can be")
@@ -148,15 +155,14 @@ def _raster(patch: Patch, spec: CoverSpec) -> Array:
     fine = np.linspace(low, high, min(20_000, int(np.ceil((high - low) / (_FINE * spec.spacing))) + 2))
     found: list[Array] = []
     for v in lines:
-        hit = patch.onto(np.column_stack([fine, np.full(len(fine), v)]))[2]
-        pieces = int((np.diff(np.concatenate([[0], hit.astype(int)])) == 1).sum())
-        if pieces > 1:
-            raise ValueError(f"a line that leaves the patch and enters it again, in {pieces} pieces")
-        inner = fine[hit]
-        ends = spec.margin + 0.5 * spec.spacing
-        if not len(inner) or inner[-1] - inner[0] <= 2.0 * ends:
+        inner = fine[patch.inside(np.column_stack([fine, np.full(len(fine), v)]), spec.margin)]
+        pieces = np.split(inner, np.flatnonzero(np.diff(inner) > spec.spacing) + 1)
+        long = [piece for piece in pieces if len(piece) and piece[-1] - piece[0] > 1.01 * spec.spacing]
+        if len(long) > 1:
+            raise ValueError(f"a line that leaves the patch and enters it again, in {len(long)} pieces")
+        if not long:
             continue
-        a, b = inner[0] + ends, inner[-1] - ends
+        a, b = long[0][0] + 0.5 * spec.spacing, long[0][-1] - 0.5 * spec.spacing
         u = np.linspace(a, b, max(2, int(np.ceil((b - a) / (_STEP * spec.spacing)))) + 1)
         u = u[::-1] if len(found) % 2 else u
         found.append(np.column_stack([u, np.full(len(u), v)]))
@@ -190,8 +196,7 @@ def _spiral(patch: Patch, spec: CoverSpec) -> Array:
     theta = np.array(angle)
     round_ = np.stack([np.cos(theta), np.sin(theta)], axis=1)
     places = centre + rate * theta[:, None] * round_
-    edge = centre + (rate * theta[:, None] + spec.margin) * round_
-    hit = patch.onto(places)[2] & patch.onto(edge)[2]
+    hit = patch.inside(places, spec.margin)
     last = len(hit) if hit.all() else int(hit.argmin())
     if last < 8:
         raise ValueError("the middle of the patch is not on it, or no turn of the spiral fits")

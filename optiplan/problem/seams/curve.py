@@ -75,6 +75,13 @@ class SeamCurve:
         return _bound(_derived(self.position, 2), np.diff(self.breakpoints))
 
     @cached_property
+    def rates(self) -> Array:
+        """Bounds (K,) of |c'| on the pieces."""
+        h = np.diff(self.breakpoints)
+        middles = 0.5 * (self.breakpoints[1:] + self.breakpoints[:-1])
+        return np.asarray(np.linalg.norm(self.points(middles, 1), axis=1) + 0.5 * h * self.bends)
+
+    @cached_property
     def kink(self) -> float:
         """Largest step of c' between pieces that is not at a corner; of a unit vector."""
         before = self._ends(_derived(self.position, 1))

@@ -164,7 +164,7 @@ class SeamProof:
         chord += 0.5 * way * self.curve.kink + bounds.step
         for corner in self.curve.corners:
             chord[(state.s[0] < corner) & (corner < state.s[2])] = np.inf
-        about = off[1] + bounds.travel + 0.5 * way * 1.001  # |c'| is 1 within 1e-4
+        about = off[1] + bounds.travel + 0.5 * way * self._most(self.curve.rates, state.s)
         which, columns = off.argmax(axis=0), np.arange(off.shape[1])
         return _Deviation(off[which, columns], state.time[which, columns], np.minimum(chord, about))
 

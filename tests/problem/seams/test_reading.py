@@ -1,0 +1,130 @@
+"""Paths: what is read from YAML, CSV and Python, and what is refused, with its line."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.errors import InputError
+from optiplan.problem.load import load_problem, problem_from_dict
+
+HEAD = "version: 1\nname: p\nrobot: ur5\nstart: {configuration: ready}\ntask:\n  - path:\n"
+POINTS = "      points:\n        - {position: [0.4, -0.1, 0.3]}\n        - {position: [0.4, 0.1, 0.3]}\n"
+POSITIONS = [[0.4, -0.1, 0.3], [0.4, 0.1, 0.3]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def robot():
+    return op.load_robot("ur5")
+
+
+def read(tmp_path, body):
+    (tmp_path / "p.yaml").write_text(HEAD + body)
+    return load_problem(tmp_path / "p.yaml")
+
+
+def path(points=POSITIONS, **keys):
+    return op.Problem("ur5", "ready", task=op.Path(points, 0.1, axis=[0, 0, -1], **keys), name="p")
+
+
+def test_file_csv_and_python_are_one_problem(tmp_path):
+    said = read(tmp_path, POINTS + "      axis: [0, 0, -1]\n      speed: 0.1\n      at: {path: 0.12, do: glue_on}\n")
+    (tmp_path / "p.csv").write_text("x,y,z\n0.4,-0.1,0.3\n0.4,0.1,0.3\n")
+    rest = "      axis: [0, 0, -1]\n      speed: 0.1\n      at: [{path: 0.12, do: glue_on}]\n"
+    assert read(tmp_path, "      points: p.csv\n" + rest).hash == said.hash
+    for points in (POSITIONS, np.array(POSITIONS), tmp_path / "p.csv", [op.Pose(p).to_data() for p in POSITIONS]):
+        assert path(points, at=[{"path": 0.12, "do": "glue_on"}]).hash == said.hash
+    assert problem_from_dict(said.source).hash == said.hash
+    action = said.task[0].action
+    assert (action.speed, action.within, action.cone, action.ramp) == (0.1, 0.01, 0.0, 0.0)
+    assert action.parts() == [(0.0, 0.12), (0.12, pytest.approx(0.2))]
+    assert action.count == 6
+
+
+def test_points_stand_in_frames():
+    tray = {"in": "world", "position": [0.4, 0.1, 0.2], "rpy_deg": [0, 0, 90]}
+    points = [
+        {"in": "tray", "position": [0, 0, 0]},
+        {"in": "tray", "position": [0.1, 0, 0], "through": [0.05, 0.05, 0], "axis": [0.6, 0, -0.8]},
+    ]
+    file = {
+        "version": 1,
+        "robot": "ur5",
+        "start": {"configuration": "ready"},
+        "frames": {"tray": tray},
+        "task": [{"path": {"points": points, "axis": [0, 0, -1], "speed": 0.1}}],
+    }
+    curve = problem_from_dict(file).task[0].action.curve
+    ends = curve.points(np.array([0.0, 0.5 * curve.length, curve.length]))
+    assert np.allclose(ends, [[0.4, 0.1, 0.2], [0.35, 0.15, 0.2], [0.4, 0.2, 0.2]], atol=1e-6)
+    assert np.allclose(curve.directions(np.array([0.0, curve.length])), [[0, 0, -1], [0, 0.6, -0.8]], atol=1e-6)
+    assert curve.heading is None
+
+
+def test_rotations_fix_the_turn_unless_it_is_free():
+    poses = [op.Pose(p, rpy=(np.pi, 0, 0)) for p in POSITIONS]
+    assert op.Problem("ur5", "ready", task=op.Path(poses, 0.1)).task[0].action.curve.heading is not None
+    free = op.Problem("ur5", "ready", task=op.Path(poses, 0.1, free_axis="z")).task[0].action.curve
+    assert free.heading is None
+    assert np.allclose(free.directions(np.array([0.1])), [[0, 0, -1]])
+
+
+CORNER = [[0.4, -0.1, 0.3], [0.5, 0.0, 0.3], [0.4, 0.1, 0.3]]
+
+
+def test_corners_are_rounded_or_need_a_ramp():
+    with pytest.raises(InputError, match=r"1 exact corners.*`blend: …`, m, which rounds them, or `ramp: …`"):
+        path(CORNER)
+    assert path(CORNER, ramp=0.01).task[0].action.slow_parts()[1] == pytest.approx((0.1314, 0.1514), abs=1e-4)
+    assert path(CORNER, blend=0.01).task[0].action.curve.corners == ()
+    with pytest.raises(InputError, match="lead or side with exact corners"):
+        path(CORNER, ramp=0.01, lead=0.1)
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        (POINTS + "      speed: 0.1\n", r"p.yaml:8: .*points\[0\].axis: nothing; expected an axis"),
+        (POINTS + "      axis: [0, 0, -1]\n", r"path.speed"),
+        (
+            POINTS + "      axis: [0, 0, -1]\n      speed: 0.1\n      at: {path: 3, do: on}\n",
+            r"p.yaml:12: .*beyond the end",
+        ),
+        (POINTS + "      axis: [0, 0, -1]\n      speed: 0.1\n      curve: spline\n      blend: 0.1\n", "no corners"),
+        (POINTS + "      axis: [0, 1, 0]\n      speed: 0.1\n      lead: 0.1\n", "an axis along the path"),
+        (POINTS + "      free_axis: x\n      speed: 0.1\n", "expected z"),
+        (POINTS + "      axis: [0, 0, -1]\n      speed: 0.1\n      speed_within: 1.0\n", "speed_within"),
+        (POINTS + "      axis: [0, 0, -1]\n      speed: 0.1\n      colour: red\n", "colour"),
+        ("      speed: 0.1\n", "none of them; expected exactly one of: points, cover"),
+        ("      points: none.csv\n      speed: 0.1\n", "no such file"),
+        ("      points:\n        - {position: [0, 0, 0]}\n      speed: 0.1\n", "points"),
+        ("      cover: {mesh: none.stl, spacing: 0.02}\n      speed: 0.1\n", "path.cover.*none.stl"),
+    ],
+)
+def test_bad_paths_are_refused_with_their_line(tmp_path, body, words):
+    with pytest.raises(InputError, match=words):
+        read(tmp_path, body)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x,y,z,speed\n0.4,0,0.3,1\n0.5,0,0.3,1\n", r"p.csv:1: column 4: 'speed'; expected one of x, y, z, nx"),
+        ("x,y\n0.4,0\n0.5,0\n", "no column z"),
+        ("x,y,z\n0.4,0,0.3\n0.5,zero,0.3\n", r"p.csv:3: x, y, z: '0.5', 'zero', '0.3'; expected numbers"),
+        ("x,y,z\n0.4,0,0.3\n0.4,0,0.3\n", r"p.csv:3: position: the place of point 1"),
+        ("x,y,z,nx,ny,nz\n0.4,0,0.3,0,0,-1\n0.5,0,0.3,0,0,1\n", r"p.csv:3: axis: .*nearly opposite"),
+        ("x,y,z\n0.4,0,0.3\n", "1 rows; expected 2 to"),
+    ],
+)
+def test_bad_files_are_refused_with_their_line(tmp_path, text, words):
+    (tmp_path / "p.csv").write_text(text)
+    with pytest.raises(InputError, match=words):
+        read(tmp_path, "      points: p.csv\n      axis: [0, 0, -1]\n      speed: 0.1\n")
+
+
+def test_arcs_need_a_point_before_them():
+    points = [{"position": [0.4, -0.1, 0.3], "through": [0.4, 0.0, 0.3]}, {"position": [0.4, 0.1, 0.3]}]
+    with pytest.raises(InputError, match="an arc to this point"):
+        path(points)
+    with pytest.raises(InputError, match="points of no curve"):
+        path([points[1], {"position": [0.4, -0.1, 0.3], "through": [0.4, 0.3, 0.3]}])
