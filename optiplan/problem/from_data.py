@@ -25,7 +25,7 @@ from optiplan.problem.schema.frames import in_world
 from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists, with_names
 from optiplan.problem.schema.loops import written_out
 from optiplan.problem.schema.problem import ProblemSpec
-from optiplan.problem.schema.side_by_side import in_words_of, with_one_robot
+from optiplan.problem.schema.side_by_side import in_words_of, with_groups_of_arms, with_one_robot
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
 from optiplan.problem.task.target_files import targets_data
@@ -73,6 +73,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     document, wrong = in_world(document)
     stated = document
     document, twice = with_one_robot(document)
+    document, _ = with_groups_of_arms(document)
     if wrong or twice:
         rest = _issues_of(document, base, robots)
         raise _error([*wrong, *twice, *in_words_of(stated, rest)])
@@ -96,7 +97,7 @@ def in_one_form(document: Document, base: Path, robots: RobotLoader = load_robot
     Raises:
         InputError: what is wrong with these; not with the rest.
     """
-    for step in (written_out, in_world, with_one_robot):
+    for step in (written_out, in_world, with_one_robot, with_groups_of_arms):
         document, wrong = step(document)
         if wrong:
             raise _error(wrong)
