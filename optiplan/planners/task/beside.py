@@ -28,7 +28,7 @@ from optiplan.trajectory.joining import beside_each_other, cut_trajectory, join_
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
-_DELAY = 0.05
+_DELAY = 0.1
 """s by which a part that is not free begins later."""
 
 
@@ -110,6 +110,7 @@ class _Timetable:
     def __post_init__(self) -> None:
         self.columns = joints_of_arms(self.problem.task, self.problem.robot.joint_names)
         self.done = {arm: [] for arm in self.columns}
+        self._whole: dict[str, Trajectory] = {}
         self._models: dict[tuple[object, ...], CollisionModel] = {}
         self._scenes: dict[tuple[int, ...], Scene] = {}
 
@@ -122,18 +123,16 @@ class _Timetable:
             if found is None:
                 return None
             timed += found
-        end = max(one.end for one in timed)
-        motion = self._motion(self.done, 0.0, end)
+        motion = self._motion(0.0, max(one.end for one in timed))
         return motion, tuple(segment for one in timed for segment in _segments(one))
 
     def _run(self, arm: str, parts: list[TaskPart]) -> list[_Timed] | None:
         """Give parts of one arm that follow each other their times; None when time is over, or none is free."""
         rest = max((other.end for own in self.done.values() for other in own), default=0.0)
         begin = self.done[arm][-1].end if self.done[arm] else 0.0
-        others = {name: own for name, own in self.done.items() if name != arm}
         known, tried = list(self.steps), set[tuple[int, int]]()
         own: list[_Timed] = []
-        times = [self._times(arm, parts, 0, begin, rest, others, known)]
+        times = [self._times(arm, parts, 0, begin, rest, known)]
         while times:
             if self.budget.over:
                 return None
@@ -150,11 +149,10 @@ class _Timetable:
             own.append(_Timed(start, parts[k]))
             if k + 1 < len(parts):
                 known = [*known, *_changes(own[-1])]
-                times.append(self._times(arm, parts, k + 1, own[-1].end, rest, others, known))
-            elif self._free(
-                arm, None, parts[k].steps[-1].after.q, (own[-1].end, rest), others, [*known, *_changes(own[-1])]
-            ):
+                times.append(self._times(arm, parts, k + 1, own[-1].end, rest, known))
+            elif self._free(arm, None, parts[k].steps[-1].after.q, (own[-1].end, rest), [*known, *_changes(own[-1])]):
                 self.done[arm] += own
+                self._whole.pop(arm, None)
                 self.steps += [change for one in own for change in _changes(one)]
                 self.ends |= {change.planned.step.number: change.end for one in own for change in _changes(one)}
                 return own
@@ -167,7 +165,6 @@ class _Timetable:
         k: int,
         since: float,
         rest: float,
-        others: dict[str, list[_Timed]],
         known: list[_Change],
     ) -> Iterator[float]:
         """Yield times at which part k may begin: until then the arm waits where it is, and all is free."""
@@ -176,10 +173,10 @@ class _Timetable:
         start = max([since, *(ends[number] for number in part.steps[0].step.waits)])
         waited = since
         while True:
-            if start > waited and not self._free(arm, None, part.steps[0].before.q, (waited, start), others, known):
+            if start > waited and not self._free(arm, None, part.steps[0].before.q, (waited, start), known):
                 return
             waited = start
-            if self._free(arm, part, part.steps[0].before.q, (start, start + part.ends[-1]), others, known):
+            if self._free(arm, part, part.steps[0].before.q, (start, start + part.ends[-1]), known):
                 yield start
             if start >= rest:
                 return
@@ -191,7 +188,6 @@ class _Timetable:
         part: TaskPart | None,
         q: Array,
         between: tuple[float, float],
-        others: dict[str, list[_Timed]],
         known: list[_Change],
     ) -> bool:
         """Whether an arm may do a part, or wait at q (n,), between two times, s, beside what others do."""
@@ -199,7 +195,7 @@ class _Timetable:
         if not end > begin:
             return True
         own = [] if part is None else [_Timed(begin, part)]
-        motion = self._motion({**others, arm: own}, begin, end, {arm: q})
+        motion = self._motion(begin, end, (arm, self._of_arm(self.columns[arm], q, own, begin, end)))
         changes = [*known, *(change for one in own for change in _changes(one))]
         times = sorted({begin, end, *(t for c in changes for t in (c.begin, c.end) if begin < t < end)})
         pieces: list[tuple[float, float, tuple[object, ...], CollisionModel]] = []
@@ -235,18 +231,19 @@ class _Timetable:
             self._models[key] = planning_model(self.problem.robot, own, error=self.problem.tracking_error)
         return key, self._models[key]
 
-    def _motion(
-        self, timed: dict[str, list[_Timed]], begin: float, end: float, at: dict[str, Array] | None = None
-    ) -> Trajectory:
-        """Return the motion of all joints between two times, s, of arms that wait where they have nothing to do."""
+    def _motion(self, begin: float, end: float, other: tuple[str, Trajectory] | None = None) -> Trajectory:
+        """Return the motion of all joints between two times, s; that of one arm may be another than it has so far."""
         names, start = self.problem.robot.joint_names, self.problem.start
         moved = [column for own in self.columns.values() for column in own]
         still = [k for k in range(len(names)) if k not in moved]
         motions = [(still, self._standing(still, start, end - begin))] if still else []
-        for arm, own in timed.items():
-            columns = self.columns[arm]
-            q = start if at is None or arm not in at else at[arm]
-            motions.append((columns, self._of_arm(columns, q, own, begin, end)))
+        for arm, columns in self.columns.items():
+            if other is not None and arm == other[0]:
+                motions.append((columns, other[1]))
+                continue
+            if arm not in self._whole:
+                self._whole[arm] = self._of_arm(columns, start, self.done[arm], 0.0, self.horizon)
+            motions.append((columns, _until(cut_trajectory(self._whole[arm], begin, end), end - begin)))
         return beside_each_other(motions, names)
 
     def _standing(self, columns: Sequence[int], q: Array, seconds: float) -> Trajectory:
@@ -274,10 +271,7 @@ class _Timetable:
             q = one.part.steps[-1].after.q
         if end > now:
             pieces.append(self._standing(columns, q, end - now))
-        motion = join_trajectories(pieces)
-        breakpoints = motion.breakpoints.copy()
-        breakpoints[-1] = end - begin  # all arms end together, not a rounding apart
-        return replace(motion, breakpoints=breakpoints)
+        return _until(join_trajectories(pieces), end - begin)
 
     def _part(self, columns: Sequence[int], part: TaskPart) -> Trajectory:
         """Return the motion of an arm's joints in a part."""
@@ -290,6 +284,13 @@ class _Timetable:
         places = {column: k for k, column in enumerate(columns)}
         coefficients[:, :, [places[column] for column in part.steps[0].stage.columns]] = part.motion.coefficients
         return Trajectory(still.joint_names, part.motion.breakpoints, coefficients)
+
+
+def _until(motion: Trajectory, end: float) -> Trajectory:
+    """Return a motion that ends at a time, s, which is a rounding off: all arms end together."""
+    breakpoints = motion.breakpoints.copy()
+    breakpoints[-1] = end
+    return replace(motion, breakpoints=breakpoints)
 
 
 def _changes(one: _Timed) -> list[_Change]:

@@ -66,11 +66,13 @@ def _stated(compiler: Compiler) -> Iterator[tuple[int, list[int]]]:
 
 def _check(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> None:
     """Report steps without an arm, joints and objects of two arms, and what is not proved beside other arms."""
+    for spec in compiler.task:
+        if spec.value.arm is None or spec.value.arm not in robot.groups:
+            name = spec.value.arm
+            found = "a step without `arm` in a task of several" if name is None else f"unknown arm '{name}'"
+            compiler.report((*spec.place, "arm"), found, choices(str(name), list(robot.groups)))
     for part in steps:
-        arm, place = part.value.arm, part.place
-        if not arm or arm not in robot.groups:
-            found = f"unknown arm '{arm}'" if arm else "a step without `arm` in a task of several"
-            compiler.report((*place, "arm"), found, choices(arm, list(robot.groups)))
+        place = part.place
         if isinstance(part.value.action, TargetTour):
             compiler.report((*place, "tour"), "a tour beside other arms", "moves")
         if any(isinstance(one, PairClearance) for one in part.value.constraints):

@@ -249,7 +249,7 @@ def test_fields_of_what_a_problem_states_are_known():
         Attach: {"body", "link", "touch", "mass", "centre", "inertia"},
         Detach: {"body"},
         Dwell: {"seconds"},
-        TaskStep: {"number", "kind", "name", "action", "allowed", "constraints"},
+        TaskStep: {"number", "kind", "name", "action", "allowed", "constraints", "arm", "waits"},
         Obstacle: {"name", "shape", "X_WO", "stated", "motion"},
         Attachment: {"name", "shape", "link", "X_LO", "touch", "stated", "mass", "centre", "inertia"},
         Limits: {"lower", "upper", "velocity", "acceleration", "jerk", "torque"},
