@@ -177,7 +177,9 @@ class TaskStepSpec(Strict):
     tour: TourSpec | None = None
     name: Name | None = None
     arm: Name | None = None
-    wait_for: Annotated[tuple[Name, ...], BeforeValidator(_listed, json_schema_input_type=str | list[str])] = ()
+    wait_for: Annotated[tuple[Name, ...] | None, BeforeValidator(_listed, json_schema_input_type=str | list[str])] = (
+        None
+    )
     allowed_collisions: tuple[NamePair, ...] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()
 

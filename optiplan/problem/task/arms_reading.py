@@ -51,10 +51,11 @@ def _stated(compiler: Compiler) -> Iterator[tuple[int, list[int]]]:
     earlier: dict[str, tuple[int, str]] = {}
     for part in compiler.task:
         number, waits = int(part.place[-1]) + 1, []
-        for k, name in enumerate(part.value.wait_for):
+        named = part.value.wait_for or ()
+        for k, name in enumerate(named):
             known = [one for one, (_, arm) in earlier.items() if arm != part.value.arm]
             if name not in known:
-                place = (*part.place, "wait_for") if len(part.value.wait_for) == 1 else (*part.place, "wait_for", k)
+                place = (*part.place, "wait_for") if len(named) == 1 else (*part.place, "wait_for", k)
                 expected = choices(name, known or ["none: no earlier step of another arm has a name"])
                 compiler.report(place, f"'{name}', no name of an earlier step of another arm", expected)
             else:
