@@ -32,7 +32,7 @@ def with_arms(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> l
     _check(compiler, robot, scene, steps)
     stated = dict(_stated(compiler))
     released: dict[str, TaskStep] = {}
-    found = []
+    found: list[LocatedValue[TaskStep]] = []
     for part in steps:
         step, waits = part.value, list(stated.get(part.value.number, ()))
         if isinstance(step.action, Attach):
