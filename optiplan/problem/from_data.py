@@ -26,7 +26,7 @@ from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists
 from optiplan.problem.schema.loops import written_out
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.schema.safety import safety_of
-from optiplan.problem.schema.side_by_side import in_words_of, with_one_robot
+from optiplan.problem.schema.side_by_side import in_words_of, with_groups_of_arms, with_one_robot
 from optiplan.problem.seams.reading import with_points
 from optiplan.problem.task.reading import TaskReader
 from optiplan.problem.task.steps import Move, TaskStep
@@ -78,6 +78,7 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     document, wrong = _without_frames(document, base, robots)
     stated = document
     document, twice = with_one_robot(document)
+    document, _ = with_groups_of_arms(document)
     if wrong or twice:
         rest = _issues_of(document, base, robots)
         raise _error([*wrong, *twice, *in_words_of(stated, rest)])
@@ -116,6 +117,8 @@ def in_one_form(document: Document, base: Path, robots: RobotLoader = load_robot
         document, wrong = _without_frames(document, base, robots)
     if not wrong:
         document, wrong = with_one_robot(document)
+    if not wrong:
+        document, wrong = with_groups_of_arms(document)
     if wrong:
         raise _error(wrong)
     given, wanted, wrong = _orders(document, base, robots)

@@ -178,7 +178,8 @@ def tool_statements(data: Mapping[str, Any], own_tools: Container[str] = ()) -> 
     """
     found = []
     for place, end in ends_of({**data, "start": None}, ("move", "line", "approach")):
-        if place[0] != "task" or str(data["task"][place[1]][place[2]].get("group")) not in own_tools:
+        step = data["task"][place[1]] if place[0] == "task" else {}
+        if place[0] != "task" or str(step[place[2]].get("group", step.get("arm"))) not in own_tools:
             several = [one for one in end.get("all_of") or () if isinstance(one, Mapping) and "frame" not in one]
             ends = [end, *several]
             poses = [one.get(key) for one in ends for key in ("pose", "region")]
@@ -187,6 +188,7 @@ def tool_statements(data: Mapping[str, Any], own_tools: Container[str] = ()) -> 
     for step in data.get("task") or ():
         for kind in ("line", "retreat", "tour", "path"):
             said = step.get(kind) if isinstance(step, Mapping) else None
-            if isinstance(said, dict) and "pose" not in said and str(said.get("group")) not in own_tools:
+            own = isinstance(said, dict) and str(said.get("group", step.get("arm"))) in own_tools
+            if isinstance(said, dict) and "pose" not in said and not own:
                 found.append(said)
     return found

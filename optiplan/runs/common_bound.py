@@ -6,8 +6,9 @@ from typing import NamedTuple
 from optiplan.arrays import Array
 from optiplan.problem.goals import listed_ends
 from optiplan.problem.problem import JointGoal, Problem
+from optiplan.problem.task.arms import in_task_order, joints_of_arms, several_arms, steps_of_arms
 from optiplan.runs.run import SMALLEST_BOUND
-from optiplan.trajectory.segments import RESTING, TOUR
+from optiplan.trajectory.segments import RESTING, TOUR, Segment
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bound, moving_bounds
 from optiplan.trajectory.trajectory import Trajectory
@@ -51,26 +52,41 @@ def duration_bound(problem: Problem, trajectory: Trajectory) -> float:
 
     Of a task: the sum over the stretches between the steps before and after which the robot stands still, each from
     rest (or the moving start) to rest; what grippers and dwelling take is counted whole. It rests at targets of tours.
+    Of several arms it is the sum of the slowest.
     """
     if not problem.task:
         return float(problem.lower_bounds([trajectory.end])[0])
+    segments, of_arms = in_task_order(problem.task, trajectory.segments), steps_of_arms(problem.task)
+    columns = joints_of_arms(problem.task, problem.robot.joint_names)
+    if not several_arms(problem.task):
+        return _least_of(problem, trajectory, segments, columns[""])
+    return max(
+        _least_of(problem, trajectory, [segments[k] for k in places], columns[arm]) for arm, places in of_arms.items()
+    )
+
+
+def _least_of(problem: Problem, trajectory: Trajectory, segments: Sequence[Segment], columns: list[int]) -> float:
+    """Return the least time, s, that steps in a row take, of the joints that they move."""
     total, begin = 0.0, 0.0
-    for segment in trajectory.segments:
+    for segment in segments:
         if segment.kind in RESTING:
-            total += _least(problem, trajectory, begin, segment.begin)
+            total += _least(problem, trajectory, (begin, segment.begin), columns)
             total += segment.end - segment.begin
             begin = segment.end
         elif segment.kind == TOUR:
-            total += _least(problem, trajectory, begin, segment.end)
+            total += _least(problem, trajectory, (begin, segment.end), columns)
             begin = segment.end
-    return total + _least(problem, trajectory, begin, trajectory.duration)
+    return total + _least(problem, trajectory, (begin, trajectory.duration), columns)
 
 
-def _least(problem: Problem, trajectory: Trajectory, begin: float, end: float) -> float:
+def _least(problem: Problem, trajectory: Trajectory, between: tuple[float, float], columns: list[int]) -> float:
     """Return the least time, s, from where a motion is at one time to where it is at another; from rest to rest.
 
     At the start the robot may be moving, as its problem says.
     """
+    begin, end = between
+    q, last = trajectory(begin), trajectory(begin)
+    last[columns] = trajectory(end)[columns]
     if begin == 0.0 and problem.moving_start:
-        return float(moving_bounds(problem.start_state, [State(trajectory(end))], problem.limits).min())
-    return lower_bound(trajectory(begin), trajectory(end), problem.limits)
+        return float(moving_bounds(problem.start_state, [State(last)], problem.limits).min())
+    return lower_bound(q, last, problem.limits)

@@ -55,6 +55,18 @@ def with_obstacles(trajectory: Trajectory, motions: Sequence[ObstacleMotion]) ->
     return Trajectory((*trajectory.joint_names, *names), breakpoints, coefficients)
 
 
+def beside_each_other(motions: Sequence[tuple[Sequence[int], Trajectory]], joint_names: tuple[str, ...]) -> Trajectory:
+    """Return the motion of all joints of motions that last equally long, each of some columns of its own; exact."""
+    breakpoints = motions[0][1].breakpoints
+    for _, motion in motions[1:]:
+        breakpoints = np.union1d(breakpoints, motion.breakpoints)
+    pieces = _of_one_degree([_coefficients_between(motion, breakpoints) for _, motion in motions])
+    coefficients = np.zeros((*pieces[0].shape[:2], len(joint_names)))
+    for (columns, _), own in zip(motions, pieces, strict=True):
+        coefficients[:, :, list(columns)] = own
+    return Trajectory(joint_names, breakpoints, coefficients)
+
+
 def _coefficients_between(trajectory: Trajectory, t: Array) -> Array:
     """Return the coefficients (k, degree + 1, n) of a motion on pieces from t_i to t_{i+1}; t (k + 1,), s.
 

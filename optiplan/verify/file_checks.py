@@ -8,6 +8,7 @@ import numpy as np
 from optiplan.arrays import is_finite
 from optiplan.kinematics.mecanum import WHEELS, wheel_matrix
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.arms import in_task_order
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.given_files import KNOWN, GivenFiles
 from optiplan.trajectory.sample_file import Samples
@@ -40,7 +41,8 @@ def unread_keys(given: GivenFiles) -> tuple[str, ...]:
 
 def names(problem: Problem, trajectory: Trajectory) -> Check:
     """Check that segments have the names of their steps; without a task there are none."""
-    found, expected = [one.name for one in trajectory.segments], [step.name for step in problem.task]
+    found = [one.name for one in in_task_order(problem.task, trajectory.segments)]
+    expected = [step.name for step in problem.task]
     if found == expected:
         return Check("segments", "exact", True, detail=f"{len(found)} segments with the names of their steps")
     if not expected:

@@ -7,6 +7,7 @@ from typing import Any
 from optiplan.geometry.scene import Attachment, Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.seams.actions import Passing, SeamPart, Transit
+from optiplan.problem.task.arms import several_arms
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
@@ -49,7 +50,13 @@ def steps(k: int, step: TaskStep) -> list[str]:
     kind = type(step.action)
     own = _OF_ACTIONS[kind](step.action) if kind in _OF_ACTIONS else [kind.__name__]
     constraints = [constraint(i, step_place(k)) for i in range(len(step.constraints))]
-    return [f"{step_place(k)}.{one}" for one in ("standstill", *own)] + constraints
+    waits = [f"wait[{number}]" for number in step.waits]
+    return [f"{step_place(k)}.{one}" for one in ("standstill", *own, *waits)] + constraints
+
+
+def arms(problem: Problem) -> list[str]:
+    """Return the statement that arms beside each other stand still between their steps."""
+    return ["task.arms"] if several_arms(problem.task) else []
 
 
 def tours(problem: Problem) -> list[str]:
@@ -137,7 +144,7 @@ _OF_PROBLEM: Mapping[str, Callable[[Problem], Iterable[str]]] = {
     "limits": lambda problem: [f"limits.{field.name}" for field in fields(Limits)],
     "tools": lambda problem: [tool(one.name) for one in problem.tools],
     "vias": lambda problem: [f"vias[{k}]" for k in range(len(problem.vias))],
-    "task": lambda problem: [one for k, step in enumerate(problem.task) for one in steps(k, step)],
+    "task": lambda problem: [*(one for k, step in enumerate(problem.task) for one in steps(k, step)), *arms(problem)],
     "path_constraints": lambda problem: [constraint(k) for k in range(len(problem.path_constraints))],
 }
 

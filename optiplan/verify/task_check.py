@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import zip_longest
+from operator import itemgetter
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
 from optiplan.problem.seams.actions import SeamPart, Transit
+from optiplan.problem.task.arms import joints_of_arms, steps_of_arms
 from optiplan.problem.task.scene_change import columns, scene_during
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Event, Move, StraightLine, TaskStep
 from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
@@ -22,6 +24,7 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import cut_trajectory, standstill
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
+from optiplan.verify.arms_check import arms_check
 from optiplan.verify.collision_check import collision
 from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.torque import torque
@@ -74,6 +77,7 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
         *_line_speeds(parts, policy),
         *_seams(parts, policy),
         _standing(problem, trajectory, parts, policy),
+        *arms_check(problem, trajectory, policy),
         *_constraints(problem, trajectory, parts, scenes, policy),
         *limit_checks.of_the_whole(problem, trajectory, policy),
         *_worst_of(_in_scenes(loaded_torque, scenes, trajectory, policy), "torque"),
@@ -145,14 +149,20 @@ def _segments(problem: Problem, trajectory: Trajectory) -> Check:
 
 def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
     """Return each step with its own part of the motion, None for an event or an empty part."""
-    steps = list(steps_in_time(problem, trajectory))
-    way: LineWay | None = None
-    for (step, scene, begin, end), after in zip_longest(steps, steps[1:]):
-        own = part_problem(problem, scene_during(scene.later(begin), step))
-        motion = cut_trajectory(trajectory, begin, end) if end > begin else None
-        following = None if after is None else after[0].action
-        way = line_way(step.action, following, frame_at(own.robot, step.action, trajectory(begin)), way)
-        yield _Part(step, own, motion, begin, trajectory(end), way)
+    rows = list(steps_in_time(problem, trajectory))
+    found: list[tuple[int, _Part]] = []
+    places_of = {id(step): k for k, step in enumerate(problem.task)}
+    for places in steps_of_arms([row[0] for row in rows]).values():
+        way: LineWay | None = None
+        for k, after in zip_longest(places, places[1:]):
+            step, scene, begin, end = rows[k]
+            own = part_problem(problem, scene_during(scene.later(begin), step))
+            motion = cut_trajectory(trajectory, begin, end) if end > begin else None
+            following = None if after is None else rows[after][0].action
+            way = line_way(step.action, following, frame_at(own.robot, step.action, trajectory(begin)), way)
+            place = places_of[id(step)] if step.arm else k
+            found.append((place, _Part(step, own, motion, begin, trajectory(end), way)))
+    yield from (part for _, part in sorted(found, key=itemgetter(0)))
 
 
 def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
@@ -268,8 +278,10 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
     """
     worst, where, when, failed, unit = 0.0, "", 0.0, "", joint_units("position", problem.robot.revolute)
     covers: list[str] = []
+    of_arms = joints_of_arms(problem.task, problem.robot.joint_names)
     for k, part in enumerate(parts):
         step, action = part.step, part.step.action
+        arm = of_arms[step.arm]
         covers += [f"{step_place(k)}.standstill"]
         covers += [f"{step_place(k)}.event"] if isinstance(action, Event) and part.motion is None else []
         covers += [f"{step_place(k)}.dwell"] if isinstance(action, Dwell) else []
@@ -282,13 +294,13 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
         if part.motion is None:
             if isinstance(action, Event):
                 speed = np.abs(trajectory(np.array([part.begin]), 1)[0]) / problem.limits.velocity
-                if speed.max() > policy.rest_tolerance:
+                if speed[arm].max(initial=0.0) > policy.rest_tolerance:
                     failed = failed or f"the robot moves at the event of {step.words}"
             elif isinstance(action, Dwell):
                 failed = failed or f"{step.words} does not last"
             continue
         moving = action.joints if isinstance(action, Move | StraightLine | Transit | SeamPart) else ()
-        own = [k for k, name in enumerate(problem.robot.joint_names) if name not in moving]
+        own = [k for k in arm if problem.robot.joint_names[k] not in moving]
         low, high = part.motion.extrema(0)
         moved = float((high - low)[own].max(initial=0.0))
         if moved > worst:

@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.planners.task.blends import Corner
 from optiplan.planners.task.stages import Stage, WorldState
 from optiplan.problem.constraints.motions import ToolSpeed
-from optiplan.problem.task.steps import StraightLine, TaskStep
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach, StraightLine, TaskStep
 from optiplan.trajectory.timing.path_constraints import ToolLimits
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -108,3 +108,13 @@ TaskPart = Stretch | Pause
 
 Group = list[Stretch] | Pause
 """Stretches between which the arm need not stop, or a pause."""
+
+
+def object_and_link(planned: PlannedStep) -> tuple[str, str]:
+    """Return the object that is taken or released, and the link that holds it; empty for other steps."""
+    action = planned.step.action
+    if isinstance(action, Attach | ChangeTool):
+        return action.body, action.link
+    if isinstance(action, Detach):
+        return action.body, next(held.link for held in planned.before.scene.attached if held.name == action.body)
+    return "", ""

@@ -12,9 +12,10 @@ from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progres
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.dynamic_obstacles import without_dynamic_obstacles
 from optiplan.planners.common.incumbent import Incumbent
+from optiplan.planners.task.beside import one_after_another, quickest_beside
 from optiplan.planners.task.join_steps import join_steps
 from optiplan.planners.task.optimisation.stretch_optimiser import optimised
-from optiplan.planners.task.planned_steps import Group, Pause, PlannedStep, Stretch, TaskPart
+from optiplan.planners.task.planned_steps import Group, Pause, Stretch, TaskPart, object_and_link
 from optiplan.planners.task.sections import SectionPlanner
 from optiplan.planners.task.stops import stops_of
 from optiplan.planners.task.via_moves import ViaMoves, unsupported
@@ -22,7 +23,7 @@ from optiplan.planners.task.waiting import waiting
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
 from optiplan.problem.seams.actions import SeamPart, Transit
-from optiplan.problem.task.steps import Attach, ChangeTool, Detach
+from optiplan.problem.task.arms import several_arms
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.segments import Segment
@@ -45,16 +46,20 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         budget: time for all of it.
         progress: called with the stages, and with each better motion.
     """
+    stated, problem = problem, one_after_another(problem)
     refused = unsupported(problem, planner)
     if refused is not None:
         return PlanResult(None, refused)
     began, watch, moves = clock(), Stopwatch(), ViaMoves.of(problem, planner)
-    incumbent = Incumbent(problem, progress, watch, began)
+    incumbent = Incumbent(stated, progress, watch, began)
     waits = bool(problem.scene.dynamic_obstacles)
 
     def offer(way: Sequence[TaskPart]) -> float:
         """Offer the motion of these parts; return its duration, s."""
         motion = moves.motion(joined_parts(moves.problem, way))
+        if several_arms(problem.task):
+            with watch.stage("arms"):
+                motion = quickest_beside(moves, way, motion, budget)
         incumbent.offer(motion)
         return motion.duration
 
@@ -75,7 +80,8 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     with watch.stage("optimisation"):
         for whole in _optimised(problem, planner, groups, budget, progress):
             offer(whole)
-    info |= {"cut_short": info["cut_short"] or budget.over, "stops": stops_of(whole)}
+    info |= {"cut_short": info["cut_short"] or budget.over}
+    info |= {} if several_arms(problem.task) else {"stops": stops_of(whole)}
     info["stops_left_out"] = len(parts) - len(whole)
     return incumbent.result(info)
 
@@ -166,22 +172,12 @@ def joined_parts(problem: Problem, parts: Sequence[TaskPart]) -> Trajectory:
             motions.append(standstill(problem.robot.joint_names, q, part.duration))
         since = begin
         for planned, end in zip(part.steps, part.ends, strict=True):
-            step, held = planned.step, _object_and_link(planned)
+            step, held = planned.step, object_and_link(planned)
             segments.append(Segment(step.number, step.kind, step.name, since, begin + end, *held))
             since = begin + end
         begin = since
     motion = join_trajectories(motions or [standstill(problem.robot.joint_names, problem.start, SHORTEST_DURATION)])
     return replace(motion, segments=tuple(segments))
-
-
-def _object_and_link(planned: PlannedStep) -> tuple[str, str]:
-    """Return the object that is taken or released, and the link that holds it; empty for other steps."""
-    action = planned.step.action
-    if isinstance(action, Attach | ChangeTool):
-        return action.body, action.link
-    if isinstance(action, Detach):
-        return action.body, next(held.link for held in planned.before.scene.attached if held.name == action.body)
-    return "", ""
 
 
 def motion_of_all_joints(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) -> Trajectory:

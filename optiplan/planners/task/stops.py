@@ -29,6 +29,8 @@ def why_stop(before: PlannedStep, after: PlannedStep) -> str | None:
         return own
     if before.stage.columns != after.stage.columns:
         return "other joints go on"
+    if after.step.waits:
+        return "a step that may wait for another arm"
     if not (before.is_line and after.is_line) or is_rounded(before, after):
         return None
     if before.corner is not None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 from optiplan.config.document import Document
 from optiplan.errors import Issue
@@ -20,6 +21,25 @@ def with_one_robot(document: Document) -> tuple[Document, list[Issue]]:
     rest = {key: value for key, value in data.items() if key != KEY}
     lines = {("robot", *place) if place[:1] == (KEY,) else place: line for place, line in document.lines.items()}
     return replace(document, data={**rest, "robot": {KEY: data[KEY]}}, lines=lines), wrong
+
+
+GROUPED = ("move", "line", "approach", "retreat")
+"""Steps that move the joints of their arm, unless they name a group."""
+
+
+def with_groups_of_arms(document: Document) -> tuple[Document, list[Issue]]:
+    """Return a problem file in which steps of an arm name its group; nothing is wrong with that."""
+    steps = document.data.get("task") if isinstance(document.data, dict) else None
+    if not isinstance(steps, list) or not any(isinstance(step, dict) and "arm" in step for step in steps):
+        return document, []
+    return replace(document, data={**document.data, "task": [_with_group(step) for step in steps]}), []
+
+
+def _with_group(step: Any) -> Any:
+    if not isinstance(step, dict) or "arm" not in step:
+        return step
+    said = {key: {"group": step["arm"], **step[key]} for key in GROUPED if isinstance(step.get(key), dict)}
+    return {**step, **said}
 
 
 def in_words_of(document: Document, issues: Iterable[Issue]) -> list[Issue]:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from optiplan.config.document import Strict
 from optiplan.config.values import (
@@ -163,10 +163,15 @@ class GripperSpec(ConfigurationSpec, OfGroup):
         return self
 
 
+def _listed(names: Any) -> Any:
+    return (names,) if isinstance(names, str) else names
+
+
 class TaskStepSpec(Strict):
     """One step of a task: one of the keys from `move` to `path` (`dwell` in s), and what holds during this step.
 
-    `allowed_collisions` of an approach are for its line alone.
+    `allowed_collisions` of an approach are for its line alone. With `arm`, the steps of each arm follow each other,
+    beside those of other arms; `wait_for` names steps of others that are done before.
     """
 
     move: MoveSpec | None = None
@@ -181,6 +186,10 @@ class TaskStepSpec(Strict):
     tool: Name | None = None
     path: SeamSpec | None = None
     name: Name | None = None
+    arm: Name | None = None
+    wait_for: Annotated[tuple[Name, ...] | None, BeforeValidator(_listed, json_schema_input_type=str | list[str])] = (
+        None
+    )
     allowed_collisions: tuple[NamePair, ...] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()
 

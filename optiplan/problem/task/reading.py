@@ -33,6 +33,8 @@ from optiplan.problem.schema.tools import NONE
 from optiplan.problem.schema.tour import TourSpec
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.seams.reading import read_path
+from optiplan.problem.task.arms import steps_of_arms
+from optiplan.problem.task.arms_reading import with_arms
 from optiplan.problem.task.scene_change import held_body
 from optiplan.problem.task.steps import (
     Action,
@@ -87,10 +89,12 @@ class TaskReader:
                     self.robot = self.tools.seen(self._mounted)
                 freely = spec.kind == "approach" and isinstance(action, Move)  # contact is for the line
                 touch = frozenset[frozenset[str]]() if freely else allowed
-                step = TaskStep(number, spec.kind, name, action, touch, constraints)
+                step = TaskStep(number, spec.kind, name, action, touch, constraints, spec.arm or "")
                 found.append(LocatedValue(part.place, step))
-        for one, after in zip_longest(found, found[1:]):
-            self._corner(one, None if after is None else after.value.action)
+        found = with_arms(self.compiler, self.robot, self.scene, found)
+        for places in steps_of_arms([one.value for one in found]).values():
+            for k, after in zip_longest(places, places[1:]):
+                self._corner(found[k], None if after is None else found[after].value.action)
         return [replace(one, value=self._with_frame(one.value)) for one in found]
 
     def _with_frame(self, step: TaskStep) -> TaskStep:

@@ -195,6 +195,8 @@ class TaskStep:
         action: what is done.
         allowed: pairs of names that may touch during the step, besides those of the scene.
         constraints: what holds during the step; their `during` is a part of it.
+        arm: that does the step, beside what other arms do; empty: steps follow each other.
+        waits: numbers of steps of other arms that are done before this one begins.
     """
 
     number: int
@@ -203,6 +205,8 @@ class TaskStep:
     action: Action
     allowed: frozenset[frozenset[str]] = frozenset()
     constraints: tuple[PathConstraint, ...] = ()
+    arm: str = ""
+    waits: tuple[int, ...] = ()
 
     @property
     def words(self) -> str:

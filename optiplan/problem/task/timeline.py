@@ -10,6 +10,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, Problem, derived
+from optiplan.problem.task.arms import arms_mismatch, in_task_order, in_time_order, several_arms
 from optiplan.problem.task.scene_change import carrying, columns, scene_after, scene_during
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Event, Move, TaskStep
 from optiplan.problem.task.tour_steps import in_order
@@ -46,7 +47,8 @@ class ScenePart:
 def mismatch(problem: Problem, trajectory: Trajectory) -> str:
     """Return in words how the segments of a motion are not the steps of its task in order; empty if they are."""
     problem = in_order(problem, trajectory)
-    segments, task, T = trajectory.segments, problem.task, trajectory.duration
+    task, T = problem.task, trajectory.duration
+    segments = in_task_order(task, trajectory.segments)
     if len(segments) != len(task):
         return f"{len(segments)} segments for {len(task)} of the task"
     for step, segment in zip(task, segments, strict=True):
@@ -57,6 +59,10 @@ def mismatch(problem: Problem, trajectory: Trajectory) -> str:
         lasts = segment.end - segment.begin
         if not (0.0 <= lasts if not step.event else lasts == 0.0) or not -MEETING <= segment.begin:
             return f"{step.words} from {segment.begin:.6g} to {segment.end:.6g} s"
+    if several_arms(task):
+        late = trajectory.segments != in_time_order(task, segments)
+        words = "segments that do not stand in the order of their times" if late else ""
+        return words or arms_mismatch(task, segments, T) or _taken_by_others(problem, trajectory)
     for before, after in pairwise(segments):
         if _apart(after.begin, before.end):
             return f"step {after.step} begins at {after.begin:.6g} s; the one before ends at {before.end:.6g} s"
@@ -67,7 +73,8 @@ def mismatch(problem: Problem, trajectory: Trajectory) -> str:
 
 def _taken_by_others(problem: Problem, trajectory: Trajectory) -> str:
     """Return in words which segment takes time, but has no part of the motion; empty if none."""
-    for step, segment, (begin, end) in zip(problem.task, trajectory.segments, _bounds(trajectory), strict=True):
+    segments = in_task_order(problem.task, trajectory.segments)
+    for step, segment, (begin, end) in zip(problem.task, segments, _bounds(problem, trajectory), strict=True):
         if segment.end > segment.begin and not end > begin:
             return f"{step.words} from {segment.begin!r} to {segment.end!r} s, which other steps take"
     return ""
@@ -97,12 +104,15 @@ def _apart(a: float, b: float) -> bool:
     return abs(a - b) > max(MEETING, 4.0 * math.ulp(b))
 
 
-def _bounds(trajectory: Trajectory) -> Iterator[tuple[float, float]]:
+def _bounds(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float, float]]:
     """Return when each step begins and ends, s; parts meet without a gap, from 0 to the duration.
 
     Exactly those steps are empty whose segments say so, however short the others are. A gap that rounding left belongs
-    to the step after it, at the end to the last one that takes time.
+    to the step after it, at the end to the last one that takes time. Of several arms each step has its own times.
     """
+    if several_arms(problem.task):
+        yield from ((one.begin, one.end) for one in in_task_order(problem.task, trajectory.segments))
+        return
     segments, T = trajectory.segments, trajectory.duration
     lasting = [segment.end > segment.begin for segment in segments]
     last = max((k for k, lasts in enumerate(lasting) if lasts), default=len(segments) - 1)
@@ -128,6 +138,8 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
     words = mismatch(problem, trajectory)
     if words:
         raise ValueError(words)
+    if several_arms(problem.task):
+        return _parts_of_arms(problem, trajectory)
     found: list[tuple[Scene, Scene, float, float, list[TaskStep]]] = []
     for step, scene, begin, end in steps_in_time(problem, trajectory):
         if end <= begin:
@@ -176,15 +188,48 @@ def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float
 
 
 def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[TaskStep, Scene, float, float]]:
-    """Return each step with the scene in which it is done, its begin and its end, s; see `_bounds`.
+    """Return each step with the scene in which it begins, its begin and its end, s; see `_bounds`.
 
-    A tour is the steps from target to target, in the order of the motion.
+    A tour is the steps from target to target, in the order of the motion; those of several arms in that of their times.
     """
     scene, problem = problem.scene, in_order(problem, trajectory)
-    for step, (begin, end) in zip(problem.task, _bounds(trajectory), strict=True):
+    rows = [(*row, k) for k, row in enumerate(zip(problem.task, _bounds(problem, trajectory), strict=True))]
+    if several_arms(problem.task):
+        rows.sort(key=lambda row: (row[1][0], row[2]))
+    for step, (begin, end), _ in rows:
         yield step, scene, begin, end
         if isinstance(step.action, Event):
             scene = scene_after(scene, step.action, problem.robot, trajectory(end))
+
+
+def _parts_of_arms(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
+    """Return the parts of a motion of several arms: between events, and where what may touch changes."""
+    rows = list(steps_in_time(problem, trajectory))
+    changes = [(0.0, problem.scene)]
+    for step, scene, begin, _ in rows:
+        if isinstance(step.action, Attach | Detach):
+            changes.append((begin, scene_after(scene, step.action, problem.robot, trajectory(begin))))
+    times = sorted({0.0, trajectory.duration, *(t for _, _, begin, end in rows for t in (begin, end))})
+    found: list[tuple[Scene, Scene, float, float, list[TaskStep]]] = []
+    for begin, end in pairwise(times):
+        base = next(scene for since, scene in reversed(changes) if since <= begin)
+        steps = [step for step, _, since, until in rows if since < end and until > begin]
+        during = base
+        for step in steps:
+            during = scene_during(during, step)
+        if found and found[-1][0] is base and found[-1][1].allowed == during.allowed:
+            found[-1] = (
+                base,
+                during,
+                found[-1][2],
+                end,
+                list({id(one): one for one in [*found[-1][4], *steps]}.values()),
+            )
+        else:
+            found.append((base, during, begin, end, steps))
+    return [
+        ScenePart(part_problem(problem, during), begin, end, _words(steps)) for _, during, begin, end, steps in found
+    ]
 
 
 def part_problem(problem: Problem, scene: Scene) -> Problem:
@@ -194,5 +239,7 @@ def part_problem(problem: Problem, scene: Scene) -> Problem:
 
 
 def _words(steps: list[TaskStep]) -> str:
-    numbers = [step.number for step in steps]
+    numbers = sorted(step.number for step in steps)
+    if not numbers:
+        return "no step"
     return f"steps {numbers[0]} to {numbers[-1]}" if numbers[0] != numbers[-1] else f"step {numbers[0]}"

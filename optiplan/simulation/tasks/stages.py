@@ -89,12 +89,21 @@ def _with_grips(stages: list[TaskStage], problem: Problem, trajectory: Trajector
     return stages
 
 
+_Row = tuple[TaskStep, float, float]
+"""A step, its begin and its end, s."""
+
+
 def _grips(problem: Problem, trajectory: Trajectory) -> Iterator[_Grip]:
     """Return the objects that a gripper closes on right after they are taken.
 
     It presses until it opens, right before they are released, or until they are.
     """
-    rows = [(step, begin, end) for step, _, begin, end in steps_in_time(problem, trajectory)]
+    found = [(step, begin, end) for step, _, begin, end in steps_in_time(problem, trajectory)]
+    for arm in dict.fromkeys(step.arm for step, _, _ in found):
+        yield from _grips_of([row for row in found if row[0].arm == arm], problem, trajectory)
+
+
+def _grips_of(rows: list[_Row], problem: Problem, trajectory: Trajectory) -> Iterator[_Grip]:
     for k, (step, taken, _) in enumerate(rows):
         closing = _first_gripper(rows[k + 1 :]) if isinstance(step.action, Attach) else None
         if closing is None:
@@ -110,7 +119,7 @@ def _grips(problem: Problem, trajectory: Trajectory) -> Iterator[_Grip]:
             yield _Grip(name, joints, taken, closing[2], opens, released)
 
 
-def _first_gripper(rows: Sequence[tuple[TaskStep, float, float]]) -> tuple[TaskStep, float, float] | None:
+def _first_gripper(rows: Sequence[_Row]) -> _Row | None:
     """Return the first row if it moves a gripper, events apart."""
     row = next((row for row in rows if not row[0].event), None)
     return row if row is not None and row[0].kind == "gripper" else None

@@ -290,7 +290,7 @@ def test_fields_of_what_a_problem_states_are_known():
         SeamPart: {"path", "low", "high"},
         Passing: {"path", "at"},
         Transit: {"joints"},  # to where a part of a path begins, whose check looks there
-        TaskStep: {"number", "kind", "name", "action", "allowed", "constraints"},
+        TaskStep: {"number", "kind", "name", "action", "allowed", "constraints", "arm", "waits"},
         Obstacle: {"name", "shape", "X_WO", "stated", "motion"},
         Attachment: {"name", "shape", "link", "X_LO", "touch", "stated", "mass", "centre", "inertia", "framed"},
         Limits: {"lower", "upper", "velocity", "acceleration", "jerk", "torque"},

@@ -1,0 +1,116 @@
+"""Read which arm does a step of a task, and for which steps of other arms it waits."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import pinocchio as pin
+
+from optiplan.config.messages import choices
+from optiplan.config.simple_yaml import Place
+from optiplan.geometry.scene import Scene
+from optiplan.problem.builder import Compiler
+from optiplan.problem.constraints.motions import PairClearance
+from optiplan.problem.partial import LocatedValue
+from optiplan.problem.seams.actions import SeamPath
+from optiplan.problem.task.arms import joints_of_arms, several_arms
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach, TargetTour, TaskStep
+from optiplan.robot.robot import Robot
+
+Steps = Sequence[LocatedValue[TaskStep]]
+
+
+def with_arms(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> list[LocatedValue[TaskStep]]:
+    """Return the steps with those for which each waits; what is wrong with arms goes to the compiler's issues.
+
+    A step that takes an object waits for the step of another arm that released it. The order of the file is one in
+    which all steps could be done one after another, so a step waits for earlier ones only.
+    """
+    if not several_arms([step.value for step in steps]):
+        for part in compiler.task:
+            if part.value.wait_for:
+                compiler.report((*part.place, "wait_for"), "a step without `arm`", "`arm` in every step of the task")
+        return list(steps)
+    _check(compiler, robot, scene, steps)
+    stated = dict(_stated(compiler))
+    released: dict[str, TaskStep] = {}
+    found: list[LocatedValue[TaskStep]] = []
+    for part in steps:
+        step, waits = part.value, list(stated.get(part.value.number, ()))
+        if isinstance(step.action, Attach):
+            before = released.get(step.action.body)
+            waits += [] if before is None or before.arm == step.arm else [before.number]
+        elif isinstance(step.action, Detach):
+            released[step.action.body] = step
+        first = not found or found[-1].value.number != step.number  # an approach is two, of which the first waits
+        own = tuple(dict.fromkeys(waits)) if first else ()
+        found.append(LocatedValue(part.place, replace(step, waits=own)))
+    return found
+
+
+def _stated(compiler: Compiler) -> Iterator[tuple[int, list[int]]]:
+    """Yield the numbers of steps for which a step says that it waits."""
+    earlier: dict[str, tuple[int, str]] = {}
+    for part in compiler.task:
+        number, waits = int(part.place[-1]) + 1, []
+        named = part.value.wait_for or ()
+        for k, name in enumerate(named):
+            known = [one for one, (_, arm) in earlier.items() if arm != part.value.arm]
+            if name not in known:
+                place = (*part.place, "wait_for") if len(named) == 1 else (*part.place, "wait_for", k)
+                expected = choices(name, known or ["none: no earlier step of another arm has a name"])
+                compiler.report(place, f"'{name}', no name of an earlier step of another arm", expected)
+            else:
+                waits.append(earlier[name][0])
+        if part.value.name is not None:
+            earlier[part.value.name] = number, str(part.value.arm)
+        yield number, waits
+
+
+def _check(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> None:
+    """Report steps without an arm, joints and objects of two arms, and what is not proved beside other arms."""
+    for spec in compiler.task:
+        if spec.value.arm is None or spec.value.arm not in robot.groups:
+            name = spec.value.arm
+            found = "a step without `arm` in a task of several" if name is None else f"unknown arm '{name}'"
+            compiler.report((*spec.place, "arm"), found, choices(str(name), list(robot.groups)))
+    for part in steps:
+        place = part.place
+        if isinstance(part.value.action, TargetTour | SeamPath | ChangeTool):
+            compiler.report((*place, part.value.kind), f"a {part.value.kind} beside other arms", "moves and lines")
+        if any(isinstance(one, PairClearance) for one in part.value.constraints):
+            where = (*place, "path_constraints")
+            compiler.report(where, "a clearance of one step beside other arms", "one of the whole problem")
+    if scene.dynamic_obstacles:
+        compiler.report(("scene", "obstacles"), "an obstacle that moves, beside arms of a task", "obstacles that stand")
+    joints = joints_of_arms([part.value for part in steps], robot.joint_names)
+    for arm, columns in joints.items():
+        for other, theirs in joints.items():
+            if arm < other and (shared := set(columns) & set(theirs)):
+                name = robot.joint_names[min(shared)]
+                found = f"joint {name}, which steps of {arm} and of {other} move"
+                compiler.report(("task",), found, "arms with joints of their own")
+    _check_objects(compiler, robot, steps, joints)
+
+
+def _check_objects(compiler: Compiler, robot: Robot, steps: Steps, joints: Mapping[str, Sequence[int]]) -> None:
+    """Report objects taken by a link of another arm, or released by another arm than the one that holds it."""
+    holder: dict[str, str] = {}
+    for part in steps:
+        step, action = part.value, part.value.action
+        if isinstance(action, Attach):
+            holder[action.body] = step.arm
+            foreign = [arm for arm in _movers(robot, action.link, joints) if arm != step.arm]
+            place: Place = (*part.place, "attach", "link")
+            if foreign:
+                compiler.report(place, f"'{action.link}', a link of {foreign[0]}", f"a link of {step.arm}")
+        elif isinstance(action, Detach) and holder.get(action.body, step.arm) != step.arm:
+            found = f"'{action.body}', which {holder[action.body]} holds"
+            compiler.report((*part.place, "detach", "object"), found, f"what {step.arm} holds")
+
+
+def _movers(robot: Robot, link: str, joints: Mapping[str, Iterable[int]]) -> list[str]:
+    """Return the arms whose joints move a link."""
+    frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
+    names = {str(robot.model.names[j]) for j in robot.model.supports[frame.parentJoint]}
+    names |= {robot.followers[name].source for name in names if name in robot.followers}
+    return [arm for arm, columns in joints.items() if names & {robot.joint_names[k] for k in columns}]
