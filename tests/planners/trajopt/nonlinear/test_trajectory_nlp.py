@@ -54,7 +54,7 @@ def with_everything():
     wall = op.Box("wall", size=(0.05, 0.3, 0.42), position=(0.4, 0.25, 0.21))
     goal = op.Pose((0.3, 0.5, 0.5), rpy=(np.pi, 0.0, 0.0))
     problem = op.Problem("panda", start="ready", goal=goal, scene=[wall])
-    apart = {"clearance": {"pairs": [["panda_hand", "panda_link0"]], "at_least": 0.5}}
+    apart = {"clearance": {"pairs": [["panda_hand", "panda_link0"]], "at_least": 0.44}}
     weights = {"time": 1.0, "clearance": 20.0, **dict.fromkeys(LIGHT, 1e-3)}
     stated = problem.with_constraints({"tool_speed": {"linear": 0.5, "angular": 2.0}}, apart).with_objective(weights)
     return op.casadi_problem(stated)
