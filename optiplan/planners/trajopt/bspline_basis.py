@@ -118,6 +118,13 @@ class SplineBasis:
         sums = [low.T * widths @ low, high.T * widths @ high, low.T * widths @ high]
         return np.asarray((sums[0] + sums[1] + 0.5 * (sums[2] + sums[2].T)) / 3.0)
 
+    @cached_property
+    def jerk_root(self) -> Array:
+        """R (2 spans, K) with |R C|² = C' H C, H of `jerk_gram`: (l² + l h + h²) / 3 = (l + h / 2)² / 3 + h² / 4."""
+        widths, rows = np.diff(self.breakpoints)[:, None], self.derivative[3]
+        low, high = rows[:-1], rows[1:]
+        return np.vstack([np.sqrt(widths / 3.0) * (low + 0.5 * high), 0.5 * np.sqrt(widths) * high])
+
     def at(self, u: Array, order: int = 0) -> Array:
         """Matrix (N, K), read-only, from C to the derivative of an order (0 to 2) by u, at u (N,); cached."""
         return _matrix(self, order, np.asarray(u, float).tobytes())

@@ -37,6 +37,15 @@ def test_messages_of_ros_go_where_they_are_told(optiplan, run, tmp_path):
     assert json.loads((tmp_path / "new" / "message.json").read_text())["points"]
 
 
+def test_the_program_of_a_motion_says_how_to_solve_it(optiplan, run):
+    code, out, _ = optiplan("export", run, "--to", "casadi")
+    assert code == 0
+    file = json.loads((run / "motion.casadi.json").read_text())
+    assert f"written: {run / 'motion.casadi.json'}" in out
+    assert f"{len(file['x_names'])} variables, {len(file['g_names'])} rows" in out
+    assert any("casadi.Function.deserialize" in line for line in file["about"])
+
+
 def test_a_motion_that_is_not_verified_is_not_written(optiplan, run):
     motion = json.loads((run / "trajectory.json").read_text())
     pieces = motion["pieces"]
@@ -57,7 +66,8 @@ def test_a_motion_that_is_not_verified_is_not_written(optiplan, run):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--to", "krl"], "expected one of: csv, json, npz, ros, urscript, png, mp4"),
+        (["--to", "krl"], "expected one of: csv, json, npz, ros, urscript, casadi, png, mp4"),
+        (["--to", "casadi", "--rate", "100"], "a program has no rate"),
         (["--to", "csv", "--rate", "0"], "optiplan export: rate: found the float 0.0; expected a number of samples"),
         (["--to", "urscript"], "of urscript: one of the six joints"),
         (["--to", "png", "--rate", "100"], "pictures have no samples"),

@@ -106,7 +106,7 @@ class CurveProgram:
     def gauss_newton(self) -> ca.Function:
         """Return the Hessian for CasADi's SQP: (x, p, ., .) -> (X, X), with the curvature of squares alone.
 
-        2 w T share J' J of residuals r with J = dr / dx, 2 w T^-5 H of the jerk, and `REGULARISATION` of each control
+        2 w T share J' J of residuals r with J = dr / dx, likewise of the jerk, and `REGULARISATION` of each control
         point over what its joint can travel in that time, so that programs are strictly convex.
         """
         travel = ca.DM(np.tile(self.transcription.limits.velocity, self.transcription.basis.variables))
@@ -229,9 +229,8 @@ class CurveProgram:
     def _cost(self, cost: Cost) -> ca.MX:
         """Return a cost beside the duration."""
         if isinstance(cost, JerkCost):
-            full, gram = self.points(np.eye(self.transcription.basis.size)), self.transcription.basis.jerk_gram
-            root = np.linalg.cholesky(gram + 1e-12 * np.abs(gram).max() * np.eye(len(gram)))
-            return self._squared(ca.vec(full @ ca.DM(root)) * ca.sqrt(cost.weight / self.duration**5))
+            jerks = self.points(self.transcription.basis.jerk_root)
+            return self._squared(ca.vec(jerks) * ca.sqrt(cost.weight / self.duration**5))
         assert isinstance(cost, IntegralCost)
         if cost.build is None:
             linear = LinearRows.among(self._parameters, cost.name, 1, len(self.joint_names), len(self.samples))

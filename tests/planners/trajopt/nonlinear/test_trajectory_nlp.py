@@ -1,5 +1,9 @@
 """`op.casadi_problem`: names and bounds of the program, its rows are those of the planner, and what solvers find."""
 
+import json
+import subprocess
+import sys
+
 import casadi
 import numpy as np
 import pytest
@@ -11,13 +15,13 @@ from optiplan.planners.trajopt.program.sqp import penalties
 
 @pytest.fixture(scope="module")
 def run():
-    return op.plan(op.load_problem("01_reach"))
+    return op.plan(op.load_problem("01_reach"), options={"seeds": 1})
 
 
 @pytest.fixture(scope="module")
 def shelf():
     problem = op.load_problem("12_planar")
-    return op.casadi_problem(problem, op.plan(problem))
+    return op.casadi_problem(problem, op.plan(problem, options={"seeds": 1}, budget=2.0))
 
 
 def test_each_variable_and_row_has_a_name_and_bounds(shelf):
@@ -41,22 +45,80 @@ def test_the_planners_motion_holds_its_rows(run):
     assert next(iter(nlp.violations(slow))).startswith("jerk of ")
 
 
-def test_rows_and_cost_are_those_of_the_planners_terms(shelf):
+LIGHT = ("jerk", "energy", "tool_smoothness", "tool_path", "joint_path", "manipulability", "centring")
+
+
+@pytest.fixture(scope="module")
+def with_everything():
+    """Path constraints, all objectives, a wall, and an end that is free in its goal."""
+    wall = op.Box("wall", size=(0.05, 0.3, 0.42), position=(0.4, 0.25, 0.21))
+    goal = op.Pose((0.3, 0.5, 0.5), rpy=(np.pi, 0.0, 0.0))
+    problem = op.Problem("panda", start="ready", goal=goal, scene=[wall])
+    apart = {"clearance": {"pairs": [["panda_hand", "panda_link0"]], "at_least": 0.44}}
+    weights = {"time": 1.0, "clearance": 20.0, **dict.fromkeys(LIGHT, 1e-3)}
+    stated = problem.with_constraints({"tool_speed": {"linear": 0.5, "angular": 2.0}}, apart).with_objective(weights)
+    return op.casadi_problem(stated)
+
+
+@pytest.mark.parametrize("which", ["shelf", "with_everything"])
+def test_rows_and_cost_are_those_of_the_planners_terms(which, request):
     """Of a curve beside the first one: slacks are the violations, and f is the merit."""
-    rng = np.random.default_rng(0)
-    x = shelf.arguments()["x0"]
-    x[: shelf.control.numel()] += 0.05 * rng.standard_normal(shelf.control.numel())
-    arguments = shelf.arguments(x)
-    f, g = casadi.Function("fg", [shelf.x, shelf.p], [shelf.f, shelf.g])(arguments["x0"], arguments["p"])
-    soft = [k for k, name in enumerate(shelf.g_names) if not name.startswith(("velocity", "acceleration", "jerk"))]
+    nlp, rng = request.getfixturevalue(which), np.random.default_rng(0)
+    x = nlp.arguments()["x0"]
+    x[: nlp.control.numel()] += 0.05 * rng.standard_normal(nlp.control.numel())
+    arguments = nlp.arguments(x)
+    f, g = casadi.Function("fg", [nlp.x, nlp.p], [nlp.f, nlp.g])(arguments["x0"], arguments["p"])
+    soft = [k for k, name in enumerate(nlp.g_names) if not name.startswith(("velocity", "acceleration", "jerk"))]
     assert np.array(g).ravel()[soft].min() == pytest.approx(0.0, abs=1e-6)
-    curve = shelf._curve(x)
-    rows = [term.rows(curve) for term in shelf._transcription.terms]
-    merit = curve.duration + sum(
-        one.cost() for one in penalties(shelf._transcription.terms, rows, shelf.first.duration)
-    )
-    assert merit > 1.01 * curve.duration, "nothing is violated"
-    assert float(f) == pytest.approx(merit, rel=1e-6)
+    curve, made = nlp._curve(x), nlp._transcription
+    rows = [term.rows(curve) for term in made.terms]
+    missing = [one.cost() for one in penalties(made.terms, rows, nlp.first.duration)]
+    assert sum(missing) > 0.01, "nothing is violated"
+    assert float(f) == pytest.approx(made.cost(curve) + sum(missing), rel=1e-6)
+
+
+def test_derivatives_are_those_of_differences(with_everything):
+    nlp, rng = with_everything, np.random.default_rng(1)
+    at, p = nlp.arguments()["x0"], nlp.arguments()["p"]
+    d, h = rng.standard_normal(len(at)), 1e-6
+    both = casadi.vertcat(nlp.f, nlp.g)
+    value = casadi.Function("fg", [nlp.x, nlp.p], [both])
+    slope = casadi.Function("slope", [nlp.x, nlp.p], [casadi.jtimes(both, nlp.x, casadi.DM(d))])
+    expected = (np.array(value(at + h * d, p)) - np.array(value(at - h * d, p))) / (2.0 * h)
+    found = np.array(slope(at, p))
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
+
+
+def test_moving_ends_depend_on_the_duration():
+    problem = op.load_problem("37_on_the_move")
+    nlp = op.casadi_problem(problem)
+    for share in (1.0, 1.5):
+        x = nlp.arguments()["x0"]
+        x[nlp.control.numel()] *= share
+        start = nlp.trajectory(x).state(0.0)
+        np.testing.assert_allclose(start.v, problem.start_state.v, atol=1e-9)
+        np.testing.assert_allclose(start.a, problem.start_state.a, atol=1e-6)
+
+
+def test_a_solver_of_its_own_process_finds_the_same(run, tmp_path):
+    """With CasADi alone, from the file."""
+    nlp = op.casadi_problem(run.problem, run)
+    file = nlp.save(tmp_path / "motion.casadi.json")
+    script = """
+import json, sys
+import casadi
+file = json.load(open(sys.argv[1]))
+nlp, start, motion = (casadi.Function.deserialize(file[name]) for name in ("nlp", "start", "motion"))
+quiet = {"ipopt": {"hessian_approximation": "limited-memory", "print_level": 0, "sb": "yes"}, "print_time": False}
+answer = casadi.nlpsol("solver", "ipopt", nlp, quiet)(**start())
+t, q, v, a = motion(answer["x"], start()["p"])
+assert "optiplan" not in sys.modules
+print(json.dumps([t.full().ravel().tolist(), q.full().T.tolist()]))
+"""
+    done = subprocess.run([sys.executable, "-c", script, str(file)], capture_output=True, text=True, check=True)
+    t, q = map(np.array, json.loads(done.stdout))
+    assert t[-1] == pytest.approx(run.duration, rel=5e-3)
+    np.testing.assert_allclose(q, run.trajectory(t / t[-1] * run.duration), atol=0.05)
 
 
 @pytest.mark.parametrize("name", [name for name in ("ipopt", "sqpmethod+piqp", "blocksqp") if name in installed()])
