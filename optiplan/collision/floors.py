@@ -8,13 +8,21 @@ import numpy as np
 from optiplan.arrays import Array, Index
 from optiplan.collision.contacts import Pair
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.safety import Safety
+from optiplan.geometry.safety import BuiltNear, Safety
+from optiplan.geometry.scene import Scene
+from optiplan.robot.robot import Robot
 
 KEPT = 0.8
 """Share of its own distance that a pair keeps where it stands nearer than asked."""
 
 _ALONG = 33
 """Places of a joint at which a pair that it alone moves is measured."""
+
+_SPREAD, _OFTEN = 128, 0.2
+"""Configurations at which pairs of links are measured, and the share of those without contact that is often."""
+
+_PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53], dtype=float)
+"""Of their square roots no two have a rational ratio."""
 
 _STROKE = 1e6
 """m, of a sliding joint without bounds."""
@@ -91,9 +99,8 @@ class Floors:
 def floors_of(model: CollisionModel, safety: Safety | None, error: Array | None = None) -> Floors | None:
     """Return the floors of a model's pairs; None where nothing is asked.
 
-    A pair whose distance one joint decides is built nearer in two cases: of the robot's own bodies, where they stay
-    apart over the whole range of the joint but not as far as asked; with an obstacle, where they are nowhere as far
-    apart. It keeps 0.8 of the least distance of 33 places.
+    Pairs of links that are built nearer are those of the safety, see `with_built`. A link that one joint moves is built
+    nearer to an obstacle where it is so at each of 33 places of the joint; it keeps 0.8 of the least distance.
 
     Args:
         model: its exact distances are measured at the ends, with obstacles at their first places.
@@ -104,7 +111,7 @@ def floors_of(model: CollisionModel, safety: Safety | None, error: Array | None 
         return None
     asked, scene = asked_of(model, safety)
     taken = np.zeros(len(asked)) if error is None or not error.any() else _taken(model, error)
-    near = _built_nearer(model, asked, scene, taken)
+    near = _built_nearer(model, safety, asked, scene, taken)
     for one in near:
         asked[one.pair] = one.base
     built = Floors(asked, tuple(near), np.zeros((0, model.robot.n)), safety.within, taken)
@@ -152,30 +159,73 @@ def measured(model: CollisionModel, q: Array, asked: Array, taken: Array) -> lis
     return found
 
 
-def _built_nearer(model: CollisionModel, asked: Array, scene: Array, taken: Array) -> list[NearPair]:
-    """Return the pairs that one joint moves and that are built nearer than asked."""
-    n, limits = model.robot.n, model.robot.limits
-    alone = np.flatnonzero((model.bounds.depends.sum(axis=1) == 1) & (asked > 0.0))
+def with_built(safety: Safety | None, robot: Robot) -> Safety | None:
+    """Return what is asked with the pairs of links that the robot's own structure holds nearer.
+
+    They are found at 128 configurations within the limits of position, spread evenly. A pair that one joint moves is
+    built nearer where it never touches and somewhere is nearer than asked: it keeps 0.8 of its least distance. Any
+    other pair is where it is nearer in a fifth of the configurations in which it does not touch: it does not touch.
+    """
+    if safety is None or not any((safety.own, *(pair.at_least for pair in safety.pairs))):
+        return safety
+    model = CollisionModel(robot, Scene())
+    asked, taken = asked_of(model, safety)[0], np.zeros(len(model.pairs))
+    distances = np.full((_SPREAD, len(asked)), np.inf)
+    for row, q in enumerate(_spread(robot)):
+        for pair, distance in measured(model, q, asked, taken):
+            distances[row, pair] = distance
+    apart, alone = distances > 0.0, model.bounds.depends.sum(axis=1) == 1
+    least = np.where(apart, distances, np.inf).min(axis=0, initial=np.inf)
+    one_joint = alone & apart.all(axis=0) & np.isfinite(least)
+    often = (apart & np.isfinite(distances)).sum(axis=0) > _OFTEN * apart.sum(axis=0)
+    found: dict[tuple[str, str], BuiltNear] = {}
+    for k in np.flatnonzero(one_joint | (often & np.isfinite(least))).tolist():
+        first, second = sorted((model.pairs[k].name_a, model.pairs[k].name_b))
+        one = BuiltNear((first, second), float(least[k]), KEPT * float(least[k]) if one_joint[k] else 0.0)
+        known = found.get(one.links, one)
+        found[one.links] = BuiltNear(one.links, min(one.distance, known.distance), min(one.floor, known.floor))
+    return replace(safety, built=tuple(found[links] for links in sorted(found)))
+
+
+def _spread(robot: Robot) -> Array:
+    """Return configurations (128, n) within the limits: multiples of irrational steps, a Kronecker sequence."""
+    limits, joints = robot.limits, np.arange(robot.n)
+    steps = np.sqrt(_PRIMES[joints % len(_PRIMES)]) / (1 + joints // len(_PRIMES))
     lower = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
     upper = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
+    return lower + np.modf(np.arange(1, _SPREAD + 1)[:, None] * steps)[0] * (upper - lower)
+
+
+def _built_nearer(model: CollisionModel, safety: Safety, asked: Array, scene: Array, taken: Array) -> list[NearPair]:
+    """Return the pairs that are nearer than asked by structure: links, and what one joint moves over obstacles."""
+    built = {one.links: one for one in safety.built}
     found: list[NearPair] = []
+    for pair in model.pairs if built else ():
+        one = built.get((min(pair.name_a, pair.name_b), max(pair.name_a, pair.name_b)))
+        if one is not None and asked[pair.index] > one.floor:
+            base = max(one.floor - KEPT * float(taken[pair.index]), 0.0)
+            found.append(NearPair(pair.index, float(asked[pair.index]), one.distance, base, -1))
+    alone = np.flatnonzero((model.bounds.depends.sum(axis=1) == 1) & (asked > 0.0) & scene)
     joints = np.argmax(model.bounds.depends[alone], axis=1) if len(alone) else np.zeros(0, dtype=int)
-    for j in range(n):
-        pairs = alone[joints == j]
-        if not len(pairs):
-            continue
-        Q = np.tile(0.5 * (lower + upper), (_ALONG, 1))
-        Q[:, j] = np.linspace(lower[j], upper[j], _ALONG)
+    for j in np.unique(joints[joints < model.robot.n]).tolist():
         only = np.zeros(len(asked))
-        only[pairs] = asked[pairs]
-        rows = [dict(measured(model, q, only, taken * (only > 0.0))) for q in Q]
-        for pair in pairs.tolist():
-            distances = [row[pair] for row in rows if pair in row]
-            least = min(distances, default=np.inf)
-            if 0.0 < least and (len(distances) == _ALONG if scene[pair] else bool(distances)):
-                base = KEPT * max(least - float(taken[pair]), 0.0)
-                found.append(NearPair(pair, float(asked[pair]), least, base, -1))
+        only[alone[joints == j]] = asked[alone[joints == j]]
+        rows = [dict(measured(model, q, only, taken * (only > 0.0))) for q in _along(model.robot, j)]
+        for pair_index in set(rows[0]).intersection(*rows):
+            least = min(row[pair_index] for row in rows)
+            if least > 0.0:
+                base = KEPT * max(least - float(taken[pair_index]), 0.0)
+                found.append(NearPair(pair_index, float(asked[pair_index]), least, base, -1))
     return found
+
+
+def _along(robot: Robot, j: int) -> Array:
+    """Return configurations (33, n) over the range of joint j."""
+    lower = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -np.pi)
+    upper = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, np.pi)
+    Q = np.tile(0.5 * (lower + upper), (_ALONG, 1))
+    Q[:, j] = np.linspace(lower[j], upper[j], _ALONG)
+    return Q
 
 
 def _taken(model: CollisionModel, error: Array) -> Array:

@@ -51,6 +51,21 @@ class SafePairs:
         return (_any(self.of, a) and _any(self.others, b)) or (_any(self.of, b) and _any(self.others, a))
 
 
+@dataclass(frozen=True)
+class BuiltNear:
+    """Two links that are built nearer than asked of them.
+
+    Attributes:
+        links: their names, in order.
+        distance: m, the least that was measured of them apart.
+        floor: m, what they keep.
+    """
+
+    links: tuple[str, str]
+    distance: float
+    floor: float
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Safety:
     """How far bodies stay apart at all times.
@@ -70,6 +85,8 @@ class Safety:
 
     Attributes:
         ends: configurations (n,) at which pairs may be nearer; planners and the verifier put them there.
+        built: pairs of links that are built nearer, see `collision.floors.with_built`; who reads a problem puts them
+            there.
 
     Raises:
         InputError: a distance that is negative, or above `MOST`.
@@ -85,6 +102,7 @@ class Safety:
     pairs: tuple[SafePairs, ...] = ()
     within: float = WITHIN
     ends: tuple[Array, ...] = ()
+    built: tuple[BuiltNear, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("scene", "own"):
@@ -128,8 +146,8 @@ class Safety:
         """Whether another asks the same, about the same ends."""
         if other is None or len(self.ends) != len(other.ends):
             return False
-        alike = (self.scene, self.own, self.pairs, self.within) == (other.scene, other.own, other.pairs, other.within)
-        return alike and all(np.array_equal(a, b) for a, b in zip(self.ends, other.ends, strict=True))
+        mine, others = ((one.scene, one.own, one.pairs, one.within, one.built) for one in (self, other))
+        return mine == others and all(np.array_equal(a, b) for a, b in zip(self.ends, other.ends, strict=True))
 
     def to_data(self) -> dict[str, Any]:
         """`clearance:` of a file."""

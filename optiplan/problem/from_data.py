@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.arrays import Array
+from optiplan.collision.floors import with_built
 from optiplan.collision.kept_models import collision_model
 from optiplan.config.document import Document, validate
 from optiplan.config.messages import field_name
@@ -175,6 +176,7 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     scene = compiler.scene(robot)
     clearance = None if spec is None else spec.clearance
     safety, unsafe = safety_of(document, clearance, scene, () if robot is None else link_names(robot))
+    safety = safety if robot is None else with_built(safety, robot)
     scene = scene if safety is None else replace(scene, safety=safety)
     parts = None if robot is None else _parts(compiler, without_tools(robot), scene)
     issues += [] if any(issue.field == "file" for issue in issues) else goal_or_task(document)

@@ -6,7 +6,7 @@ import pytest
 
 import optiplan as op
 from optiplan._core import variants
-from optiplan.collision.floors import KEPT, floors_of
+from optiplan.collision.floors import KEPT, floors_of, with_built
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Box, Obstacle, Scene
@@ -75,13 +75,42 @@ def test_a_nearer_pair_begins_at_a_share_of_its_distance_and_grows(panda, ready,
 
 def test_what_a_robot_is_built_like_needs_no_more_than_it_has(panda):
     """With all pairs checked, links 0 and 1 pass each other at a millimetre wherever the joint between them stands."""
-    model = CollisionModel(panda.with_proved_checked(), Scene())
-    floors = floors_of(model, op.Safety(own=0.005))
+    robot = panda.with_proved_checked()
+    safety = with_built(op.Safety(own=0.005), robot)
+    model = CollisionModel(robot, Scene())
+    floors = floors_of(model, safety)
     built = {frozenset((model.pairs[one.pair].name_a, model.pairs[one.pair].name_b)): one for one in floors.near}
     one = built[frozenset(("panda_link0", "panda_link1"))]
     assert one.end == -1
     assert 0.0 < one.base == floors.asked[one.pair] < one.distance < 0.005
     assert frozenset(("panda_link5", "panda_link7")) not in built  # these can meet
+    assert with_built(op.Safety(0.005), robot).built == ()
+
+
+def test_links_that_are_often_nearer_keep_from_touching():
+    """Baxter's forearm turns in the shell of its elbow; it is nearer than 5 mm in a third of all configurations."""
+    problem = op.load_problem("11_baxter").with_parts(clearance=0.005)
+    (one,) = problem.safety.built
+    assert one.links == ("left_upper_elbow_visual", "left_upper_forearm")
+    assert one.floor == 0.0 < one.distance < 0.005
+    model = CollisionModel(problem.robot, problem.scene)
+    floors = floors_of(model, problem.safety)
+    held = {floors.asked[pair.index] for pair in model.pairs if {pair.name_a, pair.name_b} == set(one.links)}
+    assert held == {0.0}
+
+
+def test_a_first_link_that_is_near_its_table_wherever_it_turns_needs_no_more(panda):
+    table = Obstacle("table", Box((1.0, 1.0, 0.02)), pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.05])))
+    scene = Scene([table], allowed=[("table", "panda_link0")])
+    model = CollisionModel(panda, scene)
+    (pair,) = (pair for pair in model.pairs if {pair.name_a, pair.name_b} == {"table", "panda_link1"})
+    least = min(model.distance(np.array([q, 0, 0, 0, 0, 0, 0]), pair.index).distance for q in np.linspace(-2.8, 2.8, 9))
+    moved = scene.moved("table", z=least - 0.002)
+    floors = floors_of(CollisionModel(panda, moved), op.Safety(0.005))
+    (one,) = floors.near
+    assert one.end == -1
+    assert one.distance == pytest.approx(0.002, abs=2e-4)
+    assert floors.asked[pair.index] == one.base == KEPT * one.distance
 
 
 @native

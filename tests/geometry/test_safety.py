@@ -1,10 +1,12 @@
 """A safety distance as a value: which bodies a name means, which of several distances holds, what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import optiplan as op
-from optiplan.geometry.safety import named_by
+from optiplan.geometry.safety import BuiltNear, named_by
 
 
 @pytest.mark.parametrize(
@@ -55,6 +57,7 @@ def test_ends_tell_safeties_apart():
     assert not there.same_as(safety)
     assert not there.same_as(safety.ending_at([np.ones(2)]))
     assert not safety.same_as(None)
+    assert not safety.same_as(replace(safety, built=(BuiltNear(("a", "b"), 0.001, 0.0),)))
 
 
 @pytest.mark.parametrize("value", [-0.001, 1.5, float("nan"), "5 mm", True])

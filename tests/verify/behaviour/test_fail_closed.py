@@ -295,7 +295,7 @@ def test_fields_of_what_a_problem_states_are_known():
         Attachment: {"name", "shape", "link", "X_LO", "touch", "stated", "mass", "centre", "inertia", "framed"},
         Limits: {"lower", "upper", "velocity", "acceleration", "jerk", "torque"},
         Scene: {"obstacles", "attached", "allowed", "safety"},
-        Safety: {"scene", "own", "pairs", "within", "ends"},
+        Safety: {"scene", "own", "pairs", "within", "ends", "built"},
         SafePairs: {"of", "others", "at_least"},
     }
     assert {kind: {field.name for field in fields(kind)} for kind in expected} == expected
