@@ -13,6 +13,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figur
 
 import argparse
 import copy
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -21,11 +22,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from published import ROOT, commit, print_json, print_table, write_markdown
 
+import optiplan as op
 from optiplan.config.document import read_yaml
 from optiplan.robot.frames import frame_poses
 from optiplan.simulation.log import Log
 from optiplan.simulation.pictures import response_picture
 from optiplan.simulation.simulation import Simulation, run_control
+from optiplan.simulation.step_response import step_response
 
 ROTORS = [3.0, 3.0, 2.0, 0.3, 0.3, 0.2]
 """kg·m², of SRRA's drives: chosen, as in control/srra_pid_step.yaml."""
@@ -40,6 +43,18 @@ PIDS: dict[str, dict[str, Any]] = {
     "stiff, I = 2 P, gravity left to it": {"pid": {**STIFF, "i": [2 * p for p in STIFF["p"]]}},
     "computed torque, 1.6 Hz": {"computed_torque": {"frequency": 1.6}},
 }
+DRIVE = {"position": 10, "velocity": STIFF["d"], "integral": [5 * d for d in STIFF["d"]]}
+INTERFACES: dict[str, dict[str, Any]] = {
+    "effort: PID, the report's, gravity compensated": {"pid": {**REPORT, "gravity_compensation": True}},
+    "effort: PID, stiff, gravity compensated": {"pid": {**STIFF, "gravity_compensation": True}},
+    "effort: computed torque, 1.6 Hz": {"computed_torque": {"frequency": 1.6}},
+    "effort: computed torque, 10 Hz": {"computed_torque": {"frequency": 10}},
+    "velocity: drives with P 10/s outside": {"drive": {"takes": "velocity", **DRIVE}},
+    "position: drives with the same loops": {"drive": {"takes": "position", **DRIVE}},
+}
+"""Controllers by what the drives take: torques, velocities, positions."""
+MOVED = [1.0, 0.6, -0.8, 0.5, 0.7, 0.5]
+"""rad, from home: the goal of the motion that `srra_ptp` follows."""
 STEPS = {"joint_1": 0.5, "joint_2": 0.5}
 
 
@@ -50,7 +65,7 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path, help="folder for the pictures")
     options = parser.parse_args()
     told: dict[str, Any] = {"commit": commit()}
-    for name, make in {"srra-pid": srra, "delbot-circle": delbot, "baxter-screw": baxter}.items():
+    for name, make in {"srra-pid": srra, "srra-ptp": srra_ptp, "delbot-circle": delbot, "baxter-screw": baxter}.items():
         headings, rows, picture = make()
         print_table(headings, rows)
         told[name] = [dict(zip(headings, row, strict=True)) for row in rows]
@@ -82,6 +97,34 @@ def srra() -> tuple[tuple[str, ...], list[list[str]], Figure]:
                 shown[name] = done.log
     headings = ("joint", "controller", "rise s", "overshoot", "settled s", "steady error mrad", "others, at most mrad")
     return headings, rows, response_picture(shown, 0, done.control.robot.unit("position", 0))
+
+
+def srra_ptp() -> tuple[tuple[str, ...], list[list[str]], Figure]:
+    """One quintic motion of all joints at half speed, by what the drives take; figures of joint 2, the loaded one."""
+    rows, loops = [], {}
+    problem = {"start": {"configuration": "home"}, "limits": {"velocity": 0.5, "acceleration": 0.5, "jerk": 0.5}}
+    motion = op.plan(op.load_problem({"version": 1, "robot": "srra", **problem, "goal": {"joints": MOVED}}), "quintic")
+    assert motion.verified
+    with tempfile.TemporaryDirectory() as folder:
+        motion.save(Path(folder))
+        for name, controller in INTERFACES.items():
+            data = {"version": 1, "robot": "srra", **problem, "reference": {"trajectory": folder}, "settle": 3.0}
+            done = loops[name] = run_control({**data, "controller": controller, "plant": {"rotor_inertia": ROTORS}})
+            log = needed(done)
+            found = step_response(log.t, log.q[:, 1], 0.0, 0.0, MOVED[1])
+            error = 1e3 * np.abs(log.q - log.wanted)
+            moving = log.t <= float(motion.duration or 0.0)
+            rows.append(
+                [
+                    name,
+                    f"{found.rise:.3f}" if found.rise is not None else "never",
+                    f"{100.0 * found.overshoot:.1f} %",
+                    f"{error[moving].max():.3g}",
+                    f"{error[-1].max():.3g}",
+                ]
+            )
+    headings = ("controller", "rise s", "overshoot", "error on the way, at most mrad", "error 3 s later mrad")
+    return headings, rows, errors_picture(loops)
 
 
 def response_cells(done: Simulation, joint: str) -> list[str]:

@@ -18,6 +18,7 @@ from optiplan.problem.task.timeline import mismatch, scene_parts
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
+from optiplan.runs.base_load import BaseLoad, base_load
 from optiplan.trajectory.quadrature import integral, panels
 from optiplan.trajectory.trajectory import States, Trajectory
 from optiplan.verify.report import Report
@@ -50,6 +51,7 @@ class Metrics:
         manipulability: smallest Yoshikawa measure of the tool's Jacobian (lengths in m): of all six rows, or with fewer
             than six joints of the three of the velocity. Sampled, then refined around the smallest sample.
         wheel_rates: largest |rate| of each mecanum wheel, rad/s, by name; None for a robot without. Sampled.
+        base_load: what the ground carries: see `BaseLoad`; None for a robot without masses. Sampled.
     """
 
     tool_path: float
@@ -67,6 +69,7 @@ class Metrics:
     scene_clearance: float | None = None
     objective: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     wheel_rates: Mapping[str, float] | None = None
+    base_load: BaseLoad | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready data, but for values that are not finite."""
@@ -100,6 +103,7 @@ def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics
         manipulability=min(part.least_manipulability() for part in parts),
         objective=objective_of(problem, trajectory),
         wheel_rates=peak_wheel_rates(robot, trajectory),
+        base_load=base_load(motions),
     )
 
 

@@ -10,7 +10,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.obstacles import Box, Sphere
 from optiplan.problem.problem import derived
 from optiplan.simulation.closed_loop import Loop, Push, simulate
-from optiplan.simulation.controllers.joints import ComputedTorque, PidController, VelocityTracking
+from optiplan.simulation.controllers.joints import ComputedTorque, DriveLoops, PidController, VelocityTracking
 from optiplan.simulation.execution import ExecutionOptions, execute, torque_plant
 from optiplan.simulation.log import MOST_PIECES
 from optiplan.simulation.plants.base import Friction, Payload, PlantOptions
@@ -264,3 +264,17 @@ def test_step_response_of_a_known_curve():
     assert never.steady_error == pytest.approx(0.5, abs=1e-3)
     with pytest.raises(ValueError, match="no step"):
         step_response(t, q, 0.0, 1.0, 1.0)
+
+
+def test_drives_that_take_positions_lag_by_the_velocity_over_the_gain(panda, motion):
+    """Those that take velocities are told v_ref, and do not."""
+    peaks, gravity = {}, RigidBodyDynamics(panda)
+    for takes in ("position", "velocity"):
+        gains = (np.full(7, 40.0), np.array([400.0, 400, 300, 300, 60, 60, 30]), np.zeros(7))
+        controller = DriveLoops(gains, 1e-3, takes, gravity=gravity)
+        plant = RigidBodyPlant(panda, READY, 2.5e-4)
+        log = simulate(loop(panda, TrajectoryReference(motion), controller, plant, dt=1e-3))
+        peaks[takes] = np.abs(log.q - log.wanted).max(axis=0)
+    fastest = np.abs(np.array(motion.extrema(1))).max(axis=0)
+    np.testing.assert_allclose(peaks["position"][:4], fastest[:4] / 40.0, rtol=0.05)
+    assert (peaks["velocity"][:4] < 0.35 * peaks["position"][:4]).all()

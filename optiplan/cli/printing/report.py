@@ -32,6 +32,8 @@ def show_run(console: Console, run: Run, full: bool = False) -> None:
         console.print(cost, markup=False)
     if run.failure is not None:
         _show_failure(console, run.failure, title)
+    if full and (words := _base(run)):
+        console.print(words, markup=False)
     for line in _stops(run.info.get("stops", ()), full):
         console.print(line, markup=False, style="dim")
     console.print(_times(run), markup=False, style="dim")
@@ -115,6 +117,18 @@ def _cost(run: Run) -> str:
         return ""
     words = [f"{name} {part['cost']:.4g} ({part['value']:.4g} {part['unit']})" for name, part in parts.items()]
     return f"cost {sum(part['cost'] for part in parts.values()):.4g} s = {' + '.join(words)}"
+
+
+def _base(run: Run) -> str:
+    """Describe what the motion asks of the ground under the base; nothing where masses are unknown."""
+    load = None if run.metrics is None else run.metrics.base_load
+    if load is None:
+        return ""
+    words = f"base: up to {load.force:.4g} N and {load.moment:.4g} N·m"
+    if load.zero_moment_point is None:
+        return f"{words}; the ground would have to pull"
+    (x, X), (y, Y) = load.zero_moment_point
+    return f"{words}; zero-moment point at x {x:.3f} to {X:.3f} m, y {y:.3f} to {Y:.3f} m"
 
 
 def _stops(stops: Sequence[Mapping[str, Any]], full: bool) -> list[str]:

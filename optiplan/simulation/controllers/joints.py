@@ -54,6 +54,49 @@ class PidController:
         return Command(torque, target.q)
 
 
+class DriveLoops:
+    """tau = Kv e + Ki ∫ e dt, e = v_cmd - v, v_cmd = v_ref + Kp (q_ref - q), for each joint alone.
+
+    Drives that take velocities are given v_cmd. Those that take positions close the outer loop themselves, from q_ref
+    alone: there v_ref is missing, and a moving reference is followed late by v_ref / Kp. The integral's part of the
+    torque stays within its limit.
+    """
+
+    output: Input = "torque"
+
+    def __init__(
+        self,
+        gains: tuple[Array, Array, Array],
+        dt: float,
+        takes: str,
+        integral_limit: Array | None = None,
+        gravity: RigidBodyDynamics | None = None,
+    ) -> None:
+        """Begin with an empty integral.
+
+        Args:
+            gains: Kp (n,), 1/s; Kv (n,), N·m·s/rad; Ki (n,), N·m/rad (of sliding joints with m and N).
+            dt: the control period, s.
+            takes: what the drives are given: `velocity` or `position`.
+            integral_limit: (n,), N·m (N); None: without.
+            gravity: the model whose gravity is compensated; None: not at all.
+        """
+        self._position, self._velocity, self._integral_gain = gains
+        self._dt, self._ahead, self._gravity = dt, float(takes == "velocity"), gravity
+        self._most = np.inf if integral_limit is None else integral_limit
+        self._integral: Array = np.zeros(len(self._position))
+
+    def command(self, q: Array, v: Array, target: JointTarget | ToolTarget) -> Command:
+        """See the class."""
+        assert isinstance(target, JointTarget)
+        e = self._ahead * target.v + self._position * (target.q - q) - v
+        self._integral = np.clip(self._integral + self._integral_gain * e * self._dt, -self._most, self._most)
+        torque = self._velocity * e + self._integral
+        if self._gravity is not None:
+            torque = torque + self._gravity.gravity(q)
+        return Command(torque, target.q)
+
+
 class ComputedTorque:
     """tau = M(q) (a_ref + Kd (v_ref - v) + Kp (q_ref - q)) + c(q, v) + g(q), Kp = w², Kd = 2 z w.
 

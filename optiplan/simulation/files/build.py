@@ -5,11 +5,11 @@ import numpy as np
 from optiplan.planners.base import Failure
 from optiplan.simulation.closed_loop import Loop, Push
 from optiplan.simulation.controllers.base import LoopController
-from optiplan.simulation.controllers.joints import ComputedTorque, PidController, VelocityTracking
+from optiplan.simulation.controllers.joints import ComputedTorque, DriveLoops, PidController, VelocityTracking
 from optiplan.simulation.execution import torque_plant
 from optiplan.simulation.files.read import ControlFile
 from optiplan.simulation.files.references import reference_of
-from optiplan.simulation.files.schema import ComputedTorqueSpec, PidSpec, TaskSpaceSpec, VelocitySpec
+from optiplan.simulation.files.schema import ComputedTorqueSpec, DriveSpec, PidSpec, TaskSpaceSpec, VelocitySpec
 from optiplan.simulation.plants.base import Friction, Payload, Plant, PlantOptions, assumed_dynamics
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
 from optiplan.simulation.plants.ideal import IdealPlant
@@ -53,6 +53,15 @@ def _controller(control: ControlFile, reference: Reference) -> LoopController:
             most = None if spec.integral_limit is None else control.per_joint(spec.integral_limit)
             gravity = _assumed(control) if spec.gravity_compensation else None
             return PidController(gains, 1.0 / control.spec.rate, most, gravity)
+        case DriveSpec() as spec:
+            gains = (
+                control.per_joint(spec.position),
+                control.per_joint(spec.velocity),
+                control.per_joint(spec.integral),
+            )
+            most = None if spec.integral_limit is None else control.per_joint(spec.integral_limit)
+            gravity = _assumed(control) if spec.gravity_compensation else None
+            return DriveLoops(gains, 1.0 / control.spec.rate, spec.takes, most, gravity)
         case ComputedTorqueSpec() as spec:
             return ComputedTorque(_assumed(control), spec.frequency, spec.damping)
         case VelocitySpec() as spec:

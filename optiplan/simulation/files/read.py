@@ -173,7 +173,7 @@ def _fits(control: ControlFile) -> list[Issue]:
         found = f"{controller}, which moves joints, with the reference '{reference}', which is of the tool"
         expected = "controller: task_space; or a reference of the joints: plan, trajectory, step"
         issues.append(document.issue(("controller", controller), found, expected))
-    if engine == "ideal" and controller in ("pid", "computed_torque"):
+    if engine == "ideal" and controller in ("pid", "drive", "computed_torque"):
         found = f"{controller}, which gives torques, with engine: ideal, which takes velocities"
         expected = "engine: own or mujoco; or controller: velocity, task_space"
         issues.append(document.issue(("controller", controller), found, expected))

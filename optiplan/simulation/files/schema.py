@@ -158,6 +158,21 @@ class ComputedTorqueSpec(Strict):
     damping: NotNegative = 1.0
 
 
+class DriveSpec(Strict):
+    """Drives with loops of their own, which are given velocities or positions.
+
+    `position`, 1/s, is the gain of the position error, `velocity`, N·m·s/rad, and `integral`, N·m/rad, those of the
+    error of the velocity; `integral_limit` in N·m. Drives that take positions know no velocity of the reference.
+    """
+
+    takes: Literal["velocity", "position"]
+    position: PerJoint
+    velocity: PerJoint
+    integral: PerJoint = 0.0
+    integral_limit: PerJoint | None = None
+    gravity_compensation: Annotated[bool, Field(strict=True)] = False
+
+
 class VelocitySpec(Strict):
     """Gain of the position error, 1/s."""
 
@@ -193,6 +208,7 @@ class ControllerSpec(ExactlyOne):
     """One controller with its settings."""
 
     pid: PidSpec | None = None
+    drive: DriveSpec | None = None
     computed_torque: ComputedTorqueSpec | None = None
     velocity: VelocitySpec | None = None
     task_space: TaskSpaceSpec | None = None
