@@ -192,7 +192,8 @@ def _motion(problem: Problem, poses: Poses, trajectory: Trajectory, detail: Deta
     joints, tool = poses.of(Q)
     points = dict(tool_points(problem.robot, Q)) if len(tool_frames(problem.robot)) > 1 else {}
     t = np.linspace(0.0, trajectory.duration, count)
-    for begin, frame in mounted_tools(problem, trajectory):  # one path, of the TCP that is mounted
+    changes = mounted_tools(problem, trajectory)
+    for begin, frame in changes:  # one path, of the TCP that is mounted
         tool[t >= begin] = frame_poses(problem.robot, Q[t >= begin], frame)[:, :3, 3]
     changed = {one.name for one in problem.tools}
     others = [found for name, found in points.items() if name not in changed | {problem.robot.tool_frame}]
@@ -201,6 +202,7 @@ def _motion(problem: Problem, poses: Poses, trajectory: Trajectory, detail: Deta
         "samples": count,
         "poses": base64_of(joints),
         "path": base64_of(tool),
+        "cuts": [int(np.searchsorted(t, begin)) for begin, _ in changes if 0.0 < begin < trajectory.duration],
         "other_paths": [base64_of(points) for points in others],
         "ellipsoids": base64_of(poses.ellipsoids(Q)) if detail.ellipsoids else None,
     }

@@ -20,7 +20,7 @@ from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.tours.travel_times import TravelTimes
 from optiplan.planners.tours.vertices import Vertices
-from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, PoseGoal
+from optiplan.problem.goals_and_vias import AllOfGoal, GoalEnd, JointGoal, PoseGoal
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.task.scene_change import columns
@@ -237,9 +237,9 @@ def _of_all(problem: Problem, joints: Sequence[str], end: GoalEnd) -> GoalEnd:
 
 
 def _regions(ends: Sequence[GoalEnd]) -> list[GoalEnd]:
-    """Return ends with poses as regions of their tolerance."""
+    """Return ends with poses as regions of their tolerance; of several frames at once the first one is looked at."""
     found: list[GoalEnd] = []
-    for end in ends:
+    for end in (one.parts[0] if isinstance(one, AllOfGoal) else one for one in ends):
         if isinstance(end, PoseGoal):
             off = np.repeat([end.position, end.orientation], 3)
             found.append(RegionGoal(end.frame, end.X_WG, pin.SE3.Identity(), -off, off))

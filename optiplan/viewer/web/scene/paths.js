@@ -38,19 +38,20 @@ const OptiPlanPaths = (() => {
     return Object.assign(new THREE.CatmullRomCurve3(line), { lengths: times });
   }
 
-  // Speeds of the samples, as a share of the fastest.
+  // Speeds of the samples, m a sample.
   function speeds(points) {
     const count = points.length / 3, found = new Float32Array(count);
     for (let k = 0; k < count; k++) {
       const a = Math.max(0, k - 1), b = Math.min(count - 1, k + 1);
       found[k] = Math.hypot(...[0, 1, 2].map((i) => points[3 * b + i] - points[3 * a + i])) / Math.max(1, b - a);
     }
-    const most = Math.max(1e-12, ...found);
-    return found.map((v) => v / most);
+    return found;
   }
 
-  function colourBySpeed(geometry, curve, points) {
-    const share = speeds(points), { lengths } = curve, total = lengths[lengths.length - 1], colours = [];
+  const fastest = (tools) => Math.max(1e-12, ...tools.map((points) => speeds(points).reduce((a, b) => Math.max(a, b), 0)));
+
+  function colourBySpeed(geometry, curve, points, most) {
+    const share = speeds(points).map((v) => v / most), { lengths } = curve, total = lengths[lengths.length - 1], colours = [];
     let k = 0;
     for (let s = 0; s <= SEGMENTS; s++) {
       while (k < lengths.length - 1 && lengths[k + 1] < (s / SEGMENTS) * total) k++;
@@ -61,7 +62,7 @@ const OptiPlanPaths = (() => {
   }
 
   // Member `part` of `parts` that share one path: every so many segments of the tube are its own.
-  function tube(curve, colour, part, parts, points) {
+  function tube(curve, colour, part, parts, points, most) {
     const geometry = new THREE.TubeGeometry(curve, SEGMENTS, SAME, RING);
     if (parts > 1) {
       const index = geometry.index.array, size = index.length / SEGMENTS, own = [];
@@ -70,7 +71,7 @@ const OptiPlanPaths = (() => {
       geometry.setIndex(own);
     }
     const look = points ? { vertexColors: true } : { color: named(colour) };
-    if (points) colourBySpeed(geometry, curve, points);
+    if (points) colourBySpeed(geometry, curve, points, most);
     const path = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({ ...look, side: THREE.DoubleSide }));
     const hidden = { ...look, depthTest: false, transparent: true, opacity: 0.25 };
     path.add(new THREE.Mesh(geometry, new THREE.MeshBasicMaterial(hidden))); // faintly through what stands before it
@@ -92,7 +93,7 @@ const OptiPlanPaths = (() => {
     }
     for (const { members } of groups) {
       members.forEach(({ run, curve, points }, part) => {
-        if (curve) run.path.add(tube(curve, run.colour, part, members.length, bySpeed ? points : null));
+        if (curve) run.path.add(tube(curve, run.colour, part, members.length, bySpeed ? points : null, bySpeed ? fastest(run.tools) : 0));
       });
     }
   }

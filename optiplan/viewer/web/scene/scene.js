@@ -140,7 +140,9 @@ const OptiPlanScene = (() => {
       shown.objects = new OptiPlanObjects.Objects(this, shown, (part) => this.surface(part.colour, k ? behind : {}));
       if (run.path) {
         shown.tool = floats(run.path);
-        shown.tools = [shown.tool, ...(run.other_paths || []).map(floats)];
+        const cuts = [0, ...(run.cuts || []), shown.samples]; // where the tool is changed
+        shown.tools = cuts.slice(1).map((end, k) => shown.tool.slice(3 * cuts[k], 3 * end));
+        shown.tools.push(...(run.other_paths || []).map(floats));
       }
       return shown;
     }
