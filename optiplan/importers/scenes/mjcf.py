@@ -45,7 +45,7 @@ def read_mjcf_scene(path: Path) -> ImportedScene:
 def _shape(kinds: Any, model: Any, geom: int, name: str, scene: ImportedScene) -> dict[str, Any] | None:
     """The shape of a geom as data of a problem file; None of one that has no counterpart."""
     kind, (a, b, c) = int(model.geom_type[geom]), (float(x) for x in model.geom_size[geom])
-    plain = {
+    plain: dict[int, dict[str, Any]] = {
         int(kinds.mjGEOM_BOX): {"box": [2 * a, 2 * b, 2 * c]},
         int(kinds.mjGEOM_SPHERE): {"sphere": a},
         int(kinds.mjGEOM_CYLINDER): {"cylinder": {"radius": a, "length": 2 * b}},

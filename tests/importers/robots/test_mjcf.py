@@ -162,6 +162,29 @@ def test_bad_files_are_named(arm, tmp_path, old, new, words):
     assert words in str(caught.value)
 
 
+def test_hidden_geoms_are_the_bodies_where_none_can_touch(tmp_path):
+    path = tmp_path / "ghost.xml"
+    path.write_text("""<mujoco><default><geom contype="0" conaffinity="0"/></default><worldbody><body name="a"><joint/>
+        <geom size="0.1" group="2"/><geom size="0.2" group="3"/></body></worldbody></mujoco>""")
+    described = describe(path)
+    assert described.text.count("<collision>") == 1
+    assert 'radius="0.2"' in described.text[described.text.index("<collision>") :]
+    assert "those that are not drawn are taken as bodies" in " ".join(described.notes)
+
+
+@pytest.mark.parametrize(("first", "second"), [("a", "b"), ("b", "a")])
+def test_a_leader_carries_its_follower(tmp_path, first, second):
+    path = tmp_path / "chain.xml"
+    path.write_text(f"""<mujoco><worldbody><body><joint name="a" range="-1 1" limited="true"/><geom size="0.1"/>
+        <body pos="1 0 0"><joint name="b" range="-1 1" limited="true"/><geom size="0.1"/></body></body></worldbody>
+        <equality><joint joint1="{first}" joint2="{second}" polycoef="0 2 0 0 0"/></equality>
+        <actuator><motor joint="b"/></actuator></mujoco>""")
+    urdf = read_urdf(Path("chain.urdf"), tmp_path, describe(path).text)
+    assert {name: (mimic.source, mimic.multiplier) for name, mimic in urdf.mimics.items()} == {
+        "b": ("a", 0.5 if first == "a" else 2.0)
+    }
+
+
 def test_links_that_overlap_as_drawn_go_unchecked_where_mujoco_lets_them(tmp_path):
     path = tmp_path / "row.xml"
     ball = '<geom size="0.1" {}/>'

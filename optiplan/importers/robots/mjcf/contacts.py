@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.importers.robots.mjcf.geoms import touches
+from optiplan.importers.robots.mjcf.geoms import solid_geoms
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
 
 
@@ -25,7 +25,7 @@ def excluded_pairs(model: Any, links: Sequence[str]) -> set[LinkPair]:
 
 def overlapping_pairs(mujoco: Any, model: Any, links: Sequence[str]) -> set[LinkPair]:
     """Pairs of links that overlap as they are drawn, and between which MuJoCo makes no contact."""
-    solid = [geom for geom in range(model.ngeom) if touches(model, geom) and _is_body(mujoco, model, geom)]
+    solid = [geom for geom in sorted(solid_geoms(model)[0]) if _is_body(mujoco, model, geom)]
     apart = [(a, b) for a, b in combinations(solid, 2) if not _may_touch(model, a, b)]
     found: set[LinkPair] = set()
     data = mujoco.MjData(model)

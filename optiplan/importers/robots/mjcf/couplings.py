@@ -102,7 +102,7 @@ def _joint_equality(model: Any, found: Couplings, names: list[str], pair: tuple[
         found.notes.append(f"held: {names[y]}, which follows {names[x]} by a polynomial of a higher degree")
     else:
         slope = float(poly[1])
-        _follow(found, names, (y, x), slope, y0 + float(poly[0]) - slope * _reference(model, x))
+        _follow(model, found, names, (y, x), slope, y0 + float(poly[0]) - slope * _reference(model, x))
 
 
 def _tendon_equality(mujoco: Any, model: Any, found: Couplings, names: list[str], tendon: int, change: float) -> None:
@@ -113,14 +113,16 @@ def _tendon_equality(mujoco: Any, model: Any, found: Couplings, names: list[str]
         return
     (y, c_y), (x, c_x) = joints
     slope = -c_x / c_y
-    _follow(found, names, (y, x), slope, _reference(model, y) + change / c_y - slope * _reference(model, x))
+    _follow(model, found, names, (y, x), slope, _reference(model, y) + change / c_y - slope * _reference(model, x))
 
 
-def _follow(found: Couplings, names: list[str], pair: tuple[int, int], slope: float, offset: float) -> None:
-    """Note that y = slope · x + offset, the other way round where y is the joint with a drive."""
+def _follow(model: Any, found: Couplings, names: list[str], pair: tuple[int, int], slope: float, offset: float) -> None:
+    """Note that y = slope · x + offset; the other way round where y has the drive, or carries x: a leader carries."""
     y, x = pair
-    if y in found.driven and x not in found.driven:
+    if _carries(model, y, x) or (y in found.driven and x not in found.driven and not _carries(model, x, y)):
         y, x, slope, offset = x, y, 1.0 / slope, -offset / slope
+    if y in found.driven:  # either of two coupled joints may be told where to go
+        found.driven.add(x)
     leaders, leader = {y}, x
     while leader in found.followers:
         leaders.add(leader)
@@ -129,6 +131,14 @@ def _follow(found: Couplings, names: list[str], pair: tuple[int, int], slope: fl
         found.notes.append(f"left out: a second equality of {names[y]} and {names[x]}")
     else:
         found.followers[y] = (x, slope, offset)
+
+
+def _carries(model: Any, a: int, b: int) -> bool:
+    """Whether joint a moves the body of joint b."""
+    first, body = int(model.jnt_bodyid[a]), int(model.jnt_bodyid[b])
+    while body > first:  # a body comes after the one that carries it
+        body = int(model.body_parentid[body])
+    return body == first and a != b
 
 
 def _passive(mujoco: Any, model: Any, found: Couplings, names: list[str]) -> None:

@@ -31,6 +31,20 @@ def touches(model: Any, geom: int) -> bool:
     return named or bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
 
 
+def solid_geoms(model: Any) -> tuple[set[int], str]:
+    """The geoms that are bodies of a robot, and a remark where the file lets none touch another.
+
+    Those that can touch; without any those that are not drawn, which stand for the links by custom; else all.
+    """
+    everything = set(range(model.ngeom))
+    solid = {geom for geom in everything if touches(model, geom)}
+    if solid or not everything:
+        return solid, ""
+    hidden = {geom for geom in everything if model.geom_group[geom] >= SEEN}
+    which = "those that are not drawn" if hidden else "all of them"
+    return hidden or everything, f"no geom can touch another in the file: {which} are taken as bodies"
+
+
 class GeomWriter:
     """Adds geoms to the links of a URDF; `files` gets the meshes, `notes` what is left out."""
 
@@ -40,10 +54,8 @@ class GeomWriter:
         self.notes: list[str] = []
         self._kinds = mujoco.mjtGeom
         self._written: dict[int, str] = {}
-        solid = any(touches(model, geom) for geom in range(model.ngeom))
-        if not solid and model.ngeom:
-            self.notes.append("no geom can touch another in the file: those that are drawn are taken as bodies")
-        self._none_touches = not solid
+        self._solid, remark = solid_geoms(model)
+        self.notes += [remark] if remark else []
 
     def add(self, link: ET.Element, geom: int, X_LB: pin.SE3) -> None:
         """Add a geom whose body B is at X_LB in the link."""
@@ -52,7 +64,7 @@ class GeomWriter:
         if shape is None:
             return
         X_LG = X_LB * placed(model.geom_pos[geom], model.geom_quat[geom])
-        solid = touches(model, geom) or self._none_touches
+        solid = geom in self._solid
         if model.geom_group[geom] < SEEN or not solid:
             self._element(link, "visual", X_LG, shape, self._colour(geom))
         if solid:
