@@ -8,6 +8,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.problem.goals_and_vias import AllOfGoal, GoalEnd
 from optiplan.problem.problem import PoseGoal, Problem, RegionGoal
+from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.task.steps import TargetTour
 from optiplan.robot.frames import frame_pose
 
@@ -17,12 +18,18 @@ _ENDLESS = 0.5
 _THIN = 0.004
 """m; thickness of a region that has none to speak of."""
 
+_MARKS = 25
+"""Poses that are drawn along a path."""
+
 _RING = 0.06
 """m; radius of the ring about an axis that a frame turns about freely, where it does not stand off that axis."""
 
 
 def targets(problem: Problem) -> tuple[list[float], ...]:
-    """Return the poses that goals name, of targets of tours and of vias: the tool's where a via gives joint values."""
+    """Return the poses that goals name, of targets of tours, along paths, and of vias.
+
+    Of vias with joint values it is that of the tool.
+    """
     robot = problem.robot
     ends = _parts(problem)
     poses = [end.X_WG for end in ends if isinstance(end, PoseGoal)]
@@ -32,10 +39,17 @@ def targets(problem: Problem) -> tuple[list[float], ...]:
         at = frame_pose(robot, problem.start, tour.carried_by) if tour.carried_by else pin.SE3.Identity()
         regions += [target.goal.moved(at) for target in tour.targets]
     poses += [end.pose(_middle(end)) for end in regions]
+    poses += [X for step in problem.task if isinstance(step.action, SeamPath) for X in _along(step.action)]
     for via in problem.vias:
         at = via.at
         poses.append(at.X_WG if isinstance(at, PoseGoal) else frame_pose(robot, at.q, robot.tool_frame))
     return tuple(pin.SE3ToXYZQUAT(X).tolist() for X in poses)
+
+
+def _along(path: SeamPath) -> list[pin.SE3]:
+    """Return poses of the tool along a path, evenly."""
+    s = np.linspace(0.0, path.curve.length, _MARKS)
+    return [pin.SE3(R, p) for R, p in zip(path.curve.rotations(s), path.curve.points(s), strict=True)]
 
 
 def regions(problem: Problem, reached: Array | None) -> tuple[dict[str, Any], ...]:

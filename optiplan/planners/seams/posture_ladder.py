@@ -25,6 +25,15 @@ _ALLOWED = 1.0
 _JUMP = 0.7
 """rad or m: a joint that moves farther between two rungs jumps."""
 
+_OTHERS, _CORRECTIONS = 6, 6
+"""Ways to one configuration that are looked at, and corrections of the middle of each."""
+
+_MET = 1e-6
+"""m and rad: error of a middle that is met."""
+
+_AHEAD, _NEAR = 0.3, 1e-3
+"""Share of the way, and rad or m, by which the middle of a way on one branch is off the middle of its ends."""
+
 _AT_LIMIT = 0.3
 """Weight of being near the limits of joints."""
 
@@ -80,8 +89,8 @@ class PostureLadder:
                 return self._unreached(float(s[k]))
             edges = self._edges(rungs[-1], new, seconds)
             through = costs[-1][:, None] + edges
-            origin = through.argmin(axis=0)
-            cost = through[origin, np.arange(len(new))] + seconds * self._own(new)
+            origin, cost = self._cheapest(through, (rungs[-1], new), 0.5 * float(s[k - 1] + s[k]))
+            cost = cost + seconds * self._own(new)
             kept = np.isfinite(cost)
             if not kept.any():
                 return self._cut_off(float(s[k]), rungs[-1], new, seconds)
@@ -95,6 +104,33 @@ class PostureLadder:
             way.append(int(origin[way[-1]]))
         Q = np.array([rung[i] for rung, i in zip(rungs, reversed(way), strict=True)])
         return Posture(s, Q)
+
+    def _cheapest(self, through: Array, ends: tuple[Array, Array], s: float) -> tuple[Index, Array]:
+        """Return from where each new configuration is reached at the least cost on one branch, and that cost.
+
+        Half way between two configurations of one branch, another of it is near, which has the tool at length s, m.
+        Through a singularity, where branches meet, there is none. Those are left out, a few of each.
+        """
+        before, new = ends
+        columns = np.arange(len(new))
+        origin = through.argmin(axis=0)
+        asked = np.isfinite(through[origin, columns])
+        for _ in range(_OTHERS):
+            k = columns[asked]
+            if not len(k):
+                break
+            middle = 0.5 * (before[origin[k]] + new[k])
+            there, error = self.rungs.tool.corrected(middle, self.rungs.places(s, len(k)), _CORRECTIONS)
+            off = np.abs(there - middle).max(axis=1, initial=0.0)
+            way = np.abs(new[k] - before[origin[k]]).max(axis=1, initial=0.0)
+            apart = k[(error > _MET) | (off > _AHEAD * way + _NEAR)]
+            through[origin[apart], apart] = np.inf
+            origin[apart] = through[:, apart].argmin(axis=0)
+            asked = np.zeros(len(new), dtype=bool)
+            asked[apart] = np.isfinite(through[origin[apart], apart])
+        cost = through[origin, columns]
+        cost[asked] = np.inf
+        return origin, cost
 
     def _own(self, Q: Array) -> Array:
         """Return the cost (k,) of a second in each of configurations Q (k, n): near limits it is larger."""

@@ -83,7 +83,7 @@ class Rungs:
         self.miss = None
         if self._closed is not None:
             return self._kept(self._near(self._solved(s), before, seconds), s)
-        at = self._at(s, len(before))
+        at = self.places(s, len(before))
         rows = self.tool.rows(before, at, self.tool.path.cone)
         free = self.tool.free_motions(rows.J[:, : self.tool.equalities])
         ways = self._rng.uniform(-0.6, 0.6, (len(before), free.shape[2])) * seconds
@@ -93,12 +93,13 @@ class Rungs:
         fresh = self._reached(np.array(list(random)), s, _STEPS // 2)
         return self._kept(np.concatenate([carried, fresh]), s)
 
-    def _at(self, s: float, count: int) -> ToolPlaces:
+    def places(self, s: float, count: int) -> ToolPlaces:
+        """Return where the tool should be at a length, m, as often as asked."""
         return self.tool.places(np.full(count, s))
 
     def _reached(self, seeds: Array, s: float, steps: int) -> Array:
         low, high = self.problem.limits.lower, self.problem.limits.upper
-        at = self._at(s, len(seeds))
+        at = self.places(s, len(seeds))
         Q, worst = self.tool.corrected(np.clip(seeds, low, high), at, steps)
         k = int(worst.argmin())
         if worst[k] > _REACHED:
@@ -135,7 +136,7 @@ class Rungs:
     def _solved(self, s: float) -> Array:
         """Return all branches at turns and tilts."""
         assert self._closed is not None
-        at = self._at(s, 1)
+        at = self.places(s, 1)
         X = np.tile(np.eye(4), (1, 1, 1))
         X[0, :3, :3], X[0, :3, 3] = at.R[0], at.p[0]
         solutions = self._closed.solve(X @ self._turned())

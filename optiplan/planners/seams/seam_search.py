@@ -37,6 +37,9 @@ _FINER = 3
 _SHARE = 0.4
 """Share of the tolerances of place and speed that the motion may take between stations."""
 
+_WILD = 5.0
+"""Share of a speed limit beyond which a joint changes its branch."""
+
 _ROUNDS = 12
 """Steps of smoothing."""
 
@@ -151,6 +154,9 @@ class SeamSearch:
             smoothing = PostureSmoothing(self.problem, tool, stations)
             Q = np.stack([np.interp(stations.s, posture.s, column) for column in posture.Q.T], axis=1)
             Q = smoothing.smooth(Q, _ROUNDS, anchor)
+            wild = self._wild(smoothing, Q)
+            if wild is not None:
+                return wild
             off = self._off_between(tool, stations.s, Q)
             if off <= 1.0 or len(stations.s) >= _MOST:
                 break
@@ -162,6 +168,17 @@ class SeamSearch:
             detail = f"the posture cannot be made smooth at {stations.s[k]:.4g} m of the path"
             return Failure("no-path", detail, {"q": Q[k].tolist(), "path": float(stations.s[k])})
         return self._timed(tool, stations, Q)
+
+    def _wild(self, smoothing: PostureSmoothing, Q: Array) -> Failure | None:
+        """Return where joints would be far too fast to be on one branch; None where they are nowhere."""
+        speeds = smoothing.shares(Q)[0]
+        if speeds.max() <= _WILD:
+            return None
+        k, j = np.unravel_index(int(speeds.argmax()), speeds.shape)
+        s = float(smoothing.stations.s[k])
+        name = self.problem.robot.joint_names[j]
+        detail = f"no posture that was found leads on at {s:.4g} m of the path: '{name}' would jump"
+        return Failure("no-path", detail, {"q": Q[k].tolist(), "path": s})
 
     def _stations(self, tool: SeamTool, spacing: float) -> Stations:
         """Return stations closer where the path bends, and at its corners."""

@@ -108,7 +108,7 @@ class SectionPlanner:
         stage = stages.at(state, step, path.joints)
         search = SeamSearch(stage.problem, path, stage.model, self.planner, budget, stages_of(self.progress))
         found = search.run()
-        self.info |= {"path": search.info}
+        self.info.setdefault("paths", []).append(search.info)
         if isinstance(found, Failure):
             return of_step(found, step, state, self.problem.robot, stage)
         return _parts_of_path(stages, step, path, state, found)

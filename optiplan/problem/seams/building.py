@@ -13,6 +13,9 @@ from optiplan.trajectory.paths.hermite import hermite
 OPPOSITE = -0.85
 """Cosine of the angle between the axes of two points in a row, below which the way between them is not clear."""
 
+MOST_SWINGS = 5000
+"""Swings of a woven path."""
+
 _SWINGS = 24
 """Points of a swing to and fro."""
 
@@ -60,7 +63,7 @@ class SeamShape:
         """Return the curve.
 
         Raises:
-            ValueError: an arc that does not exist.
+            ValueError: an arc that does not exist, a cusp of a spline, or too many swings.
         """
         knots = knots_of(*self.elements(), len(self.points))
         if self.weave is not None:
@@ -73,6 +76,8 @@ class SeamShape:
         plain = self._with_axes(knots, knots.s)
         amplitude, length = self.weave
         count = max(1, round(plain.length / length))
+        if count > MOST_SWINGS:
+            raise ValueError(f"{count} swings of {length:g} m on {plain.length:.4g} m; at most {MOST_SWINGS} can be")
         s = np.linspace(0.0, plain.length, count * _SWINGS + 1)
         z, t = plain.directions(s), plain.points(s, 1)
         side = np.cross(t, z)

@@ -20,6 +20,9 @@ _TURN = 0.1
 _STRAIGHT = 0.02
 """m: longest piece of a straight part, over which directions are interpolated."""
 
+_MOST = 200
+"""Pieces of a straight part."""
+
 _BLEND_PARTS = 16
 _SPAN_PARTS = 8
 _NEAR = 1e-6
@@ -74,7 +77,7 @@ def straight(a: Array, b: Array, point: int) -> Element:
         return np.stack([a + u[:, None] * (b - a), along, np.zeros_like(along)])
 
     length = float(np.linalg.norm(b - a))
-    return Element(state, max(1, int(np.ceil(length / _STRAIGHT))), length, point)
+    return Element(state, min(_MOST, max(1, int(np.ceil(length / _STRAIGHT)))), length, point)
 
 
 def round_part(a: Array, through: Array, b: Array, point: int) -> Element:
