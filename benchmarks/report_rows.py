@@ -25,6 +25,8 @@ from optiplan.config.document import read_yaml
 
 ROOT = Path(__file__).parent.parent
 ROWS = Path(__file__).parent / "reports" / "rows.yaml"
+EXERCISES = ROWS.with_name("exercises.yaml")
+"""Misprints that are no rows of their own."""
 SECONDS = 300
 """For one row."""
 COMMAND = "import sys; from optiplan.cli.main import main; sys.exit(main())"
@@ -71,9 +73,9 @@ class Outcome:
     seconds: float
 
 
-def rows() -> list[Row]:
-    """All rows of the file."""
-    found: list[dict[str, Any]] = read_yaml(ROWS).data
+def rows(path: Path = ROWS) -> list[Row]:
+    """All rows of a file."""
+    found: list[dict[str, Any]] = read_yaml(path).data
     return [Row(**{**one, "shows": tuple(one.get("shows", ()))}) for one in found]
 
 
@@ -123,10 +125,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the rows and print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--only", metavar="WORD", default="", help="rows whose report or name holds it")
-    parser.add_argument("--exercises", action="store_true", help="rows that the report got wrong")
+    parser.add_argument("--exercises", action="store_true", help="instead: what the reports got wrong")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the table there, too")
     asked = parser.parse_args(arguments)
-    chosen = [row for row in rows() if asked.only in f"{row.report} {row.what}" and (row.ask or not asked.exercises)]
+    every = [row for row in rows() + rows(EXERCISES) if row.ask] if asked.exercises else rows()
+    chosen = [row for row in every if asked.only in f"{row.report} {row.what}"]
     found = []
     for row in chosen:
         found.append(outcome(row))
