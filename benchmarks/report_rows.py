@@ -1,6 +1,6 @@
 """Sixty-one things that the source reports describe, each done here by its command: a table of what works.
 
-Run it: python benchmarks/report_rows.py [--only WORD] [--exercises] [--out table.md]
+    python benchmarks/report_rows.py --markdown rows.md                 # six minutes on one core
 
 Every row of `benchmarks/reports/rows.yaml` runs in a process and a folder of its own. It *works* where the command
 ends with 0 and prints what the row looks for; it is *better* where it does so and the row names what it does beyond
@@ -8,7 +8,6 @@ the report. Any other outcome is *fails*, with the last line that the command pr
 what is *missing*. The exit code is 1 if a command fails.
 """
 
-import argparse
 import os
 import shlex
 import subprocess
@@ -21,10 +20,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from published import print_table, table_parser, write_markdown
+
 from optiplan.config.document import read_yaml
 
 ROOT = Path(__file__).parent.parent
 ROWS = Path(__file__).parent / "reports" / "rows.yaml"
+EXERCISES = ROWS.with_name("exercises.yaml")
+"""Misprints that are no rows of their own."""
 SECONDS = 300
 """For one row."""
 COMMAND = "import sys; from optiplan.cli.main import main; sys.exit(main())"
@@ -71,9 +74,9 @@ class Outcome:
     seconds: float
 
 
-def rows() -> list[Row]:
-    """All rows of the file."""
-    found: list[dict[str, Any]] = read_yaml(ROWS).data
+def rows(path: Path = ROWS) -> list[Row]:
+    """All rows of a file."""
+    found: list[dict[str, Any]] = read_yaml(path).data
     return [Row(**{**one, "shows": tuple(one.get("shows", ()))}) for one in found]
 
 
@@ -105,36 +108,38 @@ def outcome(row: Row) -> Outcome:
     return Outcome(row, "better" if row.better else "works", row.better, seconds)
 
 
-def table(found: Sequence[Outcome]) -> str:
-    """The outcomes as a table of Markdown, with their numbers below."""
-    lines = [
-        "| # | report | what | verdict | beyond the report, or why not | command | s |",
-        "|---|---|---|---|---|---|---|",
+HEADINGS = ("report", "what", "verdict", "beyond the report, or why not", "command", "s")
+
+
+def table(found: Sequence[Outcome]) -> list[list[str]]:
+    """The outcomes as rows of a table."""
+    return [
+        [one.row.report, one.row.what, one.verdict, one.words, one.row.shown, f"{one.seconds:.1f}"] for one in found
     ]
-    for number, one in enumerate(found, 1):
-        cells = (str(number), one.row.report, one.row.what, one.verdict, one.words, one.row.shown, f"{one.seconds:.1f}")
-        lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+
+
+def counted(found: Sequence[Outcome]) -> str:
+    """How many rows have which verdict."""
     counts = Counter(one.verdict for one in found)
     told = ", ".join(f"{counts[verdict]} {verdict}" for verdict in ("better", "works", "fails", "missing"))
-    return "\n".join([*lines, "", f"{len(found)} rows: {told}."])
+    return f"{len(found)} rows: {told}."
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main() -> int:
     """Run the rows and print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = table_parser(__doc__)
     parser.add_argument("--only", metavar="WORD", default="", help="rows whose report or name holds it")
-    parser.add_argument("--exercises", action="store_true", help="rows that the report got wrong")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the table there, too")
-    asked = parser.parse_args(arguments)
-    chosen = [row for row in rows() if asked.only in f"{row.report} {row.what}" and (row.ask or not asked.exercises)]
+    parser.add_argument("--exercises", action="store_true", help="instead: what the reports got wrong")
+    asked = parser.parse_args()
+    every = [row for row in rows() + rows(EXERCISES) if row.ask] if asked.exercises else rows()
     found = []
-    for row in chosen:
-        found.append(outcome(row))
-        print(f"{found[-1].verdict:8}{found[-1].seconds:6.1f} s  {row.report}: {row.what}", file=sys.stderr, flush=True)
-    text = table(found)
-    print(text)
-    if asked.out is not None:
-        asked.out.write_text(text + "\n", encoding="utf-8")
+    for row in every:
+        if asked.only in f"{row.report} {row.what}":
+            found.append(outcome(row))
+            print(f"{found[-1].verdict:8}{found[-1].seconds:6.1f} s  {row.report}: {row.what}", file=sys.stderr)
+    print_table(HEADINGS, table(found))
+    print(counted(found))
+    write_markdown(asked.markdown, HEADINGS, table(found), [counted(found)])
     return int(any(one.verdict == "fails" for one in found))
 
 

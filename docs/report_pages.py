@@ -1,7 +1,7 @@
 """Pages of the source reports: figure, live arm, printed and right numbers as exercises; and the lessons as pages.
 
-MkDocs calls `on_files` before it reads the pages (`hooks:` in mkdocs.yml). Numbers and commands come from
-`benchmarks/reports/rows.yaml`, whose right numbers a test compares with `tests/reference`; figures and arms are
+MkDocs calls `on_files` before it reads the pages (`hooks:` in mkdocs.yml). Numbers and commands come from the files
+of `benchmarks/reports`, whose right numbers a test compares with `tests/reference`; figures and arms are
 planned when the site is made.
 """
 
@@ -20,7 +20,7 @@ from optiplan.config.document import read_yaml
 from optiplan.figure_style import svg_of
 
 ROOT = Path(__file__).parent.parent
-ROWS = ROOT / "benchmarks" / "reports" / "rows.yaml"
+ROWS, EXERCISES = (ROOT / "benchmarks" / "reports" / f"{name}.yaml" for name in ("rows", "exercises"))
 LESSONS = ROOT / "examples" / "lessons"
 BUDGET = 15.0  # s for a motion
 
@@ -84,9 +84,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 @cache
-def rows() -> list[dict[str, Any]]:
-    """The rows of all reports."""
-    found: list[dict[str, Any]] = read_yaml(ROWS).data
+def rows(path: Path) -> list[dict[str, Any]]:
+    """The rows of a file, of all reports."""
+    found: list[dict[str, Any]] = read_yaml(path).data
     return found
 
 
@@ -103,7 +103,8 @@ def figure(page: ReportPage) -> str:
 
 def report_page(name: str) -> str:
     """The page of a report."""
-    page, own = PAGES[name], [row for row in rows() if row["report"] == name]
+    page, own = PAGES[name], [row for row in rows(ROWS) if row["report"] == name]
+    wrong = [row for row in own + rows(EXERCISES) if row["report"] == name and row.get("ask")]
     text = [
         f"# {page.heading}",
         page.intro,
@@ -116,8 +117,9 @@ def report_page(name: str) -> str:
         "## Exercises",
         "Each printed number is another than the right one. Work it out, then open the answer.",
     ]
-    for number, row in enumerate((row for row in own if row.get("ask")), 1):
-        text += [f"### {number}. {row['what'][0].upper()}{row['what'][1:]}", row["ask"], answer(row)]
+    for number, row in enumerate(wrong, 1):
+        text += [f"### {number}. {row['what'][0].upper()}{row['what'][1:]}", row["ask"]]
+        text += [f"The report has: {row['printed']}.", answer(row)]
     text += ["## What the report describes, and its command", table(own), "## Lessons"]
     text += [f"- [{title(LESSONS / f'{one}.ipynb')}](../lessons/{one}.md)" for one in page.lessons]
     return "\n\n".join(text) + "\n"
@@ -126,7 +128,7 @@ def report_page(name: str) -> str:
 def answer(row: Mapping[str, Any]) -> str:
     """The answer of an exercise, folded."""
     code = f"```python\n{row['python'].rstrip()}\n```" if row.get("python") else f"```sh\n{row['run']}\n```"
-    lines = [f"Printed: {row['printed']}. Right: **{row['right']}**. {row['why']}", "", *code.splitlines()]
+    lines = [f"Right: **{row['right']}**. {row['why']}", "", *code.splitlines()]
     return "\n".join(['??? question "Answer"', *(f"    {line}".rstrip() for line in lines)])
 
 

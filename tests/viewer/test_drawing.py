@@ -252,12 +252,14 @@ def test_a_page_that_opens_later_gets_the_newest_of_each_kind():
 
 def test_memory_is_bounded(monkeypatch):
     monkeypatch.setattr(drawings, "MOST_BYTES", 100)
-    monkeypatch.setattr(drawings, "MOST_WAITING", 5)
+    monkeypatch.setattr(drawings, "MOST_WAITING", 300)
     drawing = Drawing()
     drawing.apply("set_object", "/a", bytes(90))
     with pytest.raises(DrawingError, match="delete something"):
         drawing.apply("set_object", "/b", bytes(20))
     drawing.apply("delete", "/a", b"")
+    with pytest.raises(DrawingError, match="101 names"):
+        drawing.apply("set_object", "/a" * 101, b"")
     slow = drawing.follow()
     for _ in range(6):
         drawing.apply("set_transform", "/b", bytes(20))

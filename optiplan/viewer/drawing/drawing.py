@@ -14,8 +14,10 @@ COMMANDS = ("set_object", "set_transform", "set_property", "set_animation", "del
 """Commands of meshcat that change the scene."""
 MOST_BYTES = 512 * 1024**2
 """Of all that is drawn at a time."""
-MOST_WAITING = 20_000
-"""Messages that a page may be behind; then it is told to begin anew."""
+MOST_WAITING = 256 * 1024**2
+"""Characters that a page may be behind; then it is let go, and its browser comes back and begins anew."""
+MOST_NAMES = 100
+"""Of a path."""
 
 _PROPERTIES = 200  # of one object that are kept, the newest
 
@@ -49,14 +51,16 @@ class Follower:
 
     def __init__(self, first: list[str], on_news: Callable[[], None]) -> None:
         self._lines = deque(first)
+        self._behind = 0
         self._on_news = on_news
         self.lost = False  # too far behind, or the drawing has ended: to be closed; it may come back and begin anew
         self._news = threading.Event()
         self._news.set()
 
     def put(self, line: str) -> None:
-        """Send a line, unless too many wait."""
-        self.lost = self.lost or len(self._lines) >= MOST_WAITING
+        """Send a line, unless too much waits."""
+        self._behind += len(line)
+        self.lost = self.lost or self._behind > MOST_WAITING
         if not self.lost:
             self._lines.append(line)
         self.wake()
@@ -69,7 +73,7 @@ class Follower:
     def taken(self) -> list[str]:
         """All lines that wait, which then wait no longer."""
         self._news.clear()
-        found = []
+        self._behind, found = 0, []
         while self._lines:
             found.append(self._lines.popleft())
         return found
@@ -100,11 +104,13 @@ class Drawing:
         """Keep a message and send it to all pages.
 
         Raises:
-            DrawingError: no such command, or more than `MOST_BYTES` would be kept.
+            DrawingError: no such command, a path too deep, or more than `MOST_BYTES` would be kept.
         """
         if command not in COMMANDS:
             raise DrawingError(f"found the command '{command[:40]}'; expected one of: {', '.join(COMMANDS)}")
         names = [name for name in path.split("/") if name]
+        if len(names) > MOST_NAMES:
+            raise DrawingError(f"found a path of {len(names)} names; expected at most {MOST_NAMES}")
         with self._lock:
             self._keep(command, names, data)
             line = _line(command, "/" + "/".join(names), data)

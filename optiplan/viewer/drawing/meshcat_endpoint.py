@@ -18,8 +18,6 @@ import zmq
 from optiplan.errors import OptiPlanError
 from optiplan.viewer.drawing.drawing import Drawing, DrawingError
 
-PORT = 6000
-"""meshcat's own."""
 MOST_MESSAGE = 256 * 1024**2
 """bytes of one frame."""
 PICTURE_TIME = 10.0

@@ -53,6 +53,26 @@ def test_wrong_wishes_are_named(optiplan, run, tmp_path, monkeypatch, arguments,
     assert not list(tmp_path.glob("a.*"))
 
 
+def test_a_lecture_needs_no_run(optiplan_json, optiplan, run, tmp_path):
+    code, found = optiplan_json(
+        "plot", "--style", "textbook", "--figure", "laws,vias", "--out", tmp_path / "lessons.pdf"
+    )
+    assert code == 0
+    assert found["written"] == [str(tmp_path / "lessons.pdf")]
+    text = (tmp_path / "lessons.pdf").read_bytes()
+    assert text.count(b"/Type /Page\n") + text.count(b"/Type /Page ") == 2
+    for arguments, words in (
+        (("--out", tmp_path / "a.svg"), "no run with a motion"),
+        (("--style", "comic"), "unknown style 'comic'"),
+        ((run, "--figure", "laws"), "unknown figure 'laws'"),
+        (("--style", "textbook", "--out", tmp_path / "a.csv"), "a run, whose curves a CSV holds"),
+        ((run, run, "--style", "textbook", "--figure", "laws"), "2 runs for 'laws'"),
+    ):
+        code, _, err = optiplan("plot", *arguments)
+        assert code == 2
+        assert words in " ".join(err.split())
+
+
 def test_a_run_without_a_motion_is_no_figure(optiplan, shut_in, tmp_path):
     optiplan("plan", shut_in, "--planner", "quintic", "--out", tmp_path / "failed")
     code, _, err = optiplan("plot", tmp_path / "failed")
@@ -78,3 +98,6 @@ def test_from_python(run, tmp_path):
         op.plot(3)
     with pytest.raises(op.InputError, match=r"op\.plot: runs"):
         op.plot()
+    assert "moves by" in op.plot(found, figure="laws", style="textbook").get_suptitle()
+    with pytest.raises(op.InputError, match=r"op\.plot: style.*paper, textbook"):
+        op.plot(style="comic")

@@ -73,6 +73,24 @@ def test_serving_prints_the_address(optiplan, run, free, monkeypatch, command):
     assert "open http://127.0.0.1:7000/ in a browser" in out
 
 
+def test_scripts_draw_where_it_is_said(optiplan, run, monkeypatch, tmp_path):
+    monkeypatch.setattr(viewing.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(viewing, "serve_until_interrupted", lambda server, on_ready: on_ready())
+    code, out, _ = optiplan("view", run, "--port", "0", "--meshcat-port", "0")
+    assert code == 0
+    assert 'meshcat.Visualizer("tcp://127.0.0.1:' in out
+    code, _, err = optiplan("view", run, "--meshcat-port", "0", "--export", tmp_path / "page.html")
+    assert code == 2
+    assert "no --export, --png and --gif beside it" in err
+    with op.view(run, block=False, port=0, meshcat_port=0) as shown:
+        assert shown.meshcat_url.startswith("tcp://127.0.0.1:")
+        assert "&quot;drawn&quot;:{&quot;messages&quot;:[]" in shown._repr_html_()
+    with op.view(run, block=False, port=0) as shown:
+        assert shown.meshcat_url is None
+    with pytest.raises(op.InputError, match="meshcat_port"):
+        op.view(run, block=False, meshcat_port=70000)
+
+
 def test_a_trajectory_changed_since_does_not_wear_the_old_verdict(run):
     assert viewing.open_runs([run])[1][0].report["verified"]
     motion = json.loads((run / "trajectory.json").read_text())
