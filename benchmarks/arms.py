@@ -18,7 +18,7 @@ from published import print_json, print_table, table_parser, write_markdown
 
 import optiplan as op
 
-HEADINGS = ("arms", "verified", "cubes", "duration, s", "ratio", "with all stops, s", "planning, s of a core")
+HEADINGS = ("arms", "verified", "cubes", "duration, s", "ratio", "in a row with all stops, s", "planning, s of a core")
 ROWS = (0.35, 0.42, 0.49, 0.56, 0.63)
 """m, x of cubes, and 5 cm nearer of the places where they are put."""
 SIDES = {"left": 1.0, "right": -1.0}

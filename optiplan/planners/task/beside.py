@@ -56,11 +56,11 @@ def quickest_beside(moves: ViaMoves, parts: Sequence[TaskPart], in_a_row: Trajec
 
     Args:
         moves: with the problem whose steps the parts are, in a row.
-        parts: of each arm, from rest to rest.
+        parts: of each arm, from rest to rest; none: they stay in a row.
         in_a_row: their motion one after another, which is the answer when time is over.
         budget: time for it.
     """
-    timed = _Timetable(moves.problem, budget).of(parts)
+    timed = _Timetable(moves.problem, budget).of(parts) if parts else None
     if timed is None:
         return replace(in_a_row, segments=in_time_order(moves.problem.task, in_a_row.segments))
     motion, segments = timed

@@ -33,6 +33,9 @@ from optiplan.trajectory.trajectory import Trajectory
 _JOINING = 0.3
 """Share of the remaining time for joining curves; the rest is for optimising them together."""
 
+_BESIDE = 0.3
+"""Share of the time after joining that is kept for putting steps of several arms into time."""
+
 _PIECE, _LONG = 4, 6
 """Steps optimised together at first, where there are more than the second number between two stops."""
 
@@ -54,12 +57,14 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
     incumbent = Incumbent(stated, progress, watch, began)
     waits = bool(problem.scene.dynamic_obstacles)
 
-    def offer(way: Sequence[TaskPart]) -> float:
+    beside = several_arms(problem.task)
+
+    def offer(way: Sequence[TaskPart], in_a_row: bool = False) -> float:
         """Offer the motion of these parts; return its duration, s."""
         motion = moves.motion(joined_parts(moves.problem, way))
-        if several_arms(problem.task):
+        if beside:
             with watch.stage("arms"):
-                motion = quickest_beside(moves, way, motion, budget)
+                motion = quickest_beside(moves, () if in_a_row else way, motion, budget)
         incumbent.offer(motion)
         return motion.duration
 
@@ -73,15 +78,16 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         with watch.stage("waiting"):
             found = _wait_for_obstacles(moves, planner, parts, budget, progress)
         return replace(found, timings=watch.seconds, info={**info, **found.info})
-    info["duration_with_stops"] = offer(parts)
+    info["duration_with_stops"] = offer(parts, in_a_row=True)
     with watch.stage("flow"):
         groups = join_steps(parts, budget.share(_JOINING), progress, thorough=not _timed_only(problem))
     info["duration_joined"] = offer(_flat(groups))
     with watch.stage("optimisation"):
-        for whole in _optimised(problem, planner, groups, budget, progress):
+        time = budget.share(1.0 - _BESIDE) if beside else budget
+        for whole in _optimised(problem, planner, groups, time, progress):
             offer(whole)
     info |= {"cut_short": info["cut_short"] or budget.over}
-    info |= {} if several_arms(problem.task) else {"stops": stops_of(whole)}
+    info |= {} if beside else {"stops": stops_of(whole)}
     info["stops_left_out"] = len(parts) - len(whole)
     return incumbent.result(info)
 
