@@ -14,9 +14,9 @@ from optiplan.verify.file_checks import file_checks, names, unread_keys
 from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.scope import scope
 from optiplan.verify.statements import complete, covering, tours
-from optiplan.verify.task_check import loaded_torque, task_checks, task_scope
-from optiplan.verify.tool_check import tool_checks, tool_scope
-from optiplan.verify.tour_check import tour_checks, tour_scope
+from optiplan.verify.tasks.task_check import loaded_torque, task_checks, task_scope
+from optiplan.verify.tasks.tool_check import tool_checks, tool_scope
+from optiplan.verify.tasks.tour_check import tour_checks, tour_scope
 from optiplan.verify.via_check import vias
 
 _DEFAULT = VerifyPolicy()

@@ -37,10 +37,11 @@ from optiplan.problem.tools.tool import MountedTool, ToolBody
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify import statements, task_check
+from optiplan.verify import statements
 from optiplan.verify import verify as verifier
 from optiplan.verify.constraint_check import _checks_of, _poses, path_constraints
 from optiplan.verify.report import VerifyPolicy
+from optiplan.verify.tasks import task_check
 from optiplan.verify.verify import verify
 from tests.verify.motions import problem_of, quintic, within_limits
 

@@ -24,14 +24,14 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import cut_trajectory, standstill
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
-from optiplan.verify.arms_check import arms_check
 from optiplan.verify.collision_check import collision
 from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.torque import torque
-from optiplan.verify.line_ways import LineSpeed, LineWay, frame_at, line_constraints, line_speed, line_way
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.seams.seam_check import seam_checks
 from optiplan.verify.statements import constraint, covering, masses, step_place
+from optiplan.verify.tasks.arms_check import arms_check
+from optiplan.verify.tasks.line_ways import LineSpeed, LineWay, frame_at, line_constraints, line_speed, line_way
 from optiplan.verify.via_check import vias
 
 End = TypeVar("End", bound=GoalEnd)

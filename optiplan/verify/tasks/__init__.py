@@ -1,0 +1,1 @@
+"""Checks of tasks: steps in time, lines, tours, tools and several arms."""
