@@ -22,7 +22,7 @@ PLATE = "table/plate"
 
 @pytest.fixture(scope="module")
 def data():
-    whole = YAML(typ="safe").load((problems_dir() / "50_positioner_spots.yaml").read_text())
+    whole = YAML(typ="safe").load((problems_dir() / "55_positioner_spots.yaml").read_text())
     tour = whole["task"][0]["tour"]
     tour["targets"] = [one for one in tour["targets"] if one["name"] in SIDES]
     return whole
