@@ -238,7 +238,7 @@ class Optimiser:
         if isinstance(self.options, CasadiOptions):
             from optiplan.planners.trajopt.nonlinear.subproblem import NlpDescent, NlpSubproblem
 
-            return NlpDescent(NlpSubproblem(transcription, self.options.solver))
+            return NlpDescent(NlpSubproblem(transcription, self.options))
         if self.options.solver == AUTO and core is not None and transcription.plain:
             return NativeSqp(transcription)
         return Sqp(step_solver(transcription, self.options.solver))

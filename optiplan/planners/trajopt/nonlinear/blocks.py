@@ -8,6 +8,8 @@ import casadi as ca
 import numpy as np
 
 from optiplan.arrays import Array, Index
+from optiplan.kinematics.symbolic.compiled import compiled
+from optiplan.libraries import loading
 from optiplan.planners.trajopt.terms.term import Curve, SoftRows
 
 SLOTS = 4
@@ -148,8 +150,11 @@ def slots_for(rows: SoftRows) -> int:
     return SLOTS * max(1, -(-most // SLOTS))
 
 
-def function_of(robot: Any, name: str, build: Callable[[Any], Any]) -> ca.Function | None:
-    """Return the function (q, v, a) -> (m,) of an expression of the state; None where it has no rows."""
+def function_of(robot: Any, name: str, build: Callable[[Any], Any], machine_code: bool) -> ca.Function | None:
+    """Return the function (q, v, a) -> (m,) of an expression of the state; None where it has no rows.
+
+    As machine code with its Jacobian, compiled once and kept on disk, or for CasADi's virtual machine.
+    """
     from optiplan.kinematics.symbolic.state import SymbolicState
 
     state = SymbolicState(robot)
@@ -157,4 +162,8 @@ def function_of(robot: Any, name: str, build: Callable[[Any], Any]) -> ca.Functi
     if not value.numel():
         return None
     value = ca.substitute([value], [one for one, _ in state.constants], [ca.DM(x) for _, x in state.constants])[0]
-    return ca.Function(name, [state.q, state.v, state.a], [value], {"cse": True})
+    made = ca.Function(name, [state.q, state.v, state.a], [value], {"cse": True})
+    if not machine_code:
+        return made
+    with loading():
+        return compiled(name, [made.serialize().encode()], lambda: made)

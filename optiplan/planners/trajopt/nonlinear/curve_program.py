@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -73,8 +74,15 @@ class CurveProgram:
         samples: (N,) fractions of the duration.
     """
 
-    def __init__(self, transcription: Transcription, first: Sequence[SoftRows], *, moving: bool = False) -> None:
-        joint_names = transcription.robot.joint_names
+    def __init__(
+        self,
+        transcription: Transcription,
+        first: Sequence[SoftRows],
+        *,
+        moving: bool = False,
+        machine_code: bool = False,
+    ) -> None:
+        joint_names, self._machine_code = transcription.robot.joint_names, machine_code
         self.transcription, self.joint_names, self.instants = transcription, joint_names, transcription.samples
         basis, samples, count = transcription.basis, transcription.samples, len(joint_names)
         self.samples, self._parameters = samples.u, Parameters()
@@ -200,7 +208,7 @@ class CurveProgram:
         if expressed is None:
             self.soft.append(self._linearised(name, term, first))
             return
-        made, count = function_of(self.transcription.robot, "rows", expressed.build), len(expressed.samples)
+        made, count = self._function("rows", expressed.build), len(expressed.samples)
         if made is None or not count:
             return
         where = expressed.samples.tolist()
@@ -237,11 +245,14 @@ class CurveProgram:
             self._linear_costs.append((cost, linear))
             residuals = linear.expression(self.q, self.duration).T
         else:
-            made = function_of(self.transcription.robot, "residual", cost.build)
+            made = self._function("residual", cost.build)
             assert made is not None
             residuals = made.map(len(self.samples))(self.q, self.v, self.a)
         weights = ca.DM(np.sqrt(cost.weight * shares(self.samples))[None])
         return self._squared(ca.vec(residuals * ca.repmat(weights, residuals.shape[0], 1)) * ca.sqrt(self.duration))
+
+    def _function(self, name: str, build: Callable[[Any], Any]) -> ca.Function | None:
+        return function_of(self.transcription.robot, name, build, self._machine_code)
 
     def _squared(self, residuals: ca.MX) -> ca.MX:
         self._squares.append(residuals)

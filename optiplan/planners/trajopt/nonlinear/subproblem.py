@@ -9,6 +9,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.nonlinear.curve_program import CurveProgram
+from optiplan.planners.trajopt.nonlinear.options import CasadiOptions
 from optiplan.planners.trajopt.nonlinear.solvers import SOLVERS, NlpSolver, silenced
 from optiplan.planners.trajopt.program.qp import Penalty, Step, within_reach
 from optiplan.planners.trajopt.program.sqp import Descended, DescentOptions, Sqp
@@ -27,8 +28,9 @@ class NlpSubproblem:
         stop: asked at every iteration of a solver.
     """
 
-    def __init__(self, transcription: Transcription, solver: str) -> None:
-        self.transcription, self.solver = transcription, SOLVERS[solver]
+    def __init__(self, transcription: Transcription, options: CasadiOptions) -> None:
+        self.transcription, self.solver = transcription, SOLVERS[options.solver]
+        self._machine_code = options.compiled
         self.stop: Callable[[], bool] = lambda: False
         self._kept: _Kept | None = None
 
@@ -41,7 +43,7 @@ class NlpSubproblem:
         travel = np.tile(reach, made.basis.variables)
         rows = [within_reach(part.rows, travel, duration) for part in soft]
         if self._kept is None or self._kept.nlp.instants is not made.samples or not self._kept.nlp.fits(rows):
-            self._kept = _Kept(CurveProgram(made, rows), self.solver, self._stopped)
+            self._kept = _Kept(CurveProgram(made, rows, machine_code=self._machine_code), self.solver, self._stopped)
         nlp = self._kept.nlp
         first, parameters = nlp.point(curve, [part.rows for part in soft]), nlp.values(curve, rows, span)
         x, merit = self._kept.solved(first, parameters, nlp.bounds(curve, reach))

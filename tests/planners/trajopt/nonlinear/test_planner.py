@@ -41,6 +41,11 @@ def test_bad_options_list_the_choices(options, words):
         make_planner("casadi", options)
 
 
+def test_machine_code_finds_the_same():
+    runs = [op.plan(cases.planar(), "casadi", {"compiled": one, "seeds": 1}) for one in (True, False)]
+    assert runs[0].duration == pytest.approx(runs[1].duration, rel=1e-6)
+
+
 def test_solvers_are_those_that_casadi_has():
     assert "ipopt" in installed()
     assert set(installed()) <= set(SOLVERS)
