@@ -193,7 +193,7 @@ def _spread(robot: Robot) -> Array:
     steps = np.sqrt(_PRIMES[joints % len(_PRIMES)]) / (1 + joints // len(_PRIMES))
     lower = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
     upper = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
-    return lower + np.modf(np.arange(1, _SPREAD + 1)[:, None] * steps)[0] * (upper - lower)
+    return np.asarray(lower + np.modf(np.arange(1, _SPREAD + 1)[:, None] * steps)[0] * (upper - lower))
 
 
 def _built_nearer(model: CollisionModel, safety: Safety, asked: Array, scene: Array, taken: Array) -> list[NearPair]:
