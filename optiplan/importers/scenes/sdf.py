@@ -67,12 +67,12 @@ def _read_models(parent: ET.Element, X_WP: pin.SE3, place: _Place, scene: Import
         file = _model_file(uri, place, include)
         if place.depth >= DEEPEST:
             raise place.issue(include, f"models nested more than {DEEPEST} deep", "a world")
-        model = _parsed(file).find("model")
-        if model is None:
+        included = _parsed(file).find("model")
+        if included is None:
             raise place.issue(include, f"no <model> in {file}", "a model")
-        name = (include.findtext("name") or model.get("name") or "model").strip()
-        X_WM = frames.pose(include) if include.find("pose") is not None else X_WP * _own_pose(model, place)
-        _read_model(model, X_WM, place.inside(name, file), scene)
+        name = (include.findtext("name") or included.get("name") or "model").strip()
+        X_WM = frames.pose(include) if include.find("pose") is not None else X_WP * _own_pose(included, place)
+        _read_model(included, X_WM, place.inside(name, file), scene)
 
 
 def _read_model(model: ET.Element, X_WM: pin.SE3, place: _Place, scene: ImportedScene) -> None:

@@ -104,7 +104,7 @@ def planned_episode(request: EpisodeRequest) -> Episode:
     """Plan and verify one problem file; whatever is wrong with it becomes its row."""
     path = request.root / request.file
     seed = -1 if request.seed is None else request.seed
-    start = {"file": request.file, "file_digest": digest_of(path), "wanted_seed": seed}
+    start: dict[str, Any] = {"file": request.file, "file_digest": digest_of(path), "wanted_seed": seed}
     task = Path(request.file).parent.name or Path(request.file).stem
     try:
         problem = load_problem(path) if request.seed is None else load_problem(path, seed=request.seed)

@@ -144,7 +144,7 @@ class _DataSet:
         """Write what is still in memory, and the files about the whole."""
         self._write_episodes()
         self._data.close()
-        features = {
+        features: dict[str, dict[str, Any]] = {
             name: {"dtype": "float32", "shape": [len(self.joints)], "names": [f"{joint}.pos" for joint in self.joints]}
             for name in ("observation.state", "action")
         }
