@@ -14,8 +14,7 @@ from pydantic import Field
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.config.document import Strict
-from optiplan.config.values import Direction, FileName, Length, NotNegative
-from optiplan.geometry.file_shapes import Scale
+from optiplan.config.values import Direction, FileName, Length, NotNegative, Scale
 from optiplan.geometry.meshes.reading import open_mesh, read_mesh
 from optiplan.geometry.pose import PoseSpec
 from optiplan.geometry.poses import pose_from_data
