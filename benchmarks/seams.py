@@ -122,14 +122,22 @@ def in_rows(p: np.ndarray) -> list[int]:
 
 
 def in_rings(p: np.ndarray) -> list[int]:
-    """Return the order in rings of one height, from the middle outwards."""
-    height = np.round(p[:, 2], 3)
-    middle = p[:, :2].mean(axis=0)
+    """Return the order in rings from the middle outwards, each begun where the one before leads to."""
+    middle = 0.5 * (p[:, :2].min(axis=0) + p[:, :2].max(axis=0))
+    radius = np.round(np.linalg.norm(p[:, :2] - middle, axis=1), 2)
+    angle = np.arctan2(p[:, 1] - middle[1], p[:, 0] - middle[0])
     found: list[int] = []
-    for value in sorted(set(height.tolist()), key=lambda z: np.linalg.norm(p[height == z, :2] - middle, axis=1).mean()):
-        own = np.flatnonzero(height == value)
-        angle = np.arctan2(p[own, 1] - middle[1], p[own, 0] - middle[0])
-        found += own[np.argsort(angle)].tolist()
+    for value in sorted(set(radius.tolist())):
+        own = np.flatnonzero(radius == value)
+        own = own[np.argsort(angle[own])]
+        if len(found) > 1:
+            ahead = p[found[-1]] + 0.7 * (p[found[-1]] - p[found[-2]])
+            own = np.roll(own, -int(np.linalg.norm(p[own] - ahead, axis=1).argmin()))
+            around = np.concatenate([own[:1], own[:0:-1]])
+            way = p[own[0]] - p[found[-1]]
+            if way @ (p[around[1]] - p[own[0]]) > way @ (p[own[1]] - p[own[0]]):
+                own = around
+        found += own.tolist()
     return found
 
 

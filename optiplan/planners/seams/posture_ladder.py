@@ -64,10 +64,8 @@ class PostureLadder:
 
     def lengths(self) -> Array:
         """Return where the rungs are, m: evenly, and at corners."""
-        runs = self.path.curve.runs()
-        most = max(2.0, _MOST / len(runs))
-        spacing = max(_SPACING, self.path.curve.length / most)
-        parts = [np.linspace(a, b, max(2, int(np.ceil((b - a) / spacing))) + 1) for a, b in runs]
+        spacing = max(_SPACING, self.path.curve.length / _MOST)
+        parts = [np.linspace(a, b, max(2, int(np.ceil((b - a) / spacing))) + 1) for a, b in self.path.curve.runs()]
         return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
 
     def climb(self, budget: Budget) -> Posture | Failure:
@@ -158,7 +156,7 @@ class PostureLadder:
         i, k = np.unravel_index(int(shares.argmin()), shares.shape)
         j = int((way[i, k] / self.problem.limits.velocity).argmax())
         name = self.problem.robot.joint_names[j]
-        if way[i, k].max() > _JUMP:
+        if way[i, k].max() > _JUMP or shares[i, k] <= _ALLOWED:
             detail = f"no posture leads on at {s:.4g} m of the path: '{name}' would jump"
             return Failure("no-path", detail, {"q": before[i].tolist(), "path": s})
         fastest = self.path.speed / float(shares[i, k])
