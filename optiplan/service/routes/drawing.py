@@ -12,19 +12,16 @@ from sse_starlette.sse import EventSourceResponse
 
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.refusals import Refusal
-from optiplan.service.routes.answers import Responses, Service, errors
+from optiplan.service.routes.answers import Service
 from optiplan.service.streams import Lines, event_stream, next_of
 from optiplan.viewer.drawing.drawing import Drawing
 
-router = APIRouter(prefix="/api/drawing")
+router = APIRouter(prefix="/api/drawing", include_in_schema=False)  # between our pages and this server
 
-STREAM: Responses = {
-    200: {"content": {"text/event-stream": {}}, "description": "lists of messages: command, path, base64"}
-}
 _PNG = b"data:image/png;base64,"
 
 
-@router.get("", response_class=EventSourceResponse, responses=STREAM | errors(404))
+@router.get("", response_class=EventSourceResponse)
 async def stream(service: Service) -> EventSourceResponse:
     """Watch what scripts draw: the scene so far, then every message; only with `--meshcat-port`."""
     drawing = _drawing(service)
@@ -48,7 +45,7 @@ async def stream(service: Service) -> EventSourceResponse:
     return event_stream(lines)
 
 
-@router.post("", status_code=204, response_class=Response, responses=errors(404, 413, 422))
+@router.post("", status_code=204)
 async def picture(request: Request, service: Service, picture: Annotated[int, Query(ge=1, lt=2**53)]) -> Response:
     """Give the picture that a page was asked for: a `data:` address of a PNG file."""
     drawing, body = _drawing(service), await request.body()
