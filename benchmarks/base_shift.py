@@ -3,7 +3,7 @@
     python benchmarks/base_shift.py --markdown /tmp/base-shift.md       # about a minute
     python benchmarks/publish.py base-shift /tmp/base-shift.md --readme docs/theory/reports.md
 
-Only the arm is asked to move, as fast as its limits allow. The base stands on braked wheels, on wheels whose rates are
+Only the arm is to move, as fast as its limits allow. The base stands on braked wheels, on wheels whose rates are
 controlled (MuJoCo, free rollers), or on wheels that turn freely. The support is the rectangle of the four wheels.
 """
 

@@ -75,7 +75,7 @@ def main() -> None:
 
 
 def problem_files(arguments: argparse.Namespace, folder: Path) -> list[Path]:
-    """The problems asked for, of all sets in turn."""
+    """The requested problems, of all sets in turn."""
     if arguments.examples:
         shipped = sorted((ROOT / "problems").glob("*.yaml"))
         return [file for file in shipped if file.stem in (arguments.problems or (file.stem,))]

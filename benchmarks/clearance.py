@@ -7,7 +7,7 @@
 Problems are read from `$OPTIPLAN_SHARED/mbm/<robot>`. Each is planned without and with the clearance, from the scene
 and of the robot from itself. *First* is the time after which the first verified answer was there. *Longer* is the
 duration with the clearance over that without, of problems verified with both. *Nearer at an end* counts problems whose
-start or goal is nearer than asked; about those ends the floor of a pair is 0.8 of its own distance.
+start or goal is nearer than required; about those ends the floor of a pair is 0.8 of its own distance.
 
 The judge shares nothing with planner and verifier but the bodies: coal's distance of every pair at configurations
 between which no joint moves by more than 0.01 rad, floors worked out here. The exit code is 1 where a pair is below its

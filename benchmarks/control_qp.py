@@ -46,7 +46,7 @@ Solve = Callable[[Program], tuple[Array | None, int, bool]]
 
 
 class Enough(Exception):
-    """As many programs as asked for are recorded."""
+    """As many programs as requested are recorded."""
 
 
 class Recorder:
@@ -121,7 +121,7 @@ def native() -> Solve:
 
 
 class Watched:
-    """An object of ProxQP that counts how often it is begun anew, since it said that there is no solution."""
+    """An object of ProxQP that counts how often it is begun anew, since it reported no solution."""
 
     def __init__(self, qp: Any) -> None:
         self.qp, self.begun = qp, 0

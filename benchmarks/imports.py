@@ -35,7 +35,7 @@ DRAWS = 40
 
 
 def main() -> None:
-    """Measure the robots that are asked for."""
+    """Measure the requested robots."""
     parser = table_parser(__doc__)
     parser.add_argument("--menagerie", type=Path, help="a checkout of MuJoCo Menagerie")
     parser.add_argument("--urdfs", type=int, default=0, help="how many robots of example-robot-data, one a folder")

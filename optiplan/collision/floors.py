@@ -13,7 +13,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
 
 KEPT = 0.8
-"""Share of its own distance that a pair keeps where it stands nearer than asked."""
+"""Share of its own distance that a pair keeps where it stands nearer than required."""
 
 _ALONG = 33
 """Places of a joint at which a pair that it alone moves is measured."""
@@ -30,7 +30,7 @@ _STROKE = 1e6
 
 @dataclass(frozen=True)
 class NearPair:
-    """A pair that is nearer than asked at an end of the motion, or wherever its joint stands.
+    """A pair that is nearer than required at an end of the motion, or wherever its joint stands.
 
     Attributes:
         pair: index in the model.
@@ -97,14 +97,14 @@ class Floors:
 
 
 def floors_of(model: CollisionModel, safety: Safety | None, error: Array | None = None) -> Floors | None:
-    """Return the floors of a model's pairs; None where nothing is asked.
+    """Return the floors of a model's pairs; None where nothing is required.
 
     Pairs of links that are built nearer are those of the safety, see `with_built`. A link that one joint moves is built
     nearer to an obstacle where it is so at each of 33 places of the joint; it keeps 0.8 of the least distance.
 
     Args:
         model: its exact distances are measured at the ends, with obstacles at their first places.
-        safety: what is asked.
+        safety: what is required.
         error: (n,) rad or m, how far the joints may be off; what that can take of a pair's distance is taken first.
     """
     if safety is None:
@@ -119,7 +119,7 @@ def floors_of(model: CollisionModel, safety: Safety | None, error: Array | None 
 
 
 def asked_of(model: CollisionModel, safety: Safety) -> tuple[Array, Array]:
-    """Return what is asked of each pair (P,), m, and whether it is one with an obstacle (P,)."""
+    """Return what is required of each pair (P,), m, and whether it is one with an obstacle (P,)."""
     first = len(model.names) - len(model.scene.obstacles)
     scene = np.array([max(pair.a, pair.b) >= first for pair in model.pairs], dtype=bool)
     known: dict[tuple[str, str, bool], float] = {}
@@ -160,10 +160,10 @@ def measured(model: CollisionModel, q: Array, asked: Array, taken: Array) -> lis
 
 
 def with_built(safety: Safety | None, robot: Robot) -> Safety | None:
-    """Return what is asked with the pairs of links that the robot's own structure holds nearer.
+    """Return what is required with the pairs of links that the robot's own structure holds nearer.
 
     They are found at 128 configurations within the limits of position, spread evenly. A pair that one joint moves is
-    built nearer where it never touches and somewhere is nearer than asked: it keeps 0.8 of its least distance. Any
+    built nearer where it never touches and somewhere is nearer than required: it keeps 0.8 of its least distance. Any
     other pair is where it is nearer in a fifth of the configurations in which it does not touch: it does not touch.
     """
     if safety is None or not any((safety.own, *(pair.at_least for pair in safety.pairs))):
@@ -197,7 +197,7 @@ def _spread(robot: Robot) -> Array:
 
 
 def _built_nearer(model: CollisionModel, safety: Safety, asked: Array, scene: Array, taken: Array) -> list[NearPair]:
-    """Return the pairs that are nearer than asked by structure: links, and what one joint moves over obstacles."""
+    """Return the pairs that are nearer than required by structure: links, and what one joint moves over obstacles."""
     built = {one.links: one for one in safety.built}
     found: list[NearPair] = []
     for pair in model.pairs if built else ():

@@ -53,7 +53,7 @@ class SafePairs:
 
 @dataclass(frozen=True)
 class BuiltNear:
-    """Two links that are built nearer than asked of them.
+    """Two links that are built nearer than required of them.
 
     Attributes:
         links: their names, in order.
@@ -70,10 +70,10 @@ class BuiltNear:
 class Safety:
     """How far bodies stay apart at all times.
 
-    The floor of a pair is the distance asked of it. A pair that is nearer at an end of the motion (the start, the goal,
+    The floor of a pair is the distance required. A pair that is nearer at an end of the motion (the start, the goal,
     a via of joint values, the begin or end of a step of a task) has a lower one about that end q_e:
 
-        min(asked, base + (asked - base) sum_j |q_j - q_e,j| / within),  base = 0.8 d(q_e).
+        min(required, base + (required - base) sum_j |q_j - q_e,j| / within),  base = 0.8 d(q_e).
 
     A joint-off-motion tube takes what it takes of d(q_e) first. See `collision.floors` for pairs that are built nearer.
 
@@ -116,7 +116,7 @@ class Safety:
 
     @classmethod
     def of(cls, value: Any) -> "Safety | None":
-        """Return a safety of a number, m, for all pairs, or of itself; None of nothing and where nothing is asked.
+        """Return a safety of a number, m, for all pairs, or of itself; None of nothing and where nothing is required.
 
         Raises:
             InputError: neither, or no distance.
@@ -128,11 +128,11 @@ class Safety:
 
     @property
     def most(self) -> float:
-        """The largest distance asked of any pair, m."""
+        """The largest distance required of any pair, m."""
         return max(self.scene, self.own, *(pair.at_least for pair in self.pairs), 0.0)
 
     def asked(self, a: str, b: str, obstacle: bool) -> float:
-        """Return what is asked of two bodies, m; `obstacle`: whether one of them is an obstacle."""
+        """Return what is required of two bodies, m; `obstacle`: whether one of them is an obstacle."""
         for pair in reversed(self.pairs):
             if pair.holds(a, b):
                 return pair.at_least

@@ -213,7 +213,7 @@ def _loaded(document: Document, name: str, spec: SideBySideSpec, load: "Callable
 
 
 def _about(document: Document, name: str, made: Callable[[], T]) -> T:
-    """Return what is made of an arm; what is wrong with it is said of its place in the document."""
+    """Return what is made of an arm; what is wrong with it is reported at its place in the document."""
     place: Place = (KEY, name, "use")
     try:
         return made()

@@ -17,7 +17,7 @@ class DesignResult:
     """Designs of a robot.
 
     Attributes:
-        study: what was asked.
+        study: what was requested.
         search: all designs that were measured, and which are the front.
         proofs: designs that were planned with, with their bodies: the given one, the compromise, the best ones.
         seconds: of the whole study.

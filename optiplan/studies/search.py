@@ -1,4 +1,4 @@
-"""NSGA-II over the parameters of a study, and the front of all designs that it looked at."""
+"""NSGA-II over the parameters of a study, and the front of all designs that it measured."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a scene's `Safety` required of a motion, and of which pairs less, for reports."""
+"""What a scene's `Safety` required of a motion, and the pairs that it requires less of, for reports."""
 
 from collections.abc import Mapping
 from typing import Any

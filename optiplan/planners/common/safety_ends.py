@@ -13,7 +13,7 @@ from optiplan.problem.problem import JointGoal, Problem, derived
 
 
 def with_ends(problem: Problem, budget: Budget) -> Problem:
-    """Return the problem in a scene that knows where its motions begin and end; itself where no distance is asked.
+    """Return the problem in a scene that knows where its motions begin and end; itself where no distance is required.
 
     Ends of poses and regions keep the whole distance where some can. Where none can, the goal becomes those that do
     not touch, and pairs may be nearer there. The verifier has the problem itself, and the ends of the motion.

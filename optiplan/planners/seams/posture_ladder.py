@@ -26,7 +26,7 @@ _JUMP = 0.7
 """rad or m: a joint that moves farther between two rungs jumps."""
 
 _OTHERS, _CORRECTIONS = 6, 6
-"""Ways to one configuration that are looked at, and corrections of the middle of each."""
+"""Ways to one configuration that are checked, and corrections of the middle of each."""
 
 _MET = 1e-6
 """m and rad: error of a middle that is met."""

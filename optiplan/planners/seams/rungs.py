@@ -94,7 +94,7 @@ class Rungs:
         return self._kept(np.concatenate([carried, fresh]), s)
 
     def places(self, s: float, count: int) -> ToolPlaces:
-        """Return where the tool should be at a length, m, as often as asked."""
+        """Return where the tool should be at a length, m, as often as requested."""
         return self.tool.places(np.full(count, s))
 
     def _reached(self, seeds: Array, s: float, steps: int) -> Array:

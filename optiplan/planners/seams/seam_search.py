@@ -60,7 +60,7 @@ class FoundSeam:
     Attributes:
         approach: from the start to where the run-in begins; None where the robot is there already.
         motion: from rest to rest: run-in, path and run-out.
-        times: (k,) s in `motion`, when it is at each of the asked lengths.
+        times: (k,) s in `motion`, when it is at each of the requested lengths.
         info: what the search did.
     """
 

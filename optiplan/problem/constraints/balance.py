@@ -38,7 +38,7 @@ class TipOver(Statement):
 
     @classmethod
     def consistent(cls, stated: Any) -> Any:
-        """Return what stands in a file, if the corners span an area that the margin leaves something of."""
+        """Return the data of a file, if the corners span an area that the margin leaves something of."""
         polygon = SupportPolygon.of(stated.corners, stated.height)
         if 2.0 * polygon.area <= stated.margin * polygon.perimeter:
             found = f"a margin of {stated.margin:g} m, which leaves nothing of the polygon"

@@ -54,7 +54,7 @@ def safety_data(spec: Any) -> Any:
 def safety_of(
     document: Document, spec: float | SafetySpec | None, scene: Scene, links: Sequence[str]
 ) -> tuple[Safety | None, list[Issue]]:
-    """Return what is asked of the bodies of a scene and of these links, and what is wrong with it.
+    """Return what is required of the bodies of a scene and of these links, and what is wrong with it.
 
     Wrong is a name that no body has, and a group of pairs that has none, or only pairs that may touch.
     """

@@ -19,7 +19,7 @@ Row = TypeVar("Row", bound=BaseModel)
 
 @dataclass(frozen=True)
 class RowsOf(Generic[Row]):
-    """What stands in a file.
+    """The content of a file.
 
     Attributes:
         kind: of a row.

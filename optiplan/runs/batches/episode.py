@@ -53,7 +53,7 @@ class Episode:
     Attributes:
         file: relative to the folder of the batch.
         file_digest: SHA-256 of the file's bytes.
-        wanted_seed: that the batch asked for, -1 for the file's own.
+        wanted_seed: that the batch requests, -1 for the file's own.
         state: of `STATES`.
         detail: why it is not verified; of a bad file the file, line and field.
         name, hash, seed, robot, planner: of the problem; the hash covers robot and meshes.

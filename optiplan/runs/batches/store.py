@@ -1,4 +1,4 @@
-"""The rows of a batch in Parquet files that appear whole, and what was asked for, so that a batch can be continued.
+"""The rows of a batch in Parquet files that appear whole, and what was requested, so that a batch can be continued.
 
     batch.json                     planner, options, seconds, seeds, rate: a batch is continued with the same only
     episodes/part-000000.parquet   rows in the order in which they were made, `episode.Episode` a row
@@ -29,7 +29,7 @@ ROWS, SECONDS = 500, 30.0
 """A file is written after so many rows or seconds: what a crash of the machine costs at most."""
 
 Key = tuple[str, int]
-"""File, and the seed that was asked for (-1: the file's own)."""
+"""File, and the requested seed (-1: the file's own)."""
 
 _FLOATS = ("positions", "velocities", "accelerations")
 

@@ -1,4 +1,4 @@
-"""Episodes planned side by side, in processes or on a Dask cluster, in the order in which they are asked for."""
+"""Episodes planned side by side, in processes or on a Dask cluster, in the order of the requests."""
 
 import multiprocessing
 import os

@@ -47,7 +47,7 @@ async def stream(service: Service) -> EventSourceResponse:
 
 @router.post("", status_code=204)
 async def picture(request: Request, service: Service, picture: Annotated[int, Query(ge=1, lt=2**53)]) -> Response:
-    """Give the picture that a page was asked for: a `data:` address of a PNG file."""
+    """Give the picture requested of a page: a `data:` address of a PNG file."""
     drawing, body = _drawing(service), await request.body()
     try:
         data = base64.b64decode(body.removeprefix(_PNG), validate=True)

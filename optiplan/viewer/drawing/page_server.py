@@ -74,7 +74,7 @@ class _DrawnHandler(PageHandler):
             self._stream()
 
     def do_POST(self) -> None:
-        """Take the picture that a page was asked for: a `data:` address of a PNG file."""
+        """Take the picture requested of a page: a `data:` address of a PNG file."""
         if not self.admitted():
             return
         parts = urlsplit(self.path)

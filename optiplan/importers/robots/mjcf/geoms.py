@@ -46,7 +46,7 @@ def solid_geoms(model: Any) -> tuple[set[int], str]:
 
 
 class GeomWriter:
-    """Adds geoms to the links of a URDF; `files` gets the meshes, `notes` what is left out."""
+    """Adds geoms to the links of a URDF; `files` gets the meshes, `notes` what is omitted."""
 
     def __init__(self, mujoco: Any, model: Any) -> None:
         self.model = model

@@ -1,4 +1,4 @@
-"""Solvers of CasADi for the program of a curve: their names, what they are told, which of them are installed."""
+"""Solvers of CasADi for the program of a curve: their names, their options, which of them are installed."""
 
 import os
 import sys

@@ -25,7 +25,7 @@ class NlpSubproblem:
     The program is built once for the samples, and again only where more pairs are near than it has rows for.
 
     Attributes:
-        stop: asked at every iteration of a solver.
+        stop: queried at every iteration of a solver.
     """
 
     def __init__(self, transcription: Transcription, options: CasadiOptions) -> None:
