@@ -27,7 +27,7 @@ def grasp_ends(
     Args:
         compiler: to whom errors go.
         robot: as it is in this step.
-        stated: where the grasps are in the file, what the file has of them, the direction (3,) in which the frame comes.
+        stated: where the grasps are in the file, what the file has of them, the direction (3,) of the approach.
         scene: where the object is as the file puts it.
         moved: objects that the task has taken before this step.
     """

@@ -1,5 +1,7 @@
 """YAML and Python build the same problem, with the same hash."""
 
+import re
+
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
@@ -15,9 +17,9 @@ EXAMPLES = sorted(problems_dir().glob("*.yaml"))
 def stated(path):
     """The problem of a file, said by the front door's objects."""
     data = YAML(typ="safe").load(path.read_text())
-    if "tasks" in data:  # what a file writes once Python writes with a loop
-        robots = data["robots"]
-        data = {**in_one_form(read_yaml(path), path.parent).data, "robots": robots}
+    if "tasks" in data or re.search(r"\bin: ", path.read_text()) or isinstance(data["start"].get("joints"), dict):
+        robots = {"robots": data["robots"]} if "robots" in data else {}
+        data = {**in_one_form(read_yaml(path), path.parent).data, **robots}  # Python has loops, and `pose @ pose`
     scene = data.get("scene", {})
     held = [
         body(one).attached_to(
@@ -32,6 +34,7 @@ def stated(path):
     )
     goal = data.get("goal", {})
     labels = {"name", "seed", "limits", "objective", "planner", "path_constraints", "task", "base", "gravity"}
+    labels |= {"tool", "tools"}
     labels = {key: data[key] for key in labels if key in data}
     labels |= {f"start_{key}": data["start"][key] for key in ("velocity", "acceleration") if key in data["start"]}
     if goal:
@@ -83,6 +86,10 @@ def end(data):
         return data["configuration"]
     if "region" in data:
         return op.Region(**data["region"])
+    if "all_of" in data:
+        return op.AllOf([pose({**one["pose"], "frame": one["frame"]}) for one in data["all_of"]])
+    if "joints_deg" in data:
+        return {"joints_deg": data["joints_deg"]}
     return np.array(data["joints"], float) if "joints" in data else pose(data["pose"])
 
 
