@@ -163,7 +163,7 @@ def function_of(robot: Any, name: str, build: Callable[[Any], Any], machine_code
         return None
     value = ca.substitute([value], [one for one, _ in state.constants], [ca.DM(x) for _, x in state.constants])[0]
     made = ca.Function(name, [state.q, state.v, state.a], [value], {"cse": True})
-    if not machine_code:
-        return made
-    with loading():
-        return compiled(name, [made.serialize().encode()], lambda: made)
+    if machine_code:
+        with loading():
+            made = compiled(name, [made.serialize().encode()], lambda: made)
+    return made

@@ -82,11 +82,17 @@ class _Kept:
             self._solve = solver.make(nlp.program(), nlp.gauss_newton, **more)
 
     def solved(self, x0: Array, p: Array, bounds: tuple[Array, Array]) -> tuple[Array, float]:
-        """Return the answer x (X,) from x0 with these bounds (X,) of x, and its cost with the penalties, s."""
+        """Return the answer x (X,) from x0 with these bounds (X,) of x, and its cost with the penalties, s: NaN where a solver fails."""
         lbx, ubx = bounds
         nlp = self.nlp
-        with self._quiet():
-            found = self._solve(x0=x0, p=p, lbx=lbx, ubx=ubx, lbg=nlp.lbg, ubg=nlp.ubg, **self._warm)
+        try:
+            with self._quiet():
+                found = self._solve(x0=x0, p=p, lbx=lbx, ubx=ubx, lbg=nlp.lbg, ubg=nlp.ubg, **self._warm)
+        except RuntimeError as error:  # CasADi's, for whatever a solver or a Ctrl-C raises
+            if "KeyboardInterrupt" in str(error):
+                raise KeyboardInterrupt from None
+            self._warm.clear()
+            return x0, np.nan
         self._warm = {"lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
         return np.array(found["x"]).ravel(), float(found["f"])
 
