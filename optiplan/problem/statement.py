@@ -108,11 +108,18 @@ class AllOf:
         for k, one in enumerate(self.ends):
             if not isinstance(one, Pose | Region | PoseGoal | RegionGoal):
                 raise wrong_argument("AllOf", f"ends[{k}]", described(one), "op.Pose(…) or op.Region(…) with its frame")
-        return {"all_of": [end_data(one, "AllOf", f"ends[{k}]") for k, one in enumerate(self.ends)]}
+        return {"all_of": [_framed(end_data(one, "AllOf", f"ends[{k}]")) for k, one in enumerate(self.ends)]}
 
     def __repr__(self) -> str:
         """The ends."""
         return f"AllOf({list(self.ends)!r})"
+
+
+def _framed(end: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an end with its frame beside the pose or region, as a file has several of them."""
+    ((kind, placed),) = end.items()
+    frame = {"frame": placed["frame"]} if "frame" in placed else {}
+    return {**frame, kind: {key: value for key, value in placed.items() if key != "frame"}}
 
 
 End: TypeAlias = (
