@@ -82,7 +82,10 @@ class _Kept:
             self._solve = solver.make(nlp.program(), nlp.gauss_newton, **more)
 
     def solved(self, x0: Array, p: Array, bounds: tuple[Array, Array]) -> tuple[Array, float]:
-        """Return the answer x (X,) from x0 with these bounds (X,) of x, and its cost with the penalties, s: NaN where a solver fails."""
+        """Return the answer x (X,) from x0 with these bounds (X,) of x, and its cost with the penalties, s.
+
+        The cost is NaN where a solver fails.
+        """
         lbx, ubx = bounds
         nlp = self.nlp
         try:

@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.collision.native_model import planning_model
 from optiplan.errors import InputError
 from optiplan.planners.registry import make_planner
 from optiplan.planners.trajopt.nonlinear.options import CasadiOptions
-from optiplan.planners.trajopt.nonlinear.solvers import SOLVERS, installed
+from optiplan.planners.trajopt.nonlinear.solvers import SOLVERS, NlpSolver, installed
+from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
+from optiplan.planners.trajopt.program.sqp import DescentOptions
 from tests.planners import cases
 
 pytestmark = pytest.mark.usefixtures("processor_clock")
@@ -60,3 +63,25 @@ def test_estimates_of_paths_are_those_of_trajopt():
 def test_a_budget_ends_a_program():
     run = op.plan(cases.wall(), "casadi", budget=0.3)
     assert run.timings["plan"] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("raised", "expected"), [("no descent direction", None), ("KeyboardInterrupt", KeyboardInterrupt)]
+)
+def test_what_a_solver_raises_is_a_failed_step_but_ctrl_c_is_not(monkeypatch, raised, expected):
+    problem = op.load_problem("12_planar")
+    optimiser = Optimiser(problem, planning_model(problem.robot, problem.scene), CasadiOptions())
+    control = optimiser.along(np.array([problem.start, problem.start + 0.1]))
+    descender = optimiser.descender(control)
+    descender.set_samples(optimiser.instants(control))
+
+    def fails(**_):
+        raise RuntimeError(raised)
+
+    monkeypatch.setattr(NlpSolver, "make", lambda *_, **__: fails)
+    options = DescentOptions(3, lambda: False)
+    if expected is None:
+        assert descender.optimise(control, options).log.rows[:, -1].tolist() == [0.0, 0.0, 0.0]
+    else:
+        with pytest.raises(expected):
+            descender.optimise(control, options)
