@@ -134,7 +134,7 @@ def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text):
         name = Path(target).name
         by_the_site = (
-            name in made or name.startswith("benchmarks-") or target.startswith("../live/")
+            name in made or name.startswith("benchmarks-") or target.startswith(("../live/", "../seeds/"))
         )  # pages that play, made with the site
         if "://" not in target and not (DOCS in page.parents and by_the_site):
             assert (page.parent / target).exists(), target
