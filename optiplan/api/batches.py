@@ -12,6 +12,7 @@ from optiplan.errors import (
     InputError,
     Issue,
     described,
+    flag_argument,
     options_argument,
     path_argument,
     progress_argument,
@@ -23,7 +24,7 @@ from optiplan.planners.registry import make_planner
 from optiplan.runs.batches.episode import BAD_INPUT, STATES, EpisodeRequest, digest_of
 from optiplan.runs.batches.lerobot import write_lerobot
 from optiplan.runs.batches.store import BatchStore
-from optiplan.runs.batches.workers import in_processes, on_cluster
+from optiplan.runs.batches.workers import in_processes, is_dask_client, on_cluster
 
 RATE = 50
 """Hz of the samples, when none is given."""
@@ -107,6 +108,10 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
     if seeds is not None:
         whole_argument("plan_batch", "seeds", seeds, 1, "a whole number >= 1")
     whole_argument("plan_batch", "rate", rate, 1, "a whole number of Hz >= 1")
+    flag_argument("plan_batch", "lerobot", lerobot)
+    if workers is not None and not is_dask_client(workers):
+        expected = "a whole number >= 1, or a Dask client (distributed.Client)"
+        whole_argument("plan_batch", "workers", workers, 1, expected)
     if planner is not None:
         make_planner(planner, options or {})
     root, files = _files(problems)
@@ -138,12 +143,8 @@ def _episodes(requests: Iterator[EpisodeRequest], workers: Any, count: int) -> I
     if first is None:
         return iter(())
     requests = chain([first], requests)
-    if type(workers).__module__.split(".")[0] == "distributed" and hasattr(workers, "submit"):
+    if is_dask_client(workers):
         return on_cluster(requests, workers)
-    if workers is not None:
-        whole_argument(
-            "plan_batch", "workers", workers, 1, "a whole number >= 1, or a Dask client (distributed.Client)"
-        )
     return in_processes(requests, min(workers or cores(), count))
 
 

@@ -23,6 +23,7 @@ from optiplan.errors import (
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import Problem
+from optiplan.runs.batches.workers import is_dask_client
 from optiplan.runs.pipeline import chosen, plan_and_verify_once
 from optiplan.runs.run import Run
 
@@ -76,7 +77,7 @@ def plan_many(
     """
     progress_argument("plan_many", progress)
     requests = _requests(problems, planner, options, checked_seconds("plan_many", budget))
-    if _is_dask(workers):
+    if is_dask_client(workers):
         client: Any = workers
         there = [client.submit(_planned, one, pure=False) for one in requests]
         return _ordered(requests, [_arriving(one) for one in there], progress, lambda: client.cancel(there))
@@ -119,11 +120,6 @@ def _silent(stage: str, fraction: float) -> None:
 
 def _one_thread() -> None:
     os.environ["OMP_NUM_THREADS"] = "1"
-
-
-def _is_dask(workers: Any) -> bool:
-    """Return whether this is a client of Dask, without loading Dask."""
-    return type(workers).__module__.split(".")[0] == "distributed" and hasattr(workers, "submit")
 
 
 def _arriving(there: Any) -> "Future[Run]":

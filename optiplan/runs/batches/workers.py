@@ -17,6 +17,11 @@ CHILD_LIFE = 2000
 """Episodes after which a process is replaced by a new one, against memory that libraries do not give back."""
 
 
+def is_dask_client(workers: Any) -> bool:
+    """Return whether this is a client of Dask, without loading Dask."""
+    return type(workers).__module__.split(".")[0] == "distributed" and hasattr(workers, "submit")
+
+
 def in_processes(requests: Iterable[EpisodeRequest], count: int) -> Iterator[Episode]:
     """Yield the episodes in order; a process that dies costs only the episode that kills it again, alone."""
     source, pending = iter(requests), deque[tuple[EpisodeRequest, Future[Episode]]]()
