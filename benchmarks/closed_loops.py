@@ -56,6 +56,7 @@ INTERFACES: dict[str, dict[str, Any]] = {
 MOVED = [1.0, 0.6, -0.8, 0.5, 0.7, 0.5]
 """rad, from home: the goal of the motion that `srra_ptp` follows."""
 STEPS = {"joint_1": 0.5, "joint_2": 0.5}
+LOOPS = ("srra-pid", "srra-ptp", "delbot-circle", "baxter-screw")
 
 
 def main() -> None:
@@ -63,9 +64,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tables", type=Path, help="folder for the tables")
     parser.add_argument("--pictures", type=Path, help="folder for the pictures")
+    parser.add_argument("--only", choices=LOOPS, help="one of the tables (default: all)")
     options = parser.parse_args()
     told: dict[str, Any] = {"commit": commit()}
-    for name, make in {"srra-pid": srra, "srra-ptp": srra_ptp, "delbot-circle": delbot, "baxter-screw": baxter}.items():
+    makers = dict(zip(LOOPS, (srra, srra_ptp, delbot, baxter), strict=True))
+    for name, make in makers.items() if options.only is None else [(options.only, makers[options.only])]:
         headings, rows, picture = make()
         print_table(headings, rows)
         told[name] = [dict(zip(headings, row, strict=True)) for row in rows]
