@@ -100,7 +100,7 @@ def outcome(row: Row) -> Outcome:
         except subprocess.TimeoutExpired:
             return Outcome(row, "fails", f"not ended within {SECONDS} s", time.perf_counter() - begun)
     seconds = time.perf_counter() - begun
-    lacking = [text for text in row.shows if text not in ended.stdout]
+    lacking = [text for text in row.shows if text not in ended.stdout + ended.stderr]  # scripts print tables there
     if ended.returncode or lacking:
         last = (ended.stderr or ended.stdout).strip().splitlines()[-1:] or ["no output"]
         why = f"exit code {ended.returncode}" if ended.returncode else f"does not show '{lacking[0]}'"
