@@ -140,7 +140,8 @@ def _stops(stops: Sequence[Mapping[str, Any]], full: bool) -> list[str]:
     words = [why if count == 1 else f"{why} ({count} times)" for why, count in shown]
     if rest := len(stops) - sum(count for _, count in shown):
         words.append(f"{rest} others (--full)")
-    return [f"stops {len(stops)} times on the way: {'; '.join(words)}"] if stops else []
+    often = "once" if len(stops) == 1 else f"{len(stops)} times"
+    return [f"stops {often} on the way: {'; '.join(words)}"] if stops else []
 
 
 def _times(run: Run) -> str:
