@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.2.0"
 
 if TYPE_CHECKING:
+    from optiplan.api.assigning import assign
     from optiplan.api.batches import Batch, plan_batch
     from optiplan.api.casadi_problems import casadi_problem
     from optiplan.api.checking import check
@@ -95,6 +96,7 @@ if TYPE_CHECKING:
     from optiplan.simulation.log import Log, ObjectLog, WheelLog
     from optiplan.simulation.plants.task_plant import FrictionGrip
     from optiplan.simulation.simulation import Simulation
+    from optiplan.studies.assembly.result import Assignment
     from optiplan.studies.result import DesignResult
     from optiplan.trajectory.sample_file import Samples
     from optiplan.trajectory.state import State
@@ -102,6 +104,7 @@ if TYPE_CHECKING:
     from optiplan.verify.report import Check, Report
 
 _ROOMS = {
+    "api.assigning": ("assign",),
     "api.batches": ("Batch", "plan_batch"),
     "api.casadi_problems": ("casadi_problem",),
     "api.checking": ("check",),
@@ -129,6 +132,7 @@ _ROOMS = {
     "control.limits.tool_speed": ("ToolSpeedLimit",),
     "control.limits.torque": ("TorqueLimit",),
     "control.limits.wheel_speed": ("WheelSpeedLimit",),
+    "studies.assembly.result": ("Assignment",),
     "studies.result": ("DesignResult",),
     "trajectory.state": ("State",),
     "control.control_problem": ("ControlProblem",),
@@ -190,6 +194,7 @@ _HOME = {name: f"optiplan.{room}" for room, names in _ROOMS.items() for name in 
 __all__ = [
     "AccelerationLimit",
     "AllOf",
+    "Assignment",
     "Attachment",
     "BaseMotionTask",
     "Batch",
@@ -298,6 +303,7 @@ __all__ = [
     "WheelSpeed",
     "WheelSpeedLimit",
     "__version__",
+    "assign",
     "bench",
     "casadi_problem",
     "certify",
