@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from optiplan.api.checking import planner_issues
 from optiplan.api.planning import plan
 from optiplan.arrays import is_finite
 from optiplan.errors import InputError, described, path_argument, progress_argument, wrong_argument
@@ -71,6 +72,8 @@ def assign(
     folder = None if out is None else path_argument("assign", "out", out, "the path of a folder")
     if folder is not None:
         check_folder(folder)
+    if not isinstance(source, Mapping) and (wrong := planner_issues(Path(source))):
+        raise InputError(wrong)
     found = _Search(read_assembly(source), Budget(float(budget)), progress).result()
     if folder is not None:
         found.save(folder)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.errors import InputError
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.tours.travel_times import TravelTimes
@@ -74,7 +75,11 @@ def measure_jobs(assembly: Assembly, planned: Planned, budget: Budget, progress:
     """
     problems = {arm: assembly.of_arm(arm) for arm in assembly.arms}
     alone: dict[tuple[str, int], JobAlone] = {}
-    unable = {(arm, k): words for arm, one in problems.items() for k, words in one.unable.items()}
+    wrong = {(arm, k): issue for arm, one in problems.items() for k, issue in one.unable.items()}
+    for job in assembly.jobs:
+        if all((arm, job.number) in wrong for arm in job.arms):
+            raise InputError([wrong[job.arms[0], job.number]])
+    unable = {key: f"{issue.field}: {issue.found}" for key, issue in wrong.items()}
     left: dict[int, tuple[Obstacle, ...]] = {}
     todo = [(k, arm) for k in assembly.order for arm in assembly.jobs[k].arms if (arm, k) not in unable]
     for count, (k, arm) in enumerate(todo):

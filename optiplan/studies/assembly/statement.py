@@ -78,7 +78,7 @@ class ArmProblem:
 
     problem: Problem
     steps: Mapping[int, range]
-    unable: Mapping[int, str]
+    unable: Mapping[int, Issue]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,7 @@ class Assembly:
             InputError: what is wrong with the file, or with a job that names this arm.
         """
         left = [k for k in self.order if arm in self.jobs[k].arms]
-        unable: dict[int, str] = {}
+        unable: dict[int, Issue] = {}
         while left:
             parts, numbers = _Steps([], []), dict[int, range]()
             for number in left:
@@ -140,7 +140,7 @@ class Assembly:
                 asked = any(self.jobs[k].listed or len(self.jobs[k].arms) == 1 for k in blamed)
                 if asked or any(step is None for step, _ in wrong):
                     raise InputError([issue for _, issue in wrong])
-                unable |= {k: f"{issue.field}: {issue.found}" for k, issue in blamed.items()}
+                unable |= blamed
                 left = [k for k in left if k not in blamed]
                 continue
             self._check_hands(problem, numbers)
