@@ -61,7 +61,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class _Steps:
+class _PlacedSteps:
     """Steps of a task, and where each stands in the file."""
 
     steps: list[dict[str, Any]]
@@ -107,7 +107,7 @@ class Assembly:
         Raises:
             InputError: it makes no problem.
         """
-        arms, parts, numbers = dict(given), _Steps([], []), dict[int, range]()
+        arms, parts, numbers = dict(given), _PlacedSteps([], []), dict[int, range]()
         for number, arm in given:
             job, own = self.jobs[number], self._steps(number, arm)
             waits = [self._last_name(k, arms[k]) for k in job.after if arms[k] != arm]
@@ -128,7 +128,7 @@ class Assembly:
         left = [k for k in self.order if arm in self.jobs[k].arms]
         unable: dict[int, Issue] = {}
         while left:
-            parts, numbers = _Steps([], []), dict[int, range]()
+            parts, numbers = _PlacedSteps([], []), dict[int, range]()
             for number in left:
                 own = self._steps(number, arm)
                 numbers[number] = range(len(parts.steps) + 1, len(parts.steps) + len(own.steps) + 1)
@@ -145,7 +145,7 @@ class Assembly:
                 continue
             self._check_hands(problem, numbers)
             return ArmProblem(problem, numbers, unable)
-        return ArmProblem(self._problem(_Steps([{"dwell": 1.0}], [("jobs",)])), {}, unable)
+        return ArmProblem(self._problem(_PlacedSteps([{"dwell": 1.0}], [("jobs",)])), {}, unable)
 
     def _check_hands(self, problem: Problem, numbers: Mapping[int, range]) -> None:
         """Refuse jobs that end with an object in hand: no other arm could do what comes after."""
@@ -159,7 +159,7 @@ class Assembly:
                 place = ("jobs", number, "steps")
                 raise InputError([self.document.issue(place, found, f"a detach of '{kept[0]}' in the same job")])
 
-    def _steps(self, number: int, arm: str) -> _Steps:
+    def _steps(self, number: int, arm: str) -> _PlacedSteps:
         """Return the steps of a job as an arm does them."""
         reader, place = LoopReader(self.document), ("jobs", number, "steps")
         written = list(reader.steps(self.document.data["jobs"][number]["steps"], place, {"arm": arm}))
@@ -177,12 +177,12 @@ class Assembly:
             issues = [self.document.issue(place, "no step when they are written out", "a step")]
         if issues:
             raise InputError(issues)
-        return _Steps([{**one.step, "arm": arm} for one in written], [one.place for one in written])
+        return _PlacedSteps([{**one.step, "arm": arm} for one in written], [one.place for one in written])
 
     def _last_name(self, number: int, arm: str) -> str:
         return str(_named(self.jobs[number].name, self._steps(number, arm).steps[-1], True)["name"])
 
-    def _problem(self, parts: _Steps) -> Problem:
+    def _problem(self, parts: _PlacedSteps) -> Problem:
         """Return the problem of these steps.
 
         Raises:
@@ -193,7 +193,7 @@ class Assembly:
             raise InputError([issue for _, issue in wrong])
         return problem
 
-    def _stated(self, parts: _Steps) -> tuple[Problem | None, list[tuple[int | None, Issue]]]:
+    def _stated(self, parts: _PlacedSteps) -> tuple[Problem | None, list[tuple[int | None, Issue]]]:
         """Return the problem of these steps, or what is wrong in the file, with the number of the step if it is one."""
         known = self.document
         data = {key: value for key, value in known.data.items() if key not in ("jobs", "tasks")}
@@ -258,7 +258,7 @@ def read_assembly(source: Path | str | Mapping[str, Any]) -> Assembly:
 
 def _check_arms(assembly: Assembly) -> None:
     """Refuse arms that are no groups of the robot, and what is wrong with the rest of the problem."""
-    groups = list(assembly._problem(_Steps([{"dwell": 1.0}], [("jobs",)])).robot.groups)
+    groups = list(assembly._problem(_PlacedSteps([{"dwell": 1.0}], [("jobs",)])).robot.groups)
     issues = [
         assembly.document.issue(("jobs", job.number, "arms"), f"'{arm}', no group of the robot", choices(arm, groups))
         for job in assembly.jobs
@@ -303,7 +303,7 @@ def _named(job: str, step: Mapping[str, Any], last: bool) -> dict[str, Any]:
     return dict(step) if name is None else {**step, "name": name}
 
 
-def _in_file(document: Document, parts: _Steps, issue: Issue) -> tuple[int | None, Issue]:
+def _in_file(document: Document, parts: _PlacedSteps, issue: Issue) -> tuple[int | None, Issue]:
     """Return an issue about a step as one about the file, with the number of the step."""
     if issue.path[:1] != ("task",):
         return None, issue

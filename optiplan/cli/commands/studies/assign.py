@@ -34,7 +34,7 @@ def assign(file: File, budget: Seconds = 120.0, out: Out = None, as_json: AsJson
 
     Exit code: 0 verified · 2 bad input · 3 no arm can do a job, or nothing was verified · 130 interrupted.
     """
-    from optiplan.api.assigning import assign as search
+    from optiplan.api.studies.assigning import assign as search
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:

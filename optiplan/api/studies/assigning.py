@@ -74,13 +74,13 @@ def assign(
         check_folder(folder)
     if not isinstance(source, Mapping) and (wrong := planner_issues(Path(source))):
         raise InputError(wrong)
-    found = _Search(read_assembly(source), Budget(float(budget)), progress).result()
+    found = _AssignmentSearch(read_assembly(source), Budget(float(budget)), progress).result()
     if folder is not None:
         found.save(folder)
     return found
 
 
-class _Search:
+class _AssignmentSearch:
     """The search for an assignment, which keeps what it has when it is interrupted."""
 
     def __init__(self, assembly: Assembly, budget: Budget, progress: Progress) -> None:
