@@ -29,6 +29,9 @@ Planned = Callable[[Problem, Budget], Run]
 _MOVED = 1e-6
 """rad or m: an arm that has moved no farther stands where it stood."""
 
+_SHARE = 3.0
+"""A job alone may take this many times its share of the budget, since most take much less than theirs."""
+
 _LEAST = 1e-6
 """s: a job takes no less."""
 
@@ -88,7 +91,7 @@ def measure_jobs(assembly: Assembly, planned: Planned, budget: Budget, progress:
             unable[arm, k] = "not planned within the budget"
             continue
         problem = _alone(problems[arm], k, [body for j in _before(assembly, k) for body in left.get(j, ())])
-        run = planned(problem, budget.share(1.0 / (len(todo) - count)))
+        run = planned(problem, budget.share(min(1.0, _SHARE / (len(todo) - count))))
         if run.verified:
             alone[arm, k] = _measured(problem, run, arm)
             left.setdefault(k, alone[arm, k].left)

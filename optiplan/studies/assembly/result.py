@@ -107,7 +107,7 @@ class Assignment:
                 f"{job} ({'; '.join(f'{arm}: {why}' for arm, why in arms.items())})"
                 for job, arms in self.impossible.items()
             )
-            return f"no arm can do: {', '.join(reasons)}"
+            return f"no arm was found to do: {', '.join(reasons)}"
         if self.best is None:
             return "no schedule was verified" + (", since it was interrupted" if self.ended == "interrupted" else "")
         alone = self.one_arm
