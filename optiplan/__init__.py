@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from optiplan.api.batches import Batch, plan_batch
     from optiplan.api.casadi_problems import casadi_problem
     from optiplan.api.checking import check
-    from optiplan.api.designing import design
     from optiplan.api.driving import driver
     from optiplan.api.imports.scenes import import_scene
     from optiplan.api.init_robot import init_robot
@@ -29,11 +28,13 @@ if TYPE_CHECKING:
     from optiplan.api.listings import planners, robots
     from optiplan.api.loading import load_problem, load_robot, load_run
     from optiplan.api.many import plan_many
-    from optiplan.api.placing import Placement, place
     from optiplan.api.planning import plan, retime, verify
     from optiplan.api.plotting import plot
     from optiplan.api.replanning import Replanner
     from optiplan.api.simulating import execute, simulate
+    from optiplan.api.studies.assigning import assign
+    from optiplan.api.studies.designing import design
+    from optiplan.api.studies.placing import Placement, place
     from optiplan.api.viewing import View, view
     from optiplan.api.workspaces import workspace
     from optiplan.bench.bench import BenchResults, bench
@@ -95,6 +96,7 @@ if TYPE_CHECKING:
     from optiplan.simulation.log import Log, ObjectLog, WheelLog
     from optiplan.simulation.plants.task_plant import FrictionGrip
     from optiplan.simulation.simulation import Simulation
+    from optiplan.studies.assembly.result import Assignment
     from optiplan.studies.result import DesignResult
     from optiplan.trajectory.sample_file import Samples
     from optiplan.trajectory.state import State
@@ -102,17 +104,18 @@ if TYPE_CHECKING:
     from optiplan.verify.report import Check, Report
 
 _ROOMS = {
+    "api.studies.assigning": ("assign",),
     "api.batches": ("Batch", "plan_batch"),
     "api.casadi_problems": ("casadi_problem",),
     "api.checking": ("check",),
-    "api.designing": ("design",),
+    "api.studies.designing": ("design",),
     "api.driving": ("driver",),
     "api.init_robot": ("init_robot",),
     "api.kinematics": ("ik",),
     "api.listings": ("planners", "robots"),
     "api.loading": ("load_problem", "load_robot", "load_run"),
     "api.many": ("plan_many",),
-    "api.placing": ("Placement", "place"),
+    "api.studies.placing": ("Placement", "place"),
     "api.planning": ("plan", "retime", "verify"),
     "planners.tours.placing": ("PlaceRange",),
     "api.replanning": ("Replanner",),
@@ -129,6 +132,7 @@ _ROOMS = {
     "control.limits.tool_speed": ("ToolSpeedLimit",),
     "control.limits.torque": ("TorqueLimit",),
     "control.limits.wheel_speed": ("WheelSpeedLimit",),
+    "studies.assembly.result": ("Assignment",),
     "studies.result": ("DesignResult",),
     "trajectory.state": ("State",),
     "control.control_problem": ("ControlProblem",),
@@ -190,6 +194,7 @@ _HOME = {name: f"optiplan.{room}" for room, names in _ROOMS.items() for name in 
 __all__ = [
     "AccelerationLimit",
     "AllOf",
+    "Assignment",
     "Attachment",
     "BaseMotionTask",
     "Batch",
@@ -298,6 +303,7 @@ __all__ = [
     "WheelSpeed",
     "WheelSpeedLimit",
     "__version__",
+    "assign",
     "bench",
     "casadi_problem",
     "certify",

@@ -29,6 +29,7 @@ COMMANDS = {
     "control": "control.control",
     "workspace": "workspace.workspace",
     "place": "studies.place.place",
+    "assign": "studies.assign.assign",
     "design": "studies.design.design",
     "robots": "robots.app.app",
     "ik": "ik.ik",

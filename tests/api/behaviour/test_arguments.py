@@ -19,6 +19,7 @@ def valid(name):
     problem = op.load_problem("12_planar")
     solid = {"name": "b", "radius": 0.1}
     return {
+        "assign": lambda: {"source": {}},
         "bench": lambda: {"suite": "nowhere.yaml"},
         "check": lambda: {"file": "12_planar"},
         "execute": lambda: {"run": op.plan(op.load_problem("01_reach"), "quintic")},
@@ -56,6 +57,7 @@ def valid(name):
 
 CALLS = (
     *(
+        "assign",
         "bench",
         "check",
         "design",

@@ -38,7 +38,7 @@ def design(study: Study, budget: Seconds = None, out: Out = None, as_json: AsJso
 
     Exit code: 0 there is a front · 2 bad input · 3 no design meets what is required · 130 interrupted.
     """
-    from optiplan.api.designing import design as search
+    from optiplan.api.studies.designing import design as search
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:

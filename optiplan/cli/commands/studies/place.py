@@ -49,7 +49,7 @@ def place(
     from math import radians
 
     from optiplan.api.loading import load_problem
-    from optiplan.api.placing import place as search
+    from optiplan.api.studies.placing import place as search
     from optiplan.planners.tours.placing import PlaceRange
 
     with stdout_is_ours(), ProgressLine() as progress:

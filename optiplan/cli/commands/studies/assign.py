@@ -1,0 +1,63 @@
+"""`optiplan assign`: jobs of an assembly given to arms."""
+
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from optiplan.cli.options import AsJson
+from optiplan.cli.output import Exit, plain_table, print_json, results, say, stdout_is_ours
+from optiplan.cli.progress import ProgressLine
+
+if TYPE_CHECKING:
+    from optiplan.studies.assembly.result import Assignment
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="assembly file (YAML)")]
+Seconds = Annotated[float, typer.Option("--budget", min=0.1, metavar="S", help="seconds, half for the jobs alone")]
+Out = Annotated[Path | None, typer.Option(metavar="DIR", help="write the problem and the run folder there")]
+
+_INTERRUPTED = 130
+
+
+def assign(file: File, budget: Seconds = 120.0, out: Out = None, as_json: AsJson = False) -> int:
+    """Find which arm does which job, and in which order, so that all are done soonest.
+
+    Each job is planned alone by each arm. The schedules that are shortest by these durations are planned whole and
+    proved. Ctrl-C ends the search and keeps the best motion proved so far.
+
+    [bold]Examples[/]
+
+      optiplan assign examples/assembly.yaml --out assembly      and view assembly/run
+
+      optiplan assign assembly.yaml --budget 60
+
+    Exit code: 0 verified · 2 bad input · 3 no arm can do a job, or nothing was verified · 130 interrupted.
+    """
+    from optiplan.api.studies.assigning import assign as search
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with stdout_is_ours(), ProgressLine() as progress:
+            found = search(file, out=out, budget=budget, progress=progress)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    files = [] if out is None or found.run is None else [str(out / "problem.yaml"), str(out / "run")]
+    code = _INTERRUPTED if found.ended == "interrupted" else int(0 if found.run is not None else Exit.NO_PLAN)
+    if as_json:
+        print_json(found.data | {"files": files, "exit_code": code})
+        return code
+    _print(found)
+    for path in files:
+        say(f"written: {path}")
+    return code
+
+
+def _print(found: "Assignment") -> None:
+    """Print the jobs with their arms and times, and the result in a sentence."""
+    if found.jobs:
+        table = plain_table((), ("job", "arm", "begin, s", "end, s"))
+        for one in found.jobs:
+            table.add_row(one.job, one.arm, f"{one.begin:.3f}", f"{one.end:.3f}")
+        results().print(table)
+    results().print(found.words, soft_wrap=True, markup=False)

@@ -1,0 +1,1 @@
+"""Jobs given to arms that stand side by side: which arm does which, and in which order."""
