@@ -84,6 +84,8 @@ def _check(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> None
         compiler.report(("scene", "obstacles"), "an obstacle that moves, beside arms of a task", "obstacles that stand")
     joints = joints_of_arms([part.value for part in steps], robot.joint_names)
     for arm, columns in joints.items():
+        if not columns and arm in robot.groups:
+            compiler.report(("task",), f"steps of {arm} that move no joint", "a move or a line of each arm")
         for other, theirs in joints.items():
             if arm < other and (shared := set(columns) & set(theirs)):
                 name = robot.joint_names[min(shared)]
