@@ -83,13 +83,20 @@ def _check(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> None
     if scene.dynamic_obstacles:
         compiler.report(("scene", "obstacles"), "an obstacle that moves, beside arms of a task", "obstacles that stand")
     joints = joints_of_arms([part.value for part in steps], robot.joint_names)
+    _check_joints(compiler, robot, joints)
+    _check_objects(compiler, robot, steps, joints)
+
+
+def _check_joints(compiler: Compiler, robot: Robot, joints: Mapping[str, Sequence[int]]) -> None:
+    """Report arms that move no joint, and joints that two arms move."""
     for arm, columns in joints.items():
+        if not columns and arm in robot.groups:
+            compiler.report(("task",), f"steps of {arm} that move no joint", "a move or a line of each arm")
         for other, theirs in joints.items():
             if arm < other and (shared := set(columns) & set(theirs)):
                 name = robot.joint_names[min(shared)]
                 found = f"joint {name}, which steps of {arm} and of {other} move"
                 compiler.report(("task",), found, "arms with joints of their own")
-    _check_objects(compiler, robot, steps, joints)
 
 
 def _check_objects(compiler: Compiler, robot: Robot, steps: Steps, joints: Mapping[str, Sequence[int]]) -> None:

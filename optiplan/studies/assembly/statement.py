@@ -18,7 +18,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.problem.from_data import read_problem
 from optiplan.problem.problem import Problem
 from optiplan.problem.schema.loops import LoopReader
-from optiplan.problem.task.steps import Attach, Detach
+from optiplan.problem.task.steps import Attach, Detach, Move, StraightLine
 
 ASSEMBLY = "<assembly>"
 """Stands for the file of an assembly that has none."""
@@ -143,20 +143,23 @@ class Assembly:
                 unable |= blamed
                 left = [k for k in left if k not in blamed]
                 continue
-            self._check_hands(problem, numbers)
+            self._check_jobs(problem, numbers)
             return ArmProblem(problem, numbers, unable)
         return ArmProblem(self._problem(_PlacedSteps([{"dwell": 1.0}], [("jobs",)])), {}, unable)
 
-    def _check_hands(self, problem: Problem, numbers: Mapping[int, range]) -> None:
-        """Refuse jobs that end with an object in hand: no other arm could do what comes after."""
+    def _check_jobs(self, problem: Problem, numbers: Mapping[int, range]) -> None:
+        """Refuse jobs that move nothing, and those that end with an object in hand, after which no other arm could."""
         for number, steps in numbers.items():
             held = {held.name: False for held in problem.scene.attached}
-            for step in problem.task:
-                if step.number in steps and isinstance(step.action, Attach | Detach):
-                    held[step.action.body] = isinstance(step.action, Attach)
+            actions = [step.action for step in problem.task if step.number in steps]
+            for action in actions:
+                if isinstance(action, Attach | Detach):
+                    held[action.body] = isinstance(action, Attach)
+            place = ("jobs", number, "steps")
+            if not any(isinstance(action, Move | StraightLine) for action in actions):
+                raise InputError([self.document.issue(place, "a job that moves nothing", "a move or a line")])
             if kept := [name for name, taken in held.items() if taken]:
                 found = f"a job that ends with '{kept[0]}' in hand"
-                place = ("jobs", number, "steps")
                 raise InputError([self.document.issue(place, found, f"a detach of '{kept[0]}' in the same job")])
 
     def _steps(self, number: int, arm: str) -> _PlacedSteps:

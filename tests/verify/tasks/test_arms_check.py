@@ -91,6 +91,7 @@ def test_segments_out_of_order_or_of_no_time_are_no_steps(both):
         ((FIRST, {**FIRST, "name": "next", "wait_for": "first"}), r"task\[1\].wait_for: 'first'"),
         (({"move": {"joints": [1.2, 0, 0, 0, 0, 0]}, "wait_for": "x"},), "wait_for: a step without `arm`"),
         ((FIRST, {"arm": "b", "move": {"group": "a", **DOWN}}), "joint a/shoulder, which steps of a and of b move"),
+        ((FIRST, {"arm": "b", "dwell": 1.0}), "steps of b that move no joint"),
     ],
 )
 def test_wrong_arms_are_named(steps, words):

@@ -70,6 +70,7 @@ def test_json_of_a_job_that_no_arm_can_do(optiplan_json, assembly):
         ("start:", "goal: {joints: [0, 0, 0, 0]}\nstart:", ":5: goal: `goal` beside `jobs`"),
         ("jobs:", "job:", "jobs: nothing; expected this key, which is required"),
         ("{move: {joints: [-0.5, 0.9]}}", "{attach: {object: x, link: a/tip}}", ":10: jobs[2].steps[0].attach.object"),
+        ("{move: {joints: [-0.5, 0.9]}}", "{dwell: 1}", ":10: jobs[2].steps: a job that moves nothing"),
         ("planner: quintic", "planner: quintik", ":6: planner"),
     ],
 )
@@ -83,7 +84,7 @@ def test_a_bad_assembly_names_the_line(optiplan, assembly, old, new, words):
 
 
 def test_a_job_must_not_end_with_something_in_hand(optiplan, assembly):
-    take = "[{attach: {object: x, link: a/tip}}, {dwell: 1}]"
+    take = "[{attach: {object: x, link: a/tip}}, {move: {joints: [1, 0]}}]"
     ball = "scene: {obstacles: [{name: x, shape: {sphere: 0.02}, pose: {position: [0.3, 0.3, 1]}}]}\n"
     assembly.write_text(FILE.replace("[{move: {joints: [-0.5, 0.9]}}]", take) + ball)
     code, _, err = optiplan("assign", str(assembly))
