@@ -4,6 +4,8 @@ These classes hold what the file says, after checks that need nothing but the fi
 it against the robot and the scene.
 """
 
+import json
+import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
@@ -108,6 +110,10 @@ class ProblemSpec(Strict):
     seed: Annotated[Whole, Field(ge=0)] = 0
 
 
+EXPRESSION = {"type": "string", "pattern": "^=", "description": "Arithmetic of values by name, such as =0.1 * i."}
+"""What may stand for a number in steps that are repeated or done by name; see `loops.py`."""
+
+
 def as_written(schema: dict[str, Any]) -> dict[str, Any]:
     """Return the schema with what files have and what is read has not: frames, and steps that are written once."""
     own = {
@@ -130,7 +136,9 @@ def as_written(schema: dict[str, Any]) -> dict[str, Any]:
             return definition
         return {**definition, "properties": {**keys, "in": own, **({} if "offset" in keys else {"offset": offset})}}
 
-    definitions = {name: placed(one) for name, one in schema["$defs"].items()}
+    stated = schema["$defs"]
+    in_steps = _reached(stated, "TaskStepSpec", set())
+    definitions = {name: placed(_calculated(one) if name in in_steps else one) for name, one in stated.items()}
     step = definitions["TaskStepSpec"]
     definitions["TaskStepSpec"] = {**step, "properties": {**step["properties"], **repeated}}
     definitions["ArmSpec"] = {key: said for key, said in ArmSpec.model_json_schema().items() if key != "$defs"}
@@ -142,6 +150,27 @@ def as_written(schema: dict[str, Any]) -> dict[str, Any]:
     required = [key for key in schema["required"] if key != "robot"]
     one = {"required": required, "oneOf": [{"required": ["robot"]}, {"required": ["robots"]}]}
     return {**schema, **one, "$defs": definitions, "properties": {**schema["properties"], **more}}
+
+
+def _reached(definitions: Mapping[str, Any], name: str, known: set[str]) -> set[str]:
+    """Return the names of all definitions that one refers to, itself among them, and those already `known`."""
+    if name not in known:
+        known.add(name)
+        for other in re.findall(r'"#/\$defs/(\w+)"', json.dumps(definitions[name])):
+            _reached(definitions, other, known)
+    return known
+
+
+def _calculated(schema: Any) -> Any:
+    """Return a schema in which an expression may stand for every number."""
+    if isinstance(schema, list):
+        return [_calculated(one) for one in schema]
+    if not isinstance(schema, Mapping):
+        return schema
+    if schema.get("type") not in ("number", "integer"):
+        return {key: _calculated(one) for key, one in schema.items()}
+    number = {key: one for key, one in schema.items() if key not in ("description", "title", "default")}
+    return {**{key: one for key, one in schema.items() if key not in number}, "anyOf": [number, EXPRESSION]}
 
 
 def problem_schema() -> dict[str, Any]:

@@ -79,7 +79,10 @@ class SeamSpec(Strict):
     lead: Tilt = 0.0
     side: Tilt = 0.0
     weave: WeaveSpec | None = None
-    at: Annotated[tuple[SeamEventSpec, ...], BeforeValidator(_listed)] = ()
+    at: Annotated[
+        tuple[SeamEventSpec, ...],
+        BeforeValidator(_listed, json_schema_input_type=SeamEventSpec | tuple[SeamEventSpec, ...]),
+    ] = ()
     tolerance: ToleranceSpec = ToleranceSpec(position=5e-4, orientation=1e-2)
     frame: Name | None = None
     group: Name | None = None

@@ -132,22 +132,21 @@ def test_hopeless_curves_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def test_curves_that_wind_themselves_around_things_are_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After `SLOW` steps, and not before, what takes longer than it may ends; without a limit it goes on."""
+def test_curves_that_wind_themselves_around_things_are_given_up() -> None:
+    """After `slow` steps, and not before, what takes longer than it may ends; without a limit it goes on."""
     problem = cases.wall()
     model = CollisionModel(problem.robot, problem.scene)
     basis = SplineBasis(bunched_breakpoints(22, 0.6))
     line = along_path(basis, np.array([problem.start, problem.goal[0].q]), problem.limits.velocity)
     made = Transcription(problem, model, basis, Margins.between(model, line[[0, -1]], 0.005))
     made.set_samples(np.linspace(0.0, 1.0, 66)[1:-1])
-    monkeypatch.setattr(sqp, "SLOW", 2)
-    found = descend(PythonProgram(Subproblem(made, "piqp")), line, DescentOptions(8, lambda: False, longest=0.1))
+    found = descend(
+        PythonProgram(Subproblem(made, "piqp")), line, DescentOptions(8, lambda: False, longest=0.1, slow=2)
+    )
     assert found.steps in (2, 3)
     assert found.log.ended == "too slow"
-    assert (
-        descend(PythonProgram(Subproblem(made, "piqp")), line, DescentOptions(8, lambda: False, longest=100.0)).steps
-        > 3
-    )
+    unlimited = DescentOptions(8, lambda: False, longest=100.0, slow=2)
+    assert descend(PythonProgram(Subproblem(made, "piqp")), line, unlimited).steps > 3
 
 
 @pytest.mark.parametrize("radius", [0.1, 0.003])
