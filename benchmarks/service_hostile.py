@@ -107,7 +107,7 @@ def _fault(answer: httpx.Response, seconds: float, canary: Path) -> str:
         return f"status {answer.status_code}"
     if seconds > LIMIT:
         return f"{seconds:.1f} s"
-    told = answer.text.replace(str(canary), "")  # the name was sent, so it may be told
+    told = answer.text.replace(canary.name, "")  # the name was sent, so it may be told
     return "the canary was read" if CANARY in told else ""
 
 

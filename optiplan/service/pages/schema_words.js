@@ -7,7 +7,8 @@ const SchemaWords = (() => {
     if (!schema) return [];
     if (schema.$ref) return forms({ ...schema.$ref.slice(2).split("/").reduce((one, key) => one && one[key], root), ...(schema.description ? { description: schema.description } : {}) }, root);
     const several = schema.anyOf || schema.oneOf || schema.allOf;
-    return several ? several.flatMap((one) => forms(one, root)) : [schema];
+    const own = schema.properties ? [schema] : [];  // a whole file has keys, and one of several sets of required ones
+    return several ? [...own, ...several.flatMap((one) => forms(one, root))] : [schema];
   }
 
   // The schema of one entry below.

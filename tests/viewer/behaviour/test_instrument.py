@@ -185,7 +185,7 @@ def test_a_comparison_is_a_table_and_single_runs_can_be_pointed_at(visit, compar
     names = page.locator("#runs > .run:not(.head) .name").all_text_contents()
     assert names == ["as planned", "scaled 1", "scaled 0", "scaled 2"]  # verified by duration, then what was refused
     assert page.locator("#runs .more summary").text_content() == "2 without a motion"
-    assert page.locator(".compare thead th").count() == 11
+    assert page.locator(".compare thead th").count() == 12
     assert page.locator(".compare tbody tr").count() == 4
     shown = "optiplan.scene.runs.map((run) => Boolean(run.path && run.path.visible))"
     assert page.evaluate(shown) == [True, False, True, True, False, False]
