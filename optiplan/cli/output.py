@@ -21,13 +21,14 @@ UNWRAPPED = 1000
 
 
 class Exit(IntEnum):
-    """Exit codes; the README has the same table."""
+    """Exit codes; `docs/reference/exit-codes.md` has the same table."""
 
     VERIFIED = 0
     BUG = 1
     BAD_INPUT = 2
     NO_PLAN = 3
     NOT_VERIFIED = 4
+    INTERRUPTED = 130
 
 
 def results() -> Console:

@@ -36,7 +36,7 @@ def design(
 
     Args:
         study: a study file, or its content; docs/how-to/design.md has the keys.
-        out: folder for `design.html`, `front.pdf`, `front.csv` and `robot.yaml`; None: nothing is written.
+        out: folder for `design.html`, `front.pdf`, `front.csv` and, if there is a front, `robot.yaml`; None: nothing.
         budget: s for the search; None: until its last generation.
         progress: called with the stage and its fraction.
 
@@ -85,12 +85,11 @@ def design(
 
 
 def save_design(result: DesignResult, folder: Path) -> list[Path]:
-    """Write `design.html`, `front.pdf`, `front.csv` and `robot.yaml`, the robot of the compromise; return the paths."""
+    """Write `design.html`, `front.pdf`, `front.csv` and, of a compromise, `robot.yaml`; return the paths."""
     files = {
         "design.html": design_page(result).encode(),
         "front.pdf": front_pdf(result),
-        "front.csv": result.csv.encode(),
-        "robot.yaml": result.robot_text.encode(),
+        **{name: text.encode() for name, text in result.files.items()},
     }
     for name, content in files.items():
         with replacing(folder / name) as temporary:

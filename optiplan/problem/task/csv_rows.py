@@ -25,7 +25,7 @@ class RowsOf(Generic[Row]):
         kind: of a row.
         columns: names of the columns that hold the value of each key; those of `position` are required.
         words: what the rows are.
-        texts: keys whose one cell is a text; those of `lists` are several names, with spaces or semicolons between.
+        texts: keys whose one cell is a text; those of `lists` are several names, with semicolons between.
         least: rows.
     """
 
@@ -94,7 +94,8 @@ def _row(file: Path, line: int, cells_of: tuple[Sequence[str], Sequence[str]], o
         if not any(values):
             continue
         if key in of.texts or key in of.lists:
-            data[key] = values[0].replace(";", " ").split() if key in of.lists else values[0]
+            listed = [name.strip() for name in values[0].split(";")]
+            data[key] = [name for name in listed if name] if key in of.lists else values[0]
             continue
         try:
             data[key] = [float(value) for value in values]

@@ -7,9 +7,9 @@ from optiplan.problem.task.target_files import read_targets
 
 GOOD = """name,x,y,z,nx,ny,nz,after,cluster,from,to
 a,0.45,0.25,0.3,0,0,-1,,left,,
-b,0.45,-0.25,0.3,0,0,-1,a;c,,1,9
+b,0.45,-0.25,0.3,0,0,-1,a; c 1,,1,9
 
-c,0.5,0,0.3,,,,,,,
+c 1,0.5,0,0.3,,,,,,,
 """
 
 
@@ -17,7 +17,7 @@ def test_rows_are_targets(tmp_path):
     (tmp_path / "t.csv").write_text(GOOD)
     a, b, c = read_targets(tmp_path / "t.csv")
     assert (a.name, a.position, a.axis, a.cluster, a.window) == ("a", (0.45, 0.25, 0.3), (0, 0, -1), "left", None)
-    assert (b.after, b.window, b.cluster) == (("a", "c"), (1.0, 9.0), None)
+    assert (b.after, b.window, b.cluster) == (("a", "c 1"), (1.0, 9.0), None)
     assert c.axis is None
 
 

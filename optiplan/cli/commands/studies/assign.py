@@ -17,8 +17,6 @@ File = Annotated[Path, typer.Argument(metavar="FILE", help="assembly file (YAML)
 Seconds = Annotated[float, typer.Option("--budget", min=0.1, metavar="S", help="seconds, half for the jobs alone")]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="write the problem and the run folder there")]
 
-_INTERRUPTED = 130
-
 
 def assign(file: File, budget: Seconds = 120.0, out: Out = None, as_json: AsJson = False) -> int:
     """Find which arm does which job, and in which order, so that all are done soonest.
@@ -43,7 +41,7 @@ def assign(file: File, budget: Seconds = 120.0, out: Out = None, as_json: AsJson
     finally:
         signal.signal(signal.SIGINT, before)
     files = [] if out is None or found.run is None else [str(out / "problem.yaml"), str(out / "run")]
-    code = _INTERRUPTED if found.ended == "interrupted" else int(0 if found.run is not None else Exit.NO_PLAN)
+    code = int(Exit.INTERRUPTED) if found.ended == "interrupted" else int(0 if found.run is not None else Exit.NO_PLAN)
     if as_json:
         print_json(found.data | {"files": files, "exit_code": code})
         return code

@@ -19,7 +19,6 @@ Seconds = Annotated[
 ]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="write the page, the figure, CSV and the robot there")]
 
-_INTERRUPTED = 130
 _SHOWN = 12
 """Designs of the front that the table has, evenly chosen."""
 
@@ -46,8 +45,8 @@ def design(study: Study, budget: Seconds = None, out: Out = None, as_json: AsJso
             found = search(study, out=out, budget=budget, progress=progress)
     finally:
         signal.signal(signal.SIGINT, before)
-    files = [] if out is None else [str(out / name) for name in ("design.html", "front.pdf", "front.csv", "robot.yaml")]
-    code = _INTERRUPTED if found.search.ended == "interrupted" else int(0 if found.front else Exit.NO_PLAN)
+    files = [] if out is None else [str(out / name) for name in ("design.html", "front.pdf", *found.files)]
+    code = int(Exit.INTERRUPTED) if found.search.ended == "interrupted" else int(0 if found.front else Exit.NO_PLAN)
     if as_json:
         print_json(found.data | {"files": files, "exit_code": code})
         return code
