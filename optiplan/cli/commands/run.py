@@ -11,7 +11,7 @@ import typer
 from optiplan.cli.commands.plan import BUDGET, positive
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.output import INTERRUPTED, Exit, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import OptiPlanError
 
@@ -27,8 +27,6 @@ PLANNER = "instead of the file's; see: planners"
 DEVIATION = "rad or m: a measured joint farther from the path ends in a stop"
 PATIENCE = "seconds: a set-point that comes as late as this ends in a stop"
 VIEW = "begin, steer and stop it on a page, where obstacles can be dragged; Ctrl-C ends"
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as that of a shell."""
 
 
 def run(

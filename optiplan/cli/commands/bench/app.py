@@ -11,12 +11,9 @@ import typer
 
 from optiplan.cli.commands.bench import report
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import messages, print_json, results, say, stdout_is_ours
+from optiplan.cli.output import INTERRUPTED, messages, print_json, results, say, stdout_is_ours
 from optiplan.cli.printing.bench_progress import progress
 from optiplan.cli.progress import ProgressLine
-
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
 
 
 class _Group(typer.core.TyperGroup):
