@@ -95,6 +95,25 @@ def stdout_is_ours() -> Iterator[None]:
 
 
 @contextmanager
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C raise KeyboardInterrupt meanwhile, for commands that keep what they have by then."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def tell_interrupted(words: str, as_json: bool) -> int:
+    """Say that Ctrl-C ended a command that has nothing to show, and what is kept; return `INTERRUPTED`."""
+    if as_json:
+        print_json({"error": f"interrupted: {words}", "issues": [], "exit_code": Exit.INTERRUPTED})
+    else:
+        print_error(f"optiplan: interrupted: {words}")
+    return Exit.INTERRUPTED
+
+
+@contextmanager
 def interrupts_held() -> Iterator[None]:
     """Defer Ctrl-C: it may end the process between two runs, not between the two files of one.
 
