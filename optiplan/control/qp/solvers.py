@@ -140,7 +140,7 @@ def qpsolvers_problem(program: Program) -> qpsolvers.Problem:
 
 
 def solver_names() -> list[str]:
-    """Return the names of solvers that can be asked here, `native` and `proxqp` among them."""
+    """Return the names of the solvers that are installed, `native` and `proxqp` among them."""
     return sorted({*qpsolvers.dense_solvers, NATIVE, PROXQP})
 
 

@@ -154,3 +154,11 @@ def test_an_event_at_an_end_or_a_corner_but_for_rounding_is_there(tmp_path):
     assert min(high - low for low, high in action.parts() if high > low) > 0.04
     with pytest.raises(InputError, match="beyond the end"):
         path(corner, ramp=0.02, at=[{"path": 0.30001, "do": "late"}])
+
+
+def test_a_swing_wider_than_long_is_refused(tmp_path):
+    body = POINTS + "      axis: [0, 0, -1]\n      speed: 0.1\n      weave: {amplitude: 0.02, length: 0.01}\n"
+    words = r"p.yaml:12: task\[0\].path.weave: an amplitude of 0.02 m with a length of 0.01 m"
+    with pytest.raises(InputError, match=words):
+        read(tmp_path, body)
+    assert read(tmp_path, body.replace("0.02,", "0.01,")).task[0].action.curve.length > 0.2
