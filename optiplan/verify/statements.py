@@ -8,6 +8,7 @@ from optiplan.geometry.scene import Attachment, Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.seams.actions import Passing, SeamPart, Transit
 from optiplan.problem.task.arms import several_arms
+from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
@@ -51,7 +52,8 @@ def steps(k: int, step: TaskStep) -> list[str]:
     own = _OF_ACTIONS[kind](step.action) if kind in _OF_ACTIONS else [kind.__name__]
     constraints = [constraint(i, step_place(k)) for i in range(len(step.constraints))]
     waits = [f"wait[{number}]" for number in step.waits]
-    return [f"{step_place(k)}.{one}" for one in ("standstill", *own, *waits)] + constraints
+    rides = [] if step.ride is None else ["ride"]
+    return [f"{step_place(k)}.{one}" for one in ("standstill", *own, *rides, *waits)] + constraints
 
 
 def arms(problem: Problem) -> list[str]:
@@ -167,6 +169,7 @@ _OF_ACTIONS: Mapping[type, Callable[[Any], list[str]]] = {
     Detach: lambda _: ["event"],
     ChangeTool: lambda _: ["event", "tool"],
     Dwell: lambda _: ["dwell"],
+    WaitUntil: lambda _: ["wait_until"],
     Transit: lambda _: [],
     SeamPart: lambda _: ["path", "axis", "speed"],
     Passing: lambda _: ["event"],

@@ -35,6 +35,8 @@ from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.seams.reading import read_path
 from optiplan.problem.task.arms import steps_of_arms
 from optiplan.problem.task.arms_reading import with_arms
+from optiplan.problem.task.rides import WaitUntil
+from optiplan.problem.task.rides_reading import RideReader
 from optiplan.problem.task.scene_change import held_body
 from optiplan.problem.task.steps import (
     Action,
@@ -67,6 +69,7 @@ class TaskReader:
         self._held = {held.name for held in own.attached}
         self._free = {obstacle.name for obstacle in own.obstacles}
         self._moved: set[str] = set()
+        self.rides = RideReader(compiler, own)
 
     def steps(self) -> list[LocatedValue[TaskStep]]:
         """Return the valid steps; an approach gives two."""
@@ -84,13 +87,16 @@ class TaskReader:
             constraints = tuple(one.value for one in self.compiler.constraints(robot, self.scene, kept))
             allowed = self._allowed(part)
             name = spec.name or _name(spec)
-            for action in self._actions(part):
+            for said in self._actions(part):
+                action, ride = self.rides.ridden((*part.place, spec.kind), spec, said)
                 if isinstance(action, Event):
                     self.robot = self.tools.seen(self._mounted)
                 freely = spec.kind == "approach" and isinstance(action, Move)  # contact is for the line
                 touch = frozenset[frozenset[str]]() if freely else allowed
-                step = TaskStep(number, spec.kind, name, action, touch, constraints, spec.arm or "")
+                step = TaskStep(number, spec.kind, name, action, touch, constraints, spec.arm or "", ride=ride)
                 found.append(LocatedValue(part.place, step))
+        if found:
+            self.rides.end(found[-1].place)
         found = with_arms(self.compiler, self.robot, self.scene, found)
         for places in steps_of_arms([one.value for one in found]).values():
             for k, after in zip_longest(places, places[1:]):
@@ -138,9 +144,15 @@ class TaskReader:
             "tour": self._tour,
             "tool": self._tool,
             "path": self._path,
+            "wait_until": self._wait,
         }
         kind = part.value.kind
         return readers[kind]((*part.place, kind), getattr(part.value, kind))
+
+    def _wait(self, place: Place, condition: str) -> Iterator[WaitUntil]:
+        found = self.rides.waited(place, condition)
+        if found is not None:
+            yield found
 
     def _tour(self, place: Place, spec: TourSpec) -> Iterator[TargetTour]:
         joints = self._joints(place, spec.group)
@@ -220,11 +232,12 @@ class TaskReader:
                 yield StraightLine(joints, end.frame, (end,), speed=speed, blend=blend)
             return
         frame = self._frame(place, spec)
-        by = np.array(spec.by, float)
+        by, axes = np.array(spec.by, float), self.rides.axes(place, spec.in_)
+        by = by if axes is None else axes @ by
         if not np.linalg.norm(by) > 0.0:
             self.compiler.report((*place, "by"), "no distance at all", "a vector of some length, m")
         elif frame is not None and joints is not None:
-            yield StraightLine(joints, frame, (), by, spec.in_ == "tool", speed, blend)
+            yield StraightLine(joints, frame, (), by, axes is None, speed, blend)
 
     def _approach(self, place: Place, spec: ApproachSpec) -> Iterator[Move | StraightLine]:
         joints = self._joints(place, spec.group)
@@ -256,8 +269,10 @@ class TaskReader:
     def _retreat(self, place: Place, spec: RetreatSpec) -> Iterator[StraightLine]:
         joints, frame = self._joints(place, spec.group), self._frame(place, spec)
         if joints is not None and frame is not None:
+            axes = self.rides.axes(place, spec.in_)
             by = spec.distance * _unit(spec.along)
-            yield StraightLine(joints, frame, (), by, spec.in_ == "tool", _speed(spec), spec.blend or 0.0)
+            by = by if axes is None else axes @ by
+            yield StraightLine(joints, frame, (), by, axes is None, _speed(spec), spec.blend or 0.0)
 
     def _frame(self, place: Place, spec: StraightLineSpec | RetreatSpec) -> str | None:
         if spec.frame is None or spec.frame in frame_names(self.robot):
@@ -301,9 +316,6 @@ class TaskReader:
         body = next(one for one in bodies if one.name == spec.object)
         if body.shape.endless:
             self.compiler.report((*place, "object"), f"'{body.name}', a half-space", "a shape that ends somewhere")
-            return
-        if isinstance(body, Obstacle) and body.motion is not None:
-            self.compiler.report((*place, "object"), f"'{body.name}', which moves", "an object that stands")
             return
         taken = Attach(spec.object, spec.link, frozenset(spec.touch), spec.mass, spec.centre, spec.inertia)
         if not self.compiler.weighable(place, held_body(body, taken, pin.SE3.Identity())):

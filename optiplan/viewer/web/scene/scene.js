@@ -88,18 +88,27 @@ const OptiPlanScene = (() => {
         const mesh = this.mesh(part, this.surface(part.colour, plane ? { transparent: true, opacity: 0.28, depthWrite: false } : {}));
         mesh.castShadow = !plane;
         mesh.userData.plane = plane && this.data.geometries[part.geometry];
-        mesh.userData.motion = part.motion && { ...part.motion, from: part.pose.slice(0, 3) };
+        mesh.userData.motion = part.motion && { ...part.motion, from: part.pose };
         this.layers.obstacle.add(mesh);
       }
     }
 
-    // Obstacles that move are put where they are at a time, s: from their pose by a polynomial of it.
+    // Obstacles that move are put where they are at a time, s: from their pose by polynomials of it, turned and displaced.
     moveObstacles(t) {
       for (const mesh of this.layers.obstacle.children) {
         const motion = mesh.userData.motion;
         if (!motion) continue;
         const time = Math.min(t, motion.until === undefined ? Infinity : motion.until);
-        motion.polynomial.forEach((row, axis) => mesh.position.setComponent(axis, motion.from[axis] + row.reduceRight((sum, c) => sum * time + c, 0)));
+        const at = (row) => row.reduceRight((sum, c) => sum * time + c, 0);
+        mesh.position.fromArray(motion.from);
+        mesh.quaternion.fromArray(motion.from, 3);
+        if (motion.turn) {
+          const about = new THREE.Vector3(...motion.turn.about);
+          const turned = new THREE.Quaternion().setFromAxisAngle(new THREE.Vector3(...motion.turn.axis), at(motion.turn.angle));
+          mesh.position.sub(about).applyQuaternion(turned).add(about);
+          mesh.quaternion.premultiply(turned);
+        }
+        mesh.position.add(new THREE.Vector3(...motion.polynomial.map(at)));
       }
     }
 
