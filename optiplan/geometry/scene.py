@@ -311,7 +311,7 @@ def turning_data(turn: Any, position: Array) -> dict[str, Any] | None:
         return None
     said = dict(turn) if isinstance(turn, Mapping) else {}
     parts = {key: list(said.get(key, ())) for key in ("axis", "angle")} | {"about": list(said.get("about", position))}
-    sound = said.keys() <= parts.keys() and len(parts["axis"]) == len(parts["about"]) == 3 and parts["angle"]
+    sound = said.keys() <= parts.keys() and len(parts["axis"]) == len(parts["about"]) == 3 and bool(parts["angle"])
     sound = sound and all(is_finite(value) for part in parts.values() for value in part)
     if not sound or not np.linalg.norm(parts["axis"]) > 0.0:
         expected = "`axis` [x, y, z], `angle` [rad, rad/s, …] and `about` [x, y, z], m"

@@ -29,6 +29,8 @@ from optiplan.problem.partial import mapping
 
 MOST = 10_000
 """Steps of a task that is written out."""
+_WIDEST = 10**12
+"""Values of a range that are counted."""
 DEEPEST = 20
 """Steps within steps."""
 RANGE = re.compile(r"(-?\d+)\.\.(-?\d+)")
@@ -96,9 +98,8 @@ class LoopReader:
         value = self._filled(value, place, values)
         if isinstance(value, str) and (found := RANGE.fullmatch(value)):
             low, high = map(int, found.groups())
-            if abs(high - low) < MOST:
-                return range(low, high + 1) if high >= low else range(low, high - 1, -1)
-            return range(MOST + 1)
+            high = min(max(high, low - _WIDEST), low + _WIDEST)
+            return range(low, high + 1) if high >= low else range(low, high - 1, -1)
         if not isinstance(value, list):
             self.report(place, describe(value), "a range such as 0..3, both ends included, or a list of values")
             return []

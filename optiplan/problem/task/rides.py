@@ -4,6 +4,7 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -20,7 +21,7 @@ LONGEST = 600.0
 _STEP, _HALVINGS = 0.005, 60
 """s between the times at which a condition is looked at first; halvings of such a time."""
 
-_COMPARED: Mapping[str, Callable[[float, float], bool]] = {
+_COMPARED: Mapping[str, Callable[[Any, float], Any]] = {
     ">": operator.gt,
     ">=": operator.ge,
     "<": operator.lt,
@@ -82,13 +83,13 @@ class WaitUntil:
 
     def holds(self, t: float) -> bool:
         """Whether the condition holds at time t, s."""
-        return _COMPARED[self.relation](self.at(t), self.value)
+        return bool(_COMPARED[self.relation](self.at(t), self.value))
 
     def first(self, begin: float) -> float | None:
         """Return the first time from `begin` on at which it holds, s; None within `LONGEST`."""
         if self.holds(begin):
             return begin
-        times = begin + _STEP * np.arange(1, int(LONGEST / _STEP) + 1)
+        times: Array = begin + _STEP * np.arange(1.0, LONGEST / _STEP + 1.0)
         holding = np.flatnonzero(_held(self, times))
         if not len(holding):
             return None

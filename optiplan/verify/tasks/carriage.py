@@ -10,7 +10,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.geometry.obstacle_motion import SLIDES, ObstacleMotion
 from optiplan.problem.problem import Problem, derived
 from optiplan.robot.limits import Limits
@@ -50,9 +50,9 @@ def state_seen_from(states: tuple[Array, Array], motion: ObstacleMotion, t: floa
     return found[0], found[1]
 
 
-def _places(motion: ObstacleMotion) -> Array:
+def _places(motion: ObstacleMotion) -> Index:
     """Return the rows of a motion in the order of the carriage's joints: the turn is undone first."""
-    return np.arange(SLIDES) if motion.axis is None else np.array([SLIDES, *range(SLIDES)])
+    return np.array([*range(SLIDES)] if motion.axis is None else [SLIDES, *range(SLIDES)], dtype=np.intp)
 
 
 def _names(motion: ObstacleMotion) -> tuple[str, ...]:

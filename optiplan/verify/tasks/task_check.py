@@ -76,7 +76,9 @@ def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
         return ()
     said, weights, afar = [], [], []
     for step, scene, begin, _ in steps_in_time(problem, trajectory):
-        if isinstance(step.action, Attach) and (gap := _gap(problem.robot, scene, step.action, trajectory(begin))):
+        if isinstance(step.action, Attach) and (
+            gap := _gap(problem.robot, scene.later(begin), step.action, trajectory(begin))
+        ):
             afar.append(f"{step.action.body} by {step.action.link}, {gap:.2g} m away")
         if isinstance(step.action, Attach | Detach):
             done = "held" if isinstance(step.action, Attach) else "an obstacle"

@@ -283,4 +283,4 @@ def _time_of(length: float, angle: float, speed: float) -> float:
     fastest = min(_FIRST[0], speed)
     steady = max(PEAK_SPEED * length / fastest, PEAK_SPEED * angle / _FIRST[1])
     gained = max(PEAK_ACCELERATION * length / _FIRST[2], PEAK_ACCELERATION * angle / _FIRST[3]) ** 0.5
-    return max(steady * (1.0 + 1e-9), gained, _SHORTEST)
+    return float(max(steady * (1.0 + 1e-9), gained, _SHORTEST))
