@@ -43,11 +43,13 @@ class RideReader:
             if body.motion is not None:
                 self.movers[body.name] = Mover(body.name, body.motion, body.X_WO)
         self.now: Ride | None = None
+        self._unclear = False
         self.motions: Mapping[str, ObstacleMotion | None] = {one.name: one.motion for one in scene.obstacles}
 
     def ridden(self, place: Place, spec: TaskStepSpec, action: Action) -> tuple[Action, Ride | None]:
         """Return the action, and with what the step goes; what does not fit is reported."""
         if isinstance(action, Move) and spec.kind in FREE:
+            self._unclear = False
             self.now = self._begun(place, getattr(spec, spec.kind), action)
             return action, self.now
         ride = self.now
@@ -119,12 +121,15 @@ class RideReader:
             mover = self.movers.get(name)
             if mover is None:
                 known = self.movers or ["none: nothing moves"]
-                self._compiler.unknown((*place, "rides"), "moving frame or obstacle", name, known)
+                if name not in mapping(mapping(self._compiler.document.data).get("frames")):  # else it is unreadable
+                    self._compiler.unknown((*place, "rides"), "moving frame or obstacle", name, known)
+                self._unclear = True
         if mover is None:
             return None
         frames = {end.frame for end in action.goal if isinstance(end, PoseGoal | RegionGoal)}
         if len(frames) != 1 or not all(isinstance(end, PoseGoal | RegionGoal) for end in action.goal):
             self._report(place, f"ends that cannot move with '{mover.name}'", "poses or regions of one frame")
+            self._unclear = True
             return None
         if action.vias:
             self._report((*place, "via"), f"vias on the way to '{mover.name}', which moves", "a move of its own before")
@@ -161,7 +166,9 @@ class RideReader:
             self._report((*place, "object"), found, expected)
 
     def _report(self, place: Place, found: str, expected: str) -> None:
-        self._compiler.report(place, found, expected)
+        """Report what does not fit; nothing where it is not clear with what the arm goes, which has been reported."""
+        if not self._unclear:
+            self._compiler.report(place, found, expected)
 
 
 def _frames(compiler: Compiler) -> dict[str, MovingFrameSpec]:

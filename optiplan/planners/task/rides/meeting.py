@@ -106,7 +106,7 @@ class Meeting:
                 bound = t + float(lower_bounds(stage.problem.start, q[None], stage.problem.limits)[0])
                 soonest = min(soonest, bound)
                 if bound > at:
-                    failures.append((3, self._late(ride, at, bound)))
+                    failures.append((0, self._late(ride, at, bound)))
                     continue
                 found = self._meet(state, t, at, (stage, q))
                 if isinstance(found, _Found):
@@ -138,7 +138,7 @@ class Meeting:
             failure = Failure("reach", f"'{name}' {words}", {"q": state.q.tolist()})
             return of_step(failure, first, state, self.problem.robot)
         rank, failure = max(failures, key=lambda one: one[0])
-        if rank == 3 and all(one == 3 for one, _ in failures):
+        if rank == 0:
             detail = f"'{name}' leaves the reach of the arm before it can be met: {failure.detail}"
             failure = replace(failure, detail=detail, witness={"q": state.q.tolist(), **failure.witness})
         if "step" in failure.witness:
@@ -183,7 +183,7 @@ class Meeting:
             return 4, of_step(failure, first, state, self.problem.robot, stage), t
         takes = result.trajectory.duration
         if t + takes > at:
-            return 3, self._late(ride, at, t + takes), t + _SLACK[0] * takes + _SLACK[1]
+            return 0, self._late(ride, at, t + takes), t + _SLACK[0] * takes + _SLACK[1]
         motion = motion_of_all_joints(self.problem.robot, stage.columns, result.trajectory, state.q)
         if at > t + takes:
             motion = join_trajectories([standstill(motion.joint_names, state.q, at - t - takes), motion])

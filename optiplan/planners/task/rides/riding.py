@@ -173,7 +173,11 @@ class Rider:
             descent.aim(X)
             now = descent.descend(q, _ITERATIONS)
             position, angle = pose_error(descent.place(now), X)
-            there = f"{100.0 * s:.3g} % along the way with '{self.ride.mover.name}', at {_words(X.translation)} m"
+            mover, t = self.ride.mover, path.begin + s * path.duration
+            speed = float(np.linalg.norm(mover.motion.twist(X, t)[:3]))
+            there = (
+                f"{100.0 * s:.3g} % along the way with '{mover.name}' at {speed:.3g} m/s, at {_words(X.translation)} m"
+            )
             place = {"fraction": s, "q": now.tolist()}
             if max(position, angle) > _OFF or np.abs(now - q).max() > _JUMP:
                 return Failure("reach", f"the arm cannot go on {there}: its reach or a joint's limit ends", place)
