@@ -8,6 +8,7 @@ from optiplan.geometry.scene import Attachment, Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.seams.actions import Passing, SeamPart, Transit
 from optiplan.problem.task.arms import several_arms
+from optiplan.problem.task.choices import choices_of
 from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
 from optiplan.robot.limits import Limits
@@ -69,6 +70,16 @@ def tours(problem: Problem) -> list[str]:
 def tour(step: TaskStep) -> str:
     """Return the statement that the targets of a tour are visited in an order as stated."""
     return f"tour of step {step.number}"
+
+
+def choices(problem: Problem) -> list[str]:
+    """Return the statements that of the alternatives of each choice one is done."""
+    return [choice(number) for number in choices_of(problem.task)]
+
+
+def choice(number: int) -> str:
+    """Return the statement that one alternative of a choice is done."""
+    return f"task.either[{number}]"
 
 
 def tool(name: str) -> str:

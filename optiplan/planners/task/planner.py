@@ -9,6 +9,7 @@ from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progres
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.dynamic_obstacles import without_dynamic_obstacles
 from optiplan.planners.common.incumbent import Incumbent
+from optiplan.planners.task.alternatives import plan_alternatives
 from optiplan.planners.task.beside import one_after_another, quickest_beside
 from optiplan.planners.task.join_steps import join_steps
 from optiplan.planners.task.joined import joined_parts
@@ -23,6 +24,7 @@ from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
 from optiplan.problem.seams.actions import SeamPart, Transit
 from optiplan.problem.task.arms import several_arms
+from optiplan.problem.task.choices import choices_of
 
 _JOINING = 0.3
 """Share of the remaining time for joining curves; the rest is for optimising them together."""
@@ -43,6 +45,8 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         budget: time for all of it.
         progress: called with the stages, and with each better motion.
     """
+    if choices_of(problem.task):
+        return plan_alternatives(plan_task, planner, problem, budget, progress)
     if in_time(problem):
         return TaskInTime(problem, planner, plan_task, budget, progress).run()
     stated, problem = problem, one_after_another(problem)

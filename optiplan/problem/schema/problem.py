@@ -130,6 +130,12 @@ def as_written(schema: dict[str, Any]) -> dict[str, Any]:
         "steps": {**steps, "description": "The steps that are repeated."},
         "do": {"type": "string", "description": "The steps of this name among `tasks`."},
         "with": {"type": "object", "description": "Values by name, for the steps that are done."},
+        "either": {
+            "type": "array",
+            "minItems": 2,
+            "items": {**steps, "minItems": 1},
+            "description": "Lists of steps, one of which is done: the one with which the whole is quickest.",
+        },
     }
 
     def placed(definition: dict[str, Any]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from optiplan.config.document import Strict
+from optiplan.config.document import Strict, Whole
 from optiplan.config.values import (
     Direction,
     Length,
@@ -176,6 +176,10 @@ def _listed(names: Any) -> Any:
     return (names,) if isinstance(names, str) else names
 
 
+Option = Annotated[tuple[Annotated[Whole, Field(ge=0)], ...], Field(min_length=2, max_length=2)]
+"""A choice and one of its alternatives, both from 0: where `either` is written out."""
+
+
 class TaskStepSpec(Strict):
     """One step of a task: one of the keys from `move` to `wait_until`, and what holds during this step.
 
@@ -195,6 +199,7 @@ class TaskStepSpec(Strict):
     tool: Name | None = None
     path: SeamSpec | None = None
     wait_until: Name | None = None
+    option: Option | None = None
     name: Name | None = None
     arm: Name | None = None
     wait_for: Annotated[tuple[Name, ...] | None, BeforeValidator(_listed, json_schema_input_type=str | list[str])] = (

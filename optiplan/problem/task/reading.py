@@ -35,6 +35,7 @@ from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.seams.reading import read_path
 from optiplan.problem.task.arms import steps_of_arms
 from optiplan.problem.task.arms_reading import with_arms
+from optiplan.problem.task.choices_reading import ChoiceReader, InHand
 from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.rides_reading import RideReader
 from optiplan.problem.task.scene_change import held_body
@@ -70,6 +71,7 @@ class TaskReader:
         self._free = {obstacle.name for obstacle in own.obstacles}
         self._moved: set[str] = set()
         self.rides = RideReader(compiler, own)
+        self._choices = ChoiceReader(compiler, self._state, self._restore)
 
     def steps(self) -> list[LocatedValue[TaskStep]]:
         """Return the valid steps; an approach gives two."""
@@ -79,6 +81,7 @@ class TaskReader:
             self.compiler.report(("task",), "steps that take no time", "one besides that does, such as a dwell")
         for part in self.compiler.task:
             spec, number = part.value, int(part.place[-1]) + 1
+            self._choices.at(part.place, part.value.option)
             kept = [
                 LocatedValue((*part.place, "path_constraints", i), one) for i, one in enumerate(spec.path_constraints)
             ]
@@ -93,15 +96,31 @@ class TaskReader:
                     self.robot = self.tools.seen(self._mounted)
                 freely = spec.kind == "approach" and isinstance(action, Move)  # contact is for the line
                 touch = frozenset[frozenset[str]]() if freely else allowed
-                step = TaskStep(number, spec.kind, name, action, touch, constraints, spec.arm or "", ride=ride)
+                option = None if spec.option is None else (spec.option[0], spec.option[1])
+                step = TaskStep(
+                    number, spec.kind, name, action, touch, constraints, spec.arm or "", ride=ride, option=option
+                )
                 found.append(LocatedValue(part.place, step))
         if found:
+            self._choices.at(found[-1].place, None)
             self.rides.end(found[-1].place)
+        self._choices.check([one.value for one in found])
         found = with_arms(self.compiler, self.robot, self.scene, found)
         for places in steps_of_arms([one.value for one in found]).values():
             for k, after in zip_longest(places, places[1:]):
-                self._corner(found[k], None if after is None else found[after].value.action)
+                alike = after is not None and found[after].value.option == found[k].value.option
+                self._corner(found[k], found[after].value.action if alike and after is not None else None)
         return [replace(one, value=self._with_frame(one.value)) for one in found]
+
+    def _state(self) -> InHand:
+        tools, rides = self.tools, self.rides
+        return InHand(set(self._held), set(self._free), set(self._moved), tools.now, dict(tools.held), rides.state)
+
+    def _restore(self, state: InHand) -> None:
+        self._held, self._free, self._moved = set(state.held), set(state.free), set(state.moved)
+        self.tools.now, self.tools.held = state.tool, dict(state.links)
+        self.rides.state = state.ride
+        self.robot = self.tools.seen(self._mounted)
 
     def _with_frame(self, step: TaskStep) -> TaskStep:
         """Return a step that takes an object with its frame, where goals or constraints are about that."""

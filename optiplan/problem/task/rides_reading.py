@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,20 @@ FREE = frozenset({"move", "approach"})
 _AXES = ("world", "tool")
 
 
+@dataclass(frozen=True, eq=False)
+class RideState:
+    """What a `RideReader` knows before a step."""
+
+    now: Ride | None
+    motions: Mapping[str, ObstacleMotion | None]
+    unclear: bool
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the arm goes with nothing."""
+        return self.now is None
+
+
 class RideReader:
     """With what the arm goes while the steps of a task are read.
 
@@ -45,6 +59,15 @@ class RideReader:
         self.now: Ride | None = None
         self._unclear = False
         self.motions: Mapping[str, ObstacleMotion | None] = {one.name: one.motion for one in scene.obstacles}
+
+    @property
+    def state(self) -> RideState:
+        """What is known now."""
+        return RideState(self.now, self.motions, self._unclear)
+
+    @state.setter
+    def state(self, state: RideState) -> None:
+        self.now, self.motions, self._unclear = state.now, state.motions, state.unclear
 
     def ridden(self, place: Place, spec: TaskStepSpec, action: Action) -> tuple[Action, Ride | None]:
         """Return the action, and with what the step goes; what does not fit is reported."""
