@@ -9,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.collision.floors import Floors, floors_of
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.moving_obstacles import joint_count
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
@@ -43,7 +44,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     (`scene_clearance`), too.
     """
     model = collision_model(checked_robot(problem, policy), problem.scene)
-    error = np.append(problem.tracking_error, np.zeros(3 * len(model.motions)))
+    error = np.append(problem.tracking_error, np.zeros(joint_count(model.motions)))
     floors = floors_of(model, problem.scene.safety, problem.tracking_error)
     proof = certify(model, with_obstacles(trajectory, model.motions), policy, error=error, floors=floors)
     near = _deepest(model, proof.nearest) if proof.nearest is not None and proof.contact else proof.nearest

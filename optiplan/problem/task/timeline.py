@@ -221,7 +221,7 @@ def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[Ta
     for step, (begin, end), _ in rows:
         yield step, scene, begin, end
         if isinstance(step.action, Event):
-            scene = scene_after(scene, step.action, problem.robot, trajectory(end))
+            scene = scene_after(scene, step.action, problem.robot, trajectory(end), end)
 
 
 def _parts_of_arms(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
@@ -230,7 +230,7 @@ def _parts_of_arms(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
     changes = [(0.0, problem.scene)]
     for step, scene, begin, _ in rows:
         if isinstance(step.action, Event):
-            changes.append((begin, scene_after(scene, step.action, problem.robot, trajectory(begin))))
+            changes.append((begin, scene_after(scene, step.action, problem.robot, trajectory(begin), begin)))
     times = sorted({0.0, trajectory.duration, *(t for _, _, begin, end in rows for t in (begin, end))})
     found: list[_Stretch] = []
     for begin, end in pairwise(times):
