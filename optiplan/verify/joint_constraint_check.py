@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.errors import InputError
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.constraints.expression import Expression
@@ -89,7 +90,10 @@ def tool_acceleration(problem: Problem, trajectory: Trajectory, one: ToolAcceler
 def expression(problem: Problem, trajectory: Trajectory, one: Expression) -> Check:
     """Check a user's own expression at samples."""
     times = _times(trajectory, one)
-    value, _ = one.batched(problem.robot)([trajectory(times, order) for order in range(3)])
+    try:
+        value, _ = one.batched(problem.robot)([trajectory(times, order) for order in range(3)])
+    except InputError as error:  # such as a frame of an object that is not held then
+        return Check(f"{one.name} constraint", "unchecked", False, detail=str(error))
     violation = one.violations(value)
     wrong = ~np.isfinite(violation)
     k = int(np.flatnonzero(wrong)[0]) if wrong.any() else int(np.argmax(violation))

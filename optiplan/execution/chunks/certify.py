@@ -71,7 +71,7 @@ def certify(
 
     Raises:
         InputError: arrays of the wrong shape, unknown obstacles, or a problem with a task, path constraints, a
-            `clearance` or obstacles that move by the clock, which this proof does not cover.
+            `clearance`, a `tracking_error` or obstacles that move by the clock, which this proof does not cover.
 
     Example:
         >>> import numpy as np
@@ -125,6 +125,8 @@ def _not_covered(problem: Problem) -> str:
         return f"a problem with the path constraint `{problem.path_constraints[0].KEY}`"
     if problem.scene.safety is not None:
         return "a problem with a `clearance` of its own"
+    if problem.tracking_error.any():
+        return "a problem with a `tracking_error`, within which the joints may be off the motion"
     moving = problem.scene.dynamic_obstacles
     if moving:
         return f"a problem in which '{moving[0].name}' moves by the clock"

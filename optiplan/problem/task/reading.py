@@ -1,6 +1,6 @@
 """Read the steps of a task, checked against the robot, the scene and each other."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import zip_longest
 from typing import Any
@@ -132,6 +132,16 @@ class TaskReader:
         self.tools.now, self.tools.held = state.tool, dict(state.links)
         self.rides.state = state.ride
         self.robot = self.tools.seen(self._mounted)
+
+    def check_whole(self, constraints: Iterable[LocatedValue[PathConstraint]]) -> None:
+        """Report constraints of the whole motion on a frame that is gone once a step releases its object."""
+        released = {part.value.detach.object for part in self.compiler.task if part.value.detach is not None}
+        for part in constraints:
+            for mention in part.value.mentioned():
+                if mention.kind == "frame" and mention.name in released:
+                    found = f"'{mention.name}', which a step of the task releases"
+                    expected = "the constraint in each step that holds it, or a frame of the robot"
+                    self.compiler.report((*part.place, *mention.place), found, expected)
 
     def _with_frame(self, step: TaskStep) -> TaskStep:
         """Return a step that takes an object with its frame, where goals or constraints are about that."""

@@ -10,6 +10,7 @@ from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
 from optiplan.problem.constraints.balance import TipOver
+from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
 from optiplan.problem.seams.actions import SeamPart, Transit
@@ -37,7 +38,7 @@ from optiplan.verify.via_check import vias
 
 End = TypeVar("End", bound=GoalEnd)
 
-_BY_SCENE = PairClearance, TipOver
+_BY_SCENE = PairClearance, TipOver, Expression
 """Constraints whose meaning depends on what there is, and on what is held with which mass, at each time."""
 
 WITHIN_REACH = 0.02
@@ -175,7 +176,11 @@ def _passed(parts: Sequence[StepPart]) -> Iterator[Check]:
             yield Check("via", "exact", False, detail=f"{part.step.words} takes no time", time=part.begin)
             continue
         at = [_of_all(part.problem, action.joints, via.at, part.q) for via in action.vias]
-        check = vias(derived(part.problem, vias=tuple(Via(one) for one in at)), motion)
+        c, own = np.tile(part.q, (*motion.coefficients.shape[:2], 1)), columns(part.problem.robot, action.joints)
+        c[:, 1:] = 0.0
+        c[:, :, own] = motion.coefficients[:, :, own]  # other arms may be on their way
+        alone = replace(motion, coefficients=c)
+        check = vias(derived(part.problem, vias=tuple(Via(one) for one in at)), alone)
         passed = [f"{step_place(k)}.via[{i}]" for i in range(len(action.vias))]
         yield covering(_of_part(check, part), *passed)
 

@@ -230,6 +230,9 @@ def test_problems_that_the_proof_does_not_cover_are_errors():
         op.certify(op.load_problem("38_falling_ball"), np.zeros((1, 7)))
     with pytest.raises(op.InputError, match="path constraint"):
         op.certify(op.load_problem("39_cup_upright"), np.zeros((1, 7)))
+    for parts, words in (({"tracking_error": 0.002}, "a `tracking_error`"), ({"clearance": 0.002}, "a `clearance`")):
+        with pytest.raises(op.InputError, match=words):
+            op.certify(op.load_problem("01_reach").with_parts(**parts), np.zeros((1, 7)))
 
 
 def test_one_answer_does_not_depend_on_the_others(problem):

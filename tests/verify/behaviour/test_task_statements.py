@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.problem.problem import derived
 
 START = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0]
 
@@ -50,3 +51,35 @@ def test_a_clearance_of_a_step_counts_where_things_are_then(wait, holds):
         assert found.time >= begin
         place = np.array(found.witness["points"])[found.witness["pair"].index("ball")]
         assert place[2] < ABOVE[2] - 0.2 * begin + 0.05 + 1e-3
+
+
+CUP = op.Cylinder("cup", 0.02, 0.1, position=(0, 0, 0.13)).attached_to("panda_hand", touch=["panda_leftfinger"])
+UP = op.OrientationCone("cup", (0, 0, 1), (0, 0, -1), 0.6)
+AWAY = [0.3, 0.2, 0, -1.2, 0.9, 1.6, 0.8]
+
+
+def test_a_constraint_of_the_whole_on_what_a_step_releases_is_refused():
+    """Held again it may be held otherwise, and in between it is no frame of the robot."""
+    scene = op.Scene(attached=[CUP])
+    task = op.Task().move(AWAY, path_constraints=[UP]).detach("cup").retreat(0.1)
+    assert op.Problem("panda", "ready", scene=scene, task=task).task[0].constraints
+    words = "'cup', which a step of the task releases; expected the constraint in each"
+    with pytest.raises(op.InputError, match=words):
+        op.Problem("panda", "ready", scene=scene, task=task, path_constraints=[UP])
+
+
+def test_an_expression_of_the_whole_is_judged_with_the_load_of_each_time():
+    """A torque that rises by what is taken: without the ball it would stay below."""
+    ball = op.Sphere("ball", 0.03, position=(0.42, 0.0, 0.45))
+    task = op.Task().dwell(0.1).attach("ball", "panda_hand", mass=3.0).dwell(0.1)
+    run = op.plan(op.Problem("panda", "ready", scene=[ball], task=task), "quintic", budget=5.0)
+    assert run.verified, run
+    found = []
+    for bound in (1e3, 0.0):
+        weak = op.Expression("weak", lambda k: k.torque()[3], upper=bound, lower=-1e3 if bound else -np.inf)
+        problem = derived(run.problem, path_constraints=(weak,))
+        found.append([check for check in op.verify(problem, run.trajectory).checks if check.name == "weak constraint"])
+    held = [check.worst for check in found[1]]
+    assert len(held) == 2
+    assert abs(held[1] - held[0]) > 5.0
+    assert [check.time < 0.1 for check in found[1]] == [True, False]

@@ -97,3 +97,21 @@ def test_segments_out_of_order_or_of_no_time_are_no_steps(both):
 def test_wrong_arms_are_named(steps, words):
     with pytest.raises(InputError, match=words):
         problem_of(*steps)
+
+
+def test_a_via_of_one_arm_is_passed_while_another_is_on_its_way():
+    """Both move from the beginning: where c is then says nothing about whether a passes its via."""
+    past = {
+        "arm": "a",
+        "name": "first",
+        "move": {"joints": [-0.2, 0.0], "via": [{"joints": [-0.7, 0.0], "tolerance": 0.01}]},
+    }
+    run = op.plan(problem_of(past, {"arm": "c", "name": "second", "move": {"joints": [0.6, 0.0]}}), budget=10.0)
+    assert run.verified, run.report and run.report.failures
+    first, second = run.trajectory.segments
+    assert second.begin < first.end
+    missed = {**past, "move": {"joints": [-0.2, 0.0], "via": [{"joints": [-0.7, 0.2], "tolerance": 0.01}]}}
+    report = op.verify(
+        problem_of(missed, {"arm": "c", "name": "second", "move": {"joints": [0.6, 0.0]}}), run.trajectory
+    )
+    assert "via" in found(report)
