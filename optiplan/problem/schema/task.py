@@ -13,6 +13,7 @@ from optiplan.config.values import (
     NamePair,
     NotNegative,
     Vector,
+    listed,
 )
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.problem.constraints.statements import PathConstraintSpec
@@ -163,10 +164,6 @@ class GripperSpec(ConfigurationSpec, OfGroup):
         return self
 
 
-def _listed(names: Any) -> Any:
-    return (names,) if isinstance(names, str) else names
-
-
 class TaskStepSpec(Strict):
     """One step of a task: one of the keys from `move` to `path` (`dwell` in s), and what holds during this step.
 
@@ -187,9 +184,7 @@ class TaskStepSpec(Strict):
     path: SeamSpec | None = None
     name: Name | None = None
     arm: Name | None = None
-    wait_for: Annotated[tuple[Name, ...] | None, BeforeValidator(_listed, json_schema_input_type=str | list[str])] = (
-        None
-    )
+    wait_for: Annotated[tuple[Name, ...] | None, BeforeValidator(listed, json_schema_input_type=str | list[str])] = None
     allowed_collisions: tuple[NamePair, ...] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()
 
