@@ -112,6 +112,11 @@ def plan(  # noqa: PLR0913  # one keyword for each thing that may differ from th
         raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None
 
 
+def plan_within(problem: Problem, budget: Budget) -> Run:
+    """Return the run of a problem with its own planner within a budget: a `studies.proof.Plan`."""
+    return plan(problem, budget=budget)
+
+
 def with_tracking_error(problem: Problem, error: TrackingError | Array) -> Problem:
     """Return the problem with the argument `tracking_error` of `op.plan`."""
     each = error_argument("plan", problem.robot, error)

@@ -8,8 +8,10 @@ import numpy as np
 from optiplan.arrays import Array, Index
 from optiplan.collision.contacts import Pair
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.safety import BuiltNear, Safety
+from optiplan.geometry.safety import BuiltNear, SafePairs, Safety
 from optiplan.geometry.scene import Scene
+from optiplan.robot.limits import UNBOUNDED
+from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
 
 KEPT = 0.8
@@ -23,9 +25,6 @@ _SPREAD, _OFTEN = 128, 0.2
 
 _PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53], dtype=float)
 """Of their square roots no two have a rational ratio."""
-
-_STROKE = 1e6
-"""m, of a sliding joint without bounds."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ def floors_of(model: CollisionModel, safety: Safety | None, error: Array | None 
     if safety is None:
         return None
     asked, scene = asked_of(model, safety)
-    taken = np.zeros(len(asked)) if error is None or not error.any() else _taken(model, error)
+    taken = np.zeros(len(asked)) if error is None or not error.any() else taken_by(model, error)
     near = _built_nearer(model, safety, asked, scene, taken)
     for one in near:
         asked[one.pair] = one.base
@@ -168,6 +167,20 @@ def with_built(safety: Safety | None, robot: Robot) -> Safety | None:
     """
     if safety is None or not any((safety.own, *(pair.at_least for pair in safety.pairs))):
         return safety
+    known, asked = _known_built(robot), (safety.own, safety.pairs)
+    if asked not in known:
+        known[asked] = _built(safety, robot)
+    return replace(safety, built=known[asked])
+
+
+@once_for_each_robot
+def _known_built(robot: Robot) -> dict[tuple[float, tuple[SafePairs, ...]], tuple[BuiltNear, ...]]:
+    """Return what was found of a robot, by what was asked: a file is read more often than it is changed."""
+    return {}
+
+
+def _built(safety: Safety, robot: Robot) -> tuple[BuiltNear, ...]:
+    """Return the pairs of links that are built nearer, see `with_built`."""
     model = CollisionModel(robot, Scene())
     asked, taken = asked_of(model, safety)[0], np.zeros(len(model.pairs))
     distances = np.full((_SPREAD, len(asked)), np.inf)
@@ -184,7 +197,7 @@ def with_built(safety: Safety | None, robot: Robot) -> Safety | None:
         one = BuiltNear((first, second), float(least[k]), KEPT * float(least[k]) if one_joint[k] else 0.0)
         known = found.get(one.links, one)
         found[one.links] = BuiltNear(one.links, min(one.distance, known.distance), min(one.floor, known.floor))
-    return replace(safety, built=tuple(found[links] for links in sorted(found)))
+    return tuple(found[links] for links in sorted(found))
 
 
 def _spread(robot: Robot) -> Array:
@@ -228,10 +241,8 @@ def _along(robot: Robot, j: int) -> Array:
     return Q
 
 
-def _taken(model: CollisionModel, error: Array) -> Array:
+def taken_by(model: CollisionModel, error: Array) -> Array:
     """Return a bound (P,), m, on what joints that are off by `error` (n,) take of the distance of each pair."""
-    limits = model.robot.limits
-    still = np.zeros(model.model.nq - len(limits.lower))
-    stroke = np.minimum(np.maximum(np.abs(limits.lower), np.abs(limits.upper)), _STROKE)
-    arms = model.bounds.moment_arms(np.append(stroke, still + _STROKE))
+    still = np.full(model.model.nq - model.robot.n, UNBOUNDED)
+    arms = model.bounds.moment_arms(np.append(model.robot.limits.stroke, still))
     return np.asarray(arms[:, : len(error)] @ error)

@@ -12,7 +12,7 @@ from optiplan.arrays import Array
 from optiplan.cache import MostRecent, digest
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.contacts import Contact, Contacts
-from optiplan.collision.floors import Floors, floors_of
+from optiplan.collision.floors import Floors, floors_of, taken_by
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.passing_neighbours import apart_neighbours, passing_neighbours
 from optiplan.geometry.convex import hull_of_mesh, mesh_triangles, mesh_vertices
@@ -32,8 +32,8 @@ _links: "WeakKeyDictionary[Robot, list[Body | None]]" = WeakKeyDictionary()
 _made: "MostRecent[Shape]" = MostRecent(512)
 """Hulls and meshes by content: the index of their vertices takes milliseconds to make."""
 
-_SPARE, _UNBOUNDED = 0.02, 1e6
-"""Share by which planners take joints to be farther off than the verifier does; m, stroke of a joint without bounds."""
+_SPARE = 0.02
+"""Share by which planners take joints to be farther off than the verifier does."""
 
 _HAIR = 1e-6
 """m, above a floor that motions are planned: what the verifier and the core measure differs by rounding."""
@@ -94,6 +94,7 @@ class NativeCollisionModel(CollisionModel):
         *,
         passing: bool = False,
         error: Array | None = None,
+        floors: Floors | None = None,
     ) -> None:
         if known is None:
             super().__init__(robot, scene)
@@ -104,7 +105,7 @@ class NativeCollisionModel(CollisionModel):
         self.unknown = tuple(name for name, found in zip(self.names, bodies, strict=True) if found is None)
         never = frozenset() if passing or self.unknown else passing_neighbours(robot)
         self.error = error if error is not None and error.any() else None
-        self.floors: Floors | None = None if self.unknown else floors_of(self, scene.safety, self.error)
+        self.floors = None if self.unknown else floors or floors_of(self, scene.safety, self.error)
         self.world = None if self.unknown else _world(self, [found for found in bodies if found is not None], never)
 
     def collides(self, q: Array) -> bool:
@@ -242,14 +243,10 @@ def _tube_error(model: CollisionModel) -> tuple[list[float], list[float]]:
     """
     if model.error is None:
         return [], []
-    lower, upper = model.robot.limits.lower, model.robot.limits.upper
-    still = np.zeros(model.model.nq - len(lower))
-    stroke = np.minimum(np.maximum(np.abs(lower), np.abs(upper)), _UNBOUNDED)
-    error = np.append(model.error * (1.0 + _SPARE), still)
-    arms = model.bounds.moment_arms(np.append(stroke, still + _UNBOUNDED))
-    most, apart = arms[:, : len(lower)] @ error[: len(lower)], apart_neighbours(model.robot)
+    error = model.error * (1.0 + _SPARE)
+    most, apart = taken_by(model, error), apart_neighbours(model.robot)
     most[[pair.index for pair in model.pairs if (pair.a, pair.b) in apart]] = 0.0
-    return error.tolist(), most.tolist()
+    return [*error.tolist(), *(0.0 for _ in range(model.model.nq - len(error)))], most.tolist()
 
 
 @once_for_each_robot

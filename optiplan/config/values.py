@@ -42,6 +42,11 @@ FileName = Annotated[str, Field(strict=True, min_length=1), AfterValidator(_prin
 """The path of a file, or a name that stands for one."""
 
 
+def listed(value: Any) -> Any:
+    """Return a name or a mapping that stands alone as a list of it; anything else as it is."""
+    return [value] if isinstance(value, str | dict) else value
+
+
 def _sized(count: int, words: str) -> AfterValidator:
     def check(values: tuple[Any, ...]) -> tuple[Any, ...]:
         if len(values) != count:

@@ -38,18 +38,6 @@ def frame_poses(robot: "Robot", Q: Array, frame: str) -> Array:
     return np.asarray(robot.kinematics.poses(Q)[:, int(placed.parentJoint)] @ np.array(placed.placement.homogeneous))
 
 
-def moving_joints(robot: "Robot", frame: str) -> list[str]:
-    """Return the names of the planned joints that move a frame.
-
-    Raises:
-        UnknownChoiceError: there is no such frame.
-    """
-    kinematics = robot.kinematics
-    moved = kinematics.carries[int(robot.model.frames[robot.frame_id(frame)].parentJoint)]
-    takes_part = kinematics.joint_dependence(moved.astype(bool))
-    return [name for name, some in zip(robot.joint_names, takes_part, strict=True) if some]
-
-
 def geometric_jacobian(robot: "Robot", q: Array, frame: str, axes: Axes = "world") -> Array:
     """Return J (6, n) with [v; w] = J q̇: velocity v, m/s, of the frame's origin, and angular velocity w, rad/s.
 

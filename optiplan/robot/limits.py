@@ -18,6 +18,9 @@ DEFAULTS = {"velocity": 1.0, "acceleration": 10.0, "jerk": 500.0, "torque": np.i
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 """Limited quantities by the order of the derivative."""
 
+UNBOUNDED = 1e6
+"""m, stroke of a joint without bounds."""
+
 _PER_SECOND = dict(zip(ORDERS, ("", "/s", "/s²", "/s³"), strict=True))
 
 
@@ -52,6 +55,11 @@ class Limits:
     def rates(self) -> tuple[Array, Array, Array]:
         """Limits of the derivatives of order 1, 2 and 3: velocity, acceleration and jerk."""
         return self.velocity, self.acceleration, self.jerk
+
+    @property
+    def stroke(self) -> Array:
+        """How far each joint is from 0 at most (n,), rad or m; `UNBOUNDED` of one without bounds."""
+        return np.minimum(np.maximum(np.abs(self.lower), np.abs(self.upper)), UNBOUNDED)
 
     def of_joints(self, kept: Sequence[int]) -> "Limits":
         """Return the limits of some joints, by index."""

@@ -32,6 +32,7 @@ from optiplan.robot.reference import DESCRIPTION, Reference, description, robot_
 from optiplan.robot.self_collision.pair_survey import survey_pairs
 from optiplan.robot.self_collision.pairs import PROVED, fixed_pairs, set_pairs
 from optiplan.robot.spec import MecanumSpec
+from optiplan.robot.urdf.elements import origin_element
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
 
 if TYPE_CHECKING:
@@ -391,8 +392,7 @@ def _urdf(arms: Sequence[_Arm]) -> str:
         for element in _renamed(own, arm):
             root.append(element)
         joint = ET.SubElement(root, "joint", name=arm.of("base"), type="fixed")
-        turn = pin.rpy.matrixToRpy(arm.X_WB.rotation)
-        ET.SubElement(joint, "origin", xyz=_text(arm.X_WB.translation), rpy=_text(turn))
+        origin_element(joint, arm.X_WB)
         ET.SubElement(joint, "parent", link=ROOT)
         ET.SubElement(joint, "child", link=arm.of(next(link for link in links if link not in carried)))
     return ET.tostring(root, encoding="unicode")
@@ -410,7 +410,3 @@ def _renamed(robot: ET.Element, arm: _Arm) -> Iterator[ET.Element]:
         for mimic in element.findall("mimic"):
             mimic.set("joint", arm.of(mimic.get("joint", "")))
         yield element
-
-
-def _text(values: Iterable[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)

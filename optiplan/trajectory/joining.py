@@ -55,6 +55,16 @@ def with_obstacles(trajectory: Trajectory, motions: Sequence[ObstacleMotion]) ->
     return Trajectory((*trajectory.joint_names, *names), breakpoints, coefficients)
 
 
+def with_resting_joints(
+    motion: Trajectory, columns: Sequence[int], joint_names: tuple[str, ...], q: Array
+) -> Trajectory:
+    """Return the motion of all joints (n,) in which those of `columns` move, and the others stay at q (n,); exact."""
+    coefficients = np.zeros((*motion.coefficients.shape[:2], len(joint_names)))
+    coefficients[:, 0] = q
+    coefficients[:, :, list(columns)] = motion.coefficients
+    return Trajectory(joint_names, motion.breakpoints, coefficients)
+
+
 def beside_each_other(motions: Sequence[tuple[Sequence[int], Trajectory]], joint_names: tuple[str, ...]) -> Trajectory:
     """Return the motion of all joints of motions that last equally long, each of some columns of its own; exact."""
     breakpoints = motions[0][1].breakpoints

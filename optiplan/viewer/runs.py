@@ -188,10 +188,10 @@ def _badge(run: ViewedRun) -> str:
 
 def _motion(problem: Problem, poses: Poses, trajectory: Trajectory, detail: Detail) -> dict[str, Any]:
     count = int(min(MAX_SAMPLES, max(2, np.ceil(trajectory.duration * detail.rate) + 1)))
-    Q = trajectory(np.linspace(0.0, trajectory.duration, count))
+    t = np.linspace(0.0, trajectory.duration, count)
+    Q = trajectory(t)
     joints, tool = poses.of(Q)
     points = dict(tool_points(problem.robot, Q)) if len(tool_frames(problem.robot)) > 1 else {}
-    t = np.linspace(0.0, trajectory.duration, count)
     changes = mounted_tools(problem, trajectory)
     for begin, frame in changes:  # one path, of the TCP that is mounted
         tool[t >= begin] = frame_poses(problem.robot, Q[t >= begin], frame)[:, :3, 3]

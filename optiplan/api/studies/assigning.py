@@ -5,11 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.api.checking import planner_issues
-from optiplan.api.planning import checked_seconds, plan
+from optiplan.api.planning import checked_seconds, plan_within
 from optiplan.errors import InputError, described, path_argument, progress_argument, wrong_argument
 from optiplan.planners.base import Budget, Progress
-from optiplan.problem.problem import Problem
-from optiplan.runs.run import Run
 from optiplan.runs.run_folder import check_folder
 from optiplan.studies.assembly.measuring import Measured, measure_jobs
 from optiplan.studies.assembly.result import Assignment, Planned, job_times
@@ -98,7 +96,7 @@ class _AssignmentSearch:
 
     def _run(self) -> bool:
         """Return whether all was done."""
-        self.measured = measure_jobs(self.assembly, _planned, self.budget.share(_ALONE), self.progress)
+        self.measured = measure_jobs(self.assembly, plan_within, self.budget.share(_ALONE), self.progress)
         self.progress("schedules", 0.0)
         durations = self.measured.durations
         if not _all_can(durations.work.min(axis=0)):
@@ -140,13 +138,9 @@ class _AssignmentSearch:
             problem, steps = self.assembly.whole([(one.job, arms[one.arm]) for one in schedule.jobs])
         except InputError:
             return None
-        run = _planned(problem, self.budget.share(share))
+        run = plan_within(problem, self.budget.share(share))
         return Planned(schedule, run, job_times(self.assembly, schedule, arms, steps, run))
 
 
 def _all_can(work: Any) -> bool:
     return all(float(value) < float("inf") for value in work)
-
-
-def _planned(problem: Problem, budget: Budget) -> Run:
-    return plan(problem, budget=budget)

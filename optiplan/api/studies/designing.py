@@ -5,12 +5,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from optiplan.api.planning import checked_seconds, plan
+from optiplan.api.planning import checked_seconds, plan_within
 from optiplan.errors import described, path_argument, progress_argument, wrong_argument
 from optiplan.files import replacing
 from optiplan.planners.base import Budget, Progress
-from optiplan.problem.problem import Problem
-from optiplan.runs.run import Run
 from optiplan.runs.run_folder import check_folder
 from optiplan.studies.measures import MEASURES, check_measures
 from optiplan.studies.proof import DesignProof, chosen_designs, prove_design
@@ -100,11 +98,7 @@ def _proofs(study: DesignStudy, search: DesignSearch, progress: Progress) -> tup
     proofs = []
     try:
         for role, k in chosen_designs(study, search):
-            proofs.append(prove_design(study, role, search.designs[k], _planned, progress))
+            proofs.append(prove_design(study, role, search.designs[k], plan_within, progress))
     except KeyboardInterrupt:
         pass
     return tuple(proofs)
-
-
-def _planned(problem: Problem, budget: Budget) -> Run:
-    return plan(problem, budget=budget)

@@ -67,11 +67,9 @@ class ClearanceLimit(StopLimit):
         self.model = planning_model(
             robot, replace(self.scene, safety=None), passing=True
         )  # it has a distance of its own
-        limits, bounds = robot.limits, self.model.bounds
+        bounds = self.model.bounds
         self._obstacles = ObstacleJoints(self.model.motions)
-        stroke = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
-        stroke = np.append(np.where(np.isfinite(stroke), stroke, np.pi), np.zeros(self._obstacles.size))
-        self.arms = bounds.moment_arms(stroke)
+        self.arms = bounds.moment_arms(np.append(robot.limits.stroke, np.zeros(self._obstacles.size)))
         self.labels = tuple(f"{pair.name_a} and {pair.name_b}" for pair in self.model.pairs)
         self.require_least()
         self.structure = self._structure(robot)

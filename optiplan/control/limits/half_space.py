@@ -45,12 +45,9 @@ class HalfSpaceLimit(StopLimit):
         super().bind(robot)
         self._frame = frame_index(self, "frame", robot, self.frame)
         placed = robot.model.frames[self._frame]
-        limits = robot.limits
-        stroke = np.maximum(np.abs(limits.lower), np.abs(limits.upper))
         kinematics = robot.kinematics
         point_J = placed.placement.act(self.point)
-        stroke = np.where(np.isfinite(stroke), stroke, np.pi)
-        arms = kinematics.moment_arms(int(placed.parentJoint), point_J[None], stroke)
+        arms = kinematics.moment_arms(int(placed.parentJoint), point_J[None], robot.limits.stroke)
         self.arms = kinematics.planned_bound(arms[None])
         self.labels = (f"half-space of {self.frame}",)
         self.require_least()

@@ -156,15 +156,11 @@ def pose_error(X_WF: pin.SE3, X_WG: pin.SE3) -> tuple[float, float]:
     return float(np.linalg.norm(X_WG.translation - X_WF.translation)), float(angle)
 
 
-def random_seeds(robot: Robot, near: Array, rng: np.random.Generator, count: int, frame: str = "") -> list[Array]:
-    """Draw uniform configurations within the limits; a joint without bounds is within pi of `near` (n,).
-
-    With a `frame`, joints that do not move it stay at `near`.
-    """
+def random_seeds(robot: Robot, near: Array, rng: np.random.Generator, count: int) -> list[Array]:
+    """Draw uniform configurations within the limits; a joint without bounds is within pi of `near` (n,)."""
     low = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, near - np.pi)
     high = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, near + np.pi)
-    drawn = rng.uniform(low, high, (count, robot.n))
-    return list(np.where(joints_that_move(robot, frame), drawn, near) if frame else drawn)
+    return list(rng.uniform(low, high, (count, robot.n)))
 
 
 def joints_that_move(robot: Robot, frame: str) -> npt.NDArray[np.bool_]:

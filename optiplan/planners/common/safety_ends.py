@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.native_model import planning_model
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget
 from optiplan.problem.goals import GoalOptions, goal_configurations, listed_ends
@@ -41,5 +41,5 @@ def ending_at(problem: Problem, *ends: Array) -> Problem:
 
 def _reached(problem: Problem, scene: Scene, options: GoalOptions) -> list[Array]:
     """Return configurations of the goal that are free in a scene."""
-    model = planning_model(problem.robot, scene, error=problem.tracking_error)
+    model = kept_planning_model(problem.robot, scene, problem.tracking_error)
     return goal_configurations(problem, model, np.random.default_rng(problem.seed), options).configurations

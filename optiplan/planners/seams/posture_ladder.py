@@ -133,9 +133,10 @@ class PostureLadder:
     def _own(self, Q: Array) -> Array:
         """Return the cost (k,) of a second in each of configurations Q (k, n): near limits it is larger."""
         limits = self.problem.limits
-        half = np.where(np.isfinite(limits.upper - limits.lower), 0.5 * (limits.upper - limits.lower), np.inf)
-        middle = np.where(np.isfinite(half), 0.5 * (limits.upper + limits.lower), 0.0)
-        return np.asarray(_AT_LIMIT * (((Q - middle) / half) ** 8).max(axis=1))
+        ends = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+        low, high = limits.lower[ends], limits.upper[ends]
+        share = (Q[:, ends] - 0.5 * (high + low)) / (0.5 * (high - low))
+        return np.asarray(_AT_LIMIT * (share**8).max(axis=1, initial=0.0))
 
     def _edges(self, A: Array, B: Array, seconds: float) -> Array:
         limits = self.problem.limits

@@ -82,18 +82,14 @@ class SeamTool:
         J = np.swapaxes(J, 1, 2) @ self._kinematics.coupling  # (N, 6, n)
         off = at.p - X[:, :3, 3]
         turn, tilt = _turns(X[:, :3, :3], at.R, whole=not self.spins)
+        kept = np.maximum(tilt - cone, 0.0) / np.maximum(tilt, 1e-12)
+        turn, turning = turn * kept[:, None], J[:, 3:]
         if self.spins:
-            kept = np.maximum(tilt - cone, 0.0) / np.maximum(tilt, 1e-12)
             across = at.R[:, :, :2]
-            e = np.concatenate([off, np.einsum("nij,ni->nj", across, turn * kept[:, None])], axis=1)
-            turning = np.einsum("nij,nik->njk", across, J[:, 3:])
-        else:
-            kept = np.maximum(tilt - cone, 0.0) / np.maximum(tilt, 1e-12)
-            e = np.concatenate([off, turn * kept[:, None]], axis=1)
-            turning = J[:, 3:]
+            turn, turning = np.einsum("nij,ni->nj", across, turn), np.einsum("nij,nik->njk", across, turning)
         if cone > 0.0:
             turning = turning * (kept > 0.0)[:, None, None]
-        return ToolRows(e, np.concatenate([J[:, :3], turning], axis=1), tilt)
+        return ToolRows(np.concatenate([off, turn], axis=1), np.concatenate([J[:, :3], turning], axis=1), tilt)
 
     def corrected(self, Q: Array, at: ToolPlaces, steps: int, cone: float | None = None) -> tuple[Array, Array]:
         """Return configurations (N, n) with the tool in place, and the largest error (N,) that is left, m or rad."""

@@ -24,7 +24,13 @@ from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.arms import in_time_order, joints_of_arms, several_arms, steps_of_arms
 from optiplan.problem.task.scene_change import scene_after
 from optiplan.problem.task.steps import Attach, Detach, TaskStep
-from optiplan.trajectory.joining import beside_each_other, cut_trajectory, join_trajectories, standstill
+from optiplan.trajectory.joining import (
+    beside_each_other,
+    cut_trajectory,
+    join_trajectories,
+    standstill,
+    with_resting_joints,
+)
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -279,11 +285,8 @@ class _Timetable:
         still = self._standing(columns, q, part.ends[-1])
         if not isinstance(part, Stretch):
             return still
-        coefficients = np.zeros((*part.motion.coefficients.shape[:2], len(columns)))
-        coefficients[:, 0] = np.asarray(q)[list(columns)]
-        places = {column: k for k, column in enumerate(columns)}
-        coefficients[:, :, [places[column] for column in part.steps[0].stage.columns]] = part.motion.coefficients
-        return Trajectory(still.joint_names, part.motion.breakpoints, coefficients)
+        moving = [list(columns).index(column) for column in part.steps[0].stage.columns]
+        return with_resting_joints(part.motion, moving, still.joint_names, np.asarray(q)[list(columns)])
 
 
 def _until(motion: Trajectory, end: float) -> Trajectory:

@@ -3,13 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from optiplan.arrays import Array
 from optiplan.planners.task.planned_steps import Stretch, TaskPart, object_and_link
 from optiplan.problem.problem import Problem
-from optiplan.robot.robot import Robot
-from optiplan.trajectory.joining import join_trajectories, standstill
+from optiplan.trajectory.joining import join_trajectories, standstill, with_resting_joints
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.tolerances import SHORTEST_DURATION
 from optiplan.trajectory.trajectory import Trajectory
@@ -23,7 +19,7 @@ def joined_parts(problem: Problem, parts: Sequence[TaskPart]) -> Trajectory:
     for part in parts:
         q = part.steps[0].before.q
         if isinstance(part, Stretch):
-            motions.append(motion_of_all_joints(problem.robot, part.steps[0].stage.columns, part.motion, q))
+            motions.append(with_resting_joints(part.motion, part.steps[0].stage.columns, problem.robot.joint_names, q))
         elif part.duration > 0.0:
             motions.append(standstill(problem.robot.joint_names, q, part.duration))
         since = begin
@@ -34,11 +30,3 @@ def joined_parts(problem: Problem, parts: Sequence[TaskPart]) -> Trajectory:
         begin = since
     motion = join_trajectories(motions or [standstill(problem.robot.joint_names, problem.start, SHORTEST_DURATION)])
     return replace(motion, segments=tuple(segments))
-
-
-def motion_of_all_joints(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) -> Trajectory:
-    """Return the motion of all joints in which some move and the others stand where they stand in q (n,)."""
-    coefficients = np.zeros((*motion.coefficients.shape[:2], robot.n))
-    coefficients[:, 0] = q
-    coefficients[:, :, columns] = motion.coefficients
-    return Trajectory(robot.joint_names, motion.breakpoints, coefficients)

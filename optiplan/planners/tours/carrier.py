@@ -7,10 +7,11 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.task.scene_change import standing
-from optiplan.robot.frames import frame_poses, moving_joints
+from optiplan.robot.frames import frame_poses
 
 _POSITIONS = (12, 36)
 """Positions of a carrier with one joint and with more, at which configurations are looked for at first."""
@@ -30,10 +31,10 @@ class Carrier:
 
     def __init__(self, problem: Problem, link: str) -> None:
         names = problem.robot.joint_names
-        carrying = set(moving_joints(problem.robot, link)) if link else set()
+        carrying = joints_that_move(problem.robot, link) if link else np.zeros(problem.robot.n, dtype=bool)
         self.link, self.robot, self.start, self.limits = link, problem.robot, problem.start, problem.limits
-        self.own = [k for k, name in enumerate(names) if name in carrying]
-        self.others = [k for k, name in enumerate(names) if name not in carrying]
+        self.own = list(np.flatnonzero(carrying))
+        self.others = list(np.flatnonzero(~carrying))
         self.problem = problem if not self.own else self._alone(problem, [names[k] for k in self.others])
 
     def _alone(self, problem: Problem, joints: Sequence[str]) -> Problem:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.errors import InputError, Issue
 from optiplan.planners.option_schema import OptionError, option
 from optiplan.planners.point_to_point.base import SIZE, MotionOptions, Profile
@@ -78,6 +78,11 @@ class Refinement(NamedTuple):
     hit: npt.NDArray[np.bool_]
     blends: Blends
     late: npt.NDArray[np.bool_]
+
+
+def places_of_vias(hit: npt.NDArray[np.bool_]) -> Index:
+    """Return the numbers (k,) of the points given in those of a step: two pseudo-via points are about each hit."""
+    return np.asarray(np.arange(len(hit)) + 2 * np.cumsum(hit) - hit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +175,7 @@ class ParabolicMotion:
         while True:  # a pseudo-via point changes the velocities, and so the misses, beside it
             points, all_times = with_pseudo_vias(self.points, times, hit, share)
             blends = self._make(points, all_times)
-            miss = blends.miss.max(axis=1)[np.arange(len(times)) + 2 * np.cumsum(hit) - hit]
+            miss = blends.miss.max(axis=1)[places_of_vias(hit)]
             late = (miss > self.tolerances) & ~hit
             yield Refinement(points, hit, blends, late)
             if not late.any():

@@ -1,11 +1,11 @@
 """The schema of a tool path in a problem file: points, the curve through them, its speed, and the tool's axis."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from optiplan.config.document import Strict
-from optiplan.config.values import Coordinate, Direction, FileName, Fraction, Length, Name, NotNegative, Vector
+from optiplan.config.values import Coordinate, Direction, FileName, Fraction, Length, Name, NotNegative, Vector, listed
 from optiplan.geometry.pose import PoseSpec, ToleranceSpec
 from optiplan.problem.schema.ends import exactly_one
 from optiplan.problem.schema.tour import Axis
@@ -16,10 +16,6 @@ Tilt = Annotated[Coordinate, Field(gt=-1.4, lt=1.4)]
 
 Cone = Annotated[Length, Field(lt=1.4)]
 """Half of the opening of a cone, rad."""
-
-
-def _listed(value: Any) -> Any:
-    return [value] if isinstance(value, dict) else value
 
 
 class SeamPointSpec(PoseSpec):
@@ -88,7 +84,7 @@ class SeamSpec(Strict):
     weave: WeaveSpec | None = None
     at: Annotated[
         tuple[SeamEventSpec, ...],
-        BeforeValidator(_listed, json_schema_input_type=SeamEventSpec | tuple[SeamEventSpec, ...]),
+        BeforeValidator(listed, json_schema_input_type=SeamEventSpec | tuple[SeamEventSpec, ...]),
     ] = ()
     tolerance: ToleranceSpec = ToleranceSpec(position=5e-4, orientation=1e-2)
     frame: Name | None = None

@@ -13,6 +13,7 @@ from optiplan.config.values import (
     NamePair,
     NotNegative,
     Vector,
+    listed,
 )
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.problem.constraints.statements import PathConstraintSpec
@@ -172,10 +173,6 @@ class GripperSpec(ConfigurationSpec, OfGroup):
         return self
 
 
-def _listed(names: Any) -> Any:
-    return (names,) if isinstance(names, str) else names
-
-
 Option = Annotated[tuple[Annotated[Whole, Field(ge=0)], ...], Field(min_length=2, max_length=2)]
 """A choice and one of its alternatives, both from 0: where `either` is written out."""
 
@@ -202,9 +199,7 @@ class TaskStepSpec(Strict):
     option: Option | None = None
     name: Name | None = None
     arm: Name | None = None
-    wait_for: Annotated[tuple[Name, ...] | None, BeforeValidator(_listed, json_schema_input_type=str | list[str])] = (
-        None
-    )
+    wait_for: Annotated[tuple[Name, ...] | None, BeforeValidator(listed, json_schema_input_type=str | list[str])] = None
     allowed_collisions: tuple[NamePair, ...] = ()
     path_constraints: tuple[PathConstraintSpec, ...] = ()
 

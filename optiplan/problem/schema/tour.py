@@ -1,18 +1,14 @@
 """The schema of a tour in a problem file: targets that are visited, in an order that may be free."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from optiplan.config.document import Strict
-from optiplan.config.values import Direction, FileName, Length, Name, NotNegative, Vector
+from optiplan.config.values import Direction, FileName, Length, Name, NotNegative, Vector, listed
 from optiplan.geometry.pose import PoseSpec, ToleranceSpec
 
 Axis = Literal["x", "y", "z"]
-
-
-def _listed(value: Any) -> Any:
-    return [value] if isinstance(value, str) else value
 
 
 class TargetSpec(PoseSpec):
@@ -25,7 +21,7 @@ class TargetSpec(PoseSpec):
     name: Name | None = None
     position: Vector
     axis: Direction | None = None
-    after: Annotated[tuple[Name, ...], BeforeValidator(_listed, json_schema_input_type=Name | tuple[Name, ...])] = ()
+    after: Annotated[tuple[Name, ...], BeforeValidator(listed, json_schema_input_type=Name | tuple[Name, ...])] = ()
     cluster: Name | None = None
     window: tuple[NotNegative, NotNegative] | None = None
 

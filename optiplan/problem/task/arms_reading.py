@@ -3,11 +3,10 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-import pinocchio as pin
-
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.geometry.scene import Scene
+from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.problem.builder import Compiler
 from optiplan.problem.constraints.motions import PairClearance
 from optiplan.problem.partial import LocatedValue
@@ -122,7 +121,5 @@ def _check_objects(compiler: Compiler, robot: Robot, steps: Steps, joints: Mappi
 
 def _movers(robot: Robot, link: str, joints: Mapping[str, Iterable[int]]) -> list[str]:
     """Return the arms whose joints move a link."""
-    frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
-    names = {str(robot.model.names[j]) for j in robot.model.supports[frame.parentJoint]}
-    names |= {robot.followers[name].source for name in names if name in robot.followers}
-    return [arm for arm, columns in joints.items() if names & {robot.joint_names[k] for k in columns}]
+    moved = joints_that_move(robot, link)
+    return [arm for arm, columns in joints.items() if moved[list(columns)].any()]

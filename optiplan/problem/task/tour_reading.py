@@ -9,14 +9,14 @@ from optiplan.arrays import Array
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue
-from optiplan.problem.builder import Compiler
+from optiplan.kinematics.ik.numeric import joints_that_move
+from optiplan.problem.builder import Compiler, link_names
 from optiplan.problem.constraints.base import pose_of
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.schema.tour import TargetSpec, TourSpec
 from optiplan.problem.task.steps import Process, Target, TargetTour
 from optiplan.problem.task.target_files import read_targets
 from optiplan.problem.task.tour_order import cycle
-from optiplan.robot.frames import moving_joints
 from optiplan.robot.robot import Robot
 
 _SAME = 1e-6
@@ -69,17 +69,17 @@ def _carrier(
     name = spec.carried_by
     if name is None or frame is None:
         return "" if name is None else None
-    links = [str(one.name) for one in robot.model.frames if one.type == pin.FrameType.BODY]
+    links = link_names(robot)
     if name not in links:
         compiler.unknown((*place, "carried_by"), "link", name, links)
         return None
-    carrying, reaching = (set(moving_joints(robot, one)) for one in (name, frame))
-    if not carrying & set(joints):
+    carrying, reaching = (joints_that_move(robot, one) for one in (name, frame))
+    if not carrying[[robot.joint_names.index(joint) for joint in joints]].any():
         found, expected = f"'{name}', which no joint of the tour moves", "a link that one of these joints moves: "
         compiler.report((*place, "carried_by"), found, expected + ", ".join(joints))
         return None
-    if both := sorted(carrying & reaching):
-        found = f"'{name}', which '{both[0]}' moves together with '{frame}'"
+    if (both := carrying & reaching).any():
+        found = f"'{name}', which '{robot.joint_names[int(both.argmax())]}' moves together with '{frame}'"
         compiler.report((*place, "carried_by"), found, "a link that no joint of the arm moves")
         return None
     return name

@@ -54,12 +54,7 @@ def write_lerobot(store: BatchStore, folder: Path) -> list[Path]:
             continue
         robot = (row["robot"], *row["joints"])
         if robot not in open_sets:
-            plain = "".join(c if c.isalnum() or c in "-_." else "_" for c in row["robot"]) or "robot"
-            names[robot] = next(
-                name
-                for k in range(len(names) + 1)
-                if (name := f"{plain}_{k + 1}" if k else plain) not in names.values()
-            )
+            names[robot] = _free_name(row["robot"], names.values())
             open_sets[robot] = _DataSet(folder / f".making-{names[robot]}", row)
         open_sets[robot].add(row)
     made = []

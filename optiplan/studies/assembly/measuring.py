@@ -5,7 +5,7 @@ time to where the arm first stops belongs to the way, the rest to the job. The w
 last as long as a straight joint motion, times what the way from the start took longer than such a motion.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,9 +22,7 @@ from optiplan.problem.task.timeline import steps_in_time
 from optiplan.runs.run import Run
 from optiplan.studies.assembly.schedule import Durations
 from optiplan.studies.assembly.statement import ArmProblem, Assembly
-
-Planned = Callable[[Problem, Budget], Run]
-"""Plans and verifies."""
+from optiplan.studies.proof import Plan
 
 _MOVED = 1e-6
 """rad or m: an arm that has moved no farther stands where it stood."""
@@ -70,7 +68,7 @@ class Measured:
     durations: Durations
 
 
-def measure_jobs(assembly: Assembly, planned: Planned, budget: Budget, progress: Progress) -> Measured:
+def measure_jobs(assembly: Assembly, plan: Plan, budget: Budget, progress: Progress) -> Measured:
     """Plan each job alone by each arm that may do it; what the budget leaves out counts as not done.
 
     Raises:
@@ -91,7 +89,7 @@ def measure_jobs(assembly: Assembly, planned: Planned, budget: Budget, progress:
             unable[arm, k] = "not planned within the budget"
             continue
         problem = _alone(problems[arm], k, [body for j in _before(assembly, k) for body in left.get(j, ())])
-        run = planned(problem, budget.share(min(1.0, _SHARE / (len(todo) - count))))
+        run = plan(problem, budget.share(min(1.0, _SHARE / (len(todo) - count))))
         if run.verified:
             alone[arm, k] = _measured(problem, run, arm)
             left.setdefault(k, alone[arm, k].left)

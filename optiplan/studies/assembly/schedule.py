@@ -22,7 +22,7 @@ _SAME = 1e-9
 
 
 @dataclass(frozen=True)
-class Given:
+class ScheduledJob:
     """A job in a schedule: its number, that of its arm, and when it begins and ends, s."""
 
     job: int
@@ -35,7 +35,7 @@ class Given:
 class Schedule:
     """Jobs in the order of their beginnings."""
 
-    jobs: tuple[Given, ...]
+    jobs: tuple[ScheduledJob, ...]
 
     @property
     def makespan(self) -> float:
@@ -90,7 +90,7 @@ class Durations:
 class _Partial:
     """A schedule of some jobs; `free` when each arm is, and `last` its last job, -1 at the start."""
 
-    jobs: tuple[Given, ...]
+    jobs: tuple[ScheduledJob, ...]
     ends: dict[int, float]
     free: tuple[float, ...]
     last: tuple[int, ...]
@@ -153,7 +153,9 @@ class ScheduleSearch:
                 free = (*state.free[:arm], end, *state.free[arm + 1 :])
                 last = (*state.last[:arm], job, *state.last[arm + 1 :])
                 ends = {**state.ends, job: end}
-                yield _Partial((*state.jobs, Given(job, arm, begin, end)), ends, free, last, self._bound(ends, free))
+                yield _Partial(
+                    (*state.jobs, ScheduledJob(job, arm, begin, end)), ends, free, last, self._bound(ends, free)
+                )
 
     def _bound(self, ends: dict[int, float], free: tuple[float, ...]) -> float:
         """Return a lower bound, s, on all schedules that begin like this."""

@@ -67,6 +67,12 @@ class _PlacedSteps:
     steps: list[dict[str, Any]]
     places: list[tuple[str | int, ...]]
 
+    def add(self, steps: Sequence[dict[str, Any]], places: Sequence[tuple[str | int, ...]]) -> range:
+        """Add the steps of a job; return their numbers in the task."""
+        self.steps.extend(steps)
+        self.places.extend(places)
+        return range(len(self.steps) - len(steps) + 1, len(self.steps) + 1)
+
 
 @dataclass(frozen=True, eq=False)
 class ArmProblem:
@@ -114,9 +120,7 @@ class Assembly:
             named = [_named(job.name, step, k == len(own.steps) - 1) for k, step in enumerate(own.steps)]
             if waits:
                 named[0] = {**named[0], "wait_for": waits}
-            numbers[number] = range(len(parts.steps) + 1, len(parts.steps) + len(named) + 1)
-            parts.steps.extend(named)
-            parts.places.extend(own.places)
+            numbers[number] = parts.add(named, own.places)
         return self._problem(parts), numbers
 
     def of_arm(self, arm: str) -> ArmProblem:
@@ -131,9 +135,7 @@ class Assembly:
             parts, numbers = _PlacedSteps([], []), dict[int, range]()
             for number in left:
                 own = self._steps(number, arm)
-                numbers[number] = range(len(parts.steps) + 1, len(parts.steps) + len(own.steps) + 1)
-                parts.steps.extend(own.steps)
-                parts.places.extend(own.places)
+                numbers[number] = parts.add(own.steps, own.places)
             problem, wrong = self._stated(parts)
             if problem is None:
                 blamed = {k: issue for step, issue in wrong for k in left if step in numbers[k]}

@@ -16,7 +16,6 @@ from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.task.chains import of_step
-from optiplan.planners.task.joined import motion_of_all_joints
 from optiplan.planners.task.planned_steps import PlannedStep, object_and_link
 from optiplan.planners.task.rides.ride_path import RidePath, RideSection
 from optiplan.planners.task.rides.riding import Rider, TimedPart, free_in_time
@@ -27,7 +26,7 @@ from optiplan.problem.problem import JointGoal, Problem
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.task.rides import Ride
 from optiplan.problem.task.steps import Move, TaskStep
-from optiplan.trajectory.joining import join_trajectories, standstill
+from optiplan.trajectory.joining import join_trajectories, standstill, with_resting_joints
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.trajectory import Trajectory
@@ -184,7 +183,7 @@ class Meeting:
         takes = result.trajectory.duration
         if t + takes > at:
             return 0, self._late(ride, at, t + takes), t + _SLACK[0] * takes + _SLACK[1]
-        motion = motion_of_all_joints(self.problem.robot, stage.columns, result.trajectory, state.q)
+        motion = with_resting_joints(result.trajectory, stage.columns, self.problem.robot.joint_names, state.q)
         if at > t + takes:
             motion = join_trajectories([standstill(motion.joint_names, state.q, at - t - takes), motion])
         touch = free_in_time(self.problem, state.scene, first, motion, t, self.budget)
