@@ -24,6 +24,7 @@ from optiplan.geometry.pose import PoseSpec
 from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.schema.ends import GoalSpec, StartSpec, ViaSpec, timed
 from optiplan.problem.schema.meanings import with_meanings
+from optiplan.problem.schema.picks import KINDS
 from optiplan.problem.schema.safety import ClearanceSpec
 from optiplan.problem.schema.scene import MovingFrameSpec, SceneSpec
 from optiplan.problem.schema.task import TaskStepSpec
@@ -147,8 +148,14 @@ def as_written(schema: dict[str, Any]) -> dict[str, Any]:
     stated = schema["$defs"]
     in_steps = _reached(stated, "TaskStepSpec", set())
     definitions = {name: placed(_calculated(one) if name in in_steps else one) for name, one in stated.items()}
+    picked = {}
+    for kind, spec in KINDS.items():
+        own = spec.model_json_schema(mode="validation", ref_template="#/$defs/{model}")
+        definitions |= {name: placed(_calculated(one)) for name, one in own.pop("$defs", {}).items()}
+        definitions[spec.__name__] = _calculated(own)
+        picked[kind] = {"$ref": f"#/$defs/{spec.__name__}"}
     step = definitions["TaskStepSpec"]
-    definitions["TaskStepSpec"] = {**step, "properties": {**step["properties"], **repeated}}
+    definitions["TaskStepSpec"] = {**step, "properties": {**step["properties"], **picked, **repeated}}
     definitions["ArmSpec"] = {key: said for key, said in ArmSpec.model_json_schema().items() if key != "$defs"}
     more = {
         "robots": {"type": "object", "additionalProperties": {"$ref": "#/$defs/ArmSpec"}},
