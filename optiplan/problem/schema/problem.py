@@ -150,16 +150,19 @@ def as_written(schema: dict[str, Any]) -> dict[str, Any]:
     definitions = {name: placed(_calculated(one) if name in in_steps else one) for name, one in stated.items()}
     picked = {}
     for kind, spec in KINDS.items():
-        own = spec.model_json_schema(mode="validation", ref_template="#/$defs/{model}")
-        definitions |= {name: placed(_calculated(one)) for name, one in own.pop("$defs", {}).items()}
-        definitions[spec.__name__] = _calculated(own)
+        said = spec.model_json_schema(mode="validation", ref_template="#/$defs/{model}")
+        definitions |= {name: placed(_calculated(one)) for name, one in said.pop("$defs", {}).items()}
+        definitions[spec.__name__] = _calculated(said)
         picked[kind] = {"$ref": f"#/$defs/{spec.__name__}"}
     step = definitions["TaskStepSpec"]
     definitions["TaskStepSpec"] = {**step, "properties": {**step["properties"], **picked, **repeated}}
     definitions["ArmSpec"] = {key: said for key, said in ArmSpec.model_json_schema().items() if key != "$defs"}
+    pose = definitions["PoseSpec"]
+    moves = {"$ref": "#/$defs/MotionSpec", "description": "How the frame moves, and all that is in it."}
+    definitions["FrameSpec"] = {**pose, "title": "FrameSpec", "properties": {**pose["properties"], "motion": moves}}
     more = {
         "robots": {"type": "object", "additionalProperties": {"$ref": "#/$defs/ArmSpec"}},
-        "frames": {"type": "object", "additionalProperties": {"$ref": "#/$defs/PoseSpec"}},
+        "frames": {"type": "object", "additionalProperties": {"$ref": "#/$defs/FrameSpec"}},
         "tasks": {"type": "object", "additionalProperties": steps},
     }
     required = [key for key in schema["required"] if key != "robot"]
