@@ -186,7 +186,9 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     robot = compiler.robot(robots)
     scene = compiler.scene(robot)
     clearance = None if spec is None else spec.clearance
-    safety, unsafe = safety_of(document, clearance, scene, () if robot is None else link_names(robot))
+    tools = [body for _, name, tool in compiler.tools for body in tool.bodies_of(name)]
+    links = () if robot is None else link_names(robot)
+    safety, unsafe = safety_of(document, clearance, scene, [*links, *tools])
     safety = safety if robot is None else with_built(safety, robot)
     scene = scene if safety is None else replace(scene, safety=safety)
     parts = None if robot is None else _parts(compiler, without_tools(robot), scene)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.timeline import scene_parts
 from optiplan.problem.task.tour_steps import chosen, in_order
 from optiplan.robot.self_collision.pairs import count_reasons
 from optiplan.trajectory.given_files import GivenFiles
@@ -64,7 +65,7 @@ def verify(
         found += file_checks(problem, trajectory, policy, given)
     found += tool_checks(problem, trajectory)
     if not problem.task:
-        found.append(collision(problem, trajectory, policy))
+        found += [collision(part.problem, trajectory, policy) for part in scene_parts(problem, trajectory)]
     if all(check.passed for check in found):
         found.append(complete(problem, found, [*choices(whole), *tours(stated)]))
     about = (*scope(problem, robot, found), *(() if given is None else unread_keys(given)))

@@ -14,6 +14,8 @@ from optiplan.config.simple_yaml import Place
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.problem.builder import Compiler, frame_names, link_names
+from optiplan.problem.constraints.base import WHOLE
+from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.grasps.reading import grasp_ends, region_ends
 from optiplan.problem.partial import LocatedValue
@@ -87,11 +89,13 @@ class TaskReader:
             ]
             group = getattr(getattr(spec, spec.kind), "group", None)
             robot = self._with_tool_of(group)
-            constraints = tuple(one.value for one in self.compiler.constraints(robot, self.scene, kept))
+            located = self.compiler.constraints(robot, self.scene, kept)
+            constraints = tuple(one.value for one in located)
             allowed = self._allowed(part)
             name = spec.name or _name(spec)
             for said in self._actions(part):
                 action, ride = self.rides.ridden(robot, (*part.place, spec.kind), spec, said)
+                self._whole_path(action, located)
                 if isinstance(action, Event):
                     self.robot = self.tools.seen(self._mounted)
                 freely = spec.kind == "approach" and isinstance(action, Move)  # contact is for the line
@@ -111,6 +115,13 @@ class TaskReader:
                 alike = after is not None and found[after].value.option == found[k].value.option
                 self._corner(found[k], found[after].value.action if alike and after is not None else None)
         return [replace(one, value=self._with_frame(one.value)) for one in found]
+
+    def _whole_path(self, action: Action, constraints: Sequence[LocatedValue[PathConstraint]]) -> None:
+        """Report constraints on a part of a path with events: it is several motions, each of which has parts."""
+        for one in constraints if isinstance(action, SeamPath) and action.events else ():
+            if tuple(one.value.during) != WHOLE:
+                found = f"{list(one.value.during)} of a path with events, between which it is several motions"
+                self.compiler.report((*one.place, "during"), found, "no `during`: the whole path")
 
     def _state(self) -> InHand:
         tools, rides = self.tools, self.rides
