@@ -24,6 +24,7 @@ from optiplan.problem.partial import LocatedValue
 from optiplan.problem.schema.frames import in_world
 from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists, with_names
 from optiplan.problem.schema.loops import written_out
+from optiplan.problem.schema.picks import with_picks
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.schema.safety import safety_of
 from optiplan.problem.schema.scene import MotionSpec
@@ -76,6 +77,9 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
     document, wrong = written_out(document)
     if wrong:
         raise _error(wrong)
+    document, wrong = _without_picks(document, base, robots)
+    if wrong:
+        raise _error(wrong)
     document, wrong = _without_frames(document, base, robots)
     stated = document
     document, twice = with_one_robot(document)
@@ -91,12 +95,17 @@ def read_problem(document: Document, base: Path, robots: RobotLoader = load_robo
 
 def _without_frames(document: Document, base: Path, robots: RobotLoader) -> tuple[Document, list[Issue]]:
     """Return a problem file whose poses are all in the world, and what is wrong with those in frames."""
+    return in_world(document, lambda: _robot_of(document, base, robots))
 
-    def robot() -> Robot | None:
-        whole, _ = with_one_robot(document)
-        return Compiler(whole, base, whole.data).robot(robots)
 
-    return in_world(document, robot)
+def _without_picks(document: Document, base: Path, robots: RobotLoader) -> tuple[Document, list[Issue]]:
+    """Return a problem file in which picks and places are plain steps, and what is wrong with them."""
+    return with_picks(document, lambda: _robot_of(document, base, robots))
+
+
+def _robot_of(document: Document, base: Path, robots: RobotLoader) -> Robot | None:
+    whole, _ = with_one_robot(document)
+    return Compiler(whole, base, whole.data).robot(robots)
 
 
 def _issues_of(document: Document, base: Path, robots: RobotLoader) -> Sequence[Issue]:
@@ -114,6 +123,8 @@ def in_one_form(document: Document, base: Path, robots: RobotLoader = load_robot
         InputError: what is wrong with these; not with the rest.
     """
     document, wrong = written_out(document)
+    if not wrong:
+        document, wrong = _without_picks(document, base, robots)
     if not wrong:
         document, wrong = _without_frames(document, base, robots)
     if not wrong:

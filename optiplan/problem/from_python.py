@@ -26,6 +26,7 @@ ARGUMENT_WRITERS = {
     "task": ("task", task_data),
     "tools": ("tools", tools_data),
     "tool": ("tool", tool_data),
+    "frames": ("frames", to_data.frames_data),
     "vias": ("via", to_data.via_data),
     "scene": ("scene", to_data.scene_data),
     "limits": ("limits", to_data.limits_data),

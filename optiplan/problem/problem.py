@@ -51,6 +51,7 @@ class Problem(FreeSpace):
         goal: a `Pose`, a `Region`, values of the joints, the name of a configuration, a `State` to arrive in, or
             a list of alternatives.
         task: several steps, in place of a goal.
+        frames: frames that move, as of a file: `{"belt": {"position": (…), "motion": {"polynomial": …}}}`.
         scene: obstacles and attached objects: a `Scene`, or a list of obstacles; None: empty.
         tools: `Tool`s that the task changes to, with their racks.
         tool: the tool that is mounted at first: a name of `tools`, or a `Tool`; None: none.
@@ -122,6 +123,7 @@ class Problem(FreeSpace):
         scene: Scene | Sequence[Obstacle] | Mapping[str, Any] | None = None,
         *,
         task: Task | Sequence[TaskStep | Mapping[str, Any]] | None = None,
+        frames: Mapping[str, Mapping[str, Any]] | None = None,
         tools: Sequence[Tool] | Mapping[str, Any] | None = None,
         tool: Tool | str | Mapping[str, Any] | None = None,
         vias: Sequence[ViaPoint | Via | End] = (),
@@ -143,7 +145,7 @@ class Problem(FreeSpace):
         in_file, expressions = split_expressions(path_constraints)
         given = {"start": start, "goal": goal, "task": task, "scene": scene, "vias": vias, "limits": limits}
         given |= {"objective": objective, "path_constraints": in_file, "base": base, "gravity": gravity}
-        given |= {"tracking_error": tracking_error, "tools": tools, "tool": tool}
+        given |= {"tracking_error": tracking_error, "tools": tools, "tool": tool, "frames": frames}
         needed = {"start"} if task is not None else {"start", "goal"}
         chosen = to_data.planner_data("trajopt" if planner is None else planner, options)
         labels = {"name": name, "seed": seed, "planner": chosen}

@@ -137,6 +137,11 @@ def base_data(base: Any) -> Any:
     return _mapping("base", base, "op.Pose(position, rpy=…)")
 
 
+def frames_data(frames: Any) -> Any:
+    """`frames:` of a file."""
+    return _mapping("frames", frames, "{name: {'position': (…), 'motion': {'polynomial': …}}}")
+
+
 def limits_data(limits: Any) -> Any:
     """`limits:` of a file: fractions of the robot's own."""
     return _mapping("limits", limits, "fractions such as {'velocity': 0.5}")

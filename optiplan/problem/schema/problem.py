@@ -24,6 +24,7 @@ from optiplan.geometry.pose import PoseSpec
 from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.schema.ends import GoalSpec, StartSpec, ViaSpec, timed
 from optiplan.problem.schema.meanings import with_meanings
+from optiplan.problem.schema.picks import KINDS
 from optiplan.problem.schema.safety import ClearanceSpec
 from optiplan.problem.schema.scene import MovingFrameSpec, SceneSpec
 from optiplan.problem.schema.task import TaskStepSpec
@@ -147,12 +148,21 @@ def as_written(schema: dict[str, Any]) -> dict[str, Any]:
     stated = schema["$defs"]
     in_steps = _reached(stated, "TaskStepSpec", set())
     definitions = {name: placed(_calculated(one) if name in in_steps else one) for name, one in stated.items()}
+    picked = {}
+    for kind, spec in KINDS.items():
+        said = spec.model_json_schema(mode="validation", ref_template="#/$defs/{model}")
+        definitions |= {name: placed(_calculated(one)) for name, one in said.pop("$defs", {}).items()}
+        definitions[spec.__name__] = _calculated(said)
+        picked[kind] = {"$ref": f"#/$defs/{spec.__name__}"}
     step = definitions["TaskStepSpec"]
-    definitions["TaskStepSpec"] = {**step, "properties": {**step["properties"], **repeated}}
+    definitions["TaskStepSpec"] = {**step, "properties": {**step["properties"], **picked, **repeated}}
     definitions["ArmSpec"] = {key: said for key, said in ArmSpec.model_json_schema().items() if key != "$defs"}
+    pose = definitions["PoseSpec"]
+    moves = {"$ref": "#/$defs/MotionSpec", "description": "How the frame moves, and all that is in it."}
+    definitions["FrameSpec"] = {**pose, "title": "FrameSpec", "properties": {**pose["properties"], "motion": moves}}
     more = {
         "robots": {"type": "object", "additionalProperties": {"$ref": "#/$defs/ArmSpec"}},
-        "frames": {"type": "object", "additionalProperties": {"$ref": "#/$defs/PoseSpec"}},
+        "frames": {"type": "object", "additionalProperties": {"$ref": "#/$defs/FrameSpec"}},
         "tasks": {"type": "object", "additionalProperties": steps},
     }
     required = [key for key in schema["required"] if key != "robot"]

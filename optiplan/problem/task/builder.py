@@ -14,6 +14,7 @@ from optiplan.errors import described, wrong_argument
 from optiplan.geometry.pose import Pose, Values, checked
 from optiplan.problem.grasps.statement import Grasps
 from optiplan.problem.schema.joint_names import lists_of
+from optiplan.problem.schema.picks import KINDS
 from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.statement import End, Region, ViaPoint, end_data, is_configuration, via_point_data
 from optiplan.problem.to_data import path_constraint_data
@@ -42,7 +43,13 @@ class Task:
     steps: tuple[Mapping[str, Any], ...] = field(default=())
 
     def move(
-        self, to: End | Sequence[End], *, vias: Sequence[ViaPoint | End] = (), group: str | None = None, **step: Any
+        self,
+        to: End | Sequence[End],
+        *,
+        vias: Sequence[ViaPoint | End] = (),
+        rides: str | None = None,
+        group: str | None = None,
+        **step: Any,
     ) -> "Task":
         """Go to an end, or any of several.
 
@@ -50,15 +57,17 @@ class Task:
             to: a `Pose`, values of the group's joints, (k,) or `{joint: value}`, the name of a configuration, or a list
                 of these.
             vias: passed on the way.
+            rides: an obstacle or a frame that moves: the poses move with it, and are met with their velocity. They are
+                those without any displacement.
             group: of joints that move; None: that of the problem.
             step: see the class.
         """
         said: dict[str, Any] = _ends(to, "Task.move", "to")
         if vias:
             said["via"] = [via_point_data(via, f"vias[{k}]") for k, via in enumerate(vias)]
-        return self._with("move", said | _given(group=group), step)
+        return self._with("move", said | _given(rides=rides, group=group), step)
 
-    def line(
+    def line(  # noqa: PLR0913
         self,
         to: Pose | None = None,
         *,
@@ -67,18 +76,20 @@ class Task:
         speed: float | None = None,
         frame: str | None = None,
         blend: float | None = None,
+        rides: str | None = None,
         group: str | None = None,
         **step: Any,
     ) -> "Task":
         """Move the tool straight to a pose, or by a vector (3,), m, seen from the `world` or the `tool` (`within`).
 
-        Where a line follows, the corner may be rounded off within `blend`, m; without it the arm stops there.
+        Where a line follows, the corner may be rounded off within `blend`, m; without it the arm stops there. `within`
+        may name what the arm goes with; `rides` says that the pose moves with that, as of `move`.
         """
         said = {} if to is None else end_data(to, "Task.line", "to")
-        more = {"by": by, "in": within, "speed": speed, "frame": frame, "blend": blend, "group": group}
+        more = {"by": by, "in": within, "speed": speed, "frame": frame, "blend": blend, "rides": rides, "group": group}
         return self._with("line", said | _given(**more), step)
 
-    def approach(
+    def approach(  # noqa: PLR0913
         self,
         to: Pose | Sequence[Pose] | Grasps | Region,
         distance: float,
@@ -87,12 +98,14 @@ class Task:
         speed: float | None = None,
         vias: Sequence[ViaPoint | End] = (),
         blend: float | None = None,
+        rides: str | None = None,
         group: str | None = None,
         **step: Any,
     ) -> "Task":
         """Go to `distance`, m, before a pose, then straight `along` an axis of its frame.
 
-        The pose is any of several, any of the `Grasps` of an object, or of a `Region`. `blend` is as of `line`.
+        The pose is any of several, any of the `Grasps` of an object, or of a `Region`. `blend` is as of `line`, `rides`
+        as of `move`.
         """
         said: dict[str, Any]
         said = {"grasps": to.to_data()} if isinstance(to, Grasps) else _ends(to, "Task.approach", "to")
@@ -100,8 +113,58 @@ class Task:
             said["any_of"] = [one["pose"] if "pose" in one else one for one in said["any_of"]]
         if vias:
             said["via"] = [via_point_data(via, f"vias[{k}]") for k, via in enumerate(vias)]
-        more = {"distance": distance, "along": along, "speed": speed, "blend": blend, "group": group}
+        more = {"distance": distance, "along": along, "speed": speed, "blend": blend, "rides": rides, "group": group}
         return self._with("approach", said | _given(**more), step)
+
+    def pick(self, object: str, grasps: Sequence[Pose] | None = None, **pick: Any) -> "Task":
+        """Take an object with the fingers: approach, attach, close, lift it off.
+
+        Args:
+            object: name of an obstacle, which may move.
+            grasps: poses of the tool in the frame of the object; None: all across the least width of a box or cylinder.
+            pick: further keys of a `pick` of a problem file, `from_` for its `from`, and those of the step.
+        """
+        step = {key: pick.pop(key) for key in _STEP_KEYS if key in pick}
+        poses = None if grasps is None else [end_data(one, "Task.pick", "grasps")["pose"] for one in grasps]
+        said = {"object": object, "grasps": poses, "from": pick.pop("from_", None), **pick}
+        return self._written("pick", _given(**said), step)
+
+    def place(self, object: str, to: Pose | Sequence[Pose], **place: Any) -> "Task":
+        """Put a held object down: approach a pose of the tool, or any of several, open the fingers, let go, go back.
+
+        Args:
+            object: name of what is held.
+            to: where the tool is then.
+            place: further keys of a `place` of a problem file, `open_` for its `open`, and those of the step.
+        """
+        step = {key: place.pop(key) for key in _STEP_KEYS if key in place}
+        said = _ends(to, "Task.place", "to")
+        if "any_of" in said:
+            said["any_of"] = [one["pose"] if "pose" in one else one for one in said["any_of"]]
+        return self._written("place", _given(object=object, open=place.pop("open_", None), **said, **place), step)
+
+    def either(self, *tasks: "Task") -> "Task":
+        """Do one of several tasks: the one with which the whole is quickest, and verified.
+
+        Raises:
+            InputError: fewer than two tasks, or one without steps.
+
+        Example:
+            >>> import optiplan as op
+            >>> left, right = (op.Task().line(by=(0, y, 0)) for y in (0.1, -0.1))
+            >>> op.Task().move("ready").either(left, right)
+            Task: move, either of 2
+        """
+        for k, one in enumerate(tasks):
+            if not isinstance(one, Task) or not one.steps:
+                raise wrong_argument("Task.either", f"tasks[{k}]", described(one), "an op.Task with steps")
+        if len(tasks) < 2:
+            raise wrong_argument("Task.either", "tasks", f"{len(tasks)} of them", "two or more")
+        return Task((*self.steps, {"either": [[dict(step) for step in one.steps] for one in tasks]}))
+
+    def wait_until(self, condition: str, **step: Any) -> "Task":
+        """Rest until something that moves is somewhere: `"cart.x > 0.3"`, m; y, z, and `angle`, rad, likewise."""
+        return self._with("wait_until", condition, step)
 
     def retreat(
         self,
@@ -182,6 +245,12 @@ class Task:
             more["path_constraints"] = path_constraint_data(more["path_constraints"], f"Task.{kind}")
         data = plain({kind: said, **more})
         checked(TaskStepSpec, lists_of({"task": [data]})["task"][0], f"Task.{kind}", {})
+        return Task((*self.steps, data))
+
+    def _written(self, kind: str, said: Any, step: Mapping[str, Any]) -> "Task":
+        """Return the task with a step that is written out later; its poses are in the world, or in the object."""
+        data = plain({kind: said, **{key: value for key, value in step.items() if value is not None}})
+        checked(KINDS[kind], data[kind], f"Task.{kind}", {"from": "from_", "open": "open_"})
         return Task((*self.steps, data))
 
     def __repr__(self) -> str:
@@ -289,6 +358,8 @@ def _given(**values: Any) -> dict[str, Any]:
 
 
 def _words(step: Mapping[str, Any]) -> str:
-    kind = next(key for key in step if key in TaskStepSpec.model_fields)
+    if "either" in step:
+        return f"either of {len(step['either'])}"
+    kind = next(key for key in step if key in TaskStepSpec.model_fields or key in KINDS)
     about = step[kind].get("object") if isinstance(step[kind], Mapping) else None
     return str(step.get("name") or (f"{kind} {about}" if about else kind))

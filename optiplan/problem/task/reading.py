@@ -94,7 +94,7 @@ class TaskReader:
             allowed = self._allowed(part)
             name = spec.name or _name(spec)
             for said in self._actions(part):
-                action, ride = self.rides.ridden((*part.place, spec.kind), spec, said)
+                action, ride = self.rides.ridden(robot, (*part.place, spec.kind), spec, said)
                 self._whole_path(action, located)
                 if isinstance(action, Event):
                     self.robot = self.tools.seen(self._mounted)

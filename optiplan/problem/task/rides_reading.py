@@ -11,6 +11,7 @@ from optiplan.arrays import Array
 from optiplan.config.simple_yaml import Place
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.scene import Scene
+from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.problem.builder import Compiler
 from optiplan.problem.constraints.base import pose_of
 from optiplan.problem.goals_and_vias import PoseGoal
@@ -20,6 +21,7 @@ from optiplan.problem.schema.scene import MovingFrameSpec
 from optiplan.problem.schema.task import ApproachSpec, RetreatSpec, StraightLineSpec, TaskStepSpec
 from optiplan.problem.task.rides import LONGEST, Mover, Ride, WaitUntil, split_condition
 from optiplan.problem.task.steps import Action, Attach, Detach, Dwell, Move, StraightLine
+from optiplan.robot.robot import Robot
 
 FREE = frozenset({"move", "approach"})
 """Steps that begin a ride where their ends move, and end one where they do not."""
@@ -69,11 +71,11 @@ class RideReader:
     def state(self, state: RideState) -> None:
         self.now, self.motions, self._unclear = state.now, state.motions, state.unclear
 
-    def ridden(self, place: Place, spec: TaskStepSpec, action: Action) -> tuple[Action, Ride | None]:
+    def ridden(self, robot: Robot, place: Place, spec: TaskStepSpec, action: Action) -> tuple[Action, Ride | None]:
         """Return the action, and with what the step goes; what does not fit is reported."""
         if isinstance(action, Move) and spec.kind in FREE:
             self._unclear = False
-            self.now = self._begun(place, getattr(spec, spec.kind), action)
+            self.now = self._begun(robot, place, getattr(spec, spec.kind), action)
             return action, self.now
         ride = self.now
         if isinstance(action, StraightLine):
@@ -136,7 +138,7 @@ class RideReader:
         """Return what moves an object that the file puts somewhere; None where it stands."""
         return self.movers.get(name) if self.motions.get(name) is not None else None
 
-    def _begun(self, place: Place, spec: Any, action: Move) -> Ride | None:
+    def _begun(self, robot: Robot, place: Place, spec: Any, action: Move) -> Ride | None:
         name, mover = spec.rides, None
         if isinstance(spec, ApproachSpec) and spec.grasps is not None:
             mover = self.of_object(spec.grasps.object)
@@ -156,7 +158,9 @@ class RideReader:
             return None
         if action.vias:
             self._report((*place, "via"), f"vias on the way to '{mover.name}', which moves", "a move of its own before")
-        return Ride(mover, frames.pop(), action.joints)
+        frame = frames.pop()
+        lead = zip(robot.joint_names, joints_that_move(robot, frame), strict=True)
+        return Ride(mover, frame, tuple(name for name, leads in lead if leads and name in action.joints))
 
     def _line(self, place: Place, spec: StraightLineSpec | ApproachSpec | RetreatSpec, action: StraightLine) -> None:
         ride, rides = self.now, getattr(spec, "rides", None)
@@ -172,7 +176,7 @@ class RideReader:
         if line and action.by is None and rides is None:
             found = f"a pose in the world while the arm goes with '{ride.mover.name}'"
             self._report((*place, "pose"), found, f"`in: {ride.mover.name}`, or a move before")
-        if (action.frame, action.joints) != (ride.frame, ride.joints):
+        if action.frame != ride.frame or not set(ride.joints) <= set(action.joints):
             found = f"a line of '{action.frame}' while '{ride.frame}' goes with '{ride.mover.name}'"
             self._report(place, found, "a line of the same frame with the same joints")
         if action.blend:

@@ -34,7 +34,7 @@ def stated(path):
     )
     goal = data.get("goal", {})
     labels = {"name", "seed", "limits", "objective", "planner", "path_constraints", "task", "base", "gravity"}
-    labels |= {"tool", "tools"}
+    labels |= {"tool", "tools", "frames"}
     labels = {key: data[key] for key in labels if key in data}
     labels |= {f"start_{key}": data["start"][key] for key in ("velocity", "acceleration") if key in data["start"]}
     if goal:

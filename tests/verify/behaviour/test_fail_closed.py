@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
+from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.safety import SafePairs, Safety
 from optiplan.geometry.scene import Attachment, Box, Obstacle, Scene, Sphere
 from optiplan.problem.constraints.balance import TipOver
@@ -21,6 +22,7 @@ from optiplan.problem.problem import derived
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.seams.actions import Passing, PathEvent, SeamPart, SeamPath, Transit
 from optiplan.problem.seams.curve import SeamCurve
+from optiplan.problem.task.rides import Mover, Ride, WaitUntil
 from optiplan.problem.task.steps import (
     Attach,
     ChangeTool,
@@ -280,7 +282,11 @@ def test_fields_of_what_a_problem_states_are_known():
         Attach: {"body", "link", "touch", "mass", "centre", "inertia", "framed"},
         ChangeTool: {"leaves", "takes"},
         MountedTool: {"name", "link", "X_LT", "bodies", "X_WP", "mounted"},
-        Detach: {"body"},
+        Detach: {"body", "mover"},
+        WaitUntil: {"mover", "axis", "relation", "value"},
+        Ride: {"mover", "frame", "joints"},
+        Mover: {"name", "motion", "X_WO"},
+        ObstacleMotion: {"coefficients", "until", "axis", "point"},
         Dwell: {"seconds"},
         PathEvent: {"at", "name"},
         SeamPath: {
@@ -291,7 +297,7 @@ def test_fields_of_what_a_problem_states_are_known():
         SeamPart: {"path", "low", "high"},
         Passing: {"path", "at"},
         Transit: {"joints"},  # to where a part of a path begins, whose check looks there
-        TaskStep: {"number", "kind", "name", "action", "allowed", "constraints", "arm", "waits"},
+        TaskStep: {"number", "kind", "name", "action", "allowed", "constraints", "arm", "waits", "ride", "option"},
         Obstacle: {"name", "shape", "X_WO", "stated", "motion"},
         Attachment: {"name", "shape", "link", "X_LO", "touch", "stated", "mass", "centre", "inertia", "framed"},
         Limits: {"lower", "upper", "velocity", "acceleration", "jerk", "torque"},

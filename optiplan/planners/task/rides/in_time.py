@@ -15,7 +15,7 @@ from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.seams.seam_motion import run_up
 from optiplan.planners.task.chains import of_step
 from optiplan.planners.task.planned_steps import PlannedStep, object_and_link
-from optiplan.planners.task.rides.meeting import Meeting
+from optiplan.planners.task.rides.meeting import MeetingSearch
 from optiplan.planners.task.rides.riding import TimedPart, free_in_time, until_end
 from optiplan.planners.task.stages import WorldState
 from optiplan.problem.constraints.base import WHOLE
@@ -123,7 +123,7 @@ class TaskInTime:
         if isinstance(action, WaitUntil) and steps[0].ride is None:
             found = self._wait(steps[0], action, begin, t + since)
         elif steps[0].ride is not None:
-            meeting = Meeting(self.problem, self.planner, steps, budget, stages_of(self.progress), self.info)
+            meeting = MeetingSearch(self.problem, self.planner, steps, budget, stages_of(self.progress), self.info)
             found = meeting.run(begin, t + since)
         else:
             found = self._steps(steps, begin, t + since, budget, first=first)

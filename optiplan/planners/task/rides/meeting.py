@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
-from optiplan.kinematics.ik.numeric import pose_error, random_seeds
+from optiplan.kinematics.ik.numeric import joints_that_move, pose_error, random_seeds
 from optiplan.planners.base import Budget, Failure, Planner, Progress
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import line
@@ -69,7 +69,7 @@ class _Found:
 
 
 @dataclass(eq=False)
-class Meeting:
+class MeetingSearch:
     """The search for a meeting and what follows it.
 
     Attributes:
@@ -229,6 +229,8 @@ class _Reach:
         self._asked, self._ends = t, []
         seeds = [*self._last, start, *robot.configurations.values()]
         seeds += random_seeds(robot, start, self._rng, _SEEDS)
+        leads = joints_that_move(robot, self.ride.frame)
+        seeds = [np.where(leads, seed, start) for seed in seeds]
         descent = Descent(robot, self.ride.frame)
         for k in np.argsort(self._vain, kind="stable").tolist()[:_ENDS]:
             X, tolerance = self._poses[k]

@@ -1,0 +1,289 @@
+"""Picking and placing in a problem file, written out as the steps that they are.
+
+    - pick: {object: part, grasps: auto, from: conveyor}       # approach, attach, gripper, retreat
+    - place: {object: part, pose: {in: tray, position: […]}}   # approach, gripper, detach, retreat
+
+What is not said of the hand is what the robot file says: the fingers are a group of its joints, they slide, and the
+link that holds is the one that carries the tool frame.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Annotated, Any, Literal, Self
+
+import pinocchio as pin
+from pydantic import Field, model_validator
+
+from optiplan.config.document import Document, Strict, validate
+from optiplan.config.messages import choices
+from optiplan.config.values import JointValues, Length, Name, NotNegative
+from optiplan.errors import InputError, Issue
+from optiplan.geometry.pose import PoseGoalSpec
+from optiplan.geometry.shapes import shape_from_spec
+from optiplan.problem.grasps.antipodal import graspable, least_width
+from optiplan.problem.partial import fit, mapping
+from optiplan.problem.schema.ends import exactly_one
+from optiplan.problem.schema.scene import LARGEST_MASS, ObstacleSpec
+from optiplan.robot.robot import Robot
+
+_AWAY = 0.1
+"""m of the lines to an object and away from it, where no other length is said."""
+
+_TIGHT = 1e-6
+"""m that fingers open wider than the side that they close on: no other side is taken then."""
+
+_STEP = ("name", "arm", "wait_for", "allowed_collisions", "option")
+"""Keys of a step beside what it does, that its parts have too."""
+
+Place = tuple[str | int, ...]
+
+
+class PickSpec(Strict):
+    """Take an `object` with the fingers: approach one of its `grasps`, attach it, close, lift it off.
+
+    `grasps` are `auto`, those of `approach.grasps` across the least width of the object, or poses of the tool in the
+    frame of the object. `from` names what the object moves with. The fingers are the joints of `hand`, which open to
+    `opening`, m, and close to `closed`. `link`, `touch` and `mass` are as of `attach`.
+    """
+
+    object: Name
+    grasps: Literal["auto"] | Annotated[tuple[PoseGoalSpec, ...], Field(min_length=1)] = "auto"
+    from_: Annotated[Name | None, Field(alias="from")] = None
+    hand: Name | None = None
+    opening: Length | None = None
+    closed: JointValues | None = None
+    link: Name | None = None
+    touch: tuple[Name, ...] | None = None
+    mass: Annotated[NotNegative, Field(le=LARGEST_MASS)] | None = None
+    distance: Length = _AWAY
+    lift: Length = _AWAY
+    speed: Length | None = None
+    group: Name | None = None
+
+
+class PlaceSpec(Strict):
+    """Put a held `object` down: approach a pose of the tool, or any of several, open the fingers, let go, go back."""
+
+    object: Name
+    pose: PoseGoalSpec | None = None
+    any_of: Annotated[tuple[PoseGoalSpec, ...], Field(min_length=1)] | None = None
+    hand: Name | None = None
+    open_: Annotated[JointValues | None, Field(alias="open")] = None
+    distance: Length = _AWAY
+    away: Length = _AWAY
+    speed: Length | None = None
+    group: Name | None = None
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        exactly_one(self, ("pose", "any_of"))
+        return self
+
+
+KINDS: Mapping[str, type[PickSpec] | type[PlaceSpec]] = {"pick": PickSpec, "place": PlaceSpec}
+"""What is written out here."""
+
+
+def with_picks(document: Document, robot: Callable[[], Robot | None]) -> tuple[Document, list[Issue]]:
+    """Return a problem file whose picks and places are plain steps, with their lines; and what is wrong with them."""
+    task = mapping(document.data).get("task")
+    if not isinstance(task, list) or not any(isinstance(one, dict) and KINDS.keys() & one.keys() for one in task):
+        return document, []
+    reader, steps, places = _PickReader(document, robot), list[Any](), list[Place]()
+    for k, step in enumerate(task):
+        for one in reader.steps(("task", k), step):
+            steps.append(one)
+            places.append(("task", k))
+    lines = {place: line for place, line in document.lines.items() if place[:1] != ("task",) or len(place) == 1}
+    for new, old in enumerate(places):
+        below = {place[2:]: line for place, line in document.lines.items() if place[:2] == old}
+        lines |= {("task", new, *rest): line for rest, line in below.items()}
+        if (line := document.lines.get(old)) is not None:
+            lines |= {("task", new, key): line for key in mapping(steps[new]) if ("task", new, key) not in lines}
+    return replace(document, data={**document.data, "task": steps}, lines=lines), reader.issues
+
+
+class _PickReader:
+    def __init__(self, document: Document, robot: Callable[[], Robot | None]) -> None:
+        self._document, self._load = document, robot
+        self.issues: list[Issue] = []
+        obstacles = mapping(mapping(document.data).get("scene")).get("obstacles")
+        self._obstacles = {
+            str(one["name"]): one
+            for one in (obstacles if isinstance(obstacles, list) else [])
+            if isinstance(one, dict) and "name" in one
+        }
+
+    def steps(self, place: Place, step: Any) -> Iterator[Any]:
+        """Yield the steps that a step is."""
+        kinds = [kind for kind in KINDS if isinstance(step, dict) and kind in step]
+        if len(kinds) != 1:
+            yield step
+            return
+        kind = kinds[0]
+        if unknown := [key for key in step if key not in (kind, *_STEP)]:
+            self._report((*place, unknown[0]), f"a key that does not go with `{kind}`", choices(unknown[0], _STEP))
+            return
+        try:
+            said = validate(KINDS[kind], Document(self._document.path, _unframed(step[kind]), {}))
+        except InputError as error:
+            for issue in error.issues:
+                self._report((*place, kind, *issue.path), issue.found, issue.expected)
+            return
+        robot = self._load()
+        if robot is None:
+            return
+        rest = {key: value for key, value in step.items() if key in _STEP}
+        parts = self._pick if isinstance(said, PickSpec) else self._place
+        for i, one in enumerate(parts((*place, kind), said, robot, step[kind])):  # type: ignore[arg-type]
+            own = rest if i == 0 else {key: value for key, value in rest.items() if key not in ("name", "wait_for")}
+            yield {**one, **own}
+
+    def _pick(self, place: Place, said: PickSpec, robot: Robot, raw: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+        hand = self._hand(place, said.hand, robot)
+        body = self._obstacles.get(said.object)
+        if body is None:
+            expected = choices(said.object, list(self._obstacles) or ["none: there are no obstacles"])
+            self._report((*place, "object"), f"unknown object '{said.object}'", expected)
+        if hand is None or body is None:
+            return
+        fingers = _Fingers(robot, hand)
+        width, closed = self._width(body), said.closed
+        opening = fingers.opening if said.opening is None else said.opening
+        if said.grasps == "auto" and (width is None or opening is None or width > opening):
+            found = f"'{said.object}'" if width is None else f"'{said.object}', {width:g} m wide"
+            expected = "`grasps`: poses of the tool in the frame of the object" if width is None else "`opening`, m"
+            wide = "" if width is None or opening is None else f" of more than that; the fingers open to {opening:g} m"
+            self._report((*place, "grasps"), found, expected + wide)
+            return
+        if closed is None and width is not None:
+            closed = fingers.closed(width)
+        if closed is None:
+            self._report((*place, "closed"), "nothing", f"values of the joints of '{hand}' that hold the object")
+            return
+        line = {key: value for key, value in (("speed", said.speed), ("group", said.group)) if value is not None}
+        if said.grasps == "auto" and width is not None:
+            grasps: dict[str, Any] = {"grasps": {"object": said.object, "opening": width + _TIGHT}}
+        else:
+            grasps = {"any_of": [{"in": said.object, **one} for one in raw["grasps"]]}
+        link = said.link or _holding(robot)
+        weight = {} if said.mass is None else {"mass": said.mass}
+        touch = fingers.links if said.touch is None else list(said.touch)
+        lift: dict[str, Any] = {"distance": said.lift, "along": [0, 0, 1], "in": said.from_ or "world"}
+        yield {"approach": {**grasps, "distance": said.distance, **line}}
+        yield {"attach": {"object": said.object, "link": link, "touch": touch, **weight}}
+        yield {"gripper": {"group": hand, "joints": list(closed)}}
+        yield {"retreat": {**lift, **line}}
+
+    def _place(self, place: Place, said: PlaceSpec, robot: Robot, raw: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+        hand = self._hand(place, said.hand, robot)
+        if hand is None:
+            return
+        opened = said.open_ or _Fingers(robot, hand).opened
+        if opened is None:
+            self._report((*place, "open"), "nothing", f"values of the joints of '{hand}' that let go of the object")
+            return
+        line = {key: value for key, value in (("speed", said.speed), ("group", said.group)) if value is not None}
+        end = {key: raw[key] for key in ("pose", "any_of") if key in raw}
+        yield {"approach": {**end, "distance": said.distance, **line}}
+        yield {"gripper": {"group": hand, "joints": list(opened)}}
+        yield {"detach": {"object": said.object}}
+        yield {"retreat": {"distance": said.away, **line}}
+
+    def _hand(self, place: Place, name: str | None, robot: Robot) -> str | None:
+        """Return the group of the fingers: as it is said, or the only one whose joints are not those of the arm."""
+        own = set(robot.joint_names)
+        others = [group for group, joints in robot.groups.items() if not set(joints) & own]
+        if name in others:
+            return name
+        if name is None and len(others) == 1:
+            return others[0]
+        found = "nothing" if name is None else f"'{name}'"
+        expected = choices(name or "", others or ["none: the robot file has no group of fingers"])
+        self._report((*place, "hand"), found, f"a group of fingers: {expected}")
+        return None
+
+    def _width(self, body: Mapping[str, Any]) -> float | None:
+        """Return the least width of a box or a cylinder, m; None of another shape."""
+        spec = fit(ObstacleSpec, {key: body[key] for key in ("name", "shape") if key in body})
+        shape = None if spec is None else shape_from_spec(spec.shape)
+        return least_width(shape) if shape is not None and graspable(shape) else None
+
+    def _report(self, place: Place, found: str, expected: str) -> None:
+        self.issues.append(self._document.issue(place, found, expected))
+
+
+def _unframed(said: Any) -> Any:
+    """Return what a step says with poses without their frames, which are read later."""
+    if not isinstance(said, dict):
+        return said
+    found = dict(said)
+    for key in ("pose", "any_of", "grasps"):
+        one = found.get(key)
+        if isinstance(one, dict):
+            found[key] = _bare(one)
+        elif isinstance(one, list):
+            found[key] = [_bare(pose) if isinstance(pose, dict) else pose for pose in one]
+    return found
+
+
+def _bare(pose: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in pose.items() if key not in ("in", "offset")}
+
+
+class _Fingers:
+    """The joints of a hand, with those that follow them, as the URDF has them."""
+
+    def __init__(self, robot: Robot, group: str) -> None:
+        root = ET.fromstring(robot.urdf)
+        joints = {str(one.get("name")): one for one in root.iter("joint")}
+        self.names = [name for name in robot.groups[group] if name in joints]
+        followers = [
+            name
+            for name, one in joints.items()
+            if (mimic := one.find("mimic")) is not None and mimic.get("joint") in self.names
+        ]
+        moved = [*self.names, *followers]
+        self._sliding = bool(moved) and all(joints[name].get("type") == "prismatic" for name in moved)
+        self._upper = [float(_limit(joints[name])) for name in self.names]
+        self._count = len(moved)
+        own = {_link(joints[name], "child") for name in moved}
+        for _ in joints:
+            own |= {_link(one, "child") for one in joints.values() if _link(one, "parent") in own}
+        self.links = sorted(own & robot.link_geometry.keys())
+
+    @property
+    def opened(self) -> list[float] | None:
+        """Values at which fingers that slide are open."""
+        return self._upper if self._sliding else None
+
+    @property
+    def opening(self) -> float | None:
+        """How far apart fingers that slide are then, m, if they meet at 0."""
+        return max(self._upper) * self._count if self._sliding and self._upper else None
+
+    def closed(self, width: float) -> list[float] | None:
+        """Values at which they hold a width, m."""
+        return [width / self._count] * len(self.names) if self._sliding else None
+
+
+def _limit(joint: ET.Element) -> str:
+    limit = joint.find("limit")
+    return "0" if limit is None else limit.get("upper", "0")
+
+
+def _link(joint: ET.Element, end: str) -> str:
+    found = joint.find(end)
+    return "" if found is None else str(found.get("link"))
+
+
+def _holding(robot: Robot) -> str:
+    """Return the link with a body that carries the tool frame."""
+    frame = robot.model.frames[robot.frame_id(robot.tool_frame)]
+    while frame.type != pin.FrameType.BODY or str(frame.name) not in robot.link_geometry:
+        above = robot.model.frames[frame.parentFrame]
+        if above.name == frame.name or frame.parentFrame == 0:
+            return robot.tool_frame
+        frame = above
+    return str(frame.name)

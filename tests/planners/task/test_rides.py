@@ -1,0 +1,109 @@
+"""Meetings with what moves: when they are, why there are none, and tasks with alternatives."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import optiplan as op
+from optiplan.geometry.obstacle_motion import ObstacleMotion
+from optiplan.planners.cartesian.tool_path import line
+from optiplan.planners.task.rides.ride_path import RidePath, RideSection
+from optiplan.problem.load import problem_from_dict
+from tests.verify.tasks.test_ride_check import on_belt
+
+READY = {"move": {"configuration": "ready"}}
+
+
+def test_the_way_of_the_tool_has_the_derivatives_that_it_states():
+    """Central differences of poses and twists, against the closed form with Coriolis' part."""
+    turn = {"axis": [0, 0.6, 0.8], "angle": [0.2, 0.5, 0.1], "about": [0.3, 0.1, 0.2]}
+    motion = ObstacleMotion.of_data([[0.1, 0.3, 0.02], [0, 0.1], [0]], None, turn)
+    pin.seed(3)
+    X, Y = pin.SE3.Random(), pin.SE3.Random()
+    path = RidePath(motion, 0.7, [RideSection(line(X, Y), 0.8), RideSection(line(Y, Y), 0.4)])
+    h = 1e-5
+    for s in (0.1, 0.4, 0.9):
+        a, b = path.pose(s - h), path.pose(s + h)
+        turned = pin.log3(b.rotation @ a.rotation.T)
+        twist = np.append(b.translation - a.translation, turned) / (2.0 * h)
+        np.testing.assert_allclose(path.twist(s), twist, atol=1e-6)
+        np.testing.assert_allclose(path.twist_rate(s), (path.twist(s + h) - path.twist(s - h)) / (2.0 * h), atol=1e-5)
+
+
+def test_the_conveyor_of_the_examples_is_picked_from(problems):
+    path = problems / "56_conveyor_pick.yaml"
+    assert len(path.read_text().splitlines()) <= 40
+    problem = op.load_problem(path)
+    run = op.plan(problem, budget=60.0)
+    assert run.verified, run.failure or run.report.failures
+    take, let_go = (one.begin for one in run.trajectory.segments if one.kind in ("attach", "detach"))
+    hand = np.array(problem.robot.fk(run.trajectory(take)).position)
+    assert hand[1] == pytest.approx(-0.7 + 0.3 * take, abs=0.03)
+    v = problem.robot.jacobian(run.trajectory(take))[:3] @ run.trajectory(np.array([take]), 1)[0]
+    assert v == pytest.approx([0, 0.3, 0], abs=1e-3)
+    assert take < 2.5 < let_go
+
+
+@pytest.mark.parametrize(
+    ("speed", "y", "x", "words"),
+    [
+        (3.0, -3.0, 0.5, "at 3 m/s"),
+        (0.5, 0.3, 0.5, "leaves the reach of the arm before it can be met"),
+        (0.3, -0.6, 1.6, "is never within reach"),
+    ],
+)
+def test_what_cannot_be_met_is_named_with_its_step(speed, y, x, words):
+    run = op.plan(problem_from_dict(on_belt(speed, y, x)), budget=30.0)
+    assert run.failure is not None
+    assert run.failure.kind in ("reach", "limits")
+    assert words in run.failure.detail
+    assert run.failure.witness["step"] in (1, 2, 3)
+
+
+def test_the_arm_waits_while_it_goes_along():
+    task = on_belt()["task"]
+    task[3] = {"wait_until": "belt.y > -0.05"}
+    run = op.plan(problem_from_dict(on_belt(0.1, -0.3, task=task)), budget=60.0)
+    assert run.verified, run.failure or run.report.failures
+    waited = next(one for one in run.trajectory.segments if one.kind == "wait_until")
+    assert waited.end == pytest.approx(2.5, abs=1e-3)
+    assert waited.end > waited.begin
+
+
+def swing(angle):
+    return {"move": {"joints": [angle, -0.785, 0, -2.356, 0, 1.571, 0.785]}}
+
+
+def chosen(*alternatives, scene=()):
+    task = [{"either": [list(one) for one in alternatives]}, READY]
+    data = {"version": 1, "robot": "panda", "start": {"configuration": "ready"}, "task": task}
+    return problem_from_dict(data | {"scene": {"obstacles": list(scene)}})
+
+
+def test_the_quickest_alternative_is_taken_and_named():
+    run = op.plan(chosen([swing(1.5), {"dwell": 0.1}], [swing(0.4)], [swing(-0.8)]), budget=40.0)
+    assert run.verified
+    assert [one.step for one in run.trajectory.segments] == [3, 5]
+    assert any("alternative 2 of 3" in one for one in run.report.scope)
+    told = run.info["either"]
+    assert [one["alternatives"] for one in told] == [[1], [2], [3]]
+    assert min(told, key=lambda one: one["duration"])["alternatives"] == [2]
+    check = next(one for one in run.report.checks if one.name == "either")
+    assert check.covers == ("task.either[0]",)
+
+
+def test_an_alternative_that_cannot_be_done_is_left():
+    far = {"move": {"pose": {"position": [2.0, 0, 0.5]}}}
+    run = op.plan(chosen([far], [swing(1.5)]), budget=40.0)
+    assert run.verified
+    assert "goal-unreachable" in run.info["either"][0]["failure"]
+    none = op.plan(chosen([far], [far, {"dwell": 0.1}]), budget=20.0)
+    assert none.failure is not None
+    assert "none of 2 alternatives" in none.failure.detail
+
+
+def test_a_motion_of_two_alternatives_is_refused():
+    run = op.plan(chosen([swing(0.4)], [swing(-0.4)]), budget=40.0)
+    other = op.plan(problem_from_dict({**run.problem.source, "task": [swing(0.4), swing(-0.4), READY]}), budget=20.0)
+    report = op.verify(run.problem, other.trajectory)
+    assert {"either", "steps"} <= {check.name for check in report.failures}
