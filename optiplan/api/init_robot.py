@@ -54,8 +54,8 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     robot.urdf and its meshes are written too, and the head of the robot.yaml says what was left out.
 
     Args:
-        urdf: the path of a URDF, a xacro file, MuJoCo's MJCF, or a MoveIt configuration folder; meshes are looked for
-            beside it.
+        urdf: the path of a URDF, a xacro file, MuJoCo's MJCF, a USD stage, or a MoveIt configuration folder; meshes are
+            looked for beside it.
         out: folder for the files; None: that of the URDF, or the configuration folder.
         name: of the robot; None: that in the URDF.
         group: names of the joints to plan, base to tip; none: the longest chain.

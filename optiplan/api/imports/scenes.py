@@ -22,7 +22,7 @@ def import_scene(source: Path | str, out: Path | str, robot: Path | str, *, repl
     first and its last named configuration, else the middle of its limits. The head of the file says what was left out.
 
     Args:
-        source: a `.scene` of MoveIt, an SDF world or model, or MJCF of MuJoCo (extra `sim`).
+        source: a `.scene` of MoveIt, an SDF world or model, MJCF of MuJoCo (extra `sim`), or a USD stage (extra `usd`).
         out: the problem file to be written.
         robot: a name of `op.robots()`, or the path of a robot.yaml.
         replace_files: whether files that are there are replaced.
@@ -33,7 +33,7 @@ def import_scene(source: Path | str, out: Path | str, robot: Path | str, *, repl
     Raises:
         InputError: the source or the robot cannot be used, a file is there already, or the robot touches the scene
             where it starts; the file is written then, to be edited.
-        OptiPlanError: MJCF without the package `mujoco`.
+        OptiPlanError: MJCF without the package `mujoco`, USD without `usd-core`.
 
     Example:
         >>> import optiplan as op

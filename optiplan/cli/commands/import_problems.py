@@ -55,7 +55,9 @@ def mbm(
 
 @app.command("scene")
 def scene(
-    source: Annotated[Path, typer.Argument(metavar="FILE", help="a .scene of MoveIt, an SDF file, or MuJoCo's MJCF")],
+    source: Annotated[
+        Path, typer.Argument(metavar="FILE", help="a .scene of MoveIt, an SDF file, MuJoCo's MJCF, or a USD stage")
+    ],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="the problem file to write; meshes go beside it")],
     robot: Annotated[str, typer.Option("--robot", metavar="NAME_OR_FILE", help="the robot, at the scene's origin")],
     force: Annotated[bool, typer.Option("--force", help="replace files that are there")] = False,

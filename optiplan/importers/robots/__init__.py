@@ -1,1 +1,1 @@
-"""Robots of other programs: URDF, xacro, MuJoCo's MJCF and MoveIt configurations as what a robot.yaml needs."""
+"""Robots of other programs: URDF, xacro, MuJoCo's MJCF, USD and MoveIt configurations as what a robot.yaml needs."""

@@ -4,18 +4,18 @@ import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-from optiplan.errors import InputError, Issue
 from optiplan.files import is_file, read_bytes
 from optiplan.importers.robots.description import Description
 from optiplan.robot.urdf.reader import read_urdf, with_found_meshes
 
-KNOWN = "a URDF, a xacro file, an MJCF file of MuJoCo, or the folder of a MoveIt configuration"
+USD_ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
+
 _ROOT = re.compile(rb"<\s*([A-Za-z_][\w.-]*)")
 _SKIPPED = re.compile(rb"<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>]*>", re.DOTALL)
 
 
 def describe(path: Path) -> Description:
-    """Read the robot of a URDF, a xacro file, an MJCF file or a MoveIt configuration folder.
+    """Read the robot of a URDF, a xacro file, an MJCF file, a USD stage or a MoveIt configuration folder.
 
     Raises:
         InputError: none of these, or one that cannot be used.
@@ -25,8 +25,10 @@ def describe(path: Path) -> Description:
         from optiplan.importers.robots.moveit_config import describe_moveit
 
         return describe_moveit(path)
-    if path.suffix in (".usd", ".usda", ".usdc", ".usdz"):
-        raise InputError([Issue(str(path), None, "robots init", "a USD file", KNOWN)])
+    if path.suffix in USD_ENDINGS:
+        from optiplan.importers.robots.usd.to_urdf import describe_usd
+
+        return describe_usd(path)
     if path.suffix == ".xacro" or (is_file(path) and b"<xacro:" in read_bytes(path)):
         return _expanded(path)
     if root_tag(path) == "mujoco":

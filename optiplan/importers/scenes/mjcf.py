@@ -6,7 +6,8 @@ from typing import Any
 import pinocchio as pin
 
 from optiplan.importers.robots.mjcf.compiled import compile_mjcf
-from optiplan.importers.robots.mjcf.geoms import ellipsoid_hull, mesh_of, touches
+from optiplan.importers.robots.mjcf.geoms import mesh_of, touches
+from optiplan.importers.robots.polyhedra import ellipsoid_hull
 from optiplan.importers.scenes.imported import ImportedScene
 
 

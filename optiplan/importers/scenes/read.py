@@ -4,23 +4,27 @@ from pathlib import Path
 
 from optiplan.errors import InputError, Issue
 from optiplan.files import is_file
-from optiplan.importers.robots.describe import root_tag
+from optiplan.importers.robots.describe import USD_ENDINGS, root_tag
 from optiplan.importers.scenes.imported import ImportedScene
 
-KNOWN = "a .scene of MoveIt, an SDF world or model, or MJCF of MuJoCo"
+KNOWN = "a .scene of MoveIt, an SDF world or model, MJCF of MuJoCo, or a USD stage"
 
 
 def read_scene(path: Path) -> ImportedScene:
-    """Read a `.scene` of MoveIt, an SDF file or an MJCF file.
+    """Read a `.scene` of MoveIt, an SDF file, an MJCF file or a USD stage.
 
     Raises:
         InputError: none of these, or one that cannot be used.
-        OptiPlanError: MJCF without the package `mujoco`.
+        OptiPlanError: MJCF without the package `mujoco`, USD without `usd-core`.
     """
     if path.suffix == ".scene":
         from optiplan.importers.scenes.moveit_text import read_moveit_scene
 
         return read_moveit_scene(path)
+    if path.suffix in USD_ENDINGS:
+        from optiplan.importers.scenes.usd import read_usd_scene
+
+        return read_usd_scene(path)
     tag = root_tag(path)
     if tag == "mujoco":
         from optiplan.importers.scenes.mjcf import read_mjcf_scene

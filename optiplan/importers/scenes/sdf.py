@@ -14,7 +14,7 @@ import pinocchio as pin
 from optiplan.errors import InputError, Issue
 from optiplan.files import is_file, read_bytes
 from optiplan.geometry.meshes.reading import open_mesh, read_mesh, read_together
-from optiplan.importers.robots.mjcf.geoms import ellipsoid_hull
+from optiplan.importers.robots.polyhedra import ellipsoid_hull
 from optiplan.importers.scenes.imported import ImportedScene
 
 DEEPEST = 8

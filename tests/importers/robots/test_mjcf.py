@@ -8,7 +8,7 @@ import pytest
 
 import optiplan as op
 from optiplan.importers.robots.describe import describe
-from optiplan.importers.robots.mjcf.geoms import ellipsoid_hull
+from optiplan.importers.robots.polyhedra import ellipsoid_hull
 from optiplan.robot.urdf.reader import build_model, read_urdf
 
 mujoco = pytest.importorskip("mujoco")

@@ -1,4 +1,4 @@
-"""Scenes of MoveIt, Gazebo and MuJoCo: the same cell three times gives the same obstacles; bad files are named."""
+"""Scenes of MoveIt, Gazebo, MuJoCo and USD: the same cell four times gives the same obstacles; bad files are named."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,55 @@ MJCF = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1" pos="0
     <geom type="sphere" size="9" contype="0" conaffinity="0"/></body>
   <body name="robot"><joint axis="0 0 1"/><geom size="0.1"/></body></worldbody></mujoco>
 """
-FILES = {"cell.scene": MOVEIT, "cell.sdf": SDF, "cell.xml": MJCF}
+USD = """#usda 1.0
+(
+    metersPerUnit = 0.1
+    upAxis = "Y"
+)
+def Xform "table" (prepend apiSchemas = ["PhysicsRigidBodyAPI"])
+{
+    double3 xformOp:translate = (5, 2, 0)
+    float xformOp:rotateY = 45
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY"]
+    def Cube "board" (prepend apiSchemas = ["PhysicsCollisionAPI"])
+    {
+        double size = 1
+        double3 xformOp:translate = (0, 1, 0)
+        float xformOp:rotateX = -90
+        float3 xformOp:scale = (4, 6, 0.2)
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX", "xformOp:scale"]
+    }
+    def Cylinder "leg" (prepend apiSchemas = ["PhysicsCollisionAPI"])
+    {
+        double radius = 0.3
+        double height = 3
+        token axis = "Y"
+        double3 xformOp:translate = (1, -0.5, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def Sphere "halo"
+    {
+        double radius = 90
+    }
+}
+def Plane "floor" (prepend apiSchemas = ["PhysicsCollisionAPI"])
+{
+    token axis = "Y"
+    double3 xformOp:translate = (0, -5, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Xform "robot" (prepend apiSchemas = ["PhysicsRigidBodyAPI"])
+{
+    def Cube "link" (prepend apiSchemas = ["PhysicsCollisionAPI"])
+    {
+    }
+}
+def PhysicsRevoluteJoint "hinge"
+{
+    rel physics:body1 = </robot>
+}
+"""
+FILES = {"cell.scene": MOVEIT, "cell.sdf": SDF, "cell.xml": MJCF, "cell.usda": USD}
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -89,6 +137,7 @@ def test_the_same_cell_gives_the_same_obstacles(tmp_path, name):
         ("cell.scene", ["1 subframes of floor", "plane floor became a half-space"]),
         ("cell.sdf", ["table has 1 joints that move", "left out: 1 <actor>"]),
         ("cell.xml", ["left out: robot, which have joints", "the loose bodies table"]),
+        ("cell.usda", ["left out: /robot, which have joints", "the loose bodies /table"]),
     ],
 )
 def test_what_is_left_out_is_said(tmp_path, name, words):
@@ -135,6 +184,10 @@ def test_meshes_and_included_models_come_along(tmp_path):
         ("cell.sdf", 'relative_to="top"', 'relative_to="side"', "the frame 'side'; expected one of: board"),
         ("cell.sdf", "<pose>0 0 0.1 0 0 0</pose>", '<pose relative_to="top"/>', "which depends on itself"),
         ("cell.sdf", "</sdf>", "", "cell.sdf:"),
+        ("cell.usda", "height = 3", "height = -3", "cell.usda: /table/leg.height: -3.0; expected a number > 0"),
+        ("cell.usda", "0.2)", "0)", "cell.usda: /table/board: a transform that flattens"),
+        ("cell.usda", 'Cube "board"', 'Points "board"', "cell.usda: /table/board: a collider of type Points"),
+        ("cell.usda", 'token axis = "Y"', "token axis = Y", "cell.usda:23: usd: "),
         ("cell.sdf", "sdf", "urdf", "XML of <urdf>; expected a .scene of MoveIt"),
     ],
 )

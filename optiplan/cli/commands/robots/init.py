@@ -9,7 +9,7 @@ import typer
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import stdout_is_ours
 
-SOURCE = "a URDF, a xacro file, MuJoCo's MJCF, or a MoveIt configuration folder"
+SOURCE = "a URDF, a xacro file, MuJoCo's MJCF, a USD stage, or a MoveIt configuration folder"
 
 
 def init(
@@ -43,7 +43,7 @@ def init(
     """Make a robot from a URDF: choose the joints to plan, find the pairs of links that need no check, write both.
 
     On a terminal it asks for what no flag says; a plain Enter takes what stands in brackets.
-    Robots of MuJoCo and MoveIt are written as robot.urdf with their meshes. The head of robot.yaml says what was left
+    Robots of MuJoCo, USD and MoveIt are written as robot.urdf with their meshes. The head of robot.yaml says what was left
     out.
 
     [bold]Examples[/]
@@ -53,6 +53,8 @@ def init(
       optiplan robots init my_arm.urdf --allow-pairs touching   links that overlap as they are built
 
       optiplan robots init panda.xml --out panda                MuJoCo's MJCF (package mujoco)
+
+      optiplan robots init arm.usda --out arm                   UsdPhysics (package usd-core)
 
       optiplan robots init panda_moveit_config --out panda      groups, states, pairs and limits of MoveIt
 

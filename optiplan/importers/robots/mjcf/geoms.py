@@ -13,7 +13,9 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.meshes.triangles import Triangles
-from optiplan.robot.urdf.elements import number_words, origin_element
+from optiplan.importers.robots.polyhedra import ellipsoid_hull
+from optiplan.importers.robots.urdf_shapes import MeshFiles, add_shape
+from optiplan.robot.urdf.elements import number_words
 
 SEEN = 3
 """Groups of geoms below this one are drawn, as by MuJoCo's viewer."""
@@ -46,14 +48,13 @@ def solid_geoms(model: Any) -> tuple[set[int], str]:
 
 
 class GeomWriter:
-    """Adds geoms to the links of a URDF; `files` gets the meshes, `notes` what is omitted."""
+    """Adds geoms to the links of a URDF; `meshes` gets the meshes, `notes` what is omitted."""
 
     def __init__(self, mujoco: Any, model: Any) -> None:
         self.model = model
-        self.files: dict[str, bytes] = {}
+        self.meshes = MeshFiles()
         self.notes: list[str] = []
         self._kinds = mujoco.mjtGeom
-        self._written: dict[int, str] = {}
         self._solid, remark = solid_geoms(model)
         self.notes += [remark] if remark else []
 
@@ -66,33 +67,9 @@ class GeomWriter:
         X_LG = X_LB * placed(model.geom_pos[geom], model.geom_quat[geom])
         solid = geom in self._solid
         if model.geom_group[geom] < SEEN or not solid:
-            self._element(link, "visual", X_LG, shape, self._colour(geom))
+            add_shape(link, "visual", X_LG, shape, self._colour(geom))
         if solid:
-            self._element(link, "collision", X_LG, shape)
-
-    def _element(
-        self, link: ET.Element, tag: str, X_LG: pin.SE3, shape: ET.Element, colour: Array | None = None
-    ) -> None:
-        """One shape of a link; a capsule is a cylinder that `collision_checking` names, in a picture with two balls."""
-        element = ET.SubElement(link, tag)
-        origin_element(element, X_LG)
-        geometry = ET.SubElement(element, "geometry")
-        if shape.tag != "capsule":
-            geometry.append(shape)
-        else:
-            ET.SubElement(geometry, "cylinder", dict(shape.attrib))
-        if colour is not None:
-            material = ET.SubElement(element, "material", name="rgba_" + "_".join(f"{x:.3g}" for x in colour))
-            ET.SubElement(material, "color", rgba=number_words(colour))
-        if shape.tag == "capsule" and tag == "collision":
-            name = f"{link.get('name')}_{len(link)}"
-            element.set("name", name)
-            ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
-        elif shape.tag == "capsule":
-            half = 0.5 * float(shape.get("length", "0"))
-            for end in (-half, half):
-                ball = ET.Element("sphere", radius=shape.get("radius", "0"))
-                self._element(link, tag, X_LG * pin.SE3(np.eye(3), np.array([0.0, 0.0, end])), ball, colour)
+            add_shape(link, "collision", X_LG, shape)
 
     def _colour(self, geom: int) -> Array:
         material = int(self.model.geom_matid[geom])
@@ -109,22 +86,13 @@ class GeomWriter:
             tag = "cylinder" if kind == kinds.mjGEOM_CYLINDER else "capsule"
             return ET.Element(tag, radius=repr(a), length=repr(2 * b))
         if kind == kinds.mjGEOM_ELLIPSOID:
-            return self._mesh_file(-1 - geom, f"ellipsoid_{geom}", *ellipsoid_hull(a, b, c))
+            return self.meshes.element(-1 - geom, f"ellipsoid_{geom}", *ellipsoid_hull(a, b, c))
         mesh = int(self.model.geom_dataid[geom])
         if kind in (kinds.mjGEOM_MESH, kinds.mjGEOM_SDF) and mesh >= 0:
-            return self._mesh_file(mesh, self.model.mesh(mesh).name or f"mesh_{mesh}", *mesh_of(self.model, mesh))
+            return self.meshes.element(mesh, self.model.mesh(mesh).name or f"mesh_{mesh}", *mesh_of(self.model, mesh))
         words = "plane" if kind == kinds.mjGEOM_PLANE else "height field"
         self.notes.append(f"left out: the {words} of {link}, which a robot cannot have; put it into the scene")
         return None
-
-    def _mesh_file(self, key: int, name: str, vertices: Array, triangles: Triangles) -> ET.Element:
-        if key not in self._written:
-            plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
-            taken = set(self._written.values())
-            file = next(f for k in range(len(taken) + 1) if (f := f"meshes/{plain}{k or ''}.stl") not in taken)
-            self._written[key] = file
-            self.files[file] = stl_bytes(vertices, triangles)
-        return ET.Element("mesh", filename=self._written[key])
 
 
 def mesh_of(model: Any, mesh: int) -> tuple[Array, Triangles]:
@@ -132,34 +100,3 @@ def mesh_of(model: Any, mesh: int) -> tuple[Array, Triangles]:
     first, face = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
     vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])]
     return np.array(vertices, float), np.array(model.mesh_face[face : face + int(model.mesh_facenum[mesh])])
-
-
-def stl_bytes(vertices: Array, triangles: Triangles) -> bytes:
-    """A binary STL of vertices (k, 3), m, and triangles (m, 3)."""
-    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    rows = np.zeros(len(triangles), record)
-    rows["corners"] = vertices[triangles]
-    return bytes(80) + len(triangles).to_bytes(4, "little") + rows.tobytes()
-
-
-def ellipsoid_hull(a: float, b: float, c: float) -> tuple[Array, Triangles]:
-    """A polyhedron around the ellipsoid with half-axes a, b, c: an octahedron split three times, blown up.
-
-    The unit ball touches it from inside: the vertices are on the sphere of radius 1 / r, with r the least distance of a
-    facet of the polyhedron in the unit sphere from its centre. An affine map keeps what is inside inside.
-    """
-    corners = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
-    faces = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [1, 0, 5], [2, 1, 5], [3, 2, 5], [0, 3, 5]]
-    points = corners[np.array(faces)]
-    for _ in range(3):
-        p, q, r = points[:, 0], points[:, 1], points[:, 2]
-        pq, qr, rp = p + q, q + r, r + p
-        parts = [np.stack(part, axis=1) for part in ((p, pq, rp), (pq, q, qr), (rp, qr, r), (pq, qr, rp))]
-        points = np.concatenate(parts)
-        points /= np.linalg.norm(points, axis=2, keepdims=True)
-    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    inside = float(np.min(np.einsum("ij,ij->i", normals, points[:, 0])))
-    flat = points.reshape(-1, 3) / inside * np.array([a, b, c])
-    vertices, index = np.unique(flat.round(12), axis=0, return_inverse=True)
-    return vertices, index.reshape(-1, 3)

@@ -51,7 +51,7 @@ def describe_mjcf(path: Path) -> Description:
         source=path,
         name=str(writer.root.get("name")),
         text=f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n',
-        files=writer.geoms.files,
+        files=writer.geoms.meshes.files,
         keys={"collision": "hull"},
         states=states,
         rest=rest,

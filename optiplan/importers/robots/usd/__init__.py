@@ -1,0 +1,1 @@
+"""USD stages with UsdPhysics: bodies, joints, colliders and masses as what a robot.yaml needs."""

@@ -1,0 +1,283 @@
+"""A robot of a USD stage as a URDF: bodies, joints, masses, colliders and what is drawn.
+
+A joint of USD has a frame in either body, one of a URDF only in the body that carries it. So a link without a body
+stands between where the frame in the carried body is not that body's own.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from optiplan.arrays import Array
+from optiplan.importers.robots.description import Description
+from optiplan.importers.robots.urdf_shapes import MeshFiles, add_shape
+from optiplan.importers.robots.usd.joints import SLIDES, TURNS, Joint, moved, read_joints
+from optiplan.importers.robots.usd.masses import body_inertia
+from optiplan.importers.robots.usd.shapes import NOT_READ, Shape, gprims, shape_of
+from optiplan.importers.robots.usd.stage import UsdStage, schemas
+from optiplan.importers.robots.usd.tree import Tree, read_tree, rigid_bodies
+from optiplan.robot.urdf.elements import inertial_element, number_words, origin_element
+from optiplan.robot.urdf.srdf import LinkPair, link_pair
+
+FAR = 100.0
+"""m; a slide without limits is given these, since a URDF has no endless ones."""
+
+WORLD = "world"
+DRAWN = "drawn"
+"""The configuration in which the stage shows the robot."""
+
+OFF = 1e-3
+"""m and rad; bodies that are drawn further from where their joint lets them be are remarked on."""
+
+
+def describe_usd(path: Path) -> Description:
+    """Read the robot of a USD stage.
+
+    Raises:
+        InputError: no USD, no articulation or several, or a prim of it that cannot be used.
+        OptiPlanError: the package `usd-core` is not installed.
+    """
+    stage = UsdStage(path)
+    writer = _UsdWriter(stage)
+    text = writer.text()
+    return Description(
+        source=path,
+        name=str(writer.root.get("name")),
+        text=f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n',
+        files=writer.meshes.files,
+        limits={"velocity": writer.rates} if writer.rates else {},
+        states={DRAWN: writer.drawn} if any(writer.drawn.values()) else {},
+        rest=writer.drawn,
+        allowed=writer.filtered(),
+        notes=tuple(dict.fromkeys(writer.notes)),
+    )
+
+
+class _UsdWriter:
+    """The URDF of one stage."""
+
+    def __init__(self, stage: UsdStage) -> None:
+        self.stage = stage
+        self.bodies = rigid_bodies(stage)
+        self.places = {path: stage.placed(prim).pose() for path, prim in self.bodies.items()}
+        joints = read_joints(stage, self.places)
+        self.tree: Tree = read_tree(stage, joints, self.places)
+        self.notes = list(self.tree.notes)
+        self.meshes = MeshFiles()
+        self.drawn: dict[str, float] = {}
+        self.rates: dict[str, float] = {}
+        default = stage.stage.GetDefaultPrim()
+        self.root = ET.Element("robot", name=default.GetName() if default else stage.path.stem)
+        carried = [pair for pair in self.tree.carried.values() if pair is not None]
+        self.joints = {joint.path: joint for joint, _ in carried}
+        named = _names([WORLD, *self.joints, *self.tree.order])
+        self.names = {**named, "": WORLD}
+        self._taken = set(named.values())
+        self._held = self._without_drive()
+        strangers = [path for path in self.bodies if path not in self.tree.carried]
+        if strangers:
+            self.notes.append(f"left out: bodies that do not belong to it: {_listed(strangers)}")
+        still = [str(prim.GetPath()) for prim, solid in gprims(stage, stage.stage.GetPseudoRoot()) if solid]
+        if still:
+            self.notes.append(f"left out: colliders without a body, which belong into the scene: {_listed(still)}")
+
+    def _without_drive(self) -> set[str]:
+        """Paths of the joints that stand still: without a drive, where another joint has one."""
+        moving = [joint for joint in self.joints.values() if joint.moves]
+        followers = {joint.path for joint in moving if joint.mimic is not None and joint.mimic[0] in self.joints}
+        if not any(joint.driven for joint in moving):
+            return set()
+        held = {joint.path for joint in moving if not joint.driven and joint.path not in followers}
+        if held:
+            self.notes.append(f"held where they are drawn, since no drive moves them: {_listed(sorted(held))}")
+        return held
+
+    def text(self) -> str:
+        """The whole file."""
+        ET.SubElement(self.root, "link", name=WORLD)
+        for path in self.tree.order:
+            self._carry(path)
+            self._link(path)
+        ET.indent(self.root)
+        return ET.tostring(self.root, encoding="unicode")
+
+    def _carry(self, path: str) -> None:
+        """The joint before a body."""
+        link, carried = self.names[path], self.tree.carried[path]
+        if carried is None:
+            self._joint(self._free(f"{link}_fixed"), "fixed", (WORLD, link), self.places[path])
+            return
+        joint, carrier = carried
+        forward = joint.bodies[1] == path
+        X_PF, X_CF = joint.frames if forward else joint.frames[::-1]
+        axis = joint.axis if forward else -joint.axis
+        parent, name = self.names[carrier], self.names[joint.path]
+        q = self._position(joint, carrier, path, (X_PF, X_CF, axis))
+        if not joint.moves or joint.path in self._held:
+            X_PC = X_PF * moved(joint.kind, axis, q) * X_CF.inverse() if joint.moves else X_PF * X_CF.inverse()
+            self._joint(name, "fixed", (parent, link), X_PC)
+            return
+        own = X_CF.isIdentity(1e-12)
+        child = link if own else self._free(f"{name}_frame")
+        self._moving(joint, (parent, child), X_PF, axis)
+        self.drawn[name] = q
+        if not own:
+            ET.SubElement(self.root, "link", name=child)
+            self._joint(self._free(f"{link}_fixed"), "fixed", (child, link), X_CF.inverse())
+
+    def _position(self, joint: Joint, carrier: str, path: str, frames: tuple[pin.SE3, pin.SE3, Array]) -> float:
+        """The position at which the stage shows a joint, rad or m; a remark where its bodies are not where it says."""
+        X_PF, X_CF, axis = frames
+        X_WP = self.places[carrier] if carrier else pin.SE3.Identity()
+        X = (X_WP * X_PF).actInv(self.places[path] * X_CF)
+        motion = pin.log6(X)
+        q = 0.0
+        if joint.kind == TURNS:
+            q = float(axis @ pin.log3(X.rotation))
+        elif joint.kind == SLIDES:
+            q = float(axis @ X.translation)
+        off = pin.log6(moved(joint.kind, axis, q).actInv(X)) if joint.moves else motion
+        if max(np.linalg.norm(off.linear), np.linalg.norm(off.angular)) > OFF:
+            self.notes.append(f"{path} is not drawn where the joint {joint.path} puts it: the joint counts")
+        if joint.moves and not joint.lower <= q <= joint.upper:
+            q = float(np.clip(q, joint.lower, joint.upper))
+        return 0.0 if abs(q) < 1e-9 else q
+
+    def _moving(self, joint: Joint, links: tuple[str, str], X_PF: pin.SE3, axis: Array) -> None:
+        name, turns = self.names[joint.path], joint.kind == TURNS
+        endless = np.isinf(joint.lower) and np.isinf(joint.upper)
+        kind = ("continuous" if endless else "revolute") if turns else "prismatic"
+        element = self._joint(name, kind, links, X_PF)
+        ET.SubElement(element, "axis", xyz=number_words(axis))
+        effort = joint.effort if np.isfinite(joint.effort) else 0.0
+        limit = ET.SubElement(element, "limit", effort=repr(effort), velocity="0")
+        if kind != "continuous":
+            far = 2.0 * np.pi if turns else FAR
+            lower, upper = max(joint.lower, -far), min(joint.upper, far)
+            limit.set("lower", repr(lower))
+            limit.set("upper", repr(upper))
+            if (lower, upper) != (joint.lower, joint.upper):
+                self.notes.append(f"{joint.path} has no limit at an end: {lower:g} to {upper:g} is taken")
+        if np.isfinite(joint.velocity):
+            self.rates[name] = joint.velocity
+        if joint.mimic is not None and joint.mimic[0] in self.joints:
+            leader, factor, offset = joint.mimic
+            ET.SubElement(element, "mimic", joint=self.names[leader], multiplier=repr(factor), offset=repr(offset))
+        elif joint.mimic is not None:
+            self.notes.append(f"left out: {joint.path} follows {joint.mimic[0]}, which is no joint of the robot")
+
+    def _joint(self, name: str, kind: str, links: tuple[str, str], X: pin.SE3) -> ET.Element:
+        element = ET.SubElement(self.root, "joint", name=name, type=kind)
+        origin_element(element, X)
+        ET.SubElement(element, "parent", link=links[0])
+        ET.SubElement(element, "child", link=links[1])
+        return element
+
+    def _link(self, path: str) -> None:
+        """One body: its inertia, its colliders, what is drawn, and empty prims below it as frames."""
+        stage, prim, link = self.stage, self.bodies[path], self.names[path]
+        element = ET.SubElement(self.root, "link", name=link)
+        solids = []
+        for shape_prim, collides in gprims(stage, prim):
+            if not collides and not stage.drawn(shape_prim):
+                continue
+            shape = shape_of(stage, shape_prim, self.places[path], collides)
+            if shape is None or shape.kind == "plane":
+                self._cannot(shape_prim, collides)
+                continue
+            if stage.drawn(shape_prim):
+                add_shape(
+                    element, "visual", shape.X, self._shape(shape_prim, shape, collides), _colour(stage, shape_prim)
+                )
+            if collides:
+                add_shape(element, "collision", shape.X, self._shape(shape_prim, shape, collides))
+                solids.append((shape_prim, shape))
+        inertia = body_inertia(stage, prim, self.places[path], solids)
+        if inertia is not None and inertia.mass > 0.0:
+            inertial_element(element, inertia)
+        else:
+            self.notes.append(f"{path} has neither a mass nor a collider: it weighs nothing")
+        for frame in _empty_frames(stage, prim):
+            X_LF = self.places[path].actInv(stage.placed(frame).pose())
+            name = self._free(frame.GetName())
+            ET.SubElement(self.root, "link", name=name)
+            self._joint(self._free(f"{name}_fixed"), "fixed", (link, name), X_LF)
+
+    def _cannot(self, prim: Any, collides: bool) -> None:
+        """Say that a shape is left out.
+
+        Raises:
+            InputError: one that touches.
+        """
+        kind = str(prim.GetTypeName())
+        if collides and kind in NOT_READ:
+            expected = "a Cube, Sphere, Cylinder, Capsule, Cone or Mesh"
+            raise self.stage.issue(prim, f"a collider of type {kind}", expected)
+        self.notes.append(f"left out: {prim.GetPath()}, a {kind}, which a robot cannot have")
+
+    def _shape(self, prim: Any, shape: Shape, collides: bool) -> ET.Element:
+        if shape.kind == "box":
+            return ET.Element("box", size=number_words(shape.sizes))
+        if shape.kind == "sphere":
+            return ET.Element("sphere", radius=repr(shape.sizes[0]))
+        if shape.kind in ("cylinder", "capsule"):
+            return ET.Element(shape.kind, radius=repr(shape.sizes[0]), length=repr(shape.sizes[1]))
+        return self.meshes.element((str(prim.GetPath()), collides), prim.GetName(), shape.vertices, shape.triangles)
+
+    def _free(self, name: str) -> str:
+        """A name that nothing has yet, taken now."""
+        while name in self._taken:
+            name += "_"
+        self._taken.add(name)
+        return name
+
+    def filtered(self) -> tuple[LinkPair, ...]:
+        """Pairs of links that `physics:filteredPairs` names; those of colliders and of other things are remarked on."""
+        pairs = set()
+        for prim in (prim for prim in self.stage.prims() if "PhysicsFilteredPairsAPI" in schemas(prim)):
+            for other in self.stage.targets(prim, "physics:filteredPairs"):
+                ends = [str(one.GetPath()) for one in (prim, other)]
+                if all(end in self.tree.carried for end in ends):
+                    pairs.add(link_pair(self.names[ends[0]], self.names[ends[1]]))
+                elif any(end.startswith(f"{path}/") for end in ends for path in self.tree.carried):
+                    self.notes.append(f"not believed: the filtered pair of {ends[0]} and {ends[1]}, no whole bodies")
+        if any(str(prim.GetTypeName()) == "PhysicsCollisionGroup" for prim in self.stage.prims()):
+            self.notes.append("not believed: collision groups; all pairs of links are checked as OptiPlan chooses them")
+        return tuple(sorted(pairs))
+
+
+def _empty_frames(stage: UsdStage, body: Any) -> list[Any]:
+    """The Xforms without children right below a body, which name a place on it."""
+    children = body.GetFilteredChildren(stage.usd.TraverseInstanceProxies())
+    return [
+        child
+        for child in children
+        if str(child.GetTypeName()) == "Xform" and not child.GetAllChildren() and not schemas(child)
+    ]
+
+
+def _colour(stage: UsdStage, prim: Any) -> Array | None:
+    """The one colour that a shape is drawn in, with opacity 1; None where it states none or several."""
+    colours = stage.value(prim, "primvars:displayColor")
+    if colours is None or len(colours) != 1:
+        return None
+    return np.append(np.clip(np.array(colours[0], float), 0.0, 1.0), 1.0)
+
+
+def _names(paths: Sequence[str]) -> dict[str, str]:
+    """The last part of each path, and more of it where two have the same."""
+    names: dict[str, str] = {}
+    for path in paths:
+        parts = [part for part in path.split("/") if part]
+        short = ("_".join(parts[-k:]) for k in range(1, len(parts) + 1))
+        taken = {*names.values(), "universe"}
+        names[path] = next((name for name in short if name not in taken), "_".join([*parts, ""]))
+    return names
+
+
+def _listed(paths: Sequence[str]) -> str:
+    return ", ".join(paths[:6]) + (f" and {len(paths) - 6} others" if len(paths) > 6 else "")
