@@ -350,3 +350,55 @@ class SetPointHistory:
     def note(self, time: float, q: _Array, place: float, epoch: int) -> None: ...
     def progress_at(self, time: float) -> float: ...
     def nearest(self, q: _Array, weights: _Array) -> tuple[_Array, float, float, int]: ...
+
+_NearestGap = tuple[float, float, int]
+_PlaneVerdict = tuple[
+    bool,
+    tuple[float, float],
+    tuple[_NearestGap, _NearestGap],
+    tuple[_NearestGap, _NearestGap],
+    npt.NDArray[np.int32],
+    npt.NDArray[np.int32],
+    int,
+    int,
+]
+
+class ProvedShape:
+    @staticmethod
+    def of(outline: Shape, round: _Array, points: _Array) -> ProvedShape: ...
+
+class ProvedMotion: ...
+
+class PlaneProof:
+    @staticmethod
+    def of(
+        parents: _Indices,
+        placements: _Array,
+        axes: _Array,
+        turns: _Array,
+        coupling: _Array,
+        offset: _Array,
+        shapes: Sequence[ProvedShape],
+        joints: _Indices,
+        poses: _Array,
+        volumes: _Array,
+        pairs: _Indices,
+        kinds: _Indices,
+        exact: _Indices,
+        first_part: _Indices,
+        parts: _Indices,
+    ) -> PlaneProof: ...
+    def placed(self, poses: _Array) -> PlaneProof: ...
+    def motion(
+        self,
+        breakpoints: _Array,
+        coefficients: _Array,
+        jump: _Array,
+        piece: _Indices,
+        middle: _Array,
+        half: _Array,
+        first_pair: _Indices,
+        pairs: _Indices,
+    ) -> ProvedMotion: ...
+    def scan(self, motion: ProvedMotion, clearance: float) -> _PlaneVerdict: ...
+    def prove(self, motion: ProvedMotion, rules: _Array, measured: _Array, most: int) -> _PlaneVerdict: ...

@@ -100,7 +100,7 @@ class Bodies:
 
     Attributes:
         tree: the pairs, and pairs of hulls that stand for several; P counts all of them.
-        shapes: coal geometry of each body.
+        known: what is known of each body; `shapes`: its coal geometry.
         pairs: (P, 2) bodies a and b of each pair.
         moves: (P, 2, J) whether joint j moves that side of the pair against the other; a joint that carries both does
             not change their distance. Joints that follow others are joints of their own here.
@@ -113,15 +113,15 @@ class Bodies:
         bounds, self.tree = model.bounds, PairTree(model)
         hulls = self.tree.hulls
         self.kinematics = model.kinematics
-        self._known = [*_shapes_of(model), *map(_shape_of_hull, hulls)]
-        self.shapes = [known.shape for known in self._known]
+        self.known = [*_shapes_of(model), *map(_shape_of_hull, hulls)]
+        self.shapes = [known.shape for known in self.known]
         self.joints = np.append(bounds.joint, np.array([hull.cluster.joint for hull in hulls], dtype=np.intp))
         self.half = np.vstack([bounds.half, *(hull.box[1] for hull in hulls)])
         self.pairs = self.tree.pairs
-        self.centre = np.array([known.centre for known in self._known]).reshape(-1, 3)
-        self.radius = np.array([known.radius for known in self._known])
-        self._round = np.array([known.round or (0.0,) * 5 for known in self._known]).reshape(-1, 5)
-        self._others = np.array([known.round is None for known in self._known], bool)
+        self.centre = np.array([known.centre for known in self.known]).reshape(-1, 3)
+        self.radius = np.array([known.radius for known in self.known])
+        self._round = np.array([known.round or (0.0,) * 5 for known in self.known]).reshape(-1, 5)
+        self._others = np.array([known.round is None for known in self.known], bool)
         planes = [abs(shape.d) if isinstance(shape, coal.Halfspace) else 0.0 for shape in self.shapes]
         self._reach = np.where(np.isinf(self.radius), planes, self.radius) + np.linalg.norm(self.centre, axis=1)
         self._put(model)
@@ -143,10 +143,10 @@ class Bodies:
     @cached_property
     def unsupported(self) -> int | None:
         """A body of some pair for which no bound is known: a moving half-space, or an unsupported shape."""
-        asked = np.zeros(len(self._known), dtype=bool)
+        asked = np.zeros(len(self.known), dtype=bool)
         asked[self.pairs] = True
         for body in np.flatnonzero(asked).tolist():
-            known = self._known[body]
+            known = self.known[body]
             moving_plane = isinstance(known.shape, coal.Halfspace) and self.joints[body] != 0
             if moving_plane or not (len(known.vertices) or known.solid is not None):
                 return int(body)
@@ -194,7 +194,7 @@ class Bodies:
         result += size[:, 3] * np.sqrt(flat) + size[:, 4] * np.sqrt(flat + z * z)
         others = np.flatnonzero(self._others[bodies])
         for body, chosen in _groups(bodies[others]):
-            own, known = others[chosen], self._known[body]
+            own, known = others[chosen], self.known[body]
             result[own] += support(known.solid, known.vertices, local[own])
         return np.asarray(result)
 

@@ -1,6 +1,6 @@
 """Certificate: a proof that no two bodies touch at any time, or the time and place where it fails."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,16 +10,15 @@ from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.continuous.interval_queries import AskedClearance, DistanceQuery, Middles, Nearness
-from optiplan.verify.continuous.intervals import IntervalBlocks, Intervals, blocks, boxes, middles, spans, step_sizes
-from optiplan.verify.continuous.motion_bounds import Boxes
+from optiplan.verify.continuous.intervals import IntervalBlocks, Intervals, blocks, spans
 from optiplan.verify.continuous.motion_tools import too_large, tools_of
-from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof, least_of_kinds
+from optiplan.verify.continuous.proof import Moment, Proof, least_of_kinds
+from optiplan.verify.planes.plane_search import FAR
+from optiplan.verify.planes.search_state import SearchState
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 _EASY = 5e-3  # m, margin by which bounding volumes must clear a pair at first
-_PROVED_SHARE = 0.8  # share of the smallest distance measured that is proved as clearance
-_FAR = 0.1  # m: a larger clearance is not refined
 _HULLS = 5e-3  # m: where hulls are proved farther apart, meshes are not queried
 _ROOM = 1.25  # factor on the clearance to prove, below which meshes are queried instead of hulls
 _MOST_OF_HULLS = 2  # halvings of an interval for hulls of clusters; else the bodies in them are queried
@@ -64,10 +63,14 @@ def certify(
     search.refuse_at_once()
     if search.proof.reason:
         return search.proof
-    search.work_off(search.first_intervals())
+    intervals = search.first_intervals()
+    left = search.by_planes(intervals)
+    search.work_off(search.bounded_by_volumes(intervals) if left is None else left)
     if search.proof.reason:
         return search.proof
     search.measure_tightest()
+    if left is not None:
+        return replace(search.proof, proved=True)
     rough = np.minimum(search.proof.least, search.coarse.least(search.kinds))
     proved = replace(search.proof, proved=True, least=rough)
     known = None if record is None else len(record)
@@ -81,47 +84,8 @@ def certify(
 
 
 @dataclass(eq=False)
-class _Search:
+class _Search(SearchState):
     """Branch and bound over intervals: `advance` processes many open items and returns those still open, divided."""
-
-    model: CollisionModel
-    trajectory: Trajectory
-    policy: VerifyPolicy
-    record: ClearanceRecord | None
-    error: Array
-    asked: AskedClearance
-    proof: Proof = field(default_factory=lambda: Proof(False))
-
-    def __post_init__(self) -> None:
-        tools = tools_of(self.model)
-        self.bodies, self.distances, self.motion = tools.bodies, tools.distances, tools.motion
-        self.kinds, self.kept = tools.kinds, tools.kept
-        self.is_kept = np.zeros(len(self.kinds), dtype=bool)
-        self.is_kept[list(self.kept)] = True
-        self.tightest: tuple[float, int, Array, float] | None = None  # clearance, pair, q and time
-        self.jump = step_sizes(self.trajectory, self.policy.jump_tolerance) + self.error
-        self.tubes = self.tube_bounds()
-        self.provable = np.full(2, np.inf)  # the most that can be proved of either kind, as far as was queried
-
-    def tube_bounds(self) -> Array:
-        """Bound, m, on what joints that are off the motion by `error` take of the distance of each pair, (P + H,).
-
-        Of hulls it is that of the farthest of their bodies.
-        """
-        if not self.error.any():
-            return np.zeros(len(self.bodies.tree.pairs))
-        stroke = np.abs(self.trajectory.extrema(0)).max(axis=0) + self.error
-        return self.bodies.tree.most_of_members(self.model.bounds.moment_arms(stroke) @ self.error)
-
-    def boxes(self, items: Intervals) -> Boxes:
-        """Return bounds of the joints' motion on these intervals."""
-        return boxes(self.trajectory, items, self.jump)
-
-    def middles(self, intervals: Intervals) -> Middles:
-        """Return where the joints are in the middles of these intervals, and bounds of their motion there."""
-        b, kinematics = self.boxes(intervals), self.bodies.kinematics
-        poses, times = kinematics.poses(b.q), middles(self.trajectory, intervals)
-        return Middles(times, b.q, b.reach, poses, *kinematics.axes(poses), self.motion.of_all_joints(b))
 
     def refuse_at_once(self) -> None:
         """Refuse at once what cannot be proved: huge numbers, bodies without bounds, bodies inside a mesh."""
@@ -142,10 +106,7 @@ class _Search:
             self.proof.meet(self.kinds[found.pair], where)
 
     def first_intervals(self) -> Intervals:
-        """Intervals on which joints move little, with the pairs that bounding volumes leave open there.
-
-        Neighbouring intervals are looked at together where they are shorter than that.
-        """
+        """Return intervals on which joints move little."""
         intervals = Intervals.whole(len(self.trajectory.coefficients))
         b = self.boxes(intervals)
         while True:
@@ -156,14 +117,22 @@ class _Search:
             intervals = intervals.split(halvings.astype(np.intp))
             b = self.boxes(intervals)
         self.proof.intervals = len(intervals.piece)
+        return intervals
+
+    def bounded_by_volumes(self, intervals: Intervals) -> Intervals:
+        """Return the intervals with the pairs that bounding volumes leave open there.
+
+        Neighbouring intervals are looked at together where they are short.
+        """
+        b = self.boxes(intervals)
         first, last = blocks((b.reach - b.jump).sum(axis=1), _FIRST_TRAVEL)
         low, high = np.minimum.reduceat(b.q - b.reach, first), np.maximum.reduceat(b.q + b.reach, first)
         tree, margins, asked = self.bodies.tree, [], self.asked.anywhere[self.bodies.tree.tops]
         for k in range(0, len(first), _CHUNK):
             Q, D = 0.5 * (low + high)[k : k + _CHUNK], 0.5 * (high - low)[k : k + _CHUNK] + 1e-15
-            margins.append(tree.bounds.apart(Q, D, self.asked.most + _FAR + CLEARANCE_ROUNDING) - CLEARANCE_ROUNDING)
+            margins.append(tree.bounds.apart(Q, D, self.asked.most + FAR + CLEARANCE_ROUNDING) - CLEARANCE_ROUNDING)
         margin = np.concatenate(margins)
-        clear, far = margin > asked + _EASY, margin > asked + _FAR
+        clear, far = margin > asked + _EASY, margin > asked + FAR
         self.lower_clearance(margin[far], tree.tops[np.nonzero(far)[1]])
         self.coarse = IntervalBlocks(tree.tops, intervals, first, last, clear & ~far, margin)
         self.record_blocks(far)
@@ -298,70 +267,6 @@ class _Search:
         self.prove(inner, clear, margin)
         return inner.take(np.flatnonzero(~clear)), rows[~clear]
 
-    def prove(self, items: Intervals, clear: Flags, margin: Array) -> None:
-        """Remember the clearance `margin` (K,), m, proved of the items that are clear."""
-        self.lower_clearance(margin[clear], items.pair[clear])
-        if self.record is not None:
-            proved = items.take(np.flatnonzero(clear))
-            begin, end = spans(self.trajectory, proved)
-            self.record_pairs(begin, end, proved.pair, margin[clear])
-
-    def record_pairs(self, begin: Array, end: Array, pairs: Index, clearance: Array) -> None:
-        """Record what was proved from `begin` to `end` (K,), s, of the pairs that these (K,) stand for."""
-        if self.record is None or not len(pairs):
-            return
-        members = [self.bodies.tree.members(pair) for pair in pairs.tolist()]
-        each = np.repeat(np.arange(len(pairs)), [len(found) for found in members])
-        self.record.add(begin[each], end[each], np.concatenate(members), clearance[each])
-
-    def without_kept(self, items: Intervals, rows: Index, at: Middles) -> tuple[Intervals, Index]:
-        """Return the items of which what is kept does not prove the clearance asked for."""
-        clear: Flags = np.zeros(len(rows), dtype=bool)
-        found = self.is_kept[items.pair]
-        for pair in np.unique(items.pair[found]).tolist():
-            own = np.flatnonzero(items.pair == pair)
-            least = self.kept[pair].least(at.q[rows[own]], at.reach[rows[own]])
-            proved = least > self.asked.over(items.pair[own], rows[own], at) + CLEARANCE_ROUNDING
-            clear[own[proved]] = True
-            if not proved.any():
-                continue
-            self.proof.kept |= {pair}
-            self.prove(items.take(own), proved, least)
-            k = int(np.where(proved, least, np.inf).argmin())
-            if self.tightest is None or least[k] < self.tightest[0]:
-                row = rows[own[k]]
-                self.tightest = float(least[k]), pair, at.q[row].copy(), float(at.times[row])
-        left = np.flatnonzero(~clear)
-        return items.take(left), rows[left]
-
-    def measure_tightest(self) -> None:
-        """Measure the pair with the least of the kept clearances, where it has it."""
-        if self.tightest is None:
-            return
-        _, pair, q, time = self.tightest
-        found = self.distances.witness(self.bodies.kinematics.poses(q[None])[0], pair)
-        self.proof.queries += 1
-        names = self.model.pairs[pair].name_a, self.model.pairs[pair].name_b
-        self.proof.meet(self.kinds[pair], Moment(found.distance, time, names, found.points, q))
-
-    def nearest_measured(self, pairs: Index) -> Array:
-        """Return the smallest distance measured of the kind of each pair, (K,) m; inf where none is."""
-        return np.asarray(self.proof.measured(np.inf)[self.kinds[pairs]])
-
-    def target(self, pairs: Index) -> Array:
-        """Return the clearance to tell of, (K,) m: the policy's, and most of the smallest distance of the pairs' kind.
-
-        Of the robot's own pairs no more is proved than what is kept of the tightest of them: their least is reported.
-        """
-        asked = self.policy.clearance
-        least = self.proof.measured(asked)
-        if self.error.any():
-            least = np.minimum(least, np.where(np.isfinite(self.provable), self.provable, asked))
-        target = asked + _PROVED_SHARE * np.maximum(least - asked, 0.0)
-        if self.tightest is not None:
-            target[SELF] = min(target[SELF], self.tightest[0])
-        return np.asarray(target[self.kinds[pairs]])
-
     def limit(self, items: Intervals) -> Intervals:
         """Give up where intervals become shorter than the policy's or the queries too many."""
         if len(items.pair) and items.widths(self.trajectory).min() < self.policy.min_interval:
@@ -380,16 +285,6 @@ class _Search:
         self.update_nearest(query, at, np.array([k]))
         self.stop(query.items, f"bodies come nearer than the {1e3 * asked[k]:.3g} mm required of them", True)
 
-    def stop(self, items: Intervals, reason: str, contact: bool = False) -> Intervals:
-        """End the search with a reason."""
-        self.proof.reason, self.proof.contact = reason, contact
-        return items.take(_NONE)
-
-    def lower_clearance(self, margins: Array, pairs: Index) -> None:
-        """Remember the smallest clearance proved of each kind, of these pairs."""
-        if len(margins):
-            self.proof.least = np.minimum(self.proof.least, least_of_kinds(margins, self.kinds[pairs]))
-
     def record_blocks(self, chosen: Flags) -> None:
         """Record what bounding volumes proved of these pairs of the blocks, (B, T)."""
         if self.record is None:
@@ -399,22 +294,3 @@ class _Search:
         begin = spans(self.trajectory, coarse.intervals.take(coarse.first[rows]))[0]
         end = spans(self.trajectory, coarse.intervals.take(coarse.last[rows] - 1))[1]
         self.record_pairs(begin, end, coarse.pairs[pairs], coarse.margin[rows, pairs])
-
-    def update_nearest(self, query: DistanceQuery, at: Middles, among: Index, measure: bool = False) -> None:
-        """Remember the smallest distances of these, with witnesses; with `measure` those given are lower bounds."""
-        for kind in (SELF, SCENE):
-            self.update_nearest_of_kind(query, at, among[self.kinds[query.items.pair[among]] == kind], measure)
-
-    def update_nearest_of_kind(self, query: DistanceQuery, at: Middles, among: Index, measure: bool) -> None:
-        """Remember the smallest distance of these, which are of one kind."""
-        distance = query.found.best[among]
-        if not len(among) or distance.min() >= self.nearest_measured(query.items.pair[among[:1]])[0]:
-            return
-        k = int(among[np.argmin(distance)])
-        row = query.rows[k]
-        found = self.distances.witness(at.poses[row], int(query.items.pair[k]))
-        least = found.distance if measure else float(query.found.best[k])
-        pair = self.model.pairs[found.pair]
-        names = pair.name_a, pair.name_b
-        met = Moment(least, float(at.times[row]), names, found.points, at.q[row].copy())
-        self.proof.meet(self.kinds[found.pair], met)

@@ -47,6 +47,12 @@ class Intervals:
         level, index = (self.level + halvings)[parent], (self.index * parts)[parent] + offset
         return Intervals(self.piece[parent], level, index, self.pair[parent])
 
+    def each_with(self, pairs: Index) -> "Intervals":
+        """Return every item with each of these pairs (T,) in the place of its own."""
+        count = len(pairs)
+        piece, level, index = (np.repeat(part, count) for part in (self.piece, self.level, self.index))
+        return Intervals(piece, level, index, np.tile(pairs, len(self.piece)))
+
     def grouped(self) -> tuple["Intervals", "Intervals", Index]:
         """Return the items ordered by interval, the unique intervals (pair 0), and the interval index of each item."""
         order = np.lexsort((self.index, self.level, self.piece))

@@ -72,6 +72,10 @@ class PairDistances:
     functions of boxes, balls, cylinders and capsules are closed formulas, those of polyhedra and meshes maxima over
     vertices. So a plane between the hulls of two meshes is one between the meshes, and found in a tenth of
     the time.
+
+    Attributes:
+        convex: (P,) whether both bodies of a pair are.
+        link_meshes: (P, 2) which sides of pairs are links that are meshes.
     """
 
     def __init__(self, model: CollisionModel, bodies: Bodies) -> None:
@@ -82,14 +86,14 @@ class PairDistances:
         self._request = _request(coal.GJKConvergenceCriterion.Default, 1e-10)
         self._again = _request(coal.GJKConvergenceCriterion.DualityGap, 1e-6)
         self._outline = _request(coal.GJKConvergenceCriterion.Default, 1e-9)
-        self._convex: Flags = np.logical_and(*bodies.kind(coal.ShapeBase).T)
+        self.convex: Flags = np.logical_and(*bodies.kind(coal.ShapeBase).T)
         self._planes: Flags = bodies.kind(coal.Halfspace)
         self._flat: Flags = np.asarray(self._planes.any(axis=1))
         self._mesh: Flags = np.array([not isinstance(shape, coal.ShapeBase) for shape in self._shapes], dtype=bool)
-        self._no_hulls = bool(self._convex.all()) and not bodies.tree.hulls
+        self._no_hulls = bool(self.convex.all()) and not bodies.tree.hulls
         self._any_plane = bool(self._flat.any())
         links: Flags = self._mesh & (np.arange(len(self._mesh)) < len(model.robot.link_boxes))
-        self._link_meshes: Flags = links[bodies.pairs] & ~self._flat[:, None]  # (P, 2)
+        self.link_meshes: Flags = links[bodies.pairs] & ~self._flat[:, None]  # (P, 2)
         self._put(model, bodies)
 
     def _put(self, model: CollisionModel, bodies: Bodies) -> None:
@@ -130,7 +134,7 @@ class PairDistances:
     def _between_hulls(self, pairs: Index, placed: PlacedBody) -> tuple[Array, Array]:
         """Normals (K, 3) of planes between hulls, and gaps (K,), m; -inf for pairs without a mesh or a cluster."""
         normals, gap = np.full((len(pairs), 3), np.nan), np.full(len(pairs), -np.inf)
-        outer = ~self._convex[pairs] | (pairs >= self._bodies.tree.count)
+        outer = ~self.convex[pairs] | (pairs >= self._bodies.tree.count)
         asked = np.flatnonzero(outer & ~self._flat[pairs])
         if len(asked):
             hulls = placed.take(asked)
@@ -146,7 +150,7 @@ class PairDistances:
         """
         raised = np.zeros(len(pairs), dtype=bool)
         for side in (0, 1):
-            near = np.flatnonzero(self._link_meshes[pairs, side] & (bound <= enough))
+            near = np.flatnonzero(self.link_meshes[pairs, side] & (bound <= enough))
             for body in np.unique(placed.bodies[near, side]).tolist():
                 items = near[placed.bodies[near, side] == body]
                 mesh_first = [side, 1 - side]
@@ -195,7 +199,7 @@ class PairDistances:
             for k in np.flatnonzero(self._planes[pairs, side]):  # the half-space itself is the plane
                 own = np.array(self._bodies.shapes[placed.bodies[k, side]].n)
                 normals[k] = sign * placed.poses[k, side, :3, :3] @ own
-        plane, flat, convex = self._gap(placed, normals), self._flat[pairs], self._convex[pairs]
+        plane, flat, convex = self._gap(placed, normals), self._flat[pairs], self.convex[pairs]
         loose = np.flatnonzero(convex & ~flat & (plane < measured - _LOOSE))
         if len(loose):
             other = self._measure(self._shapes, self._again, placed.take(loose))[1]

@@ -18,6 +18,7 @@ from optiplan.verify.continuous.certificate import certify
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.continuous.pair_tree import PairTree
 from optiplan.verify.continuous.proof import Proof
+from optiplan.verify.planes import search_state
 from optiplan.verify.report import VerifyPolicy
 from tests.verify.motions import smooth
 
@@ -90,6 +91,10 @@ def test_verdicts_are_those_of_the_pairs_themselves(robot, scene) -> None:
     assert [proof.proved for proof in together] == [proof.proved for proof in plain]
     assert 5 < sum(proof.proved for proof in plain) < 35
     assert [proof.contact for proof in together] == [proof.contact for proof in plain]
+    with patch.object(search_state, "plane_search", lambda *_: None):
+        together = proofs(robot, scene)
+        with patch.object(pair_tree, "_levels", lambda robot: ((), ())):
+            plain = proofs(robot, scene)
     free = [(one, other) for one, other in zip(together, plain, strict=True) if one.proved]
     assert sum(one.queries for one, _ in free) < 0.6 * sum(other.queries for _, other in free)
 

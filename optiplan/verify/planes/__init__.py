@@ -1,0 +1,1 @@
+"""What planes between bodies prove, in the native core, and the books of the search that asks them."""

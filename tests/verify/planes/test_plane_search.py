@@ -1,0 +1,125 @@
+"""The proof by planes in the core beside the one in Python: the same verdicts, and nothing nearer than it says."""
+
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan._core import core
+from optiplan.collision.model import CollisionModel
+from optiplan.verify.continuous.certificate import certify
+from optiplan.verify.continuous.motion_tools import tools_of
+from optiplan.verify.continuous.proof import SCENE, SELF
+from optiplan.verify.planes import search_state
+from optiplan.verify.planes.plane_search import plane_search
+from optiplan.verify.report import VerifyPolicy
+from tests.verify.motions import smooth, within_limits
+
+pytestmark = pytest.mark.skipif(core is None, reason="needs the native core")
+
+ROBOTS = ("panda", "ur5", "srra", "baxter_left", "planar2r")
+
+
+def among_bodies(name, count, seed):
+    """A robot among boxes, balls, cylinders and capsules, a plane below."""
+    rng, robot = np.random.default_rng(seed), op.load_robot(name)
+    home = next(iter(robot.configurations))
+    problem, bodies = op.Problem(robot, home, home), []
+    while len(bodies) < count:
+        place = {"position": rng.uniform([-0.7, -0.7, 0.0], [0.7, 0.7, 1.1]), "rpy": rng.uniform(-3.0, 3.0, 3)}
+        body = (
+            op.Box(f"body{len(bodies)}", size=rng.uniform(0.04, 0.2, 3), **place),
+            op.Sphere(f"body{len(bodies)}", radius=rng.uniform(0.03, 0.1), position=place["position"]),
+            op.Cylinder(f"body{len(bodies)}", radius=0.04, length=rng.uniform(0.05, 0.4), **place),
+            op.Capsule(f"body{len(bodies)}", radius=0.04, length=rng.uniform(0.05, 0.4), **place),
+        )[len(bodies) % 4]
+        try:
+            problem = problem.with_scene([*bodies, body])
+        except op.InputError:
+            continue
+        bodies.append(body)
+    return problem
+
+
+def motions(problem, count):
+    """Smooth motions that begin at the start of a problem."""
+    rng, robot = np.random.default_rng(7), problem.robot
+    for k in range(count):
+        steps = np.cumsum(rng.normal(size=(5, robot.n)), axis=0) * (0.05, 0.15, 0.4)[k % 3]
+        points = np.clip(problem.start + np.vstack([np.zeros(robot.n), steps]), robot.limits.lower, robot.limits.upper)
+        yield within_limits(smooth(robot.joint_names, points, 1.0), robot.limits)
+
+
+def without_planes(*arguments, **named):
+    with patch.object(search_state, "plane_search", lambda *_: None):
+        return certify(*arguments, **named)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_verdicts_are_those_of_the_proof_in_python(name):
+    problem = among_bodies(name, 10, 3)
+    model, verdicts = CollisionModel(problem.robot, problem.scene), []
+    for motion in motions(problem, 18):
+        ours, theirs = (prove(model, motion, VerifyPolicy()) for prove in (certify, without_planes))
+        assert ours.proved == theirs.proved
+        assert ours.contact == theirs.contact
+        verdicts.append(ours.proved)
+        if ours.proved:
+            Q = motion(np.linspace(0.0, motion.duration, 300))
+            assert ours.clearance <= min(model.clearance(q).distance for q in Q) + 1e-6
+            for kind in (SELF, SCENE):
+                met = theirs.measured(np.inf)[kind]
+                assert ours.least[kind] <= met + 1e-6
+                if np.isfinite(met) and met < 0.1:
+                    assert ours.least[kind] >= 0.7 * min(met, theirs.least[kind])
+        else:
+            assert ours.nearest.time == theirs.nearest.time
+            assert ours.nearest.distance == theirs.nearest.distance
+    assert 3 <= sum(verdicts) < len(verdicts)
+
+
+@pytest.mark.parametrize("depth", [1e-3, 1e-5, 3e-6, -3e-6, -1e-5, -1e-3])
+def test_grazing_motions(depth):
+    """A ball is put where a motion misses it by `depth`, m; below 0 it touches."""
+    problem = among_bodies("panda", 6, 5)
+    model = CollisionModel(problem.robot, problem.scene)
+    for motion in motions(problem, 4):
+        q = motion(0.37 * motion.duration)
+        place = model.kinematics.poses(q[None])[0, -1, :3, 3] + np.array([0.0, 0.0, 0.6])
+        ball = op.Sphere("grazed", radius=0.05, position=place)
+        found = CollisionModel(problem.robot, problem.with_scene([ball]).scene)
+        Q = motion(np.linspace(0.0, motion.duration, 4000))
+        near = found.clearance(min(Q, key=lambda q: found.clearance(q).distance))
+        way = (near.point_b - place) / np.linalg.norm(near.point_b - place)
+        if near.pair.name_b != "grazed":
+            way = (near.point_a - place) / np.linalg.norm(near.point_a - place)
+        touching = op.Sphere("grazed", radius=0.05, position=place + (near.distance - depth) * way)
+        moved = CollisionModel(problem.robot, problem.with_scene([touching]).scene)
+        assert certify(moved, motion, VerifyPolicy()).proved == without_planes(moved, motion, VerifyPolicy()).proved
+
+
+def test_it_is_made_once_for_a_work_space():
+    problem = among_bodies("panda", 6, 5)
+    model = CollisionModel(problem.robot, problem.scene)
+    assert plane_search(model, tools_of(model)) is plane_search(model, tools_of(model))
+
+
+def test_obstacles_that_stand_elsewhere():
+    """A work space of the same bodies is proved as one made anew."""
+    problem = among_bodies("panda", 4, 5)
+    for step in (0.0, 0.1, 0.2):
+        bodies = [op.Box("a", size=[0.1, 0.1, 0.1], position=[0.5 + step, 0.4, 0.3])]
+        model = CollisionModel(problem.robot, problem.with_scene(bodies).scene)
+        for motion in motions(problem, 6):
+            ours, theirs = certify(model, motion, VerifyPolicy()), without_planes(model, motion, VerifyPolicy())
+            assert ours.proved == theirs.proved
+
+
+def test_what_the_policy_says_ends_it():
+    """No interval is looked at that is shorter than the policy's, and no more distances are asked for."""
+    problem = among_bodies("panda", 6, 5)
+    model, motion = CollisionModel(problem.robot, problem.scene), next(motions(problem, 1))
+    found = certify(model, motion, VerifyPolicy(max_queries=1))
+    assert not found.proved
+    assert "1 distance queries" in found.reason
