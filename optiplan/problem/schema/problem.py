@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
+from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Number, Strict, Whole
 from optiplan.config.values import (
     FileName,
@@ -96,12 +97,12 @@ class ProblemSpec(Strict):
     gravity: Vector | None = None
     start: StartSpec
     goal: GoalSpec | None = None
-    task: Annotated[tuple[TaskStepSpec, ...], Field(min_length=1)] | None = None
+    task: Annotated[Annotated[tuple[TaskStepSpec, ...], Field(min_length=1)] | None, BuiltLater()] = None
     scene: SceneSpec = SceneSpec()
-    tools: Tools | None = None
-    tool: Name | FirstToolSpec | None = None
-    via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
-    path_constraints: tuple[PathConstraintSpec, ...] = ()
+    tools: Annotated[Tools | None, BuiltLater()] = None
+    tool: Annotated[Name | FirstToolSpec | None, BuiltLater()] = None
+    via: Annotated[tuple[ViaSpec, ...], BuiltLater(), AfterValidator(timed)] = ()
+    path_constraints: Annotated[tuple[PathConstraintSpec, ...], BuiltLater()] = ()
     tracking_error: NotNegative | tuple[NotNegative, ...] | dict[Name, NotNegative] | None = None
     clearance: ClearanceSpec | None = None
     limits: LimitScalesSpec = LimitScalesSpec()

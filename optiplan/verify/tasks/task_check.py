@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import zip_longest
 from operator import itemgetter
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -28,11 +28,10 @@ from optiplan.verify.collision_check import collision
 from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.torque import torque
 from optiplan.verify.report import Check, VerifyPolicy
-from optiplan.verify.seams.seam_check import seam_checks
 from optiplan.verify.statements import constraint, covering, masses, step_place
-from optiplan.verify.tasks.arms_check import arms_check
-from optiplan.verify.tasks.line_ways import LineSpeed, LineWay, frame_at, line_constraints, line_speed, line_way
-from optiplan.verify.via_check import vias
+
+if TYPE_CHECKING:
+    from optiplan.verify.tasks.line_ways import LineSpeed, LineWay
 
 End = TypeVar("End", bound=GoalEnd)
 
@@ -49,7 +48,7 @@ class _Part:
     motion: Trajectory | None
     begin: float
     q: Array
-    way: LineWay | None = None
+    way: "LineWay | None" = None
 
     def lasting(self) -> Trajectory:
         """The motion, or standing still for a second where the step takes no time."""
@@ -68,6 +67,8 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
         return [steps]
     parts = list(_parts(problem, trajectory))
     scenes = scene_parts(problem, trajectory)
+    from optiplan.verify.tasks.arms_check import arms_check
+
     return [
         steps,
         limit_checks.start_position(problem, trajectory, policy),
@@ -152,6 +153,8 @@ def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
     rows = list(steps_in_time(problem, trajectory))
     found: list[tuple[int, _Part]] = []
     places_of = {id(step): k for k, step in enumerate(problem.task)}
+    from optiplan.verify.tasks.line_ways import frame_at, line_way
+
     for places in steps_of_arms([row[0] for row in rows]).values():
         way: LineWay | None = None
         for k, after in zip_longest(places, places[1:]):
@@ -198,6 +201,8 @@ def _of_all(problem: Problem, joints: Iterable[str], end: End, q: Array) -> End 
 
 
 def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
+    from optiplan.verify.via_check import vias
+
     for k, part in enumerate(parts):
         action = part.step.action
         if not isinstance(action, Move) or not action.vias:
@@ -214,6 +219,8 @@ def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
 
 def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
     """Check that the frames of lines move straight and turn about one axis, or not at all, but for rounded corners."""
+    from optiplan.verify.tasks.line_ways import line_constraints
+
     for k, part in enumerate(parts):
         if part.way is None:
             continue
@@ -250,8 +257,10 @@ def _line_speeds(parts: Sequence[_Part], policy: VerifyPolicy) -> list[Check]:
     ]
 
 
-def _speeds_held(parts: Iterable[_Part]) -> Iterator[tuple[TaskStep, LineSpeed]]:
+def _speeds_held(parts: Iterable[_Part]) -> "Iterator[tuple[TaskStep, LineSpeed]]":
     """Yield lines that state a speed, with what is held of it."""
+    from optiplan.verify.tasks.line_ways import line_speed
+
     for part in parts:
         action = part.step.action
         if part.motion is not None and isinstance(action, StraightLine) and np.isfinite(action.speed):
@@ -260,6 +269,8 @@ def _speeds_held(parts: Iterable[_Part]) -> Iterator[tuple[TaskStep, LineSpeed]]
 
 def _seams(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
     """Check the parts of paths of the tool and the events on them, the worst of each kind."""
+    from optiplan.verify.seams.seam_check import seam_checks
+
     found = [
         _of_part(check, part)
         for k, part in enumerate(parts)
