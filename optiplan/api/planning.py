@@ -30,8 +30,6 @@ from optiplan.robot.given_configurations import configuration, is_by_name
 from optiplan.runs import pipeline
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.runs.run import Run
-from optiplan.runs.run_folder import load_run
-from optiplan.runs.stored_runs import judged
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
@@ -153,6 +151,9 @@ def verify(problem: Problem, motion: Trajectory | Samples | Run | Path | str | S
     if isinstance(motion, Trajectory):
         return verifier.verify(problem, motion)
     if isinstance(motion, str | Path):
+        from optiplan.runs.run_folder import load_run
+        from optiplan.runs.stored_runs import judged
+
         stored = load_run(motion, names)
         if stored.trajectory is None:
             raise wrong_argument(

@@ -3,14 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import coal
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry.convex import mesh_triangles, mesh_vertices
-from optiplan.geometry.enclosure import Enclosure, connected_parts
+
+if TYPE_CHECKING:
+    from optiplan.geometry.enclosure import Enclosure
 
 _KINDS = (coal.BVHModelBase, coal.Halfspace)
 _POINTS_PER_PART = 16
@@ -122,9 +124,11 @@ class Containment:
             self._corners[mesh] = vertices.min(axis=0), vertices.max(axis=0)
         return self._corners[mesh]
 
-    def _enclosure(self, mesh: int) -> Enclosure:
+    def _enclosure(self, mesh: int) -> "Enclosure":
         if mesh not in self._enclosures:
             shape = self.shapes[mesh]
+            from optiplan.geometry.enclosure import Enclosure
+
             self._enclosures[mesh] = Enclosure(mesh_vertices(shape), mesh_triangles(shape))
         return self._enclosures[mesh]
 
@@ -133,6 +137,8 @@ class Containment:
         if body not in self._parts:
             shape = self.shapes[body]
             if isinstance(shape, coal.BVHModelBase):
+                from optiplan.geometry.enclosure import connected_parts
+
                 parts = connected_parts(mesh_vertices(shape), mesh_triangles(shape))
                 self._parts[body] = [part[:: len(part) // _POINTS_PER_PART + 1] for part in parts]
             elif isinstance(shape, coal.ConvexBase):

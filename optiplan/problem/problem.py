@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,10 +23,7 @@ from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, PoseGoal, 
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.statement import End, ViaPoint
-from optiplan.problem.task.builder import Task
 from optiplan.problem.task.steps import TaskStep
-from optiplan.problem.tools.statement import Tool
 from optiplan.problem.tools.tool import MountedTool
 from optiplan.problem.tracking_error import TrackingError, error_argument
 from optiplan.problem.write import end_words, problem_table, problem_text
@@ -34,6 +31,11 @@ from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.lower_bound import lower_bounds, moving_bounds
 from optiplan.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from optiplan.problem.statement import End, ViaPoint
+    from optiplan.problem.task.builder import Task
+    from optiplan.problem.tools.statement import Tool
 
 __all__ = ["Goal", "GoalEnd", "JointGoal", "Objective", "Pose", "PoseGoal", "Problem", "RegionGoal", "Via", "ViaPoint"]
 
@@ -119,14 +121,14 @@ class Problem(FreeSpace):
         self,
         robot: Robot | str | Path | Mapping[str, Any],
         start: Values | str | State | Mapping[str, Any],
-        goal: End | Sequence[End] | None = None,
+        goal: "End | Sequence[End] | None" = None,
         scene: Scene | Sequence[Obstacle] | Mapping[str, Any] | None = None,
         *,
-        task: Task | Sequence[TaskStep | Mapping[str, Any]] | None = None,
+        task: "Task | Sequence[TaskStep | Mapping[str, Any]] | None" = None,
         frames: Mapping[str, Mapping[str, Any]] | None = None,
-        tools: Sequence[Tool] | Mapping[str, Any] | None = None,
-        tool: Tool | str | Mapping[str, Any] | None = None,
-        vias: Sequence[ViaPoint | Via | End] = (),
+        tools: "Sequence[Tool] | Mapping[str, Any] | None" = None,
+        tool: "Tool | str | Mapping[str, Any] | None" = None,
+        vias: "Sequence[ViaPoint | Via | End]" = (),
         limits: Mapping[str, float | str] | None = None,
         objective: Objective | Mapping[str, float] | None = None,
         path_constraints: Sequence[PathConstraint | Mapping[str, Any]] = (),
@@ -229,7 +231,7 @@ class Problem(FreeSpace):
         """
         return self._with(start=start)
 
-    def with_goal(self, *goal: End | Sequence[End]) -> "Problem":
+    def with_goal(self, *goal: "End | Sequence[End]") -> "Problem":
         """Return the problem with another goal, or several alternatives.
 
         Raises:
@@ -237,7 +239,7 @@ class Problem(FreeSpace):
         """
         return self._with(goal=goal[0] if len(goal) == 1 else goal)
 
-    def with_vias(self, *vias: ViaPoint | Via | End) -> "Problem":
+    def with_vias(self, *vias: "ViaPoint | Via | End") -> "Problem":
         """Return the problem with other vias, or none.
 
         Raises:
@@ -245,7 +247,7 @@ class Problem(FreeSpace):
         """
         return self._with(vias=vias)
 
-    def with_task(self, task: Task | Sequence[Mapping[str, Any]]) -> "Problem":
+    def with_task(self, task: "Task | Sequence[Mapping[str, Any]]") -> "Problem":
         """Return the problem with another task.
 
         Raises:

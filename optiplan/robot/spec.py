@@ -4,6 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Number, Strict
 from optiplan.config.values import FileVersion
 from optiplan.robot.dh.spec import DhSpec, Length, Name
@@ -57,7 +58,7 @@ class RobotSpec(Strict):
     version: FileVersion
     name: Name
     urdf: Name | PackageSource | None = None
-    dh: DhSpec | None = None
+    dh: Annotated[DhSpec | None, BuiltLater()] = None
     srdf: Name | None = None
     group: list[Name] | Name | None = None
     groups: dict[Name, list[Name]] = Field(default={})

@@ -7,7 +7,7 @@ from functools import cache
 from html import escape
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import optiplan
 from optiplan._core import variant
@@ -15,13 +15,14 @@ from optiplan.errors import path_argument, wrong_argument
 from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
-from optiplan.runs.export import Exported, export_trajectory
 from optiplan.runs.metrics import Metrics
-from optiplan.runs.run_folder import save_run
 from optiplan.trajectory.segments import segment_data
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Report
 from optiplan.verify.verify import verify
+
+if TYPE_CHECKING:
+    from optiplan.runs.export import Exported
 
 LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "ruckig", "trimesh", "coacd")
 """Distributions whose version can change a result; recorded with every run."""
@@ -102,6 +103,8 @@ class Run:
             >>> import optiplan as op
             >>> op.plan(op.load_problem("01_reach")).save("runs/reach")
         """
+        from optiplan.runs.run_folder import save_run
+
         save_run(self, path_argument("Run.save", "folder", folder, "the path of a folder"))
 
     def export(
@@ -112,7 +115,7 @@ class Run:
         *,
         cyclic: bool = False,
         unverified: bool = False,
-    ) -> Exported:
+    ) -> "Exported":
         """Write the motion for other programs.
 
         `csv` (t, q, v, a), `json` (polynomials and samples), `npz` (arrays), `ros` (a ROS 2 JointTrajectory message) or
@@ -147,6 +150,8 @@ class Run:
             raise wrong_argument("Run.export", "run", f"a motion that is {self._verdict()}", expected)
         file = path_argument("Run.export", "path", path, "the path of a file")
         proof = (lambda slower: verify(self.problem, slower)) if not unverified else None
+        from optiplan.runs.export import export_trajectory
+
         return export_trajectory(self.trajectory, file, format, rate, cyclic=cyclic, proof=proof)
 
     def __repr__(self) -> str:

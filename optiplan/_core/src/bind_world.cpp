@@ -6,6 +6,7 @@
 
 #include "arrays.hpp"
 #include "module.hpp"
+#include "world/many_checks.hpp"
 #include "world/sweep.hpp"
 #include "world/world.hpp"
 
@@ -213,6 +214,16 @@ static bool collides(const World &world, const Vector &q) {
     return world.collides(at);
 }
 
+static nb::ndarray<nb::numpy, std::uint8_t> touching(const World &world, const Matrix &Q) {
+    expect_configurations(world, Q);
+    std::vector<std::uint8_t> out(Q.shape(0));
+    {
+        nb::gil_scoped_release release;
+        ManyChecks(world).touching(Q.data(), Q.shape(0), out.data());
+    }
+    return to_numpy(std::move(out), {Q.shape(0)});
+}
+
 static nb::ndarray<nb::numpy, double> lower_bounds(const World &world, const Matrix &Q) {
     expect_configurations(world, Q);
     const std::size_t count = world.pairs().size();
@@ -293,6 +304,7 @@ void bind_world(nb::module_ &m) {
         .def("nearest", &nearest, "Q"_a)
         .def("gradients", &gradients, "Q"_a, "rows"_a, "pairs"_a, "points"_a, "normals"_a)
         .def("collides", &collides, "q"_a)
+        .def("touching", &touching, "Q"_a)
         .def("lower_bounds", &lower_bounds, "Q"_a)
         .def("travel", &travel, "Q"_a, "D"_a)
         .def(

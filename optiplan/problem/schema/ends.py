@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Strict
 from optiplan.config.values import (
     ExactlyOne,
@@ -80,14 +81,14 @@ class AlternativeSpec(StartSpec):
     """One end of the motion; `all_of` holds several frames in their places at once."""
 
     pose: PoseGoalSpec | None = None
-    region: RegionSpec | None = None
-    all_of: Annotated[tuple[PlacedFrameSpec, ...], Field(min_length=2)] | None = None
+    region: Annotated[RegionSpec | None, BuiltLater()] = None
+    all_of: Annotated[Annotated[tuple[PlacedFrameSpec, ...], Field(min_length=2)] | None, BuiltLater()] = None
 
 
 class GoalSpec(AlternativeSpec):
     """One end of the motion, or `any_of` several."""
 
-    any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
+    any_of: Annotated[Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None, BuiltLater()] = None
 
 
 def exactly_one(spec: Strict, keys: Sequence[str]) -> None:

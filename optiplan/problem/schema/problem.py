@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
+from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Number, Strict, Whole
 from optiplan.config.values import (
     FileName,
@@ -98,13 +99,13 @@ class ProblemSpec(Strict):
     gravity: Vector | None = None
     start: StartSpec
     goal: GoalSpec | None = None
-    task: Annotated[tuple[TaskStepSpec, ...], Field(min_length=1)] | None = None
+    task: Annotated[Annotated[tuple[TaskStepSpec, ...], Field(min_length=1)] | None, BuiltLater()] = None
     scene: SceneSpec = SceneSpec()
-    frames: dict[Name, MovingFrameSpec] | None = None
-    tools: Tools | None = None
-    tool: Name | FirstToolSpec | None = None
-    via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
-    path_constraints: tuple[PathConstraintSpec, ...] = ()
+    frames: Annotated[dict[Name, MovingFrameSpec] | None, BuiltLater()] = None
+    tools: Annotated[Tools | None, BuiltLater()] = None
+    tool: Annotated[Name | FirstToolSpec | None, BuiltLater()] = None
+    via: Annotated[tuple[ViaSpec, ...], BuiltLater(), AfterValidator(timed)] = ()
+    path_constraints: Annotated[tuple[PathConstraintSpec, ...], BuiltLater()] = ()
     tracking_error: NotNegative | tuple[NotNegative, ...] | dict[Name, NotNegative] | None = None
     clearance: ClearanceSpec | None = None
     limits: LimitScalesSpec = LimitScalesSpec()

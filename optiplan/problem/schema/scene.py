@@ -5,6 +5,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Strict
 from optiplan.config.values import (
     Coordinate,
@@ -132,6 +133,6 @@ class AttachedSpec(Strict):
 class SceneSpec(Strict):
     """Obstacles, attached objects, and the pairs of bodies that may touch."""
 
-    obstacles: tuple[ObstacleSpec, ...] = ()
-    attached: tuple[AttachedSpec, ...] = ()
+    obstacles: Annotated[tuple[ObstacleSpec, ...], BuiltLater()] = ()
+    attached: Annotated[tuple[AttachedSpec, ...], BuiltLater()] = ()
     allowed_collisions: tuple[NamePair, ...] = ()

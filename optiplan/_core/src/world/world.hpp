@@ -188,6 +188,11 @@ class World {
             if (!at.placed[body]) place_body(body, at);
     }
 
+    // No body is where the joints put it; and those of a pair, or of a group's balls, are, whatever was placed before.
+    void forget(Placement &at) const { std::fill(at.placed.begin(), at.placed.end(), 0); }
+    void put(Placement &at, int pair) const { put_bodies(at, pairs_[pair].a, pairs_[pair].b); }
+    void put(Placement &at, const Together &group) const { put_bodies(at, group.hull, group.other); }
+
     // Whether a pair is told to be apart by more than `gap`, m: by balls and boxes, and by the outlines of the bodies.
     bool boxes_apart(const Placement &at, int pair, double gap) const {
         return balls_apart(at, pair, gap) || lower_bound(at, pair) > gap;
@@ -280,6 +285,10 @@ class World {
         if (!floors_.ends.empty()) std::copy(q, q + tree_.planned, at.q.begin());
     }
     void place_body(int body, Placement &at) const;
+    void put_bodies(Placement &at, int a, int b) const {
+        for (int body : {a, b})
+            if (bodies_[body].joint != 0 && !at.placed[body]) place_body(body, at);
+    }
     bool touches(const Placement &at, int pair, Trail *trail) const {
         return !(lower_bound(at, pair) > 0.0) && within(at, pair, 0.0, trail ? &trail->pairs[pair] : nullptr);
     }

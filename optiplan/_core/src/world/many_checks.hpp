@@ -1,0 +1,47 @@
+// Which of many configurations are in collision.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "world/lanes.hpp"
+#include "world/world.hpp"
+
+namespace optiplan {
+
+// `World::collides` of many configurations: balls are compared for four of them at a time, and only pairs whose balls
+// meet are asked one by one, the deepest first. No answer depends on what else is asked. Of a world without tube and
+// floors.
+class ManyChecks {
+  public:
+    explicit ManyChecks(const World &world);
+
+    // Whether pairs touch at configurations (count, n), row after row: 1 or 0 each.
+    void touching(const double *Q, std::size_t count, std::uint8_t *out);
+
+  private:
+    struct Balls {
+        int a, b;        // bodies
+        double squared;  // of both radii together, a hair more
+        int asked;       // pair, or the group as ~group
+    };
+    struct Plane {
+        int body, pair;
+        Vec3 normal;
+        double offset;  // of its surface from the origin, and the radius of the body, a hair more
+    };
+
+    bool touches(int lane);
+
+    const World &world_;
+    std::vector<int> moving_;  // bodies whose balls are compared
+    std::vector<Balls> balls_;
+    std::vector<Plane> planes_;
+    std::vector<PoseLanes> joints_;
+    std::vector<Vec3Lanes> centres_;  // of bodies
+    std::vector<LaneBits> near_;      // a bit for each of `balls_` and then `planes_`, 64 in each
+    std::vector<std::pair<double, int>> order_;
+    Placement at_;
+};
+
+}  // namespace optiplan
