@@ -9,7 +9,7 @@ from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler
-from optiplan.problem.constraints.motions import PairClearance
+from optiplan.problem.constraints.statements import BY_SCENE
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.task.arms import joints_of_arms, several_arms
@@ -77,14 +77,16 @@ def _check(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> None
         place = part.place
         if isinstance(part.value.action, TargetTour | SeamPath | ChangeTool):
             compiler.report((*place, part.value.kind), f"a {part.value.kind} beside other arms", "moves and lines")
-        if any(isinstance(one, PairClearance) for one in part.value.constraints):
-            where = (*place, "path_constraints")
-            compiler.report(where, "a clearance of one step beside other arms", "one of the whole problem")
+        for one in part.value.constraints:
+            if isinstance(one, BY_SCENE):  # other arms take and release things meanwhile
+                found = f"`{one.KEY}` of one step beside other arms"
+                compiler.report((*place, "path_constraints"), found, "one of the whole problem")
     if scene.dynamic_obstacles:
         compiler.report(("scene", "obstacles"), "an obstacle that moves, beside arms of a task", "obstacles that stand")
     joints = joints_of_arms([part.value for part in steps], robot.joint_names)
     _check_joints(compiler, robot, joints)
-    _check_objects(compiler, robot, steps, joints)
+    held = {one.name: arm for one in scene.attached for arm in _movers(robot, one.link, joints)}
+    _check_objects(compiler, robot, steps, joints, held)
 
 
 def _check_joints(compiler: Compiler, robot: Robot, joints: Mapping[str, Sequence[int]]) -> None:
@@ -99,11 +101,27 @@ def _check_joints(compiler: Compiler, robot: Robot, joints: Mapping[str, Sequenc
                 compiler.report(("task",), found, "arms with joints of their own")
 
 
-def _check_objects(compiler: Compiler, robot: Robot, steps: Steps, joints: Mapping[str, Sequence[int]]) -> None:
-    """Report objects taken by a link of another arm, or released by another arm than the one that holds it."""
-    holder: dict[str, str] = {}
+def _check_objects(
+    compiler: Compiler,
+    robot: Robot,
+    steps: Steps,
+    joints: Mapping[str, Sequence[int]],
+    held: Mapping[str, str],
+) -> None:
+    """Report objects taken by a link of another arm, or released by another arm than the one that holds it.
+
+    And constraints of a step on what another arm holds, which that may release meanwhile. `held`: which arm holds what
+    at first.
+    """
+    holder = dict(held)
     for part in steps:
         step, action = part.value, part.value.action
+        for mention in (mention for one in step.constraints for mention in one.mentioned()):
+            if mention.kind == "frame" and holder.get(mention.name, step.arm) != step.arm:
+                found = f"'{mention.name}', which {holder[mention.name]} holds"
+                compiler.report(
+                    (*part.place, "path_constraints"), found, f"what {step.arm} holds, or a frame of a robot"
+                )
         if isinstance(action, Attach):
             holder[action.body] = step.arm
             foreign = [arm for arm in _movers(robot, action.link, joints) if arm != step.arm]
