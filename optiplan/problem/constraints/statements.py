@@ -45,7 +45,7 @@ KINDS: dict[str, type[Statement]] = {
 }
 """Classes of constraints by their key in a problem file."""
 
-BY_SCENE: tuple[type[Statement], ...] = (PairClearance, TipOver)
+BY_SCENE = PairClearance, TipOver
 """Constraints whose meaning depends on what there is, and on what is held with which mass, at each time."""
 
 _SPECS: dict[str, Any] = {
