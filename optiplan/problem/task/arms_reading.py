@@ -10,10 +10,11 @@ from optiplan.config.simple_yaml import Place
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler
 from optiplan.problem.constraints.statements import BY_SCENE
+from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.task.arms import joints_of_arms, several_arms
-from optiplan.problem.task.steps import Attach, ChangeTool, Detach, TargetTour, TaskStep
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Move, StraightLine, TargetTour, TaskStep
 from optiplan.robot.robot import Robot
 
 Steps = Sequence[LocatedValue[TaskStep]]
@@ -110,18 +111,16 @@ def _check_objects(
 ) -> None:
     """Report objects taken by a link of another arm, or released by another arm than the one that holds it.
 
-    And constraints of a step on what another arm holds, which that may release meanwhile. `held`: which arm holds what
-    at first.
+    And ends and constraints of a step that are about what another arm holds, which that may release meanwhile. `held`:
+    which arm holds what at first.
     """
     holder = dict(held)
     for part in steps:
         step, action = part.value, part.value.action
-        for mention in (mention for one in step.constraints for mention in one.mentioned()):
-            if mention.kind == "frame" and holder.get(mention.name, step.arm) != step.arm:
-                found = f"'{mention.name}', which {holder[mention.name]} holds"
-                compiler.report(
-                    (*part.place, "path_constraints"), found, f"what {step.arm} holds, or a frame of a robot"
-                )
+        for key, frame in _frames(step):
+            if holder.get(frame, step.arm) != step.arm:
+                found = f"'{frame}', which {holder[frame]} holds"
+                compiler.report((*part.place, key), found, f"what {step.arm} holds, or a frame of a robot")
         if isinstance(action, Attach):
             holder[action.body] = step.arm
             foreign = [arm for arm in _movers(robot, action.link, joints) if arm != step.arm]
@@ -131,6 +130,20 @@ def _check_objects(
         elif isinstance(action, Detach) and holder.get(action.body, step.arm) != step.arm:
             found = f"'{action.body}', which {holder[action.body]} holds"
             compiler.report((*part.place, "detach", "object"), found, f"what {step.arm} holds")
+
+
+def _frames(step: TaskStep) -> Iterator[tuple[str, str]]:
+    """Yield the frames that a step is about, each with the key under which it stands."""
+    action = step.action
+    if isinstance(action, StraightLine):
+        yield step.kind, action.frame
+    if isinstance(action, Move):
+        ends = [*action.goal, *(via.at for via in action.vias)]
+        ends += [part for end in ends if isinstance(end, AllOfGoal) for part in end.parts]
+        yield from ((step.kind, str(getattr(end, "frame", ""))) for end in ends)
+    for mention in (mention for one in step.constraints for mention in one.mentioned()):
+        if mention.kind == "frame":
+            yield "path_constraints", mention.name
 
 
 def _movers(robot: Robot, link: str, joints: Mapping[str, Iterable[int]]) -> list[str]:

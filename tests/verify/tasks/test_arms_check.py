@@ -130,8 +130,13 @@ HELD = {"name": "box", "link": "a/forearm", "shape": {"sphere": 0.02}, "pose": {
         ({"arm": "b", "detach": {"object": "box"}}, "'box', which a holds; expected what b holds"),
         (
             {**SECOND, "path_constraints": [{"tool_speed": {"linear": 1.0, "frame": "box"}}]},
-            "'box', which a holds; expected what b holds, or a frame of a robot",
+            r"path_constraints: 'box', which a holds; expected what b holds, or a frame of a robot",
         ),
+        (
+            {"arm": "b", "move": {"pose": {"position": [1, 0.2, 0.2], "rpy": [0, 0, 0], "frame": "box"}}},
+            r"task\[1\].move: 'box', which a holds; expected what b holds",
+        ),
+        ({"arm": "b", "line": {"frame": "box", "by": [0, 0, 0.1]}}, r"task\[2\].line: 'box', which a holds"),
     ],
 )
 def test_what_one_arm_holds_at_first_is_not_another_ones(step, words):
