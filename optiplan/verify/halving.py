@@ -65,7 +65,7 @@ class Values:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class HalvingOutcome:
     """What a proof found: the largest value met, when, s, on how many intervals; why nothing is proved, or nothing."""
 
     worst: float
@@ -118,7 +118,7 @@ class FrameProof:
         jump, q, v = self._jump[spans.piece], self.state(spans, 0.5), self.state(spans, 0.5, 1)
         return self.motion.bounds(Boxes(half[:, 0], q, v, speed * half + jump, speed, acceleration, jump))
 
-    def prove(self, spans: TimeParts, values: Callable[[TimeParts], Values], limit: float) -> Outcome:
+    def prove(self, spans: TimeParts, values: Callable[[TimeParts], Values], limit: float) -> HalvingOutcome:
         """Prove that a quantity keeps its limit on intervals; it is not where that is exceeded, or cannot be proved."""
         policy = self.policy
         worst, beside, when, evaluated, reason = -np.inf, -np.inf, 0.0, 0, ""
@@ -146,4 +146,4 @@ class FrameProof:
             spans = spans.halved(open_)
         if not evaluated:
             reason, worst = "nothing of the motion is in its part", np.nan
-        return Outcome(worst, when, evaluated, reason)
+        return HalvingOutcome(worst, when, evaluated, reason)
