@@ -71,7 +71,7 @@ class Safety:
     """How far bodies stay apart at all times.
 
     The floor of a pair is the distance required. A pair that is nearer at an end of the motion (the start, the goal,
-    a via of joint values, the begin or end of a step of a task) has a lower one about that end q_e:
+    a via of joint values, the end of a step of a task that states one) has a lower one about that end q_e:
 
         min(required, base + (required - base) sum_j |q_j - q_e,j| / within),  base = 0.8 d(q_e).
 

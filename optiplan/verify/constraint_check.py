@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.collision.moving_obstacles import joint_count
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.mecanum import wheel_matrix
@@ -25,14 +24,12 @@ from optiplan.problem.constraints.poses import RelativePose
 from optiplan.problem.constraints.statements import PathConstraint, frame_of
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Robot
-from optiplan.trajectory import polynomial
 from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.balance_check import tip_over
 from optiplan.verify.continuous.certificate import certify
-from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion
-from optiplan.verify.continuous.intervals import derivative_bounds, step_sizes
-from optiplan.verify.continuous.motion_bounds import Boxes
+from optiplan.verify.continuous.frame_motion import FrameMotion
+from optiplan.verify.halving import FrameProof, TimeParts, Values
 from optiplan.verify.joint_constraint_check import (
     expression,
     joint_coupling,
@@ -48,55 +45,6 @@ from optiplan.verify.tolerances import RATE_SHARE
 
 _FIRST, _MOST_FIRST = 0.02, 20_000
 """s; intervals to begin with, and about how many at most: a motion of hours is slow, so longer ones do."""
-
-_CHUNK = 20_000
-"""Intervals bounded at once, to limit memory."""
-
-
-@dataclass(frozen=True, eq=False)
-class _TimeParts:
-    """K intervals of time, each within a piece: `begin` and `width` (K,), s, in the time of the piece."""
-
-    piece: Index
-    begin: Array
-    width: Array
-
-    @classmethod
-    def of(cls, trajectory: Trajectory, during: tuple[float, float]) -> "_TimeParts":
-        """Return what lies in a part of the motion, in steps of `_FIRST`, or longer ones."""
-        first = max(_FIRST, trajectory.duration / _MOST_FIRST)
-        low, high = (share * trajectory.duration for share in during)
-        starts, h = trajectory.breakpoints[:-1], np.diff(trajectory.breakpoints)
-        begin, end = np.clip(low - starts, 0.0, h), np.clip(high - starts, 0.0, h)
-        inside = (end > begin) | ((low >= starts) & (high <= starts + h))
-        piece, begin, length = np.flatnonzero(inside), begin[inside], (end - begin)[inside]
-        parts = np.maximum(1, np.ceil(length / first)).astype(np.intp)
-        which, within = parts_of(parts)
-        width = (length / parts)[which]
-        return cls(piece[which], begin[which] + within * width, width)
-
-    def halved(self, open_: Flags) -> "_TimeParts":
-        """Return both halves of the intervals that are still open."""
-        piece, begin, width = self.piece[open_], self.begin[open_], 0.5 * self.width[open_]
-        return _TimeParts(np.tile(piece, 2), np.concatenate([begin, begin + width]), np.tile(width, 2))
-
-    def chunks(self) -> "list[_TimeParts]":
-        """Return them in parts that fit into memory."""
-        cuts = [slice(k, k + _CHUNK) for k in range(0, len(self.piece), _CHUNK)]
-        return [_TimeParts(self.piece[cut], self.begin[cut], self.width[cut]) for cut in cuts]
-
-
-@dataclass(frozen=True, eq=False)
-class _Values:
-    """Largest value met on K intervals (K,) with its time, s, and an upper bound of the value there.
-
-    `least`: the bound in the middle with joints off the motion by the error, below which no shorter interval comes.
-    """
-
-    met: Array
-    time: Array
-    bound: Array
-    least: Array
 
 
 def path_constraints(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
@@ -155,7 +103,7 @@ def _poses(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one: 
     ]
 
 
-Evaluate = Callable[["_ConstraintProof", _TimeParts], _Values]
+Evaluate = Callable[["_ConstraintProof", TimeParts], Values]
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,74 +117,18 @@ class _Limit:
     shown: Callable[[float], float] = float
 
 
-class _ConstraintProof:
-    """Halving of intervals until a quantity is proved to keep its limit on each of them."""
-
-    def __init__(
-        self, motion: FrameMotion, trajectory: Trajectory, policy: VerifyPolicy, error: Array | float = 0.0
-    ) -> None:
-        """Prove it for every configuration within `error` (n,), rad or m, of the motion."""
-        self.motion, self.trajectory, self.policy = motion, trajectory, policy
-        self._jump = step_sizes(trajectory, policy.jump_tolerance) + error
-        self.tubed = bool(np.any(error))
-        self._pieces = [trajectory.derivatives(order) for order in range(2)]
-
-    def state(self, spans: _TimeParts, share: float, order: int = 0) -> Array:
-        """Return q, or its derivative, at a share of each interval: (K, n)."""
-        local = (spans.begin + share * spans.width)[:, None]
-        return polynomial.evaluate(np.swapaxes(self._pieces[order][spans.piece], 1, 2), local)
-
-    def time(self, spans: _TimeParts, share: float) -> Array:
-        """Return times at a share of each interval (K,), s."""
-        return np.asarray(self.trajectory.breakpoints[spans.piece] + spans.begin + share * spans.width)
-
-    def rates(self, spans: _TimeParts) -> Array:
-        """Return bounds of the joints' speed and acceleration on the intervals: (2, K, n)."""
-        half = 0.5 * spans.width[:, None]
-        c = self.trajectory.coefficients[spans.piece]
-        return derivative_bounds(c, spans.begin[:, None] + half, half, 3)[1:]
-
-    def bounds(self, spans: _TimeParts) -> FrameBounds:
-        """Return the bounds of the frame's motion on the intervals."""
-        half = 0.5 * spans.width[:, None]
-        speed, acceleration = self.rates(spans)
-        jump, q, v = self._jump[spans.piece], self.state(spans, 0.5), self.state(spans, 0.5, 1)
-        return self.motion.bounds(Boxes(half[:, 0], q, v, speed * half + jump, speed, acceleration, jump))
+class _ConstraintProof(FrameProof):
+    """The proof of one quantity of a path constraint."""
 
     def check(self, one: PathConstraint, limit: _Limit) -> Check:
         """Prove a limit, or refuse it where it is exceeded, or cannot be proved."""
-        spans, policy = _TimeParts.of(self.trajectory, one.during), self.policy
-        worst, beside, when, evaluated, reason = -np.inf, -np.inf, 0.0, 0, ""
-        while len(spans.piece) and not reason:
-            left = []
-            for part in spans.chunks():
-                found = limit.values(self, part)
-                evaluated += len(part.piece)
-                k = int(np.argmax(found.met))
-                if found.met[k] > worst:
-                    worst, when = float(found.met[k]), float(found.time[k])
-                left.append(~np.asarray(found.bound <= limit.limit))  # NaN stays
-                beside = max(beside, float(found.least.max()))
-            open_ = np.concatenate(left)
-            finest = bool(open_.any()) and bool(spans.width[open_].min() < 2.0 * policy.min_interval)
-            if worst > limit.limit:
-                reason = "beyond its limit"
-            elif beside > limit.limit:
-                reason = "not proved within the tracking error"
-            elif not np.isfinite(worst):
-                reason = "not proved: numbers overflow"
-            elif finest:
-                reason = f"not proved on intervals of {policy.min_interval:g} s"
-            elif evaluated > policy.max_queries:
-                reason = f"not proved with {policy.max_queries} poses"
-            spans = spans.halved(open_)
-        if not evaluated:
-            reason, worst = "nothing of the motion is in its part", np.nan
-        detail = f"{reason or 'proved at all times'}: {evaluated} intervals{of_the_motion(one)}"
-        witness: dict[str, Any] = {"q": self.trajectory(when).tolist()}
-        worst, allowed = limit.shown(worst), limit.shown(limit.limit)
+        spans = TimeParts.of(self.trajectory, _FIRST, _MOST_FIRST, one.during)
+        found = self.prove(spans, lambda part: limit.values(self, part), limit.limit)
+        witness: dict[str, Any] = {"q": self.trajectory(found.time).tolist()}
+        worst, allowed, detail = limit.shown(found.worst), limit.shown(limit.limit), found.words(of_the_motion(one))
+        proved = not found.reason
         return Check(
-            title(one), "continuous", not reason, worst, allowed, limit.unit, when, limit.place, detail, witness
+            title(one), "continuous", proved, worst, allowed, limit.unit, found.time, limit.place, detail, witness
         )
 
 
@@ -248,7 +140,7 @@ def _of_pose(measure: Measure) -> Evaluate:
     at the ends; or it is as far from its middle as it can have travelled.
     """
 
-    def values(proof: _ConstraintProof, spans: _TimeParts) -> _Values:
+    def values(proof: _ConstraintProof, spans: TimeParts) -> Values:
         poses = [proof.motion.poses(proof.state(spans, share)) for share in (0.0, 0.5, 1.0)]
         ends = [measure.value(X) for X in poses]
         bounds = proof.bounds(spans)
@@ -267,7 +159,7 @@ def _of_pose(measure: Measure) -> Evaluate:
         else:
             bound = ends[1] + measure.growth(poses[1], bounds.travel, bounds.turn)
             least = ends[1] + measure.growth(poses[1], bounds.step, bounds.turn_step)
-        return _Values(met[which, columns], times[which, columns], bound, least if proof.tubed else ends[1])
+        return Values(met[which, columns], times[which, columns], bound, least if proof.tubed else ends[1])
 
     return values
 
@@ -275,11 +167,11 @@ def _of_pose(measure: Measure) -> Evaluate:
 def _speeds(which: int) -> Evaluate:
     """Return the values of the frame's speed (0) or turning speed (1): |v(t)| <= |v(middle)| + width / 2 max |v'|."""
 
-    def values(proof: _ConstraintProof, spans: _TimeParts) -> _Values:
+    def values(proof: _ConstraintProof, spans: TimeParts) -> Values:
         speed = np.linalg.norm(proof.motion.twists(proof.state(spans, 0.5), proof.state(spans, 0.5, 1))[which], axis=1)
         bounds = proof.bounds(spans)
         rate = (bounds.curvature, bounds.turn_curvature)[which]
-        return _Values(speed, proof.time(spans, 0.5), speed + 0.5 * spans.width * rate, speed)
+        return Values(speed, proof.time(spans, 0.5), speed + 0.5 * spans.width * rate, speed)
 
     return values
 
@@ -296,13 +188,13 @@ def _wheels(robot: Robot) -> Evaluate:
     place = [robot.joint_names.index(name) for name in spec.joints]
     k = spec.half_wheelbase + spec.half_track
 
-    def values(proof: _ConstraintProof, spans: _TimeParts) -> _Values:
+    def values(proof: _ConstraintProof, spans: TimeParts) -> Values:
         q, v = proof.state(spans, 0.5), proof.state(spans, 0.5, 1)
         rates = np.array([np.abs(wheel_matrix(robot, at) @ rate).max() for at, rate in zip(q, v, strict=True)])
         speed, acceleration = proof.rates(spans)[..., place]
         change = np.hypot(acceleration[:, 0], acceleration[:, 1]) + speed[:, 2] * np.hypot(speed[:, 0], speed[:, 1])
         rate = (np.sqrt(2.0) * change + k * acceleration[:, 2]) / spec.radius
-        return _Values(rates, proof.time(spans, 0.5), rates + 0.5 * spans.width * rate, rates)
+        return Values(rates, proof.time(spans, 0.5), rates + 0.5 * spans.width * rate, rates)
 
     return values
 

@@ -45,6 +45,9 @@ KINDS: dict[str, type[Statement]] = {
 }
 """Classes of constraints by their key in a problem file."""
 
+BY_SCENE = PairClearance, TipOver
+"""Constraints whose meaning depends on what there is, and on what is held with which mass, at each time."""
+
 _SPECS: dict[str, Any] = {
     key: (Annotated[kind.spec(), AfterValidator(kind.consistent)] | None, None) for key, kind in KINDS.items()
 }

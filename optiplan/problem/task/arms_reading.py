@@ -8,12 +8,13 @@ from optiplan.config.simple_yaml import Place
 from optiplan.geometry.scene import Scene
 from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.problem.builder import Compiler
-from optiplan.problem.constraints.motions import PairClearance
+from optiplan.problem.constraints.statements import BY_SCENE
+from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.task.arms import joints_of_arms, several_arms
 from optiplan.problem.task.rides import WaitUntil
-from optiplan.problem.task.steps import Attach, ChangeTool, Detach, TargetTour, TaskStep
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Move, StraightLine, TargetTour, TaskStep
 from optiplan.robot.robot import Robot
 
 Steps = Sequence[LocatedValue[TaskStep]]
@@ -77,9 +78,10 @@ def _check(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> None
         place = part.place
         if isinstance(part.value.action, TargetTour | SeamPath | ChangeTool):
             compiler.report((*place, part.value.kind), f"a {part.value.kind} beside other arms", "moves and lines")
-        if any(isinstance(one, PairClearance) for one in part.value.constraints):
-            where = (*place, "path_constraints")
-            compiler.report(where, "a clearance of one step beside other arms", "one of the whole problem")
+        for one in part.value.constraints:
+            if isinstance(one, BY_SCENE):  # other arms take and release things meanwhile
+                found = f"`{one.KEY}` of one step beside other arms"
+                compiler.report((*place, "path_constraints"), found, "one of the whole problem")
     for part in steps:
         if part.value.ride is not None or isinstance(part.value.action, WaitUntil):
             found = "a step that goes with what moves, or waits for it, beside other arms"
@@ -88,7 +90,8 @@ def _check(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> None
         compiler.report(("scene", "obstacles"), "an obstacle that moves, beside arms of a task", "obstacles that stand")
     joints = joints_of_arms([part.value for part in steps], robot.joint_names)
     _check_joints(compiler, robot, joints)
-    _check_objects(compiler, robot, steps, joints)
+    held = {one.name: arm for one in scene.attached for arm in _movers(robot, one.link, joints)}
+    _check_objects(compiler, robot, steps, joints, held)
 
 
 def _check_joints(compiler: Compiler, robot: Robot, joints: Mapping[str, Sequence[int]]) -> None:
@@ -103,11 +106,25 @@ def _check_joints(compiler: Compiler, robot: Robot, joints: Mapping[str, Sequenc
                 compiler.report(("task",), found, "arms with joints of their own")
 
 
-def _check_objects(compiler: Compiler, robot: Robot, steps: Steps, joints: Mapping[str, Sequence[int]]) -> None:
-    """Report objects taken by a link of another arm, or released by another arm than the one that holds it."""
-    holder: dict[str, str] = {}
+def _check_objects(
+    compiler: Compiler,
+    robot: Robot,
+    steps: Steps,
+    joints: Mapping[str, Sequence[int]],
+    held: Mapping[str, str],
+) -> None:
+    """Report objects taken by a link of another arm, or released by another arm than the one that holds it.
+
+    And ends and constraints of a step that are about what another arm holds, which that may release meanwhile. `held`:
+    which arm holds what at first.
+    """
+    holder = dict(held)
     for part in steps:
         step, action = part.value, part.value.action
+        for key, frame in _frames(step):
+            if holder.get(frame, step.arm) != step.arm:
+                found = f"'{frame}', which {holder[frame]} holds"
+                compiler.report((*part.place, key), found, f"what {step.arm} holds, or a frame of a robot")
         if isinstance(action, Attach):
             holder[action.body] = step.arm
             foreign = [arm for arm in _movers(robot, action.link, joints) if arm != step.arm]
@@ -117,6 +134,20 @@ def _check_objects(compiler: Compiler, robot: Robot, steps: Steps, joints: Mappi
         elif isinstance(action, Detach) and holder.get(action.body, step.arm) != step.arm:
             found = f"'{action.body}', which {holder[action.body]} holds"
             compiler.report((*part.place, "detach", "object"), found, f"what {step.arm} holds")
+
+
+def _frames(step: TaskStep) -> Iterator[tuple[str, str]]:
+    """Yield the frames that a step is about, each with the key under which it stands."""
+    action = step.action
+    if isinstance(action, StraightLine):
+        yield step.kind, action.frame
+    if isinstance(action, Move):
+        ends = [*action.goal, *(via.at for via in action.vias)]
+        ends += [part for end in ends if isinstance(end, AllOfGoal) for part in end.parts]
+        yield from ((step.kind, str(getattr(end, "frame", ""))) for end in ends)
+    for mention in (mention for one in step.constraints for mention in one.mentioned()):
+        if mention.kind == "frame":
+            yield "path_constraints", mention.name
 
 
 def _movers(robot: Robot, link: str, joints: Mapping[str, Iterable[int]]) -> list[str]:

@@ -9,9 +9,9 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
-from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.constraints.expression import Expression
-from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
+from optiplan.problem.constraints.motions import ToolSpeed
+from optiplan.problem.constraints.statements import BY_SCENE
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
 from optiplan.problem.seams.actions import SeamPart, Transit
 from optiplan.problem.task.arms import joints_of_arms
@@ -37,9 +37,6 @@ from optiplan.verify.tasks.task_parts import StepPart, standing_at, step_parts
 from optiplan.verify.via_check import vias
 
 End = TypeVar("End", bound=GoalEnd)
-
-_BY_SCENE = PairClearance, TipOver, Expression
-"""Constraints whose meaning depends on what there is, and on what is held with which mass, at each time."""
 
 WITHIN_REACH = 0.02
 """m: what is taken from farther off is named beside the verdict; open fingers are a centimetre from what they take."""
@@ -301,7 +298,7 @@ def _constraints(
     """Check path constraints of the whole, and those of steps."""
     T = trajectory.duration
     for k, one in enumerate(problem.path_constraints):
-        if not isinstance(one, _BY_SCENE):
+        if not isinstance(one, (*BY_SCENE, Expression)):
             for check in path_constraints(derived(problem, path_constraints=(one,)), trajectory, policy):
                 yield replace(check, covers=(constraint(k),))
             continue

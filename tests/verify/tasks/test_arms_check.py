@@ -17,6 +17,8 @@ ROBOTS = {
 }
 """The forearms of a and b turn in one plane and point at each other; c stands apart, and no step moves it."""
 DOWN = {"joints": [1.2, 0.0]}
+STANDS = {"tip_over": {"corners": [[-3, -3], [3, -3], [3, 3], [-3, 3]], "height": -2}}
+APART = {"clearance": {"pairs": [["a/forearm", "b/forearm"]], "at_least": 0.01}}
 FIRST, SECOND = {"arm": "a", "name": "first", "move": DOWN}, {"arm": "b", "name": "second", "move": DOWN}
 
 
@@ -92,6 +94,8 @@ def test_segments_out_of_order_or_of_no_time_are_no_steps(both):
         (({"move": {"joints": [1.2, 0, 0, 0, 0, 0]}, "wait_for": "x"},), "wait_for: a step without `arm`"),
         ((FIRST, {"arm": "b", "move": {"group": "a", **DOWN}}), "joint a/shoulder, which steps of a and of b move"),
         ((FIRST, {"arm": "b", "dwell": 1.0}), "steps of b that move no joint"),
+        ((FIRST, {**SECOND, "path_constraints": [STANDS]}), "`tip_over` of one step beside other arms"),
+        ((FIRST, {**SECOND, "path_constraints": [APART]}), "`clearance` of one step beside other arms"),
     ],
 )
 def test_wrong_arms_are_named(steps, words):
@@ -115,3 +119,28 @@ def test_a_via_of_one_arm_is_passed_while_another_is_on_its_way():
         problem_of(missed, {"arm": "c", "name": "second", "move": {"joints": [0.6, 0.0]}}), run.trajectory
     )
     assert "via" in found(report)
+
+
+HELD = {"name": "box", "link": "a/forearm", "shape": {"sphere": 0.02}, "pose": {"position": [0.3, 0, 0.2]}}
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        ({"arm": "b", "detach": {"object": "box"}}, "'box', which a holds; expected what b holds"),
+        (
+            {**SECOND, "path_constraints": [{"tool_speed": {"linear": 1.0, "frame": "box"}}]},
+            r"path_constraints: 'box', which a holds; expected what b holds, or a frame of a robot",
+        ),
+        (
+            {"arm": "b", "move": {"pose": {"position": [1, 0.2, 0.2], "rpy": [0, 0, 0], "frame": "box"}}},
+            r"task\[1\].move: 'box', which a holds; expected what b holds",
+        ),
+        ({"arm": "b", "line": {"frame": "box", "by": [0, 0, 0.1]}}, r"task\[2\].line: 'box', which a holds"),
+    ],
+)
+def test_what_one_arm_holds_at_first_is_not_another_ones(step, words):
+    data = problem_of(FIRST, SECOND).source
+    task = [FIRST, step] if "move" in step else [FIRST, SECOND, step]
+    with pytest.raises(InputError, match=words):
+        problem_from_dict({**data, "scene": {"attached": [HELD]}, "task": task})
