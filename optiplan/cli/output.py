@@ -20,15 +20,18 @@ UNWRAPPED = 1000
 """Columns of what is no terminal: other programs read lines, and wrapped ones are none."""
 
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, of commands that keep what they have by then; as shells have it."""
+
+
 class Exit(IntEnum):
-    """Exit codes; `docs/reference/exit-codes.md` has the same table."""
+    """Exit codes; the README has the same table."""
 
     VERIFIED = 0
     BUG = 1
     BAD_INPUT = 2
     NO_PLAN = 3
     NOT_VERIFIED = 4
-    INTERRUPTED = 130
 
 
 def results() -> Console:
@@ -92,6 +95,25 @@ def stdout_is_ours() -> Iterator[None]:
     finally:
         os.dup2(kept, 1)
         os.close(kept)
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C raise KeyboardInterrupt meanwhile, for commands that keep what they have by then."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def tell_interrupted(words: str, as_json: bool) -> int:
+    """Say that Ctrl-C ended a command that has nothing to show, and what is kept; return `INTERRUPTED`."""
+    if as_json:
+        print_json({"error": f"interrupted: {words}", "issues": [], "exit_code": INTERRUPTED})
+    else:
+        print_error(f"optiplan: interrupted: {words}")
+    return INTERRUPTED
 
 
 @contextmanager

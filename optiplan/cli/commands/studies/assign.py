@@ -1,13 +1,21 @@
 """`optiplan assign`: jobs of an assembly given to arms."""
 
-import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import Exit, plain_table, print_json, results, say, stdout_is_ours
+from optiplan.cli.output import (
+    INTERRUPTED,
+    Exit,
+    interruptible,
+    plain_table,
+    print_json,
+    results,
+    say,
+    stdout_is_ours,
+)
 from optiplan.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -34,14 +42,10 @@ def assign(file: File, budget: Seconds = 120.0, out: Out = None, as_json: AsJson
     """
     from optiplan.api.studies.assigning import assign as search
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with stdout_is_ours(), ProgressLine() as progress:
-            found = search(file, out=out, budget=budget, progress=progress)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with interruptible(), stdout_is_ours(), ProgressLine() as progress:
+        found = search(file, out=out, budget=budget, progress=progress)
     files = [] if out is None or found.run is None else [str(out / "problem.yaml"), str(out / "run")]
-    code = int(Exit.INTERRUPTED) if found.ended == "interrupted" else int(0 if found.run is not None else Exit.NO_PLAN)
+    code = INTERRUPTED if found.ended == "interrupted" else int(0 if found.run is not None else Exit.NO_PLAN)
     if as_json:
         print_json(found.data | {"files": files, "exit_code": code})
         return code
