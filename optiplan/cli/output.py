@@ -20,18 +20,15 @@ UNWRAPPED = 1000
 """Columns of what is no terminal: other programs read lines, and wrapped ones are none."""
 
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, of commands that keep what they have by then; as shells have it."""
-
-
 class Exit(IntEnum):
-    """Exit codes; the README has the same table."""
+    """Exit codes; `docs/reference/exit-codes.md` has the same table."""
 
     VERIFIED = 0
     BUG = 1
     BAD_INPUT = 2
     NO_PLAN = 3
     NOT_VERIFIED = 4
+    INTERRUPTED = 130
 
 
 def results() -> Console:
@@ -110,10 +107,10 @@ def interruptible() -> Iterator[None]:
 def tell_interrupted(words: str, as_json: bool) -> int:
     """Say that Ctrl-C ended a command that has nothing to show, and what is kept; return `INTERRUPTED`."""
     if as_json:
-        print_json({"error": f"interrupted: {words}", "issues": [], "exit_code": INTERRUPTED})
+        print_json({"error": f"interrupted: {words}", "issues": [], "exit_code": Exit.INTERRUPTED})
     else:
         print_error(f"optiplan: interrupted: {words}")
-    return INTERRUPTED
+    return Exit.INTERRUPTED
 
 
 @contextmanager

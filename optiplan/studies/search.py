@@ -90,7 +90,8 @@ def search_designs(
     """Search the parameters of a study with NSGA-II.
 
     Its generations cross over the best designs so far and change them at random. The given design is one of the first.
-    Ctrl-C and the end of the budget end the search; what was measured stays.
+    Ctrl-C and the end of the budget end the search; what was measured stays. Before the first design Ctrl-C is passed
+    on: there is nothing to keep.
     Source: K. Deb et al., IEEE Trans. Evolutionary Computation 6 (2002).
 
     Args:
@@ -122,6 +123,8 @@ def search_designs(
                 G = np.array([[design.violation] for design in own])
                 X = steps.next(F, G)
     except KeyboardInterrupt:
+        if not designs:
+            raise
         ended = "interrupted"
     return DesignSearch(tuple(designs), front_of(judge, designs), generation, ended)
 

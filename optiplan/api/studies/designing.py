@@ -5,8 +5,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from optiplan.api.planning import plan_within
-from optiplan.arrays import is_finite
+from optiplan.api.planning import checked_seconds, plan_within
 from optiplan.errors import described, path_argument, progress_argument, wrong_argument
 from optiplan.files import replacing
 from optiplan.planners.base import Budget, Progress
@@ -66,15 +65,14 @@ def design(
     if not isinstance(study, Path | str | Mapping):
         expected = "the path of a study file, or a mapping of its keys"
         raise wrong_argument("design", "study", described(study), expected)
-    if budget is not None and (not is_finite(budget) or budget <= 0.0):
-        raise wrong_argument("design", "budget", described(budget), "a number of seconds > 0, or None")
+    allowed = None if budget is None else Budget(checked_seconds("design", budget))
     folder = None if out is None else path_argument("design", "out", out, "the path of a folder")
     if folder is not None:
         check_folder(folder)
     began = perf_counter()
     read = read_study(study, MEASURES)
     check_measures(read)
-    search = search_designs(read, None if budget is None else Budget(float(budget)), progress)
+    search = search_designs(read, allowed, progress)
     proofs = _proofs(read, search, progress)
     result = DesignResult(read, search, proofs, perf_counter() - began)
     if folder is not None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.api.planning import plan
+from optiplan.api.planning import checked_seconds, plan
 from optiplan.arrays import is_finite
 from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
 from optiplan.files import replacing
@@ -147,8 +147,7 @@ def place(
     if not isinstance(robot, Robot | str | Path | None):
         expected = "a Robot, the name of a shipped one, or the path of a robot.yaml"
         raise wrong_argument("place", "robot", described(robot), expected)
-    if not is_finite(budget) or budget <= 0.0:
-        raise wrong_argument("place", "budget", described(budget), "a number of seconds > 0")
+    seconds = checked_seconds("place", budget)
     where = _checked(where or PlaceRange())
     folder = None if out is None else path_argument("place", "out", out, "the path of a folder")
     if folder is not None:
@@ -156,7 +155,7 @@ def place(
     _refuse_several(problem.robot, "problem")
     problem = problem if robot is None else _with_robot(problem, robot)
     _refuse_several(problem.robot, "robot")
-    whole = Budget(float(budget))
+    whole = Budget(seconds)
     scores = search_places(problem, where, whole.share(_MAP), progress)
     given = plan(problem, budget=whole.remaining / (1 + _PLANNED), progress=partial(_quiet, progress))
     runs: list[tuple[tuple[float, ...], Run]] = []

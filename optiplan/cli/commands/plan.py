@@ -11,16 +11,7 @@ import typer
 
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson, Full
-from optiplan.cli.output import (
-    INTERRUPTED,
-    Exit,
-    interrupts_held,
-    messages,
-    print_error,
-    print_json,
-    results,
-    stdout_is_ours,
-)
+from optiplan.cli.output import Exit, interrupts_held, messages, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import KeptAnswer
 from optiplan.errors import InputError
 from optiplan.problem.examples import find_problem
@@ -188,14 +179,14 @@ def _run_there(server: str, problem: Any, planner: str, options: Any, seconds: f
         return client.plan(problem, planner, options, budget=seconds)
 
 
-def _finish(run: Any, out: Path | None, as_json: bool, full: bool, *, interrupted: bool) -> int:
+def _finish(run: Any, out: Path | None, as_json: bool, full: bool, *, interrupted: bool) -> Exit:
     """Save the run and print it, even where it cannot be saved; return its exit code."""
     from optiplan.cli.printing.report import show_run
     from optiplan.runs.run_folder import save_run
     from optiplan.verify.report import jsonable
 
-    code: int = Exit.VERIFIED if run.verified else Exit.NO_PLAN if run.trajectory is None else Exit.NOT_VERIFIED
-    code = INTERRUPTED if interrupted else code
+    code = Exit.VERIFIED if run.verified else Exit.NO_PLAN if run.trajectory is None else Exit.NOT_VERIFIED
+    code = Exit.INTERRUPTED if interrupted else code
     unsaved = None
     if out is not None:
         try:

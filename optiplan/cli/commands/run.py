@@ -11,7 +11,7 @@ import typer
 from optiplan.cli.commands.plan import BUDGET, positive
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import INTERRUPTED, Exit, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import OptiPlanError
 
@@ -82,7 +82,7 @@ def run(
     steering = {"override": override, "deviation": deviation, "patience": patience}
     done, pressed = (_on_page if view else _executed)(motion, driver, options, steering)
     clean = done["phase"] == "done" and not done["report"].get("contacts")
-    code = INTERRUPTED if pressed and not clean else Exit.VERIFIED if clean else Exit.NOT_VERIFIED
+    code = Exit.INTERRUPTED if pressed and not clean else Exit.VERIFIED if clean else Exit.NOT_VERIFIED
     if as_json:
         print_json({**done, "exit_code": int(code)})
     else:

@@ -7,7 +7,6 @@ import typer
 
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import (
-    INTERRUPTED,
     Exit,
     interruptible,
     plain_table,
@@ -45,7 +44,7 @@ def assign(file: File, budget: Seconds = 120.0, out: Out = None, as_json: AsJson
     with interruptible(), stdout_is_ours(), ProgressLine() as progress:
         found = search(file, out=out, budget=budget, progress=progress)
     files = [] if out is None or found.run is None else [str(out / "problem.yaml"), str(out / "run")]
-    code = INTERRUPTED if found.ended == "interrupted" else int(0 if found.run is not None else Exit.NO_PLAN)
+    code = int(Exit.INTERRUPTED) if found.ended == "interrupted" else int(0 if found.run is not None else Exit.NO_PLAN)
     if as_json:
         print_json(found.data | {"files": files, "exit_code": code})
         return code

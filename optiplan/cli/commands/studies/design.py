@@ -7,7 +7,6 @@ import typer
 
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import (
-    INTERRUPTED,
     Exit,
     interruptible,
     plain_table,
@@ -54,7 +53,7 @@ def design(study: Study, budget: Seconds = None, out: Out = None, as_json: AsJso
     except KeyboardInterrupt:
         return tell_interrupted("no design was measured", as_json)
     files = [] if out is None else [str(out / name) for name in ("design.html", "front.pdf", *found.files)]
-    code = INTERRUPTED if found.search.ended == "interrupted" else int(0 if found.front else Exit.NO_PLAN)
+    code = int(Exit.INTERRUPTED) if found.search.ended == "interrupted" else int(0 if found.front else Exit.NO_PLAN)
     if as_json:
         print_json(found.data | {"files": files, "exit_code": code})
         return code

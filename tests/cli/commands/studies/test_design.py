@@ -106,3 +106,13 @@ def test_ctrl_c_keeps_what_was_found(study, tmp_path):
     assert data["ended"] == "interrupted"
     assert data["designs"] > 1
     assert (tmp_path / "out" / "design.html").is_file()
+
+
+def test_ctrl_c_before_the_first_design_is_no_fault(optiplan, study, monkeypatch):
+    def pressed(self, x):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("optiplan.studies.search.DesignJudge.design", pressed)
+    code, out, err = optiplan("design", str(study))
+    assert (code, out) == (130, "")
+    assert "interrupted: no design was measured" in err
