@@ -23,7 +23,7 @@ from optiplan.errors import (
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import Problem
-from optiplan.runs.batches.workers import is_dask_client
+from optiplan.runs.batches.workers import end_pool, is_dask_client
 from optiplan.runs.pipeline import chosen, plan_and_verify_once
 from optiplan.runs.run import Run
 
@@ -86,7 +86,7 @@ def plan_many(
     count = min(workers or cores(), max(len(requests), 1))
     context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
     pool = ProcessPoolExecutor(count, context, initializer=_one_thread)
-    return _ordered(requests, [pool.submit(_planned, one) for one in requests], progress, lambda: _ended(pool))
+    return _ordered(requests, [pool.submit(_planned, one) for one in requests], progress, lambda: end_pool(pool))
 
 
 def _requests(problems: Any, planner: str | None, options: Mapping[str, Any] | None, seconds: float) -> list[_Request]:
@@ -170,11 +170,3 @@ def _answer(future: "Future[Run]", request: _Request) -> Run:
         raise OptiPlanError(f"op.plan_many: a worker cannot read '{name}': {error}") from None
     except Exception as error:
         raise OptiPlanError(f"op.plan_many: '{name}' was lost ({type(error).__name__}: {error})") from error
-
-
-def _ended(pool: ProcessPoolExecutor) -> None:
-    """End the processes at once, whatever they do."""
-    workers = list((pool._processes or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for worker in workers:
-        worker.terminate()

@@ -175,7 +175,7 @@ def with_built(safety: Safety | None, robot: Robot) -> Safety | None:
 
 @once_for_each_robot
 def _known_built(robot: Robot) -> dict[tuple[float, tuple[SafePairs, ...]], tuple[BuiltNear, ...]]:
-    """Return what was found of a robot, by what was asked: a file is read more often than it is changed."""
+    """Return what was found of a robot, by the distances required: a file is read more often than it is changed."""
     return {}
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from optiplan.api.planning import checked_seconds, plan_within
 from optiplan.errors import described, path_argument, progress_argument, wrong_argument
-from optiplan.files import replacing
+from optiplan.files import write_bytes
 from optiplan.planners.base import Budget, Progress
 from optiplan.runs.run_folder import check_folder
 from optiplan.studies.measures import MEASURES, check_measures
@@ -88,8 +88,7 @@ def save_design(result: DesignResult, folder: Path) -> list[Path]:
         **{name: text.encode() for name, text in result.files.items()},
     }
     for name, content in files.items():
-        with replacing(folder / name) as temporary:
-            temporary.write_bytes(content)
+        write_bytes(folder / name, content)
     return [folder / name for name in files]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from optiplan.api.planning import checked_seconds, plan
 from optiplan.arrays import is_finite
 from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
-from optiplan.files import replacing
+from optiplan.files import write_bytes
 from optiplan.geometry.poses import pose_to_data
 from optiplan.planners.base import Budget, Progress
 from optiplan.planners.tours.placing import PlaceRange, PlaceScores, moved_base, search_places
@@ -84,8 +84,7 @@ class Placement:
         page = place_page(title, self.words, picture, rows, problem_text({"base": self.base}) if self.base else "–")
         files = {"place.png": picture, "place.html": page.encode()} | ({"problem.yaml": text.encode()} if text else {})
         for name, content in files.items():
-            with replacing(folder / name) as temporary:
-                temporary.write_bytes(content)
+            write_bytes(folder / name, content)
         return [folder / name for name in files]
 
     @property

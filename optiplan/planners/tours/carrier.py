@@ -33,8 +33,8 @@ class Carrier:
         names = problem.robot.joint_names
         carrying = joints_that_move(problem.robot, link) if link else np.zeros(problem.robot.n, dtype=bool)
         self.link, self.robot, self.start, self.limits = link, problem.robot, problem.start, problem.limits
-        self.own = list(np.flatnonzero(carrying))
-        self.others = list(np.flatnonzero(~carrying))
+        self.own = np.flatnonzero(carrying).tolist()
+        self.others = np.flatnonzero(~carrying).tolist()
         self.problem = problem if not self.own else self._alone(problem, [names[k] for k in self.others])
 
     def _alone(self, problem: Problem, joints: Sequence[str]) -> Problem:

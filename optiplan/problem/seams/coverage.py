@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from optiplan.arrays import Array, Flags, Index
+from optiplan.cache import MostRecent
 from optiplan.config.document import Strict
 from optiplan.config.values import Direction, FileName, Length, NotNegative, Scale
 from optiplan.geometry.meshes.reading import open_mesh, read_mesh
@@ -31,6 +32,9 @@ _TURN = 5
 _MOST_LINES, _MOST_POINTS = 500, 20_000
 _BLOCK = 2_000_000
 """Pairs of points and triangles compared at once."""
+
+_covered: MostRecent[tuple[Array, Array]] = MostRecent(4)
+"""Paths over patches, by mesh and statement: to read a problem asks twice."""
 
 
 class CoverSpec(Strict):
@@ -127,7 +131,11 @@ def cover(spec: CoverSpec, base: Path) -> tuple[Array, Array]:
     Raises:
         ValueError: the mesh cannot be read, or the patch cannot be covered like that.
     """
-    patch = Patch.of(spec, base)
+    key = f"{open_mesh(base / spec.mesh).key} {spec.model_dump_json()}"
+    return _covered.get(key, lambda: _cover(spec, Patch.of(spec, base)))
+
+
+def _cover(spec: CoverSpec, patch: Patch) -> tuple[Array, Array]:
     if min(patch.extent(k)[1] - patch.extent(k)[0] for k in (0, 1)) < 2.0 * spec.margin:
         raise ValueError(f"nothing is left within a margin of {spec.margin:g} m")
     places = _raster(patch, spec) if spec.pattern == "raster" else _spiral(patch, spec)

@@ -37,7 +37,7 @@ def in_processes(requests: Iterable[EpisodeRequest], count: int) -> Iterator[Epi
             try:
                 episode = future.result()
             except BrokenProcessPool:
-                _end(pool)
+                end_pool(pool)
                 suspects = list(pending)
                 pending.clear()
                 pool = _pool(count)
@@ -48,7 +48,7 @@ def in_processes(requests: Iterable[EpisodeRequest], count: int) -> Iterator[Epi
             pending.popleft()
             yield episode
     finally:
-        _end(pool)
+        end_pool(pool)
 
 
 def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Episode]:
@@ -78,7 +78,7 @@ def _alone(request: EpisodeRequest) -> Episode:
     except BrokenProcessPool:
         return _crashed(request, "its process died, killed or out of memory")
     finally:
-        _end(pool)
+        end_pool(pool)
 
 
 def _crashed(request: EpisodeRequest, detail: str) -> Episode:
@@ -97,7 +97,7 @@ def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _end(pool: ProcessPoolExecutor) -> None:
+def end_pool(pool: ProcessPoolExecutor) -> None:
     """End the processes at once, whatever they do."""
     workers = list((pool._processes or {}).values())
     pool.shutdown(wait=False, cancel_futures=True)

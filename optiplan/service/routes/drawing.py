@@ -1,8 +1,6 @@
 """Routes of what scripts draw by meshcat's protocol into the pages of runs: a stream, and the pictures of pages."""
 
 import asyncio
-import base64
-import binascii
 from typing import Annotated
 
 import anyio
@@ -14,11 +12,9 @@ from optiplan.service.planner_service import PlannerService
 from optiplan.service.refusals import Refusal
 from optiplan.service.routes.answers import Service
 from optiplan.service.streams import Lines, event_stream, next_of
-from optiplan.viewer.drawing.drawing import Drawing
+from optiplan.viewer.drawing.drawing import Drawing, picture_of
 
 router = APIRouter(prefix="/api/drawing", include_in_schema=False)  # between our pages and this server
-
-_PNG = b"data:image/png;base64,"
 
 
 @router.get("", response_class=EventSourceResponse)
@@ -50,8 +46,8 @@ async def picture(request: Request, service: Service, picture: Annotated[int, Qu
     """Give the picture requested of a page: a `data:` address of a PNG file."""
     drawing, body = _drawing(service), await request.body()
     try:
-        data = base64.b64decode(body.removeprefix(_PNG), validate=True)
-    except binascii.Error:
+        data = picture_of(body)
+    except ValueError:
         raise Refusal(422, "the body is no data: address of a PNG file") from None
     if not drawing.give_picture(picture, data):
         raise Refusal(404, f"nobody waits for picture {picture}")

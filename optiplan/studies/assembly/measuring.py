@@ -94,7 +94,7 @@ def measure_jobs(assembly: Assembly, plan: Plan, budget: Budget, progress: Progr
             alone[arm, k] = _measured(problem, run, arm)
             left.setdefault(k, alone[arm, k].left)
         else:
-            unable[arm, k] = _reason(run)
+            unable[arm, k] = run.why_not
     arms = tuple(problems)
     return Measured(arms, alone, unable, _durations(assembly, arms, alone, problems))
 
@@ -169,9 +169,3 @@ def _durations(
         np.fill_diagonal(between, np.inf)
         travel[np.ix_([a], jobs, jobs)] = between[None]
     return Durations(work, travel, tuple(job.after for job in assembly.jobs))
-
-
-def _reason(run: Run) -> str:
-    if run.failure is not None:
-        return run.failure.detail
-    return "the motion found is not verified"

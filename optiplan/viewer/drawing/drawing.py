@@ -211,5 +211,14 @@ class Drawing:
             del parent.children[names[-1]]
 
 
+def picture_of(address: bytes) -> bytes:
+    """Return the PNG file of a `data:` address.
+
+    Raises:
+        ValueError: it is none.
+    """
+    return base64.b64decode(address.removeprefix(b"data:image/png;base64,"), validate=True)
+
+
 def _line(command: str, path: str, data: bytes) -> str:
     return json.dumps([command, path, base64.b64encode(data).decode()])

@@ -1,12 +1,10 @@
 """The page of runs, served with what scripts draw into it: `/drawing` is a stream of server-sent events."""
 
-import base64
-import binascii
 from collections.abc import Callable
 from contextlib import ExitStack
 from urllib.parse import parse_qs, urlsplit
 
-from optiplan.viewer.drawing.drawing import Drawing
+from optiplan.viewer.drawing.drawing import Drawing, picture_of
 from optiplan.viewer.drawing.meshcat_endpoint import MeshcatEndpoint
 from optiplan.viewer.page import Drawn, render_page
 from optiplan.viewer.safety import DRAWN_POLICY
@@ -18,7 +16,6 @@ ADDRESS = "drawing"
 MOST_PICTURE = 64 * 1024**2
 """bytes of a picture that a page gives."""
 _BEAT = 5.0  # s between two signs of life, by which a page that is gone is noticed
-_PNG = "data:image/png;base64,"
 
 
 class DrawnPageServer(PageServer):
@@ -88,8 +85,8 @@ class _DrawnHandler(PageHandler):
             return
         body = self.rfile.read(int(length))
         try:
-            picture = base64.b64decode(body.removeprefix(_PNG.encode()), validate=True)
-        except binascii.Error:
+            picture = picture_of(body)
+        except ValueError:
             self.send_error(400)
             return
         taken = self.server.drawing.give_picture(int(number), picture)

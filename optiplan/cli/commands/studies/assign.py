@@ -5,14 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from optiplan.cli.commands.studies import shown
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import (
     Exit,
     interruptible,
     plain_table,
-    print_json,
     results,
-    say,
     stdout_is_ours,
 )
 from optiplan.cli.progress import ProgressLine
@@ -45,13 +44,7 @@ def assign(file: File, budget: Seconds = 120.0, out: Out = None, as_json: AsJson
         found = search(file, out=out, budget=budget, progress=progress)
     files = [] if out is None or found.run is None else [str(out / "problem.yaml"), str(out / "run")]
     code = int(Exit.INTERRUPTED) if found.ended == "interrupted" else int(0 if found.run is not None else Exit.NO_PLAN)
-    if as_json:
-        print_json(found.data | {"files": files, "exit_code": code})
-        return code
-    _print(found)
-    for path in files:
-        say(f"written: {path}")
-    return code
+    return shown(found.data, lambda: _print(found), files, code, as_json)
 
 
 def _print(found: "Assignment") -> None:

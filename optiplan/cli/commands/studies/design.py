@@ -5,14 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from optiplan.cli.commands.studies import shown
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import (
     Exit,
     interruptible,
     plain_table,
-    print_json,
     results,
-    say,
     stdout_is_ours,
     tell_interrupted,
 )
@@ -54,13 +53,7 @@ def design(study: Study, budget: Seconds = None, out: Out = None, as_json: AsJso
         return tell_interrupted("no design was measured", as_json)
     files = [] if out is None else [str(out / name) for name in ("design.html", "front.pdf", *found.files)]
     code = int(Exit.INTERRUPTED) if found.search.ended == "interrupted" else int(0 if found.front else Exit.NO_PLAN)
-    if as_json:
-        print_json(found.data | {"files": files, "exit_code": code})
-        return code
-    _print(found)
-    for path in files:
-        say(f"written: {path}")
-    return code
+    return shown(found.data, lambda: _print(found), files, code, as_json)
 
 
 def _print(found: "DesignResult") -> None:
@@ -71,8 +64,8 @@ def _print(found: "DesignResult") -> None:
     table = plain_table((), (*headings, "design"))
     front = found.front
     step = max(1, -(-len(front) // _SHOWN))
-    shown = [design for k, design in enumerate(front) if k % step == 0 or id(design) in roles]
-    for design in [found.given, *(design for design in shown if design is not found.given)]:
+    some = [design for k, design in enumerate(front) if k % step == 0 or id(design) in roles]
+    for design in [found.given, *(design for design in some if design is not found.given)]:
         proof, row = roles.get(id(design)), found.row(design)
         words = "" if proof is None else proof.role
         if proof is not None and found.study.tasks:

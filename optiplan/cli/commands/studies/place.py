@@ -1,14 +1,18 @@
 """`optiplan place`: where a robot should stand to do a task, and do it fastest."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from optiplan.cli.commands.studies import shown
 from optiplan.cli.completion import problem_names
 from optiplan.cli.options import AsJson, RobotName
-from optiplan.cli.output import Exit, plain_table, print_json, results, say, stdout_is_ours
+from optiplan.cli.output import Exit, plain_table, results, say, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
+
+if TYPE_CHECKING:
+    from optiplan.api.studies.placing import Placement
 
 Task = Annotated[
     str,
@@ -57,10 +61,11 @@ def place(
         where = PlaceRange(x, y, z, radians(yaw), points)
         found = search(problem, robot, where, out=out, budget=budget, progress=progress)
     files = [] if out is None else [str(path) for path in sorted(out.glob("*")) if path.stem in ("place", "problem")]
-    code = Exit.NO_PLAN if found.run is None else 0
-    if as_json:
-        print_json(_data(found) | {"files": files, "exit_code": int(code)})
-        return code
+    return shown(_data(found), lambda: _print(found), files, int(Exit.NO_PLAN if found.run is None else 0), as_json)
+
+
+def _print(found: "Placement") -> None:
+    """Print the bases that were planned, why some are not verified, and the result in a sentence."""
     table = plain_table((), ("base moved by x, m", "y, m", "z, m", "yaw, rad", "duration, s", "verified"))
     for moved, run in [((0.0,) * 4, found.given), *found.runs]:
         duration = "–" if run is None or run.duration is None else f"{run.duration:.3f}"
@@ -71,12 +76,9 @@ def place(
         x, y, z, yaw = moved
         say(f"not verified at x {x:.3f} m, y {y:.3f} m, z {z:.3f} m, yaw {yaw:.3f} rad: {why}", style="red")
     results().print(found.words, soft_wrap=True)
-    for path in files:
-        say(f"written: {path}")
-    return code
 
 
-def _data(found: Any) -> dict[str, Any]:
+def _data(found: "Placement") -> dict[str, Any]:
     """Return the `--json` output; m, rad and s."""
     runs = [((0.0,) * 4, found.given), *found.runs]
     return {
