@@ -149,7 +149,7 @@ class _PickReader:
         if hand is None or body is None:
             return
         fingers = _Fingers(robot, hand)
-        width, closed = self._width(body), said.closed
+        width, closed = self._width(body), None if said.closed is None else list(said.closed)
         opening = fingers.opening if said.opening is None else said.opening
         if said.grasps == "auto" and (width is None or opening is None or width > opening):
             found = f"'{said.object}'" if width is None else f"'{said.object}', {width:g} m wide"
