@@ -182,6 +182,11 @@ def test_what_is_let_go_on_something_that_moves_goes_on_with_it():
     assert last.begin == pytest.approx(let_go)
     assert at.translation[1] == pytest.approx(-0.6 + SPEED * let_go, abs=1e-3)
     assert cube.motion.at(np.array([0.0]), 1)[0] == pytest.approx([0, SPEED, 0])
+    task = tuple(
+        replace(step, action=replace(step.action, mover=None)) if step.kind == "detach" else step
+        for step in found.problem.task
+    )
+    assert "ride" in failed(derived(found.problem, task=task), motion)  # it would stand where the hand lets it go
 
 
 def test_a_wait_is_proved():
@@ -197,6 +202,6 @@ def test_a_wait_is_proved():
 def test_a_run_with_the_belt_is_neither_executed_nor_simulated(run):
     """The belt goes by the clock: a robot that is slowed down would be late."""
     for call in (op.execute, op.Executor):
-        with pytest.raises(op.InputError, match="goes with what moves|by the clock"):
+        with pytest.raises(op.InputError, match=r"goes with what moves|by the clock"):
             call(run)
     assert run.ratio >= 1.0
