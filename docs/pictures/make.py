@@ -8,7 +8,7 @@ Nothing in them is drawn by hand.
 * `failure.png`: the straight motion to the same goal, refused, where it touches.
 * `comparison.png`: six planners on the same problem.
 * `two-arms.png`: both arms of `problems/18_baxter_dual.yaml`.
-* `task-cubes.png`, `task-delbot.png`, `task-srra.png`, `task-tray.png`: the four tasks of `problems/`.
+* `task-cubes.png`, `task-delbot.png`, `task-srra.png`, `task-tray.png`, `task-conveyor.png`: tasks of `problems/`.
 
 Needs chromium and the extra `pictures` (playwright, pillow).
 """
@@ -104,6 +104,7 @@ TASKS = {
     "task-delbot": ("41_delbot_fetches", 1.9),
     "task-srra": ("42_srra_tends_and_drills", 2.9),
     "task-tray": ("43_baxter_carries_a_tray", 4.7),
+    "task-conveyor": ("56_conveyor_pick", 2.2),
 }
 """Pictures of tasks: the problem, and the instant, s."""
 

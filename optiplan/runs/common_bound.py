@@ -3,10 +3,13 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from optiplan.arrays import Array
 from optiplan.problem.goals import listed_ends
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.problem.task.arms import in_task_order, joints_of_arms, several_arms, steps_of_arms
+from optiplan.problem.task.tour_steps import in_order
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.segments import RESTING, TOUR, Segment
 from optiplan.trajectory.state import State
@@ -52,41 +55,59 @@ def duration_bound(problem: Problem, trajectory: Trajectory) -> float:
 
     Of a task: the sum over the stretches between the steps before and after which the robot stands still, each from
     rest (or the moving start) to rest; what grippers and dwelling take is counted whole. It rests at targets of tours.
-    Of several arms it is the sum of the slowest.
+    Of several arms it is the sum of the slowest. Where the robot goes with what moves, it is not at rest: only its
+    speed limits bound a stretch that begins or ends there.
     """
     if not problem.task:
         return float(problem.lower_bounds([trajectory.end])[0])
     segments, of_arms = in_task_order(problem.task, trajectory.segments), steps_of_arms(problem.task)
     columns = joints_of_arms(problem.task, problem.robot.joint_names)
     if not several_arms(problem.task):
-        return _least_of(problem, trajectory, segments, columns[""])
+        steps = in_order(problem, trajectory).task
+        rides = [segments[k].begin for k, step in enumerate(steps) if step.ride is not None and k < len(segments)]
+        ends = [segments[k].end for k, step in enumerate(steps) if step.ride is not None and k < len(segments)]
+        return _least_of(problem, trajectory, segments, columns[""], frozenset([*rides, *ends]))
     return max(
         _least_of(problem, trajectory, [segments[k] for k in places], columns[arm]) for arm, places in of_arms.items()
     )
 
 
-def _least_of(problem: Problem, trajectory: Trajectory, segments: Sequence[Segment], columns: list[int]) -> float:
-    """Return the least time, s, that steps in a row take, of the joints that they move."""
+def _least_of(
+    problem: Problem,
+    trajectory: Trajectory,
+    segments: Sequence[Segment],
+    columns: list[int],
+    moving: frozenset[float] = frozenset(),
+) -> float:
+    """Return the least time, s, that steps in a row take, of the joints that they move; `moving`: at these times."""
     total, begin = 0.0, 0.0
     for segment in segments:
         if segment.kind in RESTING:
-            total += _least(problem, trajectory, (begin, segment.begin), columns)
+            total += _least(problem, trajectory, (begin, segment.begin), columns, moving)
             total += segment.end - segment.begin
             begin = segment.end
         elif segment.kind == TOUR:
-            total += _least(problem, trajectory, (begin, segment.end), columns)
+            total += _least(problem, trajectory, (begin, segment.end), columns, moving)
             begin = segment.end
-    return total + _least(problem, trajectory, (begin, trajectory.duration), columns)
+    return total + _least(problem, trajectory, (begin, trajectory.duration), columns, moving)
 
 
-def _least(problem: Problem, trajectory: Trajectory, between: tuple[float, float], columns: list[int]) -> float:
+def _least(
+    problem: Problem,
+    trajectory: Trajectory,
+    between: tuple[float, float],
+    columns: list[int],
+    moving: frozenset[float] = frozenset(),
+) -> float:
     """Return the least time, s, from where a motion is at one time to where it is at another; from rest to rest.
 
-    At the start the robot may be moving, as its problem says.
+    At the start the robot may be moving, as its problem says, and at the times of `moving` at any speed.
     """
     begin, end = between
     q, last = trajectory(begin), trajectory(begin)
     last[columns] = trajectory(end)[columns]
+    if moving & {begin, end}:
+        return float((np.abs(last - q) / problem.limits.velocity).max())
     if begin == 0.0 and problem.moving_start:
         return float(moving_bounds(problem.start_state, [State(last)], problem.limits).min())
     return lower_bound(q, last, problem.limits)

@@ -15,6 +15,7 @@ from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolAcceleration
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.timeline import scene_parts
 from optiplan.runs.run import Run
 from optiplan.trajectory.segments import EVENTS, Segment
@@ -90,7 +91,8 @@ class ProvedPath:
         if run.trajectory is None or not run.verified:
             raise wrong_argument(called, "run", "a run that is not verified", "a verified run of op.plan(…)")
         problem = run.problem
-        if any(obstacle.motion is not None for obstacle in problem.scene.obstacles):
+        timed = any(step.ride is not None or isinstance(step.action, WaitUntil) for step in problem.task)
+        if timed or any(obstacle.motion is not None for obstacle in problem.scene.obstacles):
             found = "a run among obstacles that move by the clock, proved for its own timing alone"
             raise wrong_argument(called, "run", found, "a run among obstacles that stand still")
         constraints = _constraints(problem)

@@ -218,7 +218,7 @@ MEANINGS = {
     "option": "A choice and one of its alternatives, both from 0; written for `either`.",
     "pick": "Take an object with the fingers: approach, attach, close, lift.",
     "place": "Put a held object down: approach, open, detach, go back.",
-    "PickSpec.grasps": "auto: across the least width of a box or cylinder; or poses of the tool in the object's frame.",
+    "PickSpec.grasps": "auto: across the least width of a box or cylinder; or poses of the tool in the object.",
     "PickSpec.from": "What the object moves with, such as a conveyor.",
     "PickSpec.closed": "Values of the joints of the hand that hold the object; those of its width without it.",
     "PickSpec.touch": "Links that the object may touch; those of the fingers without it.",

@@ -21,6 +21,7 @@ from optiplan.config.values import JointValues, Length, Name, NotNegative
 from optiplan.errors import InputError, Issue
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.geometry.shapes import shape_from_spec
+from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.problem.grasps.antipodal import graspable, least_width
 from optiplan.problem.partial import fit, mapping
 from optiplan.problem.schema.ends import exactly_one
@@ -149,7 +150,7 @@ class _PickReader:
         if hand is None or body is None:
             return
         fingers = _Fingers(robot, hand)
-        width, closed = self._width(body), said.closed
+        width, closed = self._width(body), None if said.closed is None else list(said.closed)
         opening = fingers.opening if said.opening is None else said.opening
         if said.grasps == "auto" and (width is None or opening is None or width > opening):
             found = f"'{said.object}'" if width is None else f"'{said.object}', {width:g} m wide"
@@ -193,7 +194,8 @@ class _PickReader:
 
     def _hand(self, place: Place, name: str | None, robot: Robot) -> str | None:
         """Return the group of the fingers: as it is said, or the only one whose joints are not those of the arm."""
-        own = set(robot.joint_names)
+        leading = zip(robot.joint_names, joints_that_move(robot, robot.tool_frame), strict=True)
+        own = {joint for joint, leads in leading if leads}
         others = [group for group, joints in robot.groups.items() if not set(joints) & own]
         if name in others:
             return name

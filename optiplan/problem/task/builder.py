@@ -125,6 +125,10 @@ class Task:
             pick: further keys of a `pick` of a problem file, `from_` for its `from`, and those of the step.
         """
         step = {key: pick.pop(key) for key in _STEP_KEYS if key in pick}
+        if grasps is not None and (
+            isinstance(grasps, str) or not all(isinstance(one, Pose) for one in _listed(grasps))
+        ):
+            raise wrong_argument("Task.pick", "grasps", described(grasps), "a list of op.Pose")
         poses = None if grasps is None else [end_data(one, "Task.pick", "grasps")["pose"] for one in grasps]
         said = {"object": object, "grasps": poses, "from": pick.pop("from_", None), **pick}
         return self._written("pick", _given(**said), step)
@@ -348,6 +352,11 @@ def _ends(to: Any, function: str, argument: str) -> dict[str, Any]:
     if not several:
         return end_data(to, function, argument)
     return {"any_of": [end_data(end, function, f"{argument}[{k}]") for k, end in enumerate(to)]}
+
+
+def _listed(values: Any) -> Sequence[Any]:
+    """Return a list as it is; of anything else one that holds no pose."""
+    return values if isinstance(values, Sequence) else [None]
 
 
 _STEP_KEYS = ("name", "allowed_collisions", "path_constraints")

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.constraints.points import OnLine
 from optiplan.problem.constraints.poses import OrientationCone
 from optiplan.problem.problem import Problem, derived
-from optiplan.problem.task.rides import Ride, WaitUntil
+from optiplan.problem.task.rides import Mover, Ride, WaitUntil
 from optiplan.problem.task.steps import Attach, Detach, Event, Move, StraightLine, TaskStep
 from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.trajectory import Trajectory
@@ -37,6 +38,9 @@ def ride_checks(parts: Sequence[StepPart], policy: VerifyPolicy) -> Iterator[Che
         covers = f"{step_place(k)}.ride"
         if isinstance(step.action, Attach) and (wrong := _taken(part, step.action, ride)):
             yield covering(Check("ride", "exact", False, time=part.begin, detail=f"{step.words}: {wrong}"), covers)
+        if isinstance(step.action, Detach) and _key(step.action.mover) != _key(None if ride is None else ride.mover):
+            detail = f"{step.words}: '{step.action.body}' is released into another motion than that of the arm"
+            yield covering(Check("ride", "exact", False, time=part.begin, detail=detail), covers)
         if ride is None:
             continue
         yield covering(_rest_at_end(part, ride), covers)
@@ -70,6 +74,10 @@ def _taken(part: StepPart, action: Attach, ride: Ride | None) -> str:
     if ride is None:
         return f"'{action.body}' moves, and the arm does not go with it"
     return "" if motion.key == ride.mover.motion.key else f"'{action.body}' moves otherwise than '{ride.mover.name}'"
+
+
+def _key(mover: Mover | None) -> tuple[Any, ...] | None:
+    return None if mover is None else mover.motion.key
 
 
 def _rest_at_end(part: StepPart, ride: Ride) -> Check:

@@ -98,6 +98,10 @@ def test_python_states_the_same_steps():
         lambda: op.Task().either(one),
         lambda: op.Task().either(one, op.Task()),
         lambda: op.Task().pick("a", b=1),
+        lambda: op.Task().pick("a", grasps=3),
+        lambda: op.Task().pick(3),
+        lambda: op.Task().place("a", 3),
+        lambda: op.Task().wait_until(3),
     ):
         with pytest.raises(InputError):
             call()

@@ -70,8 +70,8 @@ def test_what_stands_in_its_way_for_good_is_named():
     assert found.failure.witness["step"] == 2
 
 
-def test_what_moves_cannot_be_taken():
-    with pytest.raises(op.InputError, match=r"'ball', which moves; expected an object that stands"):
+def test_what_moves_cannot_be_taken_by_an_arm_that_rests():
+    with pytest.raises(op.InputError, match=r"'ball', which moves, while the arm does not go with it"):
         task(sweeping(0.1, 0.9), steps=[{"attach": {"object": "ball", "link": "panda_hand"}}])
 
 
