@@ -30,6 +30,9 @@ WORLD = "world"
 DRAWN = "drawn"
 """The configuration in which the stage shows the robot."""
 
+HOLDERS = ("visuals", "collisions", "visual", "collision")
+"""Names of the Xforms that exporters put shapes into: empty ones are no frames."""
+
 OFF = 1e-3
 """m and rad; bodies that are drawn further from where their joint lets them be are remarked on."""
 
@@ -251,13 +254,15 @@ class _UsdWriter:
 
 
 def _empty_frames(stage: UsdStage, body: Any) -> list[Any]:
-    """The Xforms without children right below a body, which name a place on it."""
-    children = body.GetFilteredChildren(stage.usd.TraverseInstanceProxies())
-    return [
+    """The Xforms without children right below a body, which name a place on it; not those that wait for shapes."""
+    children = [
         child
-        for child in children
-        if str(child.GetTypeName()) == "Xform" and not child.GetAllChildren() and not schemas(child)
+        for child in body.GetFilteredChildren(stage.usd.TraverseInstanceProxies())
+        if child.GetTypeName() == "Xform"
     ]
+    bare = [child for child in children if not child.GetAllChildren() and not schemas(child)]
+    named = [child for child in bare if child.GetName() not in HOLDERS]
+    return [child for child in named if not child.IsInstance() and not child.HasAuthoredReferences()]
 
 
 def _colour(stage: UsdStage, prim: Any) -> Array | None:
