@@ -75,7 +75,9 @@ class _Columns:
                 break
         triangle = np.repeat(np.arange(len(triangles)), many)
         place = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-        column = (first[triangle, 0] + place % wide[triangle]) * self._grid + first[triangle, 1] + place // wide[triangle]
+        column = (
+            (first[triangle, 0] + place % wide[triangle]) * self._grid + first[triangle, 1] + place // wide[triangle]
+        )
         self._triangles = triangle[np.argsort(column, kind="stable")]
         self._start = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=self._grid**2))])
 
