@@ -8,8 +8,11 @@ import numpy as np
 from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry.coal_queries import coal_mesh
 
-_GRID = 64
-"""Columns along each axis into which triangles are sorted."""
+_GRIDS = (256, 128, 64)
+"""Columns along each axis into which triangles are sorted: the most that leave `_ENTRIES` or less."""
+
+_ENTRIES = 3_000_000
+"""Triangles in columns, each counted as often as it overlaps one."""
 
 _TILT = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
 """A rotation after which no edge of a technical part is parallel to the test lines."""
@@ -63,14 +66,20 @@ class _Columns:
         self._areas = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
         low, high = triangles[:, :, :2].min(axis=1), triangles[:, :, :2].max(axis=1)
         self._origin = low.min(axis=0)
-        self._pitch = np.maximum(high.max(axis=0) - self._origin, 1e-12) / _GRID
-        first, last = self._column(low), self._column(high)
-        wide, many = last[:, 0] - first[:, 0] + 1, (last - first + 1).prod(axis=1)
+        extent = np.maximum(high.max(axis=0) - self._origin, 1e-12)
+        for self._grid in _GRIDS:
+            self._pitch = extent / self._grid
+            first, last = self._column(low), self._column(high)
+            wide, many = last[:, 0] - first[:, 0] + 1, (last - first + 1).prod(axis=1)
+            if many.sum() <= _ENTRIES:
+                break
         triangle = np.repeat(np.arange(len(triangles)), many)
         place = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-        column = (first[triangle, 0] + place % wide[triangle]) * _GRID + first[triangle, 1] + place // wide[triangle]
+        column = (
+            (first[triangle, 0] + place % wide[triangle]) * self._grid + first[triangle, 1] + place // wide[triangle]
+        )
         self._triangles = triangle[np.argsort(column, kind="stable")]
-        self._start = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=_GRID**2))])
+        self._start = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=self._grid**2))])
 
     def enclosed(self, points: Array) -> Flags:
         """Return whether up and down crossings differ on both sides of points (p, 3) along the last axis."""
@@ -91,14 +100,14 @@ class _Columns:
 
     def _candidates(self, points: Array) -> tuple[Index, Index]:
         """Return pairs of points (p, 2) and triangles of the point's column, point by point."""
-        column = self._column(points) @ np.array([_GRID, 1])
+        column = self._column(points) @ np.array([self._grid, 1])
         count = self._start[column + 1] - self._start[column]
         point = np.repeat(np.arange(len(points)), count)
         place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         return point, self._triangles[self._start[column][point] + place]
 
     def _column(self, points: Array) -> Index:
-        columns: Index = np.clip(((points - self._origin) / self._pitch).astype(np.intp), 0, _GRID - 1)
+        columns: Index = np.clip(((points - self._origin) / self._pitch).astype(np.intp), 0, self._grid - 1)
         return columns
 
 

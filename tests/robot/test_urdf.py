@@ -27,7 +27,10 @@ def cube(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("form", ["package://pack/meshes/cube.stl", "../meshes/cube.stl", "file://{}", "{}"])
+@pytest.mark.parametrize(
+    "form",
+    ["package://pack/meshes/cube.stl", "package:///pack/meshes/cube.stl", "../meshes/cube.stl", "file://{}", "{}"],
+)
 def test_meshes_are_found_and_scaled(cube, form):
     folder = cube.parent.parent / "robot"
     robot = load_robot(str(write_robot(folder, meshed("collision", form.format(cube)))))

@@ -9,7 +9,7 @@ from typing import Any
 import pinocchio as pin
 
 from optiplan.importers.robots.usd.joints import read_joints
-from optiplan.importers.robots.usd.shapes import NOT_READ, SHAPES, Shape, gprims, shape_of
+from optiplan.importers.robots.usd.shapes import NOT_READ, SHAPES, UsdShape, gprims, shape_of
 from optiplan.importers.robots.usd.stage import UsdStage
 from optiplan.importers.robots.usd.tree import rigid_bodies, robots
 from optiplan.importers.scenes.imported import ImportedScene
@@ -64,7 +64,7 @@ def _add(stage: UsdStage, prim: Any, scene: ImportedScene) -> None:
         scene.add(name, _data(name, shape, scene), shape.X)
 
 
-def _data(name: str, shape: Shape, scene: ImportedScene) -> dict[str, Any]:
+def _data(name: str, shape: UsdShape, scene: ImportedScene) -> dict[str, Any]:
     """The shape as data of a problem file."""
     if shape.kind == "box":
         return {"box": list(shape.sizes)}

@@ -202,6 +202,7 @@ class _MeshFinder:
             return [Path(name)] if Path(name).is_absolute() else [root / name for root in self.roots]
         if scheme == "file":
             return [Path(rest)]
+        rest = rest.lstrip("/")  # package:///NAME/… is written, too
         package, _, inside = rest.partition("/")
         near = [root / tail for root in self.roots for tail in (rest, inside) if tail]
         return [*near, *_in_packages(package, inside)]

@@ -35,7 +35,7 @@ ENDLESS = 1e5
 
 
 @dataclass(frozen=True)
-class Joint:
+class UsdJoint:
     """One joint; `bodies` are paths of rigid bodies, empty for the world.
 
     Attributes:
@@ -77,7 +77,7 @@ class Joint:
         return self.kind in (TURNS, SLIDES)
 
 
-def read_joints(stage: UsdStage, places: Mapping[str, pin.SE3]) -> list[Joint]:
+def read_joints(stage: UsdStage, places: Mapping[str, pin.SE3]) -> list[UsdJoint]:
     """All joints that are enabled.
 
     Args:
@@ -94,7 +94,7 @@ def read_joints(stage: UsdStage, places: Mapping[str, pin.SE3]) -> list[Joint]:
     return found
 
 
-def _joint(stage: UsdStage, prim: Any, places: Mapping[str, pin.SE3]) -> Joint:
+def _joint(stage: UsdStage, prim: Any, places: Mapping[str, pin.SE3]) -> UsdJoint:
     ends = [_end(stage, prim, k, places) for k in (0, 1)]
     if ends[0][0] == ends[1][0]:
         told = "a joint between two prims of one body" if ends[0][0] else "a joint between no two bodies"
@@ -105,7 +105,7 @@ def _joint(stage: UsdStage, prim: Any, places: Mapping[str, pin.SE3]) -> Joint:
     if lower == upper:
         X_0F, kind = X_0F * moved(kind, axis, lower), FIXED
     drive = key if f"PhysicsDriveAPI:{key}" in schemas(prim) else ""
-    return Joint(
+    return UsdJoint(
         prim,
         kind,
         (ends[0][0], ends[1][0]),

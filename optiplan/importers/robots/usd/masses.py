@@ -16,7 +16,7 @@ import pinocchio as pin
 import trimesh
 
 from optiplan.arrays import Array
-from optiplan.importers.robots.usd.shapes import Shape
+from optiplan.importers.robots.usd.shapes import UsdShape
 from optiplan.importers.robots.usd.stage import Affine, UsdStage, schemas
 
 WATER = 1000.0
@@ -25,7 +25,9 @@ WATER = 1000.0
 MASS = "PhysicsMassAPI"
 
 
-def body_inertia(stage: UsdStage, body: Any, X_WL: pin.SE3, solids: Sequence[tuple[Any, Shape]]) -> pin.Inertia | None:
+def body_inertia(
+    stage: UsdStage, body: Any, X_WL: pin.SE3, solids: Sequence[tuple[Any, UsdShape]]
+) -> pin.Inertia | None:
     """The inertia of a body in its frame L, kg, m, kg·m²; None where nothing has a mass.
 
     Args:
@@ -55,7 +57,7 @@ def _stated(stage: UsdStage, prim: Any, name: str) -> float:
     return value
 
 
-def _of_colliders(stage: UsdStage, body: Any, solids: Sequence[tuple[Any, Shape]]) -> pin.Inertia | None:
+def _of_colliders(stage: UsdStage, body: Any, solids: Sequence[tuple[Any, UsdShape]]) -> pin.Inertia | None:
     total: pin.Inertia | None = None
     unit = stage.kilograms / stage.metres**3
     own = _stated(stage, body, "physics:density") * unit
@@ -78,7 +80,7 @@ def _of_material(stage: UsdStage, prim: Any) -> float:
     return _stated(stage, material.GetPrim(), "physics:density") if material else 0.0
 
 
-def filled_with_one(shape: Shape) -> pin.Inertia:
+def filled_with_one(shape: UsdShape) -> pin.Inertia:
     """The inertia of a shape of 1 kg/m³ in its L: its mass is its volume, m³; a mesh counts as its hull."""
     if shape.kind == "box":
         x, y, z = shape.sizes

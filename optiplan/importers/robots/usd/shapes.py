@@ -36,7 +36,7 @@ _TURNS = {
 
 
 @dataclass(frozen=True)
-class Shape:
+class UsdShape:
     """A shape in the frame L of a link or the world.
 
     Attributes:
@@ -82,7 +82,7 @@ def gprims(stage: UsdStage, root: Any, solid: bool = False) -> Iterator[tuple[An
             yield from gprims(stage, child, own)
 
 
-def shape_of(stage: UsdStage, prim: Any, X_WL: pin.SE3, collides: bool) -> Shape | None:
+def shape_of(stage: UsdStage, prim: Any, X_WL: pin.SE3, collides: bool) -> UsdShape | None:
     """The shape of a gprim in L; None of a type that has no counterpart.
 
     Raises:
@@ -95,7 +95,7 @@ def shape_of(stage: UsdStage, prim: Any, X_WL: pin.SE3, collides: bool) -> Shape
     if kind not in SHAPES:
         return None
     if kind == "Plane":
-        return Shape("plane", (), _turned(stage, prim, A_LP).pose(), *_NOTHING)
+        return UsdShape("plane", (), _turned(stage, prim, A_LP).pose(), *_NOTHING)
     if kind == "Cube":
         return _box(A_LP, np.full(3, _size(stage, prim, "size", 2.0)))
     if kind == "Sphere":
@@ -139,23 +139,23 @@ def _same(a: float, b: float) -> bool:
     return abs(a - b) <= EVEN * max(a, b)
 
 
-def _box(A: Affine, edges: Array) -> Shape:
+def _box(A: Affine, edges: Array) -> UsdShape:
     scales = _scales(A)
     if scales is not None:
         sizes = tuple(float(x) for x in edges * scales)
-        return Shape("box", sizes, _pose(A, scales), *_NOTHING)
+        return UsdShape("box", sizes, _pose(A, scales), *_NOTHING)
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * edges
     return _hull(A.points(corners))
 
 
-def _ball(A: Affine, radius: float) -> Shape:
+def _ball(A: Affine, radius: float) -> UsdShape:
     scales = _scales(A)
     if scales is not None and _same(float(scales.min()), float(scales.max())):
-        return Shape("sphere", (radius * float(scales.max()),), pin.SE3(np.eye(3), A.t), *_NOTHING)
+        return UsdShape("sphere", (radius * float(scales.max()),), pin.SE3(np.eye(3), A.t), *_NOTHING)
     return _hull(A.points(ellipsoid_hull(radius, radius, radius)[0]))
 
 
-def _round(stage: UsdStage, prim: Any, kind: str, A: Affine) -> Shape:
+def _round(stage: UsdStage, prim: Any, kind: str, A: Affine) -> UsdShape:
     """A cylinder, capsule or cone about z."""
     single = prim.GetAttribute("radius")
     bottom, top = (
@@ -167,7 +167,7 @@ def _round(stage: UsdStage, prim: Any, kind: str, A: Affine) -> Shape:
     if kind != "Cone" and bottom == top and scales is not None and _same(float(scales[0]), float(scales[1])):
         radius, length = bottom * float(scales[:2].max()), height * float(scales[2])
         if kind == "Cylinder" or _same(float(scales[0]), float(scales[2])):
-            return Shape(kind.lower(), (radius, length), _pose(A, scales), *_NOTHING)
+            return UsdShape(kind.lower(), (radius, length), _pose(A, scales), *_NOTHING)
     if kind == "Capsule":
         ends = [
             ellipsoid_hull(r, r, r)[0] + np.array([0.0, 0.0, z])
@@ -177,7 +177,7 @@ def _round(stage: UsdStage, prim: Any, kind: str, A: Affine) -> Shape:
     return _hull(A.points(frustum_hull(bottom, 0.0 if kind == "Cone" else top, height)[0]))
 
 
-def _hull(points: Array) -> Shape:
+def _hull(points: Array) -> UsdShape:
     """The convex hull of points (k, 3), with triangles whose normals point out.
 
     Raises:
@@ -190,10 +190,10 @@ def _hull(points: Array) -> Shape:
     inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
     triangles[inward] = triangles[inward][:, ::-1]
     used, index = np.unique(triangles, return_inverse=True)
-    return Shape("mesh", (), pin.SE3.Identity(), hull.points[used], index.reshape(-1, 3), convex=True)
+    return UsdShape("mesh", (), pin.SE3.Identity(), hull.points[used], index.reshape(-1, 3), convex=True)
 
 
-def _mesh(stage: UsdStage, prim: Any, A: Affine, collides: bool) -> Shape:
+def _mesh(stage: UsdStage, prim: Any, A: Affine, collides: bool) -> UsdShape:
     points = np.array(stage.value(prim, "points", []), float).reshape(-1, 3)
     counts = np.array(stage.value(prim, "faceVertexCounts", []), int)
     index = np.array(stage.value(prim, "faceVertexIndices", []), int)
@@ -217,7 +217,7 @@ def _mesh(stage: UsdStage, prim: Any, A: Affine, collides: bool) -> Shape:
     if approximation == "boundingSphere":
         centre = 0.5 * (placed.min(axis=0) + placed.max(axis=0))
         radius = float(np.linalg.norm(placed - centre, axis=1).max())
-        return Shape("sphere", (radius,), pin.SE3(np.eye(3), centre), *_NOTHING)
+        return UsdShape("sphere", (radius,), pin.SE3(np.eye(3), centre), *_NOTHING)
     placed, merged = np.unique(placed, axis=0, return_inverse=True)
     triangles = _fans(counts, merged.reshape(-1)[index])
     used, merged = np.unique(triangles, return_inverse=True)
@@ -225,7 +225,7 @@ def _mesh(stage: UsdStage, prim: Any, A: Affine, collides: bool) -> Shape:
     flipped = str(stage.value(prim, "orientation", "rightHanded")) == "leftHanded"
     if flipped != (np.linalg.det(A.A) < 0.0):
         triangles = triangles[:, ::-1]
-    return Shape("mesh", (), pin.SE3.Identity(), placed, triangles)
+    return UsdShape("mesh", (), pin.SE3.Identity(), placed, triangles)
 
 
 def _fans(counts: Array, index: Array) -> Triangles:

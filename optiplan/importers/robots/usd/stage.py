@@ -98,8 +98,8 @@ class UsdStage:
             raise InputError([Issue(file, line, "usd", text, "a USD file that usd-core opens")]) from error
 
     def _broken(self, error: Any) -> Issue:
-        site = str(getattr(error, "rootSite", "")) or "usd"
-        return Issue(str(self.path), None, site.strip("<>"), str(error).rstrip("."), "layers that are there")
+        site = str(getattr(error, "rootSite", "")).rpartition("<")[2].strip(">") or "usd"
+        return Issue(str(self.path), None, site, str(error).rstrip("."), "layers that are there")
 
     def issue(self, prim: Any, found: str, expected: str, key: str = "") -> InputError:
         """An error at a prim, and at an attribute of it."""

@@ -15,11 +15,11 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.urdf_shapes import MeshFiles, add_shape
-from optiplan.importers.robots.usd.joints import SLIDES, TURNS, Joint, moved, read_joints
+from optiplan.importers.robots.usd.joints import SLIDES, TURNS, UsdJoint, moved, read_joints
 from optiplan.importers.robots.usd.masses import body_inertia
-from optiplan.importers.robots.usd.shapes import NOT_READ, Shape, gprims, shape_of
+from optiplan.importers.robots.usd.shapes import NOT_READ, UsdShape, gprims, shape_of
 from optiplan.importers.robots.usd.stage import UsdStage, schemas
-from optiplan.importers.robots.usd.tree import Tree, read_tree, rigid_bodies
+from optiplan.importers.robots.usd.tree import Articulation, read_tree, rigid_bodies
 from optiplan.robot.urdf.elements import inertial_element, number_words, origin_element
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
 
@@ -29,6 +29,9 @@ FAR = 100.0
 WORLD = "world"
 DRAWN = "drawn"
 """The configuration in which the stage shows the robot."""
+
+HOLDERS = ("visuals", "collisions", "visual", "collision")
+"""Names of the Xforms that exporters put shapes into: empty ones are no frames."""
 
 OFF = 1e-3
 """m and rad; bodies that are drawn further from where their joint lets them be are remarked on."""
@@ -65,7 +68,7 @@ class _UsdWriter:
         self.bodies = rigid_bodies(stage)
         self.places = {path: stage.placed(prim).pose() for path, prim in self.bodies.items()}
         joints = read_joints(stage, self.places)
-        self.tree: Tree = read_tree(stage, joints, self.places)
+        self.tree: Articulation = read_tree(stage, joints, self.places)
         self.notes = list(self.tree.notes)
         self.meshes = MeshFiles()
         self.drawn: dict[str, float] = {}
@@ -129,7 +132,7 @@ class _UsdWriter:
             ET.SubElement(self.root, "link", name=child)
             self._joint(self._free(f"{link}_fixed"), "fixed", (child, link), X_CF.inverse())
 
-    def _position(self, joint: Joint, carrier: str, path: str, frames: tuple[pin.SE3, pin.SE3, Array]) -> float:
+    def _position(self, joint: UsdJoint, carrier: str, path: str, frames: tuple[pin.SE3, pin.SE3, Array]) -> float:
         """The position at which the stage shows a joint, rad or m; a remark where its bodies are not where it says."""
         X_PF, X_CF, axis = frames
         X_WP = self.places[carrier] if carrier else pin.SE3.Identity()
@@ -147,7 +150,7 @@ class _UsdWriter:
             q = float(np.clip(q, joint.lower, joint.upper))
         return 0.0 if abs(q) < 1e-9 else q
 
-    def _moving(self, joint: Joint, links: tuple[str, str], X_PF: pin.SE3, axis: Array) -> None:
+    def _moving(self, joint: UsdJoint, links: tuple[str, str], X_PF: pin.SE3, axis: Array) -> None:
         name, turns = self.names[joint.path], joint.kind == TURNS
         endless = np.isinf(joint.lower) and np.isinf(joint.upper)
         kind = ("continuous" if endless else "revolute") if turns else "prismatic"
@@ -219,7 +222,7 @@ class _UsdWriter:
             raise self.stage.issue(prim, f"a collider of type {kind}", expected)
         self.notes.append(f"left out: {prim.GetPath()}, a {kind}, which a robot cannot have")
 
-    def _shape(self, prim: Any, shape: Shape, collides: bool) -> ET.Element:
+    def _shape(self, prim: Any, shape: UsdShape, collides: bool) -> ET.Element:
         if shape.kind == "box":
             return ET.Element("box", size=number_words(shape.sizes))
         if shape.kind == "sphere":
@@ -251,13 +254,15 @@ class _UsdWriter:
 
 
 def _empty_frames(stage: UsdStage, body: Any) -> list[Any]:
-    """The Xforms without children right below a body, which name a place on it."""
-    children = body.GetFilteredChildren(stage.usd.TraverseInstanceProxies())
-    return [
+    """The Xforms without children right below a body, which name a place on it; not those that wait for shapes."""
+    children = [
         child
-        for child in children
-        if str(child.GetTypeName()) == "Xform" and not child.GetAllChildren() and not schemas(child)
+        for child in body.GetFilteredChildren(stage.usd.TraverseInstanceProxies())
+        if child.GetTypeName() == "Xform"
     ]
+    bare = [child for child in children if not child.GetAllChildren() and not schemas(child)]
+    named = [child for child in bare if child.GetName() not in HOLDERS]
+    return [child for child in named if not child.IsInstance() and not child.HasAuthoredReferences()]
 
 
 def _colour(stage: UsdStage, prim: Any) -> Array | None:

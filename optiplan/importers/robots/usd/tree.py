@@ -11,7 +11,7 @@ from typing import Any
 
 import pinocchio as pin
 
-from optiplan.importers.robots.usd.joints import FIXED, FREE, SLIDES, TURNS, Joint
+from optiplan.importers.robots.usd.joints import FIXED, FREE, SLIDES, TURNS, UsdJoint
 from optiplan.importers.robots.usd.shapes import is_body
 from optiplan.importers.robots.usd.stage import UsdStage, schemas
 
@@ -19,7 +19,7 @@ ROOT = "PhysicsArticulationRootAPI"
 
 
 @dataclass
-class Tree:
+class Articulation:
     """An articulation.
 
     Attributes:
@@ -30,7 +30,7 @@ class Tree:
     """
 
     order: list[str] = field(default_factory=list)
-    carried: dict[str, tuple[Joint, str] | None] = field(default_factory=dict)
+    carried: dict[str, tuple[UsdJoint, str] | None] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
 
@@ -39,7 +39,7 @@ def rigid_bodies(stage: UsdStage) -> dict[str, Any]:
     return {str(prim.GetPath()): prim for prim in stage.prims() if is_body(stage, prim)}
 
 
-def groups(joints: Sequence[Joint], bodies: Mapping[str, Any]) -> list[set[str]]:
+def groups(joints: Sequence[UsdJoint], bodies: Mapping[str, Any]) -> list[set[str]]:
     """Bodies that joints connect, in the order of the stage; the world connects nothing."""
     group = {path: {path} for path in bodies}
     for joint in joints:
@@ -51,20 +51,20 @@ def groups(joints: Sequence[Joint], bodies: Mapping[str, Any]) -> list[set[str]]
     return list({id(one): one for one in group.values()}.values())
 
 
-def robots(joints: Sequence[Joint], bodies: Mapping[str, Any]) -> list[set[str]]:
+def robots(joints: Sequence[UsdJoint], bodies: Mapping[str, Any]) -> list[set[str]]:
     """The groups with a joint that moves, also against the world."""
     moving = {body for joint in joints if joint.kind not in (FIXED, FREE) for body in joint.bodies if body}
     return [group for group in groups(joints, bodies) if group & moving]
 
 
-def read_tree(stage: UsdStage, joints: Sequence[Joint], bodies: Mapping[str, pin.SE3]) -> Tree:
+def read_tree(stage: UsdStage, joints: Sequence[UsdJoint], bodies: Mapping[str, pin.SE3]) -> Articulation:
     """Find the articulation.
 
     Raises:
         InputError: none, several, or a joint in it that a robot cannot have.
     """
     group = _articulation(stage, joints, bodies)
-    tree = Tree()
+    tree = Articulation()
     own = [joint for joint in joints if set(joint.bodies) & group]
     usable = []
     for joint in own:
@@ -84,7 +84,7 @@ def read_tree(stage: UsdStage, joints: Sequence[Joint], bodies: Mapping[str, pin
     return tree
 
 
-def _articulation(stage: UsdStage, joints: Sequence[Joint], bodies: Mapping[str, pin.SE3]) -> set[str]:
+def _articulation(stage: UsdStage, joints: Sequence[UsdJoint], bodies: Mapping[str, pin.SE3]) -> set[str]:
     found = robots(joints, bodies)
     expected = "one articulation: rigid bodies that revolute or prismatic joints connect"
     marked = [str(prim.GetPath()) for prim in stage.prims() if ROOT in schemas(prim)]
@@ -106,7 +106,7 @@ def _within(path: str, root: str) -> bool:
     return path == root or path.startswith(f"{root}/")
 
 
-def _root(stage: UsdStage, joints: Sequence[Joint], group: set[str]) -> str:
+def _root(stage: UsdStage, joints: Sequence[UsdJoint], group: set[str]) -> str:
     """The body without a joint to the world that carries the others: marked, else body 1 of none, else the first."""
     ordered = [path for path in rigid_bodies(stage) if path in group]
     marked = [path for path in ordered if ROOT in schemas(stage.stage.GetPrimAtPath(path))]
@@ -114,7 +114,7 @@ def _root(stage: UsdStage, joints: Sequence[Joint], group: set[str]) -> str:
     return next(iter([*marked, *(path for path in ordered if path not in led), *ordered]))
 
 
-def _grow(stage: UsdStage, tree: Tree, joints: Sequence[Joint], root: str) -> None:
+def _grow(stage: UsdStage, tree: Articulation, joints: Sequence[UsdJoint], root: str) -> None:
     """Breadth first from the root, so that a loop opens far from it."""
     waiting, reached = [root], {root}
     left = list(joints)
