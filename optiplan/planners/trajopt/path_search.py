@@ -270,7 +270,10 @@ class PathSearch:
         """Offer a curve from a path after a few steps; where that is not free, the path with a stop at every corner."""
         with self.watch.stage("optimisation"):
             curve = self.coarse.at_once(waypoints)
-        return None if curve is not None and self.incumbent.offer(curve) else self._stopping(waypoints)
+        if curve is None or not self.incumbent.offer(curve):
+            return self._stopping(waypoints)
+        self.incumbent.info["fallback"] = "curve of few steps"
+        return None
 
     def _stopping(self, waypoints: Array) -> Failure | None:
         """Offer the motion along a path with a stop at every corner; paths on constraints have too many corners."""

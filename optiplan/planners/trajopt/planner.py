@@ -279,4 +279,8 @@ class _Run:
             self.info["cut_short"] = True
             return False
         due = self.paths.found is not None and not self.incumbent.within(self.options.good_enough)
-        return not self.incumbent.candidates or due or self.patience.worth_another(self.incumbent.cost, self.incumbent.bound)
+        return (
+            not self.incumbent.candidates
+            or due
+            or self.patience.worth_another(self.incumbent.cost, self.incumbent.bound)
+        )
