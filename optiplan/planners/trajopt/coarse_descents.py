@@ -11,14 +11,19 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.trajopt.optimizer import Optimiser
+from optiplan.planners.trajopt.program.native_sqp import NativeSqp
 from optiplan.planners.trajopt.program.sqp import STUCK, WORSE, DescentOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
+from optiplan.trajectory.trajectory import Trajectory
 
 _SPANS, _SAMPLES, _SPACING = 14, 40, 0.05
 """Spans of a coarse curve, its least number of samples, and the largest motion of a body between two of them, m."""
 
 _STEPS = 50
 """Largest number of steps of a coarse descent: after about thirty, its duration is known."""
+
+_FIRST_STEPS = 12, 5, 5
+"""Largest number of steps of a curve that is to be a first motion soon, and of it with more samples."""
 
 _SHARE = 0.5
 """Work of a coarse step, in steps of a full curve."""
@@ -78,6 +83,33 @@ class CoarseDescents:
             best: cost of the best motion known, s.
         """
         return self._descended(model, self._among(model).along(path.waypoints), best)
+
+    def at_once(self, waypoints: Array) -> Trajectory | None:
+        """Return the motion of a curve from a path (k, n) after a few steps in the core; None where there is none.
+
+        Where bodies touch between its samples, it gets more of them and a few more steps. Its steps are not counted as
+        work: they are no attempt.
+
+        Args:
+            waypoints: free among the real obstacles.
+        """
+        coarse = self._among(self.optimiser.model)
+        control = coarse.within_limits(coarse.along(waypoints))
+        descender = coarse.descender(control)
+        if not isinstance(descender, NativeSqp):
+            return None
+        u = coarse.instants(control, _SPACING)
+        for steps in _FIRST_STEPS:
+            descender.set_samples(u)
+            found = descender.optimise(control, DescentOptions(steps, lambda: self.budget.over))
+            control = found.control
+            if found.missing > STUCK or self.budget.over:
+                return None
+            attempt = coarse.checked(control, coarse.timed(control, found.duration), self.budget)
+            if attempt is None or attempt.free:
+                return None if attempt is None else attempt.trajectory
+            u = coarse.more_instants(u, attempt)
+        return None
 
     def from_curve(self, control: Array, best: float) -> CoarseCurve | None:
         """Return the coarse curve from control points (K, n) of one with all spans; None where it stays in obstacles.

@@ -47,7 +47,7 @@ SPACING = 0.025
 _LONGER = 1.5
 """Multiple of the duration of a descent's last curve up to which the cheapest duration is searched."""
 
-LATE = 8
+LATE = 3
 """Checks of the budget, about one a step, after which a curve in collision counts as late."""
 
 ACTIVE = 1e-3

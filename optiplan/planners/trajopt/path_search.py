@@ -100,7 +100,7 @@ class PathSearch:
         return [q for q, cost in zip(goals, costs, strict=True) if cost < incumbent.cost]
 
     def at_once(self, sampler: GoalSampler) -> None:
-        """Search briefly for a path if there is no motion, and offer it with a stop at every corner."""
+        """Search briefly for a path if there is no motion, and offer a curve from it or it with its stops."""
         if self.incumbent.candidates or self.searches or self._on_constraints.apply:
             return
         path = self._sample(sampler, self._check(), self.patience.seconds + _QUICK, None)
@@ -243,7 +243,7 @@ class PathSearch:
                 longest=np.inf if real else self.incumbent.longest,
                 more_goals=sampler.more if aims is None else lambda count, stop: [],
                 begun=begun,
-                early=self._stopping if real and not self.incumbent.candidates else None,
+                early=self._first if real and not self.incumbent.candidates else None,
             )
             path = sample_path(check, self.problem.start, goals, options)
         self.patience.work(shortcuts=options.attempts if isinstance(path, SampledPath) else 0)
@@ -256,7 +256,7 @@ class PathSearch:
 
     def offer_first(self, path: SampledPath) -> Failure | None:
         """Offer the motion along a path that takes the least time to compute."""
-        return self.offer_timed(path) if self._on_constraints.apply else self._stopping(path.waypoints)
+        return self.offer_timed(path) if self._on_constraints.apply else self._first(path.waypoints)
 
     def offer_timed(self, path: SampledPath) -> Failure | None:
         """Offer the motion along a path, timed with its corners rounded."""
@@ -265,6 +265,15 @@ class PathSearch:
             if timed is None:
                 timed = timed_path(self.model, path.waypoints, self.problem.limits, self.budget)
         return timed if isinstance(timed, Failure) else self._offer(path.waypoints, timed)
+
+    def _first(self, waypoints: Array) -> Failure | None:
+        """Offer a curve from a path after a few steps; where that is not free, the path with a stop at every corner."""
+        with self.watch.stage("optimisation"):
+            curve = self.coarse.at_once(waypoints)
+        if curve is None or not self.incumbent.offer(curve):
+            return self._stopping(waypoints)
+        self.incumbent.info["fallback"] = "curve of few steps"
+        return None
 
     def _stopping(self, waypoints: Array) -> Failure | None:
         """Offer the motion along a path with a stop at every corner; paths on constraints have too many corners."""

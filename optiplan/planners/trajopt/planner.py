@@ -274,8 +274,13 @@ class _Run:
         self.attempts.ahead.precompute(curves, self.incumbent.cost, self.attempts.patient)
 
     def _should_continue(self) -> bool:
-        """Return whether the budget and `Patience` allow another attempt."""
+        """Return whether the budget and `Patience` allow another attempt; a path that was found is optimised."""
         if self.attempts.before_refining.over:
             self.info["cut_short"] = True
             return False
-        return not self.incumbent.candidates or self.patience.worth_another(self.incumbent.cost, self.incumbent.bound)
+        due = self.paths.found is not None and not self.incumbent.within(self.options.good_enough)
+        return (
+            not self.incumbent.candidates
+            or due
+            or self.patience.worth_another(self.incumbent.cost, self.incumbent.bound)
+        )
