@@ -11,4 +11,5 @@ NB_MODULE(CORE_MODULE, m) {
     optiplan::bind_control(m);
     optiplan::bind_execution(m);
     optiplan::bind_chunks(m);
+    optiplan::bind_bounds(m);
 }

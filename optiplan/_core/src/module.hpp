@@ -12,5 +12,6 @@ void bind_program(nanobind::module_ &m);
 void bind_control(nanobind::module_ &m);
 void bind_execution(nanobind::module_ &m);
 void bind_chunks(nanobind::module_ &m);
+void bind_bounds(nanobind::module_ &m);
 
 }  // namespace optiplan
