@@ -350,3 +350,20 @@ class SetPointHistory:
     def note(self, time: float, q: _Array, place: float, epoch: int) -> None: ...
     def progress_at(self, time: float) -> float: ...
     def nearest(self, q: _Array, weights: _Array) -> tuple[_Array, float, float, int]: ...
+
+class BoxClosing:
+    def __init__(
+        self,
+        tree: Tree,
+        ends: _Array,
+        radius: _Array,
+        joint: _Indices,
+        body: _Indices,
+        pairs: _Indices,
+        turns: _Array,
+        boxes: _Array,
+        turn_of: _Indices,
+        arms: _Array,
+        way: _Array,
+    ) -> None: ...
+    def close(self, T: float, low: _Array, high: _Array, parts: int) -> npt.NDArray[np.uint8]: ...

@@ -115,7 +115,8 @@ def bound_of(
             if search is None:
                 break
             search.found = lambda seconds, which=which: raised(which, seconds)
-            search.below = min(known, *(b for k, b in enumerate(bounds) if k != which and b > bounds[which] * 1.02), np.inf)
+            others = [b for k, b in enumerate(bounds) if k != which and b > bounds[which] * 1.02]
+            search.below = min(known, *others, np.inf)
             search.run(began + budget)
             parts += search.parts
             names |= set(problem.robot.joint_names[: search.joints])

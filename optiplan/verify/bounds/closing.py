@@ -79,8 +79,9 @@ class Closing:
 
 
 def _along_own_axes(boxes: Boxes) -> Array:
-    """Centres along each box's own axes, and half edges: (K, 6), m."""
-    return np.ascontiguousarray(np.hstack([np.einsum("kia,ki->ka", boxes.rotation, boxes.centre), boxes.half]))
+    """Centres along each box's own axes, half edges, and what is around the box: (K, 7), m."""
+    centre = np.einsum("kia,ki->ka", boxes.rotation, boxes.centre)
+    return np.ascontiguousarray(np.hstack([centre, boxes.half, boxes.round[:, None]]))
 
 
 def _arms(model: CollisionModel, rods: Rods, lower: Array, upper: Array) -> Array:

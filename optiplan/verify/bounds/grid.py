@@ -17,9 +17,10 @@ EFFORTS = (1, 8, 64, 256)
 class Grid:
     """Boxes over some joints, within which all other joints may be anywhere that motions shorter than T can pass.
 
-    A motion is in some boxes at every time, and goes from one to the next through a face, an edge or a corner. Boxes are
-    closed sets, so an edge or a corner that joins two boxes which no chain of faces joins lies in a closed box. So if no
-    chain of boxes that share faces leads from the start's to the goal's, no motion is shorter than T.
+    A motion is in some box at every time, and goes from one to the next through a face, an edge or a corner. All boxes
+    hold their boundary. So if no chain of faces joins two open boxes that share an edge or a corner, a closed box holds
+    it too, and the motion cannot pass there. If no chain of open boxes that share faces leads from the start to the
+    goal, no motion is shorter than T.
 
     Args:
         closing: closes boxes.

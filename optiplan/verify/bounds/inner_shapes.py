@@ -10,14 +10,14 @@ from scipy.spatial import ConvexHull
 from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel
 
-RODS_PER_BODY, RODS_PER_JOINT = 16, 32
+RODS_PER_BODY, RODS_PER_JOINT = 9, 24
 """Most thin rods of a body, and most rods of all bodies that one joint carries last."""
 
 SHARES = (0.9, 0.5, 0.1)
 """Radii of a body's rods as shares of that of the largest ball inside it: thick ones are short, thin ones are long."""
 
 WITHIN = 1e-5
-"""m, by which rods are thinner than what was computed: more than rounding, and than what touching bodies may overlap."""
+"""m, by which rods are thinner than computed: more than rounding, and than what bodies that touch may overlap."""
 
 
 class Rods(NamedTuple):
@@ -37,18 +37,20 @@ class Rods(NamedTuple):
 
 
 class Boxes(NamedTuple):
-    """K boxes inside obstacles that stand still.
+    """K boxes with all that is within `round` of them, inside obstacles that stand still.
 
     Attributes:
         rotation: (K, 3, 3), columns are the box's axes in the world.
         centre: (K, 3), m.
         half: (K, 3), m.
+        round: (K,), m.
         body: (K,) index in the collision model.
     """
 
     rotation: Array
     centre: Array
     half: Array
+    round: Array
     body: Index
 
 
@@ -129,7 +131,7 @@ def _faces(shape: coal.CollisionGeometry) -> tuple[Array, Array] | None:
 
 
 def _rods_between(normals: Array, offsets: Array) -> list[tuple[Array, float]]:
-    """Rods through the middle of the largest ball inside n x <= d, the longest found for each of `SHARES` of its radius.
+    """Rods through the middle of the largest ball inside n x <= d: the longest for each of `SHARES` of its radius.
 
     From c along u the body ends, less a radius r, where n (c + s u) = d - r.
     """
@@ -187,67 +189,45 @@ BOX_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for 
 
 
 def boxes_inside(model: CollisionModel) -> Boxes:
-    """Return boxes inside obstacles that stand still: boxes themselves, and one inside each cylinder and ball."""
-    rotation, centre, half, index = [], [], [], []
+    """Return boxes inside boxes, cylinders, balls and capsules that stand still; other obstacles have none."""
+    rotation, centre, half, around, index = [], [], [], [], []
     for body, geometry in enumerate(model.geometry.geometryObjects):
         if int(geometry.parentJoint) != 0:
             continue
-        size = _box_of(geometry.geometry)
-        if size is None:
-            continue
-        rotation.append(np.array(geometry.placement.rotation))
-        centre.append(np.array(geometry.placement.translation))
-        half.append(size)
-        index.append(body)
-    shape = (-1, 3)
+        for turned, size, outside in _boxes_of(geometry.geometry):
+            rotation.append(np.array(geometry.placement.rotation) @ turned)
+            centre.append(np.array(geometry.placement.translation))
+            half.append(size)
+            around.append(max(outside - WITHIN, 0.0))
+            index.append(body)
     return Boxes(
         np.array(rotation).reshape(-1, 3, 3),
-        np.array(centre).reshape(shape),
-        np.array(half).reshape(shape),
+        np.array(centre).reshape(-1, 3),
+        np.array(half).reshape(-1, 3),
+        np.array(around),
         np.array(index, dtype=np.intp),
     )
 
 
-def ball_in_both(
-    model: CollisionModel, body: int, other: int, boxes: Boxes, poses: Array
-) -> tuple[int, Array, float, int] | None:
-    """Return a rod, a ball inside `body`, whose middle is as deep as can be in the body and in the box of `other`.
-
-    Args:
-        model: with both bodies.
-        body: of the robot.
-        other: an obstacle; None is returned of any other, and of one without a box.
-        boxes: of the obstacles.
-        poses: of the robot's joints, (J + 1, 4, 4).
-    """
-    geometry = model.geometry.geometryObjects[body]
-    joint, box = int(geometry.parentJoint), np.flatnonzero(boxes.body == other)
-    if joint == 0 or not len(box):
-        return None
-    if (faces := _faces(geometry.geometry)) is None:
-        return None
-    k, X = int(box[0]), poses[joint] @ np.array(geometry.placement.homogeneous)
-    axes = boxes.rotation[k].T @ X[:3, :3]  # of the box, in the body's frame
-    offset = boxes.rotation[k].T @ (X[:3, 3] - boxes.centre[k])
-    normals = np.vstack([faces[0], axes, -axes])
-    offsets = np.concatenate([faces[1], boxes.half[k] - offset, boxes.half[k] + offset])
-    rows = np.column_stack([normals, np.ones(len(normals))])
-    found = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=offsets, bounds=[(None, None)] * 3 + [(0.0, None)])
-    if not found.success or found.x[3] < 1e-4:
-        return None
-    middle = found.x[:3]
-    radius = float((faces[1] - faces[0] @ middle).min())
-    placed = np.array(geometry.placement.rotation) @ middle + np.array(geometry.placement.translation)
-    return joint, np.vstack([placed, placed]), radius - WITHIN, body
-
-
-def _box_of(shape: coal.CollisionGeometry) -> Array | None:
-    """Half edges (3,), m, of a box inside a shape, about its origin; None of shapes that have none here."""
+def _boxes_of(shape: coal.CollisionGeometry) -> list[tuple[Array, Array, float]]:
+    """Rotation (3, 3), half edges (3,) and what is around them, m, of boxes inside a shape, about its origin."""
     if isinstance(shape, coal.Box):
-        return np.array(shape.halfSide, dtype=np.float64).ravel()
+        return [(np.eye(3), np.array(shape.halfSide, dtype=np.float64).ravel(), 0.0)]
+    if isinstance(shape, coal.Sphere):
+        return [(np.eye(3), np.zeros(3), float(shape.radius))]
+    if isinstance(shape, coal.Capsule):
+        return [(np.eye(3), np.array([0.0, 0.0, float(shape.halfLength)]), float(shape.radius))]
     if isinstance(shape, coal.Cylinder):
         side = float(shape.radius) / np.sqrt(2.0)
-        return np.array([side, side, float(shape.halfLength)])
-    if isinstance(shape, coal.Sphere):
-        return np.full(3, float(shape.radius) / np.sqrt(3.0))
-    return None
+        return [(about_z(angle), np.array([side, side, float(shape.halfLength)]), 0.0) for angle in TURNS]
+    return []
+
+
+TURNS = np.pi / 8.0 * np.arange(4)
+"""rad, of square prisms inside a cylinder."""
+
+
+def about_z(angle: float) -> Array:
+    """Return the rotation (3, 3) about z by an angle, rad."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -1,4 +1,4 @@
-"""Least times in which joints pass a configuration on their way from one rest to another, for boxes of configurations."""
+"""Least times in which joints pass a configuration on their way from one rest to another."""
 
 from dataclasses import dataclass
 
@@ -7,17 +7,6 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.timing.lower_bound import joint_times
-
-
-def times_from_rest(distances: Array, limits: Limits) -> Array:
-    """Return the least times, s, from rest over distances (..., n) >= 0, rad or m, to whatever speed there: (..., n).
-
-    With the greatest acceleration A up to the greatest speed V: sqrt(2 d / A) while d <= V^2 / (2 A), and
-    V / (2 A) + d / V beyond. Limits of jerk are left out, which can only make it shorter.
-    """
-    speed, acceleration = limits.velocity, limits.acceleration
-    short = np.sqrt(2.0 * distances / acceleration)
-    return np.where(distances <= 0.5 * speed**2 / acceleration, short, 0.5 * speed / acceleration + distances / speed)
 
 
 def times_to_turn(distances: Array, limits: Limits) -> Array:
@@ -56,7 +45,8 @@ class Passage:
         Within the limits of position, and no farther beyond the ends than a joint can turn in that time.
         """
         first, last = np.minimum(self.start, self.goal), np.maximum(self.start, self.goal)
-        span, inside, outside = np.maximum(last - first - 2.0 * self.tolerance, 0.0), np.zeros(len(first)), np.full(len(first), T) * self.limits.velocity
+        span = np.maximum(last - first - 2.0 * self.tolerance, 0.0)
+        inside, outside = np.zeros(len(first)), T * self.limits.velocity
         for _ in range(60):
             middle = 0.5 * (inside + outside)
             fits = times_to_turn(middle, self.limits) + times_to_turn(middle + span, self.limits) < T

@@ -10,7 +10,8 @@ namespace {
 
 constexpr double kSlack = 1e-9;       // rad, m: more than rounding takes
 constexpr double kSmallest = 3e-3;  // m: boxes that move no point by more are given up
-constexpr double kWide = 0.15;            // m: boxes that move points by more are tried with kRough rods of each body
+constexpr double kWide = 0.15;  // m: boxes that move points by more are tried with kRough rods of each body
+constexpr double kTooWide = 0.4;  // m: bodies that may be moved by more are not tried
 constexpr int kRough = 5;
 constexpr double kFar = 1e30;
 constexpr double kShares[5] = {0.0, 0.25, 0.5, 0.75, 1.0};
@@ -34,10 +35,10 @@ double away(double x, double low, double high, double near) { return std::max({l
 
 }  // namespace
 
-BoxClosing::BoxClosing(const Tree &tree, std::vector<Rod> rods, std::vector<RodBody> bodies, std::vector<ObstacleBox> boxes,
-                   std::vector<Mat3> turns, std::vector<double> arms, Way way)
-    : tree_(tree), rods_(std::move(rods)), bodies_(std::move(bodies)), boxes_(std::move(boxes)), turns_(std::move(turns)), arms_(std::move(arms)),
-      way_(std::move(way)), n_(tree.planned), J_(tree.count() - 1) {
+BoxClosing::BoxClosing(const Tree &tree, std::vector<Rod> rods, std::vector<RodBody> bodies,
+                       std::vector<ObstacleBox> boxes, std::vector<Mat3> turns, std::vector<double> arms, Way way)
+    : tree_(tree), rods_(std::move(rods)), bodies_(std::move(bodies)), boxes_(std::move(boxes)),
+      turns_(std::move(turns)), arms_(std::move(arms)), way_(std::move(way)), n_(tree.planned), J_(tree.count() - 1) {
     chain_.assign((J_ + 1) * J_, 0);
     for (int j = 1; j <= J_; ++j) {
         const int parent = tree_.joints[j].parent;
@@ -129,8 +130,8 @@ void BoxClosing::spread(int rod, const Mat3 &turn, const double *reach) {
 // Whether some rod meets some box in all configurations of the box; else the joint that hinders the proof most.
 //
 // Two reasons count. A point of the rod is nearer to the box than its radius. Or the ends are on both sides of a plane
-// across the box, at the height z0, and the rod crosses it inside: with a the height of the upper end and b the depth of
-// the lower one, the crossing's coordinate along another axis is (A b + B a) / (a + b), which is less than e where
+// across the box, at the height z0, and the rod crosses it inside: with a the height of the upper end and b the depth
+// of the lower one, the crossing's coordinate along another axis is (A b + B a) / (a + b), which is less than e where
 // (A - e) b + (B - e) a < 0; that is linear in each, so the ends of intervals suffice.
 bool BoxClosing::collides(const double *reach, bool roughly, Hindrance &found) {
     double best = kFar;
@@ -140,12 +141,13 @@ bool BoxClosing::collides(const double *reach, bool roughly, Hindrance &found) {
         const ObstacleBox &box = boxes_[b];
         const Rod &rod = rods_[r];
         const Mat3 &turn = turns_[box.turn];
+        const double radius = rod.radius + box.round;
         const Vec3 p[2] = {poses_[rod.joint] * rod.ends[0], poses_[rod.joint] * rod.ends[1]};
         double at[2][3];
         for (int i = 0; i < 3; ++i) {
             at[0][i] = dot(turn.rows[i], p[0]) - box.centre[i];
             at[1][i] = dot(turn.rows[i], p[1]) - box.centre[i];
-            const double edge = box.half[i] + rod.radius;
+            const double edge = box.half[i] + radius;
             if (std::min(at[0][i], at[1][i]) > edge || std::max(at[0][i], at[1][i]) < -edge) return false;
         }
         spread(r, turn, reach);
@@ -162,11 +164,11 @@ bool BoxClosing::collides(const double *reach, bool roughly, Hindrance &found) {
                 const double far = std::max(over[i] + w[i], 0.0), now = std::max(over[i], 0.0);
                 gap += far * far, beyond += now * now;
             }
-            if (gap < rod.radius * rod.radius) return true;
-            if (beyond >= rod.radius * rod.radius) continue;
+            if (gap < radius * radius) return true;
+            if (beyond >= radius * radius) continue;
             for (int i = 0; i < 3; ++i) {
                 const double now = std::max(over[i], 0.0);
-                const double room = std::sqrt(rod.radius * rod.radius - beyond + now * now) - over[i];
+                const double room = std::sqrt(radius * radius - beyond + now * now) - over[i];
                 if (w[i] / room > ratio) ratio = w[i] / room, axis = i;
             }
             if (effort(ratio) < best) {
@@ -191,11 +193,10 @@ bool BoxClosing::collides(const double *reach, bool roughly, Hindrance &found) {
                 int axis = k;
                 double weight[2] = {0.0, 0.0};
                 if (wide[up][k] / a_mid > ratio) ratio = wide[up][k] / a_mid, weight[up] = 1.0, weight[down] = 0.0;
-                if (wide[down][k] / b_mid > ratio)
-                    ratio = wide[down][k] / b_mid, weight[down] = 1.0, weight[up] = 0.0;
+                if (wide[down][k] / b_mid > ratio) ratio = wide[down][k] / b_mid, weight[down] = 1.0, weight[up] = 0.0;
                 for (int o = 0; o < 2; ++o) {
                     const int i = o == 0 ? x : y;
-                    const double edge = box.half[i] + part[o] * rod.radius;
+                    const double edge = box.half[i] + part[o] * radius;
                     const double w = (b_mid * wide[up][i] + a_mid * wide[down][i]) / (a_mid + b_mid);
                     for (const double sign : {1.0, -1.0}) {
                         const double A = sign * at[up][i] - edge, B = sign * at[down][i] - edge;
@@ -225,6 +226,9 @@ bool BoxClosing::collides(const double *reach, bool roughly, Hindrance &found) {
     };
     if (found.rod >= 0 && consider(found.rod, found.box)) return true;
     for (const RodBody &body : bodies_) {
+        double travel = 0.0;
+        for (int k = 0; k < J_; ++k) travel += arms_[2 * body.rods[0] * J_ + k] * reach[k];
+        if (travel > kTooWide) continue;  // not yet: halving its joints is no use before those of others
         const Vec3 middle = poses_[body.joint] * body.centre;
         for (const int b : body.boxes) {
             const ObstacleBox &box = boxes_[b];
@@ -233,7 +237,8 @@ bool BoxClosing::collides(const double *reach, bool roughly, Hindrance &found) {
                 const double x = std::fabs(dot(turns_[box.turn].rows[i], middle) - box.centre[i]) - box.half[i];
                 if (x > 0.0) apart += x * x;
             }
-            if (apart > body.radius * body.radius) continue;
+            const double near = body.radius + box.round;
+            if (apart > near * near) continue;
             int left = roughly ? kRough : static_cast<int>(body.rods.size());
             for (const int r : body.rods) {
                 if (left-- == 0) break;

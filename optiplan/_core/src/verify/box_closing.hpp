@@ -23,11 +23,12 @@ struct RodBody {
     std::vector<int> rods, boxes;
 };
 
-// A box inside an obstacle that stands still.
+// All points within `round` of a box, inside an obstacle that stands still.
 struct ObstacleBox {
     int turn;            // its axes are those of this turn
     double centre[3];    // m, along these axes
     double half[3];      // m
+    double round;        // m
 };
 
 // Rest to rest, of joints with limits of speed and acceleration.
@@ -35,16 +36,16 @@ struct Way {
     std::vector<double> start, goal, speed, acceleration, tolerance;  // within the last, rad or m, an end is reached
 };
 
-// What is known of a box of configurations: nothing shorter than T passes it; not known; or a part of it is so small that
-// halving it once more would not help.
+// What is known of a box of configurations: nothing shorter than T passes it; not known; or a part of it is so small
+// that halving it once more would not help.
 enum class Box : std::uint8_t { unknown = 0, closed = 1, passable = 2 };
 
 class BoxClosing {
   public:
     // `turns`: rotations whose columns are axes of boxes, stored transposed. `arms` (2 M, J): greatest distances, m, of
     // the rods' ends from the axes of joints that carry them; 0 for the others.
-    BoxClosing(const Tree &tree, std::vector<Rod> rods, std::vector<RodBody> bodies, std::vector<ObstacleBox> boxes, std::vector<Mat3> turns,
-             std::vector<double> arms, Way way);
+    BoxClosing(const Tree &tree, std::vector<Rod> rods, std::vector<RodBody> bodies, std::vector<ObstacleBox> boxes,
+               std::vector<Mat3> turns, std::vector<double> arms, Way way);
 
     // Whether each configuration of the box [low, high] (n,) is in collision, or passed by no motion shorter than T; by
     // halving the box into at most `most` parts.
