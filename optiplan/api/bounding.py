@@ -42,11 +42,20 @@ def bound(problem: Problem, budget: float = BUDGET, motion: Run | Trajectory | N
     checked_problem(problem, "bound")
     seconds = checked_seconds("bound", budget)
     known = _duration(problem, motion)
+    require_bound(problem)
+    return bound_of(problem, seconds, known)
+
+
+def require_bound(problem: Problem) -> None:
+    """Refuse a problem of which no bound is known.
+
+    Raises:
+        InputError: which part of it is the reason.
+    """
     if (missing := unsupported(problem)) is not None:
         field, found = missing
         expected = "a single motion from rest to rest, whose goals are values of joints"
         raise wrong_argument("bound", field, found, expected)
-    return bound_of(problem, seconds, known)
 
 
 def _duration(problem: Problem, motion: Run | Trajectory | None) -> float:

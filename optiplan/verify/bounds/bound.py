@@ -1,7 +1,7 @@
 """A proved lower bound on the duration of any motion of a problem, obstacles included."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -65,6 +65,18 @@ class DurationBound:
             "left_out": list(self.left_out),
         }
 
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "DurationBound":
+        """Return a bound from the content of `to_dict`."""
+        return cls(
+            float(data["seconds"]),
+            float(data["alone"]),
+            tuple(data.get("joints", ())),
+            int(data.get("parts", 0)),
+            tuple((float(when), float(seconds)) for when, seconds in data.get("history", ())),
+            tuple(data.get("left_out", ())),
+        )
+
 
 def unsupported(problem: Problem) -> tuple[str, str] | None:
     """Return what of a problem no bound is known for, its field and what was found; None if there is one."""
@@ -103,7 +115,7 @@ def bound_of(
         bounds, parts = list(alone), 0
 
         def raised(which: int, seconds: float) -> None:
-            bounds[which] = seconds
+            bounds[which] = float(seconds)
             if min(bounds) > history[-1][1]:
                 history.append((time.perf_counter() - began, min(bounds)))
                 found(min(bounds))
