@@ -47,7 +47,7 @@ def bound(problem: Problem, budget: float = BUDGET, motion: Run | Trajectory | N
 
 
 def require_bound(problem: Problem) -> None:
-    """Refuse a problem of which no bound is known.
+    """Refuse a problem without a known bound.
 
     Raises:
         InputError: which part of it is the reason.

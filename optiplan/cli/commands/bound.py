@@ -35,7 +35,7 @@ def bound(
 
       optiplan bound 12_planar --run runs/planar --budget 10
 
-    Exit code: 0 proved · 2 bad input, or a problem of which no bound is known.
+    Exit code: 0 proved · 2 bad input, or a problem without a known bound.
     """
     from optiplan.api.bounding import bound as bound_of_problem
     from optiplan.problem.load import load_problem

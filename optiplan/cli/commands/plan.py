@@ -177,7 +177,7 @@ def _run(path: Path, problem: Any, planner: str | None, more: dict[str, int], se
 
 
 def _bound(run: Any, seconds: float | None) -> Any:
-    """The bound that is proved in so many seconds; None where nobody asked."""
+    """The bound that is proved in so many seconds; None without a number of them."""
     from optiplan.api.bounding import bound
 
     if seconds is None:

@@ -29,7 +29,7 @@ class DurationBound:
         seconds: the bound, s.
         alone: s; the same without obstacles: what the slowest joint needs alone.
         joints: of the robot over whose positions the proof is made, in their order; none if obstacles add nothing.
-        parts: boxes of configurations that were looked at.
+        parts: boxes of configurations that were examined.
         history: (seconds of work, bound in s), each higher than the one before.
         left_out: what the problem demands and the bound does not count; with it motions can only be longer.
     """

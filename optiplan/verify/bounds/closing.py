@@ -22,17 +22,17 @@ UNKNOWN, CLOSED, PASSABLE = 0, 1, 2
 """What is known of a box: nothing; no motion shorter than T passes it; a part of it is too small to be halved."""
 
 AT_ONCE = 100_000
-"""Parts of boxes that are looked at between two looks at the clock."""
+"""Parts of boxes that are examined between two looks at the clock."""
 
 
 @dataclass(frozen=True)
 class Closing:
     """Closes boxes for the ways of a `passage` through the scene of a `model`.
 
-    A box is closed if halving it gives parts of which each is passed by no motion shorter than T, or is in collision
-    throughout: a rod inside a body of the robot meets a box inside an obstacle in all of its configurations. For that
-    the ends of the rods are enclosed: p(q) = p(Q) + sum_j J_j d_j + r with |r| <= 1/2 sum_jk w_max(j, k) D_j D_k, where
-    |d| <= D, and w_k is the greatest distance of the point from axis k. Two reasons count.
+    A box is closed if halving it gives parts that no motion shorter than T passes, or that are in collision throughout:
+    a rod inside a body of the robot meets a box inside an obstacle in every configuration. For that the ends of the
+    rods are enclosed: p(q) = p(Q) + sum_j J_j d_j + r with |r| <= 1/2 sum_jk w_max(j, k) D_j D_k. |d| <= D, and w_k is
+    the greatest distance of the point from axis k. Two reasons count.
 
     - A point of the rod is nearer to the box than the rod's radius.
     - The ends are on both sides of a plane across the box, and between them the rod crosses it within the box.

@@ -34,7 +34,7 @@ class Search:
         below: s, of a known motion; inf: none is known.
         found: called with every greater bound.
         joints: how many joints the grid that proved it had; 0: none did.
-        parts: parts of boxes looked at.
+        parts: parts of boxes that were examined.
     """
 
     closing: Closing

@@ -19,7 +19,7 @@ def times_to_turn(distances: Array, limits: Limits) -> Array:
     return np.where(distances <= speed**2 / acceleration, short, speed / acceleration + distances / speed)
 
 
-SLACK = 1e-6
+SLACK = 2e-6
 """rad or m, by which positions may pass limits here: more than the verifier grants."""
 
 

@@ -119,7 +119,7 @@ def test_what_no_bound_is_known_of_is_refused(name, field):
 def test_a_motion_of_another_problem_is_refused():
     run = op.plan(op.load_problem("12_planar"), budget=3.0)
     with pytest.raises(op.InputError, match=r"^op\.bound: motion: "):
-        op.bound(op.load_problem("12_planar").with_goal([-1.0, 0.4]), motion=run)
+        op.bound(op.load_problem("12_planar").with_limits(velocity=0.5), motion=run)
 
 
 def test_words_of_a_bound():

@@ -35,11 +35,11 @@ def test_closed_boxes_hold_no_free_configuration_that_is_passed_in_time(name):
     T = 1.3 * passage.direct.max()
     low, high = passage.box(T)
     n = len(low)
-    centre = rng.uniform(low, high, (400, n))
-    half = rng.uniform(0.0, 0.15, (400, n)) * (high - low)
+    centre = rng.uniform(low, high, (1500, n))
+    half = rng.uniform(0.0, 0.15, (1500, n)) * (high - low)
     boxes = np.maximum(centre - half, low), np.minimum(centre + half, high)
     closed = closing.close(T, *boxes, 64) == CLOSED
-    assert 20 < closed.sum() < 400
+    assert 15 < closed.sum() < 1500
     for a, b in zip(boxes[0][closed], boxes[1][closed], strict=True):
         for q in [*rng.uniform(a, b, (6, n)), *np.where(rng.random((4, n)) < 0.5, a, b)]:
             assert model.collides(q) or least_time(passage, q) >= T - 1e-3
@@ -50,9 +50,10 @@ def test_rods_lie_inside_bodies_and_boxes_inside_obstacles(name):
     problem = op.load_problem(name)
     model = CollisionModel(problem.robot, problem.scene)
     rods, boxes = rods_inside(model), boxes_inside(model)
-    assert len(rods.joint) and len(boxes.body)
+    assert len(rods.joint)
+    assert len(boxes.body)
     for ends, radius, body in zip(rods.ends, rods.radius, rods.body, strict=True):
-        geometry = model.geometry.geometryObjects[body]
+        geometry = model.geometry.geometryObjects[int(body)]
         own = (ends - geometry.placement.translation) @ geometry.placement.rotation
         shape = geometry.geometry
         if hasattr(shape, "points"):
