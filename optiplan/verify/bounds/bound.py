@@ -131,7 +131,7 @@ def bound_of(
             search.below = min(known, *others, np.inf)
             search.run(began + budget)
             parts += search.parts
-            names |= set(problem.robot.joint_names[: search.joints])
+            names |= {problem.robot.joint_names[j] for j in search.joints}
             if time.perf_counter() - began > budget:
                 break
         ordered = tuple(name for name in problem.robot.joint_names if name in names)

@@ -27,7 +27,9 @@ AT_ONCE = 100_000
 
 @dataclass(frozen=True)
 class Closing:
-    """Closes boxes for the ways of a `passage` through the scene of a `model`.
+    """Closes boxes for the ways of a `passage` through a scene.
+
+    `sway` (n,) is how far a joint moves the rods for each rad or m, in the mean, m.
 
     A box is closed if halving it gives parts that no motion shorter than T passes, or that are in collision throughout:
     a rod inside a body of the robot meets a box inside an obstacle in every configuration. For that the ends of the
@@ -38,9 +40,9 @@ class Closing:
     - The ends are on both sides of a plane across the box, and between them the rod crosses it within the box.
     """
 
-    model: CollisionModel
     passage: Passage
     native: "BoxClosing"
+    sway: Array
 
     @classmethod
     def of(cls, model: CollisionModel, passage: Passage) -> "Closing | None":
@@ -58,6 +60,7 @@ class Closing:
             return None
         turns, turn_of = np.unique(boxes.rotation.reshape(-1, 9), axis=0, return_inverse=True)
         limits = passage.limits
+        arms = _arms(model, rods, limits.lower, limits.upper)
         native = core.BoxClosing(
             native_tree(model.robot.model),
             np.ascontiguousarray(rods.ends.reshape(-1, 3)),
@@ -68,10 +71,10 @@ class Closing:
             np.ascontiguousarray(turns.reshape(-1, 3, 3).transpose(0, 2, 1)),
             _along_own_axes(boxes),
             turn_of.ravel().astype(np.int64),
-            _arms(model, rods, limits.lower, limits.upper),
+            arms,
             np.array([passage.start, passage.goal, limits.velocity, limits.acceleration, passage.tolerance]),
         )
-        return cls(model, passage, native)
+        return cls(passage, native, model.robot.kinematics.planned_bound(arms.mean(axis=0)))
 
     def close(self, T: float, low: Array, high: Array, parts: int) -> States:
         """Return what is known of boxes [low, high] (N, n), each halved into at most `parts` parts: (N,)."""

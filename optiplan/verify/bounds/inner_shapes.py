@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull
 
 from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel
+from optiplan.verify.bounds.mesh_rods import mesh_rods
 
 RODS_PER_BODY, RODS_PER_JOINT = 9, 24
 """Most thin rods of a body, and most rods of all bodies that one joint carries last."""
@@ -55,7 +56,10 @@ class Boxes(NamedTuple):
 
 
 def rods_inside(model: CollisionModel) -> Rods:
-    """Return rods inside the convex bodies that joints carry; bodies of other kinds have none."""
+    """Return rods inside the bodies that joints carry: hulls, meshes, boxes, balls, capsules and cylinders.
+
+    A motion that begins outside of a mesh cannot get an obstacle to a place inside without contact.
+    """
     found: list[tuple[int, Array, float, int]] = []
     for body, geometry in enumerate(model.geometry.geometryObjects):
         joint = int(geometry.parentJoint)
@@ -110,6 +114,8 @@ def _rods_of(shape: coal.CollisionGeometry) -> list[tuple[Array, float]]:
             tip = np.array([0.0, 0.0, half - thick])
             found.append((np.array([-tip, tip]), thick))
         return found
+    if isinstance(shape, coal.BVHModelBase):
+        return mesh_rods(shape)
     if (faces := _faces(shape)) is None:
         return []
     corners = np.array(shape.points()) if isinstance(shape, coal.ConvexBase) else BOX_CORNERS * faces[1][:3]

@@ -33,7 +33,7 @@ class Search:
         proved: s; no motion is shorter.
         below: s, of a known motion; inf: none is known.
         found: called with every greater bound.
-        joints: how many joints the grid that proved it had; 0: none did.
+        joints: of the grid that proved it; none: the joints alone.
         parts: parts of boxes that were examined.
     """
 
@@ -41,7 +41,7 @@ class Search:
     proved: float
     below: float
     found: Callable[[float], None]
-    joints: int = 0
+    joints: tuple[int, ...] = ()
     parts: int = 0
 
     def run(self, until: float) -> None:
@@ -53,7 +53,7 @@ class Search:
                 if above <= self.proved * (1.0 + NEAR):
                     return
                 T = self.proved + share * (above - self.proved)
-                grid = Grid(self.closing, T, range(joints), [count] * joints)
+                grid = Grid(self.closing, T, joints, [count] * len(joints))
                 apart = grid.separates(until)
                 self.parts += grid.parts
                 if apart:
@@ -63,11 +63,13 @@ class Search:
                 else:
                     share, failed = 0.5 * share, failed + 1
 
-    def _grids(self) -> Iterator[tuple[int, int]]:
-        """Numbers of joints and boxes along each, in the order in which they are tried."""
+    def _grids(self) -> Iterator[tuple[tuple[int, ...], int]]:
+        """Joints, and boxes along each, in the order in which they are tried: first the joints that move most."""
         n = len(self.closing.passage.start)
         if n > 4:
-            yield from ((min(joints, n), count) for joints, count in GRIDS)
+            low, high = self.closing.passage.box(1.3 * self.proved)
+            order = np.argsort(-(high - low) * self.closing.sway, kind="stable").tolist()
+            yield from ((tuple(sorted(order[:joints])), count) for joints, count in GRIDS)
             return
         for count in SMALL_GRIDS:
-            yield n, min(count, int(MOST_BOXES ** (1.0 / n)))
+            yield tuple(range(n)), min(count, int(MOST_BOXES ** (1.0 / n)))
