@@ -94,17 +94,11 @@ def plan(
 
     asked = {"seeds": seeds, "rate": rate, "lerobot": lerobot or None, "dask": dask or None}
     if is_folder_of_problems(file):
-        one = {
-            "--bound": bound,
-            "--seed": seed,
-            "--view": view or None,
-            "--server": server or None,
-            "--tracking-error": tracking_error,
-        }
+        one = {"--seed": seed, "--view": view or None, "--server": server or None, "--tracking-error": tracking_error}
+        one["--bound"] = bound
         return _folder(Path(file), out, planner, budget, as_json, {**asked, "workers": workers}, one)
     if wrong := [f"--{flag}" for flag, value in asked.items() if value is not None]:
         raise typer.BadParameter("goes with a folder of problems", param_hint=wrong[0])
-    from optiplan.api.bounding import require_bound
     from optiplan.api.planning import with_tracking_error
     from optiplan.cli import plan_comparison
     from optiplan.problem.load import load_problem
@@ -113,9 +107,9 @@ def plan(
     path, names = find_problem(file), plan_comparison.several(planner)
     if server and names:
         raise typer.BadParameter("a server runs one planner at a time", param_hint="--planner")
-    for flag, value in {"--workers": workers, "--bound": bound}.items():
-        if value is not None and names:
-            raise typer.BadParameter("goes with one planner at a time", param_hint=flag)
+    if (workers is not None or bound is not None) and names:
+        flag = "--bound" if workers is None else "--workers"
+        raise typer.BadParameter("goes with one planner at a time", param_hint=flag)
     if out is not None:
         for folder in [out / name for name in names] or [out]:
             check_folder(folder)
@@ -124,7 +118,7 @@ def plan(
         problem = load_problem(path) if seed is None else load_problem(path).with_seed(seed)
         problem = problem if tracking_error is None else with_tracking_error(problem, tracking_error)
         loaded = time.perf_counter() - began
-        _ = bound and require_bound(problem)
+        _check_bound(problem, bound)
     if names:
         runs, unsaved = plan_comparison.run_all(path, problem, names, budget, out)
         code = plan_comparison.show(runs, as_json, unsaved)
@@ -174,6 +168,14 @@ def _run(path: Path, problem: Any, planner: str | None, more: dict[str, int], se
             return pipeline.run(problem, chosen, options, Budget(seconds), progress)
         except InputError as error:
             raise placed(path, error) if options else error from None
+
+
+def _check_bound(problem: Any, seconds: float | None) -> None:
+    """Refuse, before it is planned, a problem without a known bound where one is wanted."""
+    from optiplan.api.bounding import require_bound
+
+    if seconds is not None:
+        require_bound(problem)
 
 
 def _bound(run: Any, seconds: float | None) -> Any:
