@@ -14,7 +14,7 @@ import numpy.typing as npt
 from optiplan import cache
 from optiplan.arrays import Array
 from optiplan.geometry.convex_hulls import FLAT, Hull, convex_hull, kept_hull, thickened_hull
-from optiplan.geometry.meshes.triangles import Triangles
+from optiplan.geometry.meshes.triangles import Soup, Triangles
 from optiplan.geometry.over_cover import MeshSolid
 
 COVER_VERSION = 1
@@ -65,6 +65,11 @@ def mesh_triangles(mesh: coal.BVHModelBase) -> Triangles:
     """Return the triangles of a mesh, (m, 3) indices of vertices."""
     corners = (mesh.tri_indices(i) for i in range(mesh.num_tris))
     return np.array([(t[0], t[1], t[2]) for t in corners], dtype=np.int64).reshape(-1, 3)
+
+
+def soup_of(mesh: coal.BVHModelBase) -> Soup:
+    """Return the vertices, m, and the triangles of a mesh."""
+    return Soup(mesh_vertices(mesh), mesh_triangles(mesh))
 
 
 def hull_of_mesh(mesh: coal.BVHModelBase) -> coal.ConvexBase:
@@ -127,9 +132,9 @@ class Cover:
     hull: float
 
 
-def cover_of(mesh: coal.BVHModelBase) -> Cover:
+def cover_of(mesh: Soup) -> Cover:
     """Return the hull of a mesh if it is within `WITHIN` of it, else such pieces, else the mesh; cached on disk."""
-    vertices, triangles = mesh_vertices(mesh), mesh_triangles(mesh)
+    vertices, triangles = mesh.vertices, mesh.triangles
 
     def make() -> bytes:
         made = _cover(vertices, triangles)
@@ -148,9 +153,9 @@ def cover_name(vertices: Array, triangles: Triangles) -> str:
     return f"covers/{key}.npz"
 
 
-def over_cover_of(mesh: coal.BVHModelBase, bodies: Sequence[Array]) -> float:
+def over_cover_of(mesh: Soup, bodies: Sequence[Array]) -> float:
     """Return how far (m) the hulls of points, (k, 3) each, reach beyond a mesh at most; cached on disk."""
-    vertices, triangles = mesh_vertices(mesh), mesh_triangles(mesh)
+    vertices, triangles = mesh.vertices, mesh.triangles
     key = cache.digest(
         [vertices.tobytes(), triangles.tobytes(), *(body.tobytes() for body in bodies), repr(COVER_VERSION).encode()]
     )
@@ -183,7 +188,7 @@ def _cover(vertices: Array, triangles: Triangles) -> Cover:
     return Cover("convex_pieces", pieces.vertices, pieces.over_cover, beyond)
 
 
-def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: CoacdOptions = CoacdOptions()) -> CoacdPieces:
+def pieces_of(mesh: Soup, identity: bytes, options: CoacdOptions = CoacdOptions()) -> CoacdPieces:
     """Return convex pieces that together contain every triangle of a mesh; cached on disk.
 
     CoACD's pieces cut corners of the mesh. So each triangle is assigned to the piece that contains it best; one that
@@ -198,8 +203,8 @@ def pieces_of(mesh: coal.BVHModelBase, identity: bytes, options: CoacdOptions = 
     key = cache.digest([identity, repr(asdict(options)).encode()])
 
     def make() -> bytes:
-        log.info("cutting a mesh of %d triangles into convex pieces, once", mesh.num_tris)
-        made = _cut(mesh_vertices(mesh), mesh_triangles(mesh), options)
+        log.info("cutting a mesh of %d triangles into convex pieces, once", len(mesh.triangles))
+        made = _cut(mesh.vertices, mesh.triangles, options)
         return _pack(made.vertices, growth=made.growth)
 
     with np.load(io.BytesIO(cache.kept(f"pieces/{key}.npz", make))) as data:

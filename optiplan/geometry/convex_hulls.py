@@ -62,12 +62,12 @@ class Hull:
 
 
 def convex_hull(vertices: Array) -> coal.ConvexBase:
-    """Return `covering_hull` of points (k, 3), m, as geometry of coal.
+    """Return `covering_hull` of points (k, 3), m, as geometry of coal; cached on disk.
 
     Raises:
         ValueError: fewer than four points, all in one plane, or not finite.
     """
-    return covering_hull(vertices).build()
+    return kept_hull(vertices).build()
 
 
 def covering_hull(vertices: Array) -> Hull:

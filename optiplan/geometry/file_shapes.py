@@ -24,7 +24,7 @@ from optiplan.geometry.shape import Shape
 @lru_cache(maxsize=64)
 def _cloud_body(soup: Soup, radius: float) -> coal.CollisionGeometry:
     points = soup.vertices
-    _check_reach(points)
+    check_reach(points)
     cells = np.floor(points / radius)
     order = np.lexsort(cells.T)
     begins = np.flatnonzero(np.concatenate([[True], (np.diff(cells[order], axis=0) != 0.0).any(axis=1)]))
@@ -43,12 +43,12 @@ def _mesh_body(soup: Soup, scale: tuple[float, float, float], convex: bool) -> c
     """Return the body of a content, made once: coal geometry never changes, so it is shared."""
     vertices = (soup.vertices @ soup.turn.T) * np.asarray(scale, float)
     if convex:
-        _check_reach(vertices)
+        check_reach(vertices)
         return convex_hull(vertices)
     return triangle_mesh(vertices, soup.triangles)
 
 
-def _check_reach(vertices: Array) -> None:
+def check_reach(vertices: Array) -> None:
     """Refuse vertices (k, 3), m, that are too far away or not finite.
 
     Raises:
@@ -64,7 +64,7 @@ def triangle_mesh(vertices: Array, triangles: Triangles) -> coal.BVHModelBase:
     Raises:
         ValueError: a vertex that is too far away.
     """
-    _check_reach(vertices)
+    check_reach(vertices)
     mesh = coal_mesh(vertices, triangles)
     mesh.computeLocalAABB()
     return mesh

@@ -14,7 +14,8 @@ from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.robot.default_group import longest_chain
 from optiplan.robot.mimic_joints import Mimic, MimicError, fold
 from optiplan.robot.spec import MecanumSpec, RobotSpec
-from optiplan.robot.urdf.reader import UrdfSource, build_collisions, build_model, build_visuals
+from optiplan.robot.urdf.mesh_geometries import UrdfBodies
+from optiplan.robot.urdf.reader import UrdfSource, build_model, build_visuals, read_collisions
 
 TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
 MOVABLE = (*TURNING, *SLIDING)
@@ -25,13 +26,13 @@ class Reduced:
     """The robot with all joints fixed except the planned ones and their followers.
 
     `model` has the planned joints as its degrees of freedom, `plain` the followers as well. `followers` gives the
-    leader of each follower, `locked` the positions of the fixed joints, rad or m.
+    leader of each follower, `locked` the positions of the fixed joints, rad or m. `bodies` are those of `plain`.
     """
 
     model: pin.Model
     plain: pin.Model
     followers: Mapping[str, Mimic]
-    geometry: pin.GeometryModel
+    bodies: UrdfBodies
     build_visual: Callable[[], pin.GeometryModel]
     locked: Mapping[str, float]
     notes: tuple[str, ...]
@@ -183,14 +184,16 @@ def reduce_to(planned: Sequence[str], wanted: Mapping[str, float], urdf: UrdfSou
     def build_visual() -> pin.GeometryModel:
         return pin.buildReducedModel(model, build_visuals(urdf, model), ids, reference)[1]
 
-    plain, geometry = pin.buildReducedModel(model, build_collisions(urdf, model), ids, reference)
+    whole = read_collisions(urdf, model)
+    plain, geometry = pin.buildReducedModel(model, whole.geometry, ids, reference)
     try:
         small = fold(plain, followers)
     except MimicError as error:
         raise urdf.error(error.joint, error.found, error.expected) from error
     wide = [(name, kind) for name, kind in urdf.joint_types.items() if kind in ("floating", "planar")]
     notes += [f"joint {name} is {kind}: it is fixed here, where the URDF puts it" for name, kind in wide]
-    return Reduced(small, plain, followers, geometry, build_visual, locked, tuple(notes))
+    bodies = UrdfBodies(geometry, whole.meshes)
+    return Reduced(small, plain, followers, bodies, build_visual, locked, tuple(notes))
 
 
 def _refuse_broken_turns(followers: Mapping[str, Mimic], urdf: UrdfSource) -> None:

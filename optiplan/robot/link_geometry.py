@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-import coal
 import numpy as np
 import pinocchio as pin
 
@@ -15,8 +14,11 @@ from optiplan.config.messages import choices
 from optiplan.config.values import LARGEST_COORDINATE
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import read_bytes
-from optiplan.geometry.convex import body_of, cover_of, hull_of, mesh_vertices, over_cover_of, pieces_of
+from optiplan.geometry.convex import body_of, cover_of, hull_of, over_cover_of, pieces_of
+from optiplan.geometry.file_shapes import triangle_mesh
+from optiplan.geometry.meshes.triangles import Soup
 from optiplan.robot.spec import CollisionSpec, Treatment
+from optiplan.robot.urdf.mesh_geometries import UrdfBodies
 
 PRIMITIVE = "primitive"
 KINDS: tuple[Treatment, ...] = ("auto", "hull", "mesh", "convex_pieces")
@@ -40,7 +42,7 @@ class LinkGeometry:
 
 
 def treat(
-    model: pin.Model, geometry: pin.GeometryModel, collision: Treatment | CollisionSpec, document: Document
+    model: pin.Model, bodies: UrdfBodies, collision: Treatment | CollisionSpec, document: Document
 ) -> LinkGeometry:
     """Replace the meshes of a robot as its robot.yaml requests.
 
@@ -50,11 +52,11 @@ def treat(
     spec = CollisionSpec(default=collision) if isinstance(collision, str) else collision
     named = _named(spec, [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY], document)
     result = LinkGeometry()
-    for item in geometry.geometryObjects:
+    for item in bodies.geometry.geometryObjects:
         link = model.frames[item.parentFrame].name
         wanted = named.get(link, spec.default)
         try:
-            treated = _treated(item, wanted, result.notes)
+            treated = _treated(item, bodies.meshes.get(item.name), wanted, result.notes)
             for part in treated.bodies:
                 result.geometry.addGeometryObject(part)
         except (ValueError, RuntimeError) as error:  # qhull has errors of its own
@@ -80,11 +82,10 @@ class _Treated(NamedTuple):
     bodies: Iterable[pin.GeometryObject]
 
 
-def _treated(item: pin.GeometryObject, wanted: Treatment, notes: list[str]) -> _Treated:
-    mesh = item.geometry
-    if not isinstance(mesh, coal.BVHModelBase):
+def _treated(item: pin.GeometryObject, mesh: Soup | None, wanted: Treatment, notes: list[str]) -> _Treated:
+    if mesh is None:
         return _Treated(PRIMITIVE, 0.0, [item.copy()])
-    vertices = mesh_vertices(mesh)
+    vertices = mesh.vertices
     if not (len(vertices) and (np.abs(vertices) <= LARGEST_COORDINATE).all()):  # NaN is refused too
         raise ValueError(f"a mesh without finite vertices, or with one beyond {LARGEST_COORDINATE:g} m")
     match wanted:
@@ -92,7 +93,7 @@ def _treated(item: pin.GeometryObject, wanted: Treatment, notes: list[str]) -> _
             cover = cover_of(mesh)
             if cover.kind == "mesh":
                 notes.append(f"{item.name}: the mesh itself, since its hull reaches {_mm(cover.hull)} beyond it")
-                return _Treated("mesh", 0.0, [item.copy()])
+                return _Treated("mesh", 0.0, [_triangles(item, mesh)])
             if cover.kind == "convex_pieces":
                 count, reach = len(cover.pieces), _mm(cover.over_cover)
                 notes.append(f"{item.name}: {count} convex pieces, which reach at most {reach} beyond it")
@@ -109,7 +110,14 @@ def _treated(item: pin.GeometryObject, wanted: Treatment, notes: list[str]) -> _
             made += f", grown by at most {_mm(pieces.growth)}" if count > 1 else ""
             notes.append(f"{item.name}: {made}; reaches at most {_mm(beyond)} beyond the mesh")
             return _Treated("convex_pieces", beyond, _bodies(item, pieces.vertices))
-    return _Treated("mesh", 0.0, [item.copy()])
+    return _Treated("mesh", 0.0, [_triangles(item, mesh)])
+
+
+def _triangles(item: pin.GeometryObject, mesh: Soup) -> pin.GeometryObject:
+    """Return a copy of an object with the mesh itself as its shape."""
+    part = item.copy()
+    part.geometry = triangle_mesh(mesh.vertices, mesh.triangles)
+    return part
 
 
 def _mm(distance: float) -> str:

@@ -124,11 +124,11 @@ def _bodies(reduced: Reduced, spec: RobotSpec, document: Document) -> LinkGeomet
     """Return the collision geometry of the robot.yaml; a robot without any needs `collision: none`."""
     if spec.collision == "none":
         return LinkGeometry(notes=["collision: none: the robot has no bodies, and no contact of it is checked"])
-    if not reduced.geometry.ngeoms:
+    if not reduced.bodies.geometry.ngeoms:
         found = "a robot without any collision geometry"
         expected = "bodies for at least one link, or `collision: none` to have limits checked and no contact"
         raise InputError([document.issue(("urdf",) if spec.dh is None else ("dh",), found, expected)])
-    return treat(reduced.model, reduced.geometry, spec.collision, document)
+    return treat(reduced.model, reduced.bodies, spec.collision, document)
 
 
 def _tool_frame(

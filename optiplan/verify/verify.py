@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.tour_steps import in_order
+from optiplan.problem.task.timeline import scene_parts
+from optiplan.problem.task.tour_steps import chosen, in_order
 from optiplan.robot.self_collision.pairs import count_reasons
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
@@ -13,7 +14,8 @@ from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.file_checks import file_checks, names, unread_keys
 from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.scope import scope
-from optiplan.verify.statements import complete, covering, tours
+from optiplan.verify.statements import choices, complete, covering, tours
+from optiplan.verify.tasks.choice_check import choice_checks, choice_scope
 from optiplan.verify.tasks.task_check import loaded_torque, task_checks, task_scope
 from optiplan.verify.tasks.tool_check import tool_checks, tool_scope
 from optiplan.verify.tasks.tour_check import tour_checks, tour_scope
@@ -54,8 +56,8 @@ def verify(
     if not all(check.passed for check in found):
         unread = "nothing else was checked: the trajectory cannot be read as a motion of this robot"
         return replace(report, notes=(*robot.notes, unread))
-    stated, problem = problem, in_order(problem, trajectory)
-    found += tour_checks(stated, trajectory)
+    whole, stated, problem = problem, chosen(problem, trajectory), in_order(problem, trajectory)
+    found += [*choice_checks(whole, trajectory), *tour_checks(stated, trajectory)]
     found += task_checks(problem, trajectory, policy) if problem.task else _motion(problem, trajectory, policy)
     if problem.task or trajectory.segments:
         found.append(names(problem, trajectory))
@@ -63,13 +65,14 @@ def verify(
         found += file_checks(problem, trajectory, policy, given)
     found += tool_checks(problem, trajectory)
     if not problem.task:
-        found.append(collision(problem, trajectory, policy))
+        found += [collision(part.problem, trajectory, policy) for part in scene_parts(problem, trajectory)]
     if all(check.passed for check in found):
-        found.append(complete(problem, found, tours(stated)))
+        found.append(complete(problem, found, [*choices(whole), *tours(stated)]))
     about = (*scope(problem, robot, found), *(() if given is None else unread_keys(given)))
     about = (*about, *tool_scope(problem, trajectory))
     if problem.task:
-        about = (*about, *tour_scope(stated, trajectory), *task_scope(problem, trajectory))
+        about = (*about, *choice_scope(whole, trajectory), *tour_scope(stated, trajectory))
+        about = (*about, *task_scope(problem, trajectory))
     return replace(report, checks=tuple(found), scope=about)
 
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from optiplan.geometry.convex import CoacdOptions, faces_of, hull_of, mesh_vertices, pieces_of, protrusion
+from optiplan.geometry.convex import CoacdOptions, faces_of, hull_of, mesh_vertices, pieces_of, protrusion, soup_of
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import LINK, joint, write_robot
 
@@ -64,7 +64,7 @@ def test_no_hull_of_nothing(points):
 
 def test_pieces_contain_the_mesh_and_leave_its_hollow_free(angle):
     mesh = load(angle)
-    pieces = pieces_of(mesh, b"angle")
+    pieces = pieces_of(soup_of(mesh), b"angle")
     bodies = [faces_of(piece) for piece in pieces.vertices]
     assert len(bodies) > 1
     sticking_out = np.min([protrusion(faces, dense(mesh)) for faces in bodies], axis=0)
@@ -78,7 +78,7 @@ def test_pieces_contain_the_mesh_and_leave_its_hollow_free(angle):
 
 def test_a_convex_mesh_is_one_piece(tmp_path):
     trimesh.creation.icosphere(subdivisions=2, radius=0.1).export(tmp_path / "ball.stl")
-    assert len(pieces_of(load(tmp_path / "ball.stl"), b"ball").vertices) == 1
+    assert len(pieces_of(soup_of(load(tmp_path / "ball.stl")), b"ball").vertices) == 1
 
 
 def test_a_robot_file_may_ask_for_pieces_of_a_convex_mesh(tmp_path):
@@ -90,14 +90,14 @@ def test_a_robot_file_may_ask_for_pieces_of_a_convex_mesh(tmp_path):
 
 
 def test_pieces_are_kept_by_mesh_and_options(angle, own_cache, monkeypatch):
-    first = pieces_of(load(angle), b"angle")
+    first = pieces_of(soup_of(load(angle)), b"angle")
     assert len(list(own_cache.glob("pieces/*.npz"))) == 1
     monkeypatch.setattr("optiplan.geometry.convex._cut", lambda *_: pytest.fail("cut again"))
-    again = pieces_of(load(angle), b"angle")
+    again = pieces_of(soup_of(load(angle)), b"angle")
     assert again.growth == first.growth
     assert all(np.array_equal(a, b) for a, b in zip(first.vertices, again.vertices, strict=True))
     with pytest.raises(pytest.fail.Exception):
-        pieces_of(load(angle), b"angle", CoacdOptions(threshold=0.2))
+        pieces_of(soup_of(load(angle)), b"angle", CoacdOptions(threshold=0.2))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from optiplan.collision.clearance_test import PairMargins
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.pair_queries import HULL_DISTANCE_ENOUGH
 from optiplan.geometry import convex_pieces
-from optiplan.geometry.convex import cover_of, faces_of, hull_of, mesh_vertices, protrusion
+from optiplan.geometry.convex import cover_of, faces_of, hull_of, mesh_vertices, protrusion, soup_of
 from optiplan.geometry.convex_hulls import covering_hull
 from optiplan.geometry.convex_pieces import PieceOptions, cut, measured
 from optiplan.geometry.enclosure import winding_number
@@ -34,9 +34,9 @@ def solid_of(mesh):
     return MeshSolid(np.asarray(mesh.vertices)[mesh.faces])
 
 
-def as_coal(mesh, tmp_path):
+def as_soup(mesh, tmp_path):
     mesh.export(tmp_path / "mesh.stl")
-    return coal.MeshLoader(coal.BV_OBBRSS).load(str(tmp_path / "mesh.stl"))
+    return soup_of(coal.MeshLoader(coal.BV_OBBRSS).load(str(tmp_path / "mesh.stl")))
 
 
 def outside(pieces, points):
@@ -141,7 +141,7 @@ def test_a_mesh_that_needs_too_many_pieces_is_not_cut(dumb_bell):
 def test_cover_is_hull_pieces_or_mesh(angle, tmp_path):
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
     screw = trimesh.creation.torus(0.1, 0.03, major_sections=24, minor_sections=8)
-    found = [cover_of(as_coal(mesh, tmp_path)) for mesh in (ball, angle, screw)]
+    found = [cover_of(as_soup(mesh, tmp_path)) for mesh in (ball, angle, screw)]
     assert [cover.kind for cover in found] == ["hull", "convex_pieces", "mesh"]
     assert [len(cover.pieces) for cover in found] == [1, 2, 0]
     assert all(cover.over_cover <= 1e-3 for cover in found)
@@ -149,9 +149,9 @@ def test_cover_is_hull_pieces_or_mesh(angle, tmp_path):
 
 
 def test_cover_is_kept_by_content(angle, tmp_path, monkeypatch):
-    first = cover_of(as_coal(angle, tmp_path))
+    first = cover_of(as_soup(angle, tmp_path))
     monkeypatch.setattr("optiplan.geometry.convex_pieces.cut", lambda *_: pytest.fail("cut again"))
-    again = cover_of(as_coal(angle, tmp_path))
+    again = cover_of(as_soup(angle, tmp_path))
     assert all(np.array_equal(a, b) for a, b in zip(first.pieces, again.pieces, strict=True))
     assert (first.over_cover, first.hull) == (again.over_cover, again.hull)
 
@@ -212,7 +212,7 @@ def test_links_of_the_fetch_are_within_a_millimetre(shared, tmp_path):
     folder = shared / "robots" / "mbm_fetch" / "meshes"
     for name in ("wrist_flex_link_collision_2.stl", "elbow_flex_link_collision_2.stl", "gripper_link_2.stl"):
         mesh = coal.MeshLoader(coal.BV_OBBRSS).load(str(folder / name))
-        cover = cover_of(mesh)
+        cover = cover_of(soup_of(mesh))
         assert cover.kind in ("hull", "convex_pieces")
         assert cover.over_cover <= 1e-3
         bodies = [vertices_of_hull(piece) for piece in cover.pieces]
@@ -286,7 +286,7 @@ def test_margins_are_held_against_hulls_only_where_they_are_wide(bent_scene, mar
 def test_a_link_of_the_ur5_is_not_its_hull(shared):
     """The hull of wrist 3 reaches 7 mm beyond it."""
     path = shared / "robots" / "mbm_ur5" / "meshes" / "ur5" / "collision" / "wrist3.stl"
-    cover = cover_of(coal.MeshLoader(coal.BV_OBBRSS).load(str(path)))
+    cover = cover_of(soup_of(coal.MeshLoader(coal.BV_OBBRSS).load(str(path))))
     assert cover.kind in ("convex_pieces", "mesh")
     assert cover.over_cover <= 1e-3
     assert cover.hull == pytest.approx(0.0067, abs=3e-4)

@@ -181,7 +181,7 @@ def _numbers(shape: coal.CollisionGeometry) -> Sequence[npt.NDArray[Any]]:
     if isinstance(shape, coal.BVHModelBase):
         return [mesh_vertices(shape), mesh_triangles(shape)]
     if isinstance(shape, coal.ConvexBase):
-        return [np.array([shape.point(k) for k in range(shape.num_points)])]
+        return [np.array(shape.points())]
     shape.computeLocalAABB()
     return [np.array(shape.aabb_local.min_), np.array(shape.aabb_local.max_)]
 

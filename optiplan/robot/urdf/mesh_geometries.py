@@ -1,26 +1,48 @@
 """The meshes of a URDF, read by `geometry.meshes.reading` instead of by pinocchio's own loader.
 
-Pinocchio gets the URDF with a ball for each mesh, so it opens no file. The balls are then replaced by the meshes, with
-the same names, order and poses. As in RViz and MoveIt, lengths are in the unit of the file, and its axes are those of
-the link. The upward axis of the file is ignored: exporters of robots write Y_UP where z is up.
+Pinocchio gets the URDF with a ball for each mesh, so it opens no file. The balls are later replaced by the meshes, or
+by what covers them, with the same names, order and poses. As in RViz and MoveIt, lengths are in the unit of the file,
+and its axes are those of the link. The upward axis of the file is ignored: exporters of robots write Y_UP where z is
+up.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from optiplan.geometry.file_shapes import triangle_mesh
+from optiplan.geometry.file_shapes import check_reach, triangle_mesh
 from optiplan.geometry.meshes.reading import MeshFile, open_mesh, read_mesh, read_together
+from optiplan.geometry.meshes.triangles import Soup
 
 Place = tuple[str, int]
 """Name of a link and which of its collisions (or visuals)."""
 
 
-def build_geometry_of(model: pin.Model, xml: str, kind: pin.GeometryType) -> pin.GeometryModel:
-    """Collision or visual geometry of a URDF whose meshes are absolute paths; meshes as triangles, m.
+@dataclass(frozen=True, eq=False)
+class UrdfBodies:
+    """Bodies of a URDF, and the content of its meshes by the name of the body, scaled, m.
+
+    In `geometry` a ball stands for each mesh: building a tree over triangles takes longer than all else of a robot, and
+    most meshes are covered by convex bodies.
+    """
+
+    geometry: pin.GeometryModel
+    meshes: Mapping[str, Soup]
+
+    def with_meshes(self) -> pin.GeometryModel:
+        """Return the geometry with the meshes as triangles, in place of the balls."""
+        for item in self.geometry.geometryObjects:
+            if (soup := self.meshes.get(item.name)) is not None:
+                item.geometry = triangle_mesh(soup.vertices, soup.triangles)
+        return self.geometry
+
+
+def read_bodies(model: pin.Model, xml: str, kind: pin.GeometryType) -> UrdfBodies:
+    """Return the collision or visual bodies of a URDF whose meshes are absolute paths.
 
     Raises:
         ValueError: a mesh that cannot be read (`mesh_formats.MeshError`), or what pinocchio says.
@@ -37,10 +59,12 @@ def build_geometry_of(model: pin.Model, xml: str, kind: pin.GeometryType) -> pin
     read_together(files.values())
     geometry = pin.buildGeomFromUrdfString(model, ET.tostring(root, encoding="unicode"), kind)
     names = {f"{link}_{index}": mesh for (link, index), mesh in meshes.items()}
+    soups: dict[str, Soup] = {}
     for item in geometry.geometryObjects:
         if item.name in names:
-            _exchange(item, names[item.name], files)
-    return geometry
+            mesh = names[item.name]
+            soups[item.name] = _describe(item, mesh, files[mesh.get("filename", "")])
+    return UrdfBodies(geometry, soups)
 
 
 def _take_meshes(root: ET.Element, tag: str) -> Iterator[tuple[Place, ET.Element]]:
@@ -55,9 +79,10 @@ def _take_meshes(root: ET.Element, tag: str) -> Iterator[tuple[Place, ET.Element
                 yield (link.get("name", ""), index), mesh
 
 
-def _exchange(item: pin.GeometryObject, mesh: ET.Element, files: dict[str, MeshFile]) -> None:
-    file = files[mesh.get("filename", "")]
+def _describe(item: pin.GeometryObject, mesh: ET.Element, file: MeshFile) -> Soup:
+    """Write path and scale of a mesh into its body, and return its content at this scale."""
     scale = np.array([float(word) for word in mesh.get("scale", "1 1 1").split()])
-    soup = read_mesh(file)
-    item.geometry = triangle_mesh(soup.vertices * scale, soup.triangles)
     item.meshPath, item.meshScale = str(file.path), scale
+    soup = read_mesh(file)
+    check_reach(soup.vertices * scale)
+    return replace(soup, vertices=soup.vertices * scale)

@@ -19,7 +19,7 @@ import pinocchio as pin
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import is_file, read_bytes
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
-from optiplan.robot.urdf.mesh_geometries import build_geometry_of
+from optiplan.robot.urdf.mesh_geometries import UrdfBodies, read_bodies
 from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias
 
 log = logging.getLogger(__name__)
@@ -136,30 +136,30 @@ def build_model(source: UrdfSource) -> pin.Model:
     return leaders_first(model, source.mimics)
 
 
-def build_collisions(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
-    """Collision geometry of the whole robot, meshes as triangles.
+def read_collisions(source: UrdfSource, model: pin.Model) -> UrdfBodies:
+    """Collision bodies of the whole robot.
 
     Raises:
         InputError: with the reason of the mesh reader.
     """
     try:
-        geometry = build_geometry_of(model, source.xml, pin.GeometryType.COLLISION)
+        bodies = read_bodies(model, source.xml, pin.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
         raise _unreadable(source, error, "collision meshes that can be read") from error
-    given = len(ET.fromstring(source.xml).findall("link/collision"))
-    if geometry.ngeoms != given:  # the parser drops what it cannot read, and what is dropped would never be checked
-        found = f"{given} collision shapes, of which the parser could read {geometry.ngeoms} (see its messages above)"
+    given, read = len(ET.fromstring(source.xml).findall("link/collision")), bodies.geometry.ngeoms
+    if read != given:  # the parser drops what it cannot read, and what is dropped would never be checked
+        found = f"{given} collision shapes, of which the parser could read {read} (see its messages above)"
         raise InputError([Issue(str(source.path), None, "urdf", found, "shapes and origins of plain numbers")])
-    return geometry
+    return bodies
 
 
 def build_visuals(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
     """Visual geometry of the whole robot; the collision geometry where that cannot be read."""
     try:
-        return build_geometry_of(model, source.xml, pin.GeometryType.VISUAL)
+        return read_bodies(model, source.xml, pin.GeometryType.VISUAL).with_meshes()
     except (ValueError, RuntimeError) as error:
         log.warning("%s: visual meshes cannot be read, collision shapes are shown: %s", source.path, error)
-        return build_collisions(source, model)
+        return read_collisions(source, model).with_meshes()
 
 
 def _unreadable(source: UrdfSource, error: Exception, expected: str) -> InputError:

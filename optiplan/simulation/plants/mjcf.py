@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.convex import mesh_triangles, mesh_vertices, pieces_of
+from optiplan.geometry.convex import pieces_of, soup_of
 from optiplan.geometry.scene import Scene
 from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.robot.robot import Robot
@@ -66,9 +66,9 @@ def mjcf(
     assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
     collision = CollisionModel(robot, scene)
     nodes = _joints(robot, world, options)
-    for body in scene.dynamic_obstacles:  # the collision model has three joints for each, the last of which carries it
+    for body in scene.dynamic_obstacles:  # the collision model has joints for each, the last of which carries it
         carrier = ET.SubElement(world, "body", name=f"moving {body.name}", mocap="true")
-        nodes += [carrier] * 3
+        nodes += [carrier] * (0 if body.motion is None else body.motion.size)
     parts = _geoms(collision, nodes, assets, {} if objects is None else objects.add_bodies(world))
     contact = ET.SubElement(root, "contact")
     for pair in collision.pairs if objects is None else ():
@@ -181,8 +181,8 @@ def _shapes(shape: coal.CollisionGeometry) -> Iterator[tuple[str, dict[str, str]
             up = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), shape.n).matrix(), shape.d * shape.n)
             yield "plane", {"size": text_of([_REACH, _REACH, 1.0])}, up
         case coal.BVHModelBase():
-            identity = mesh_vertices(shape).tobytes() + np.asarray(mesh_triangles(shape)).tobytes()
-            for vertices in pieces_of(shape, identity).vertices:
+            soup = soup_of(shape)
+            for vertices in pieces_of(soup, soup.vertices.tobytes() + soup.triangles.tobytes()).vertices:
                 yield "mesh", {"vertex": text_of(vertices.ravel())}, here
         case coal.ConvexBase():
             points = np.array([shape.point(k) for k in range(shape.num_points)])

@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 import coal
 import numpy as np
 
+from optiplan import cache
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.shape import Shape
@@ -72,6 +73,9 @@ def _shape_of_hull(hull: ClusterHull) -> BodyShape:
 
 _MANY = 200
 """Vertices of a mesh above which it is worth finding those of its hull."""
+
+_CORNERS_VERSION = b"1"
+"""Change it when `_outer` returns something else, so that cached corners are found again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,14 +259,21 @@ def _ball(shape: coal.CollisionGeometry, vertices: Array) -> tuple[Array, float]
 def _outer(points: Array) -> Array:
     """Those of points (k, 3) that no support function needs to miss: the corners of their hull, where they are many.
 
+    Which these are is kept on disk by the points.
+
     Qhull leaves out corners that stand less than some 1e-14 of the extent out of the hull of the others: nothing beside
     what the certificate subtracts for rounding.
     """
     if len(points) < _MANY:
         return points
-    from scipy.spatial import ConvexHull, QhullError
 
-    try:
-        return np.asarray(points[ConvexHull(points).vertices])
-    except QhullError:  # all in a plane
-        return points
+    def make() -> bytes:
+        from scipy.spatial import ConvexHull, QhullError
+
+        try:
+            return np.asarray(ConvexHull(points).vertices, np.int64).tobytes()
+        except QhullError:  # all in a plane
+            return np.arange(len(points)).tobytes()
+
+    kept = cache.kept(f"corners/{cache.digest([_CORNERS_VERSION, points.tobytes()])}", make)
+    return points[np.frombuffer(kept, np.int64)]

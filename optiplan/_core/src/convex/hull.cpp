@@ -38,7 +38,11 @@ Hull::Hull(std::vector<Vec3> points) : points_(std::move(points)), edge_cells_(c
     }
     centre_ = 0.5 * (low + high), half_ = 0.5 * (high - low), radius_ = 0.0;
     for (const Vec3 &p : points_) radius_ = std::max(radius_, norm(p - centre_));
+}
 
+void Hull::list() const {
+    const std::lock_guard<std::mutex> one(listing_);
+    if (listed_.load(std::memory_order_relaxed)) return;
     Candidates all(points_.size());
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint16_t(i);
     std::vector<Candidates> cells(6 * edge_cells_ * edge_cells_);
@@ -50,6 +54,7 @@ Hull::Hull(std::vector<Vec3> points) : points_(std::move(points)), edge_cells_(c
         if (cell.size() > 2 && cell.size() % 2) more_.push_back(cell.back());
         cells_.push_back({{cell[0], second}, more, std::uint32_t(more_.size())});
     }
+    listed_.store(true, std::memory_order_release);
 }
 
 void Hull::divide(const Square &square, const Candidates &candidates, std::vector<Candidates> &cells) const {

@@ -1,7 +1,9 @@
 // Vertices of a convex polyhedron with an index that finds the farthest one in a direction.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <mutex>
 #include <vector>
 
 #include "../pose.hpp"
@@ -13,12 +15,14 @@ namespace optiplan {
 // Directions are sorted into cells of a cube's surface. For each cell the vertices that can be the farthest one for
 // some direction in it are listed (a handful, for the hulls of robots of 100 to 250 vertices), so that a support point
 // is the best of a short list: exact, and independent of what was asked before, which hill climbing along edges is not.
+// The lists are made by the first question, for boxes and balls keep most hulls of a robot from being asked at all.
 class Hull {
   public:
     explicit Hull(std::vector<Vec3> points);
 
     // The vertex farthest along d, which must not be zero.
     Vec3 support(const Vec3 &d) const {
+        if (!listed_.load(std::memory_order_acquire)) list();
         const Cell &cell = cells_[cell_of(d)];
         const Vec3 *best = farther(&points_[cell.first[0]], &points_[cell.first[1]], d);
         for (std::uint32_t at = cell.more; at != cell.end; at += 2)
@@ -54,12 +58,15 @@ class Hull {
 
     using Candidates = std::vector<std::uint16_t>;
     struct Square;
+    void list() const;
     Candidates kept_in(const Square &square, const Candidates &candidates) const;
     void divide(const Square &square, const Candidates &candidates, std::vector<Candidates> &cells) const;
 
     std::vector<Vec3> points_;
-    std::vector<Cell> cells_;
-    Candidates more_;
+    mutable std::vector<Cell> cells_;
+    mutable Candidates more_;
+    mutable std::atomic<bool> listed_{false};  // whether `cells_` and `more_` are made
+    mutable std::mutex listing_;
     std::uint32_t edge_cells_;  // along an edge of the cube
     Vec3 centre_, half_;
     double radius_;

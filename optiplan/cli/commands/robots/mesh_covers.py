@@ -4,18 +4,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-import coal
-
 from optiplan import cache
 from optiplan.api.imports.robot_files import RobotSource
-from optiplan.arrays import Array
 from optiplan.cores import cores
 from optiplan.errors import InputError
-from optiplan.geometry.convex import cover_name, cover_of, mesh_triangles, mesh_vertices
-from optiplan.geometry.file_shapes import triangle_mesh
-from optiplan.geometry.meshes.triangles import Triangles
+from optiplan.geometry.convex import cover_name, cover_of
+from optiplan.geometry.meshes.triangles import Soup
 from optiplan.planners.base import Progress
-from optiplan.robot.urdf.reader import build_collisions, build_model, read_urdf
+from optiplan.robot.urdf.reader import build_model, read_collisions, read_urdf
 from optiplan.workspace.parallel import ChunkedWork, run_chunks
 
 
@@ -47,25 +43,24 @@ def make_covers(source: RobotSource, progress: Progress) -> None:
         run_chunks(_Cutting(meshes), len(meshes), cores(), tell)
 
 
-def _meshes_to_cut(urdf: Path) -> list[tuple[Array, Triangles]]:
-    """Vertices and triangles of different meshes of which no cover is kept, the largest first."""
+def _meshes_to_cut(urdf: Path) -> list[Soup]:
+    """Different meshes of which no cover is kept, the largest first."""
     source = read_urdf(urdf, urdf.parent)
-    bodies = [item.geometry for item in build_collisions(source, build_model(source)).geometryObjects]
-    meshes = [(mesh_vertices(body), mesh_triangles(body)) for body in bodies if isinstance(body, coal.BVHModelBase)]
-    named = {cover_name(*mesh): mesh for mesh in meshes}
+    meshes = read_collisions(source, build_model(source)).meshes.values()
+    named = {cover_name(mesh.vertices, mesh.triangles): mesh for mesh in meshes}
     missing = [mesh for name, mesh in named.items() if cache.load(name) is None]
-    return sorted(missing, key=lambda mesh: len(mesh[1]), reverse=True)
+    return sorted(missing, key=lambda mesh: len(mesh.triangles), reverse=True)
 
 
 @dataclass(frozen=True)
 class _Cutting(ChunkedWork[None]):
-    """Chunk k makes the cover of mesh k, given by vertices (k, 3) in m and triangles (m, 3)."""
+    """Chunk k makes the cover of mesh k, in m."""
 
-    meshes: list[tuple[Array, Triangles]]
+    meshes: list[Soup]
 
     def prepare(self) -> "_Cutting":
         return self
 
     def __call__(self, k: int) -> None:
         with suppress(ValueError, RuntimeError):  # the load meets them again
-            cover_of(triangle_mesh(*self.meshes[k]))
+            cover_of(self.meshes[k])
