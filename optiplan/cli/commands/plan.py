@@ -123,10 +123,9 @@ def plan(
         runs, unsaved = plan_comparison.run_all(path, problem, names, budget, out)
         code = plan_comparison.show(runs, as_json, unsaved)
     else:
-        progress = KeptAnswer()
-        more = {} if workers is None else {"workers": workers}
+        progress, more = KeptAnswer(), {} if workers is None else {"workers": workers}
         run = _run(path, problem, planner, more, budget, server, progress)
-        found = None if progress.cancel.is_set() else _bound(run, bound)
+        found = _bound(run, None if progress.cancel.is_set() else bound)
         runs = [replace(run, timings={"load": loaded, **run.timings}, proved_bound=found)]
         code = _finish(runs[0], out, as_json, full, interrupted=progress.cancel.is_set())
     if view:
