@@ -1,7 +1,7 @@
 """A proved lower bound on the duration of any motion of a problem, obstacles included."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.verify.bounds.closing import Closing
-from optiplan.verify.bounds.search import Search
+from optiplan.verify.bounds.search import BoundSearch
 from optiplan.verify.bounds.times import Passage
 from optiplan.verify.report import VerifyPolicy
 
@@ -139,7 +139,7 @@ def bound_of(
     return replace(result, history=tuple(history))
 
 
-def _in_turn(bounds: Sequence[float], searches: Sequence[Search | None]) -> Any:
+def _in_turn(bounds: Sequence[float], searches: Sequence[BoundSearch | None]) -> Iterator[int]:
     """Indices of goals, each time that of the least bound, at most twice each."""
     left = [2] * len(bounds)
     while True:
@@ -170,9 +170,9 @@ def _alone(problem: Problem, passage: Passage) -> float:
     return float(replace(passage, goal=nearest).direct.max(initial=0.0))
 
 
-def _searched(model: CollisionModel, passage: Passage, least: float, known: float) -> Search | None:
+def _searched(model: CollisionModel, passage: Passage, least: float, known: float) -> BoundSearch | None:
     closing = Closing.of(model, passage)
-    return None if closing is None else Search(closing, least, known, lambda seconds: None)
+    return None if closing is None else BoundSearch(closing, least, known, lambda seconds: None)
 
 
 def _left_out(problem: Problem) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.robot.native_tree import native_tree
-from optiplan.verify.bounds.inner_shapes import Boxes, Rods, boxes_inside, rods_inside
+from optiplan.verify.bounds.inner_shapes import InnerBoxes, InnerRods, boxes_inside, rods_inside
 from optiplan.verify.bounds.times import Passage
 
 if TYPE_CHECKING:
@@ -81,13 +81,13 @@ class Closing:
         return np.asarray(self.native.close(T, np.ascontiguousarray(low), np.ascontiguousarray(high), parts))
 
 
-def _along_own_axes(boxes: Boxes) -> Array:
+def _along_own_axes(boxes: InnerBoxes) -> Array:
     """Centres along each box's own axes, half edges, and what is around the box: (K, 7), m."""
     centre = np.einsum("kia,ki->ka", boxes.rotation, boxes.centre)
     return np.ascontiguousarray(np.hstack([centre, boxes.half, boxes.round[:, None]]))
 
 
-def _arms(model: CollisionModel, rods: Rods, lower: Array, upper: Array) -> Array:
+def _arms(model: CollisionModel, rods: InnerRods, lower: Array, upper: Array) -> Array:
     """Greatest distances (2 M, J), m, of the ends of rods from the axes of the joints that carry them; 0 of others."""
     kinematics = model.robot.kinematics
     stroke = np.maximum(np.abs(lower), np.abs(upper))

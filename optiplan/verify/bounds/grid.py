@@ -14,7 +14,7 @@ EFFORTS = (1, 8, 64, 256)
 """Parts into which boxes are halved, in rounds: later ones only for boxes that join start and goal."""
 
 
-class Grid:
+class JointGrid:
     """Boxes over some joints, within which all other joints may be anywhere that motions shorter than T can pass.
 
     A motion is in some box at every time, and goes from one to the next through a face, an edge or a corner. All boxes

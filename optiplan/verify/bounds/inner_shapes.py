@@ -21,7 +21,7 @@ WITHIN = 1e-5
 """m, by which rods are thinner than computed: more than rounding, and than what bodies that touch may overlap."""
 
 
-class Rods(NamedTuple):
+class InnerRods(NamedTuple):
     """M rods, each all points within `radius` of a segment, inside bodies of the robot.
 
     Attributes:
@@ -37,7 +37,7 @@ class Rods(NamedTuple):
     body: Index
 
 
-class Boxes(NamedTuple):
+class InnerBoxes(NamedTuple):
     """K boxes with all that is within `round` of them, inside obstacles that stand still.
 
     Attributes:
@@ -55,7 +55,7 @@ class Boxes(NamedTuple):
     body: Index
 
 
-def rods_inside(model: CollisionModel) -> Rods:
+def rods_inside(model: CollisionModel) -> InnerRods:
     """Return rods inside the bodies that joints carry: hulls, meshes, boxes, balls, capsules and cylinders.
 
     A motion that begins outside of a mesh cannot get an obstacle to a place inside without contact.
@@ -69,7 +69,7 @@ def rods_inside(model: CollisionModel) -> Rods:
             placed = ends @ geometry.placement.rotation.T + geometry.placement.translation
             found.append((joint, placed, radius - WITHIN, body))
     kept = _farthest(found)
-    return Rods(
+    return InnerRods(
         np.array([rod[0] for rod in kept], dtype=np.intp),
         np.array([rod[1] for rod in kept]).reshape(-1, 2, 3),
         np.array([rod[2] for rod in kept]),
@@ -194,7 +194,7 @@ OUTWARD = np.vstack([DIRECTIONS[:30], -DIRECTIONS[:30]])
 BOX_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
-def boxes_inside(model: CollisionModel) -> Boxes:
+def boxes_inside(model: CollisionModel) -> InnerBoxes:
     """Return boxes inside boxes, cylinders, balls and capsules that stand still; other obstacles have none."""
     rotation, centre, half, around, index = [], [], [], [], []
     for body, geometry in enumerate(model.geometry.geometryObjects):
@@ -206,7 +206,7 @@ def boxes_inside(model: CollisionModel) -> Boxes:
             half.append(size)
             around.append(max(outside - WITHIN, 0.0))
             index.append(body)
-    return Boxes(
+    return InnerBoxes(
         np.array(rotation).reshape(-1, 3, 3),
         np.array(centre).reshape(-1, 3),
         np.array(half).reshape(-1, 3),

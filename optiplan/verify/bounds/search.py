@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from optiplan.verify.bounds.closing import Closing
-from optiplan.verify.bounds.grid import Grid
+from optiplan.verify.bounds.grid import JointGrid
 
 NEAR = 1e-3
 """Share of a bound by which it has to be below the known motion for a greater one to be looked for."""
@@ -25,7 +25,7 @@ FIRST = 0.1
 
 
 @dataclass
-class Search:
+class BoundSearch:
     """Raises the proved bound by grids over the first joints, which move the larger links, that become finer.
 
     Attributes:
@@ -53,7 +53,7 @@ class Search:
                 if above <= self.proved * (1.0 + NEAR):
                     return
                 T = self.proved + share * (above - self.proved)
-                grid = Grid(self.closing, T, joints, [count] * len(joints))
+                grid = JointGrid(self.closing, T, joints, [count] * len(joints))
                 apart = grid.separates(until)
                 self.parts += grid.parts
                 if apart:
