@@ -8,7 +8,7 @@ from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.over_cover import MeshSolid
 
 STATIONS, ACROSS = 14, 7
-"""Cuts across a mesh along its longest axis, and points along each side of a cut, of which the deepest counts."""
+"""Cuts across a mesh along its longest axis, and points along each side of a cut; the deepest counts."""
 
 SPACING = 0.01
 """m, of points along a rod."""
