@@ -19,6 +19,7 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from optiplan.api.batches import Batch, plan_batch
+    from optiplan.api.bounding import bound
     from optiplan.api.casadi_problems import casadi_problem
     from optiplan.api.checking import check
     from optiplan.api.driving import driver
@@ -101,12 +102,14 @@ if TYPE_CHECKING:
     from optiplan.trajectory.sample_file import Samples
     from optiplan.trajectory.state import State
     from optiplan.trajectory.trajectory import Trajectory
+    from optiplan.verify.bounds.bound import DurationBound
     from optiplan.verify.report import Check, Report
 
 _ROOMS = {
     "api.studies.assigning": ("assign",),
     "api.batches": ("Batch", "plan_batch"),
     "api.casadi_problems": ("casadi_problem",),
+    "api.bounding": ("bound",),
     "api.checking": ("check",),
     "api.studies.designing": ("design",),
     "api.driving": ("driver",),
@@ -187,6 +190,7 @@ _ROOMS = {
     "service.client": ("Client",),
     "trajectory.sample_file": ("Samples",),
     "trajectory.trajectory": ("Trajectory",),
+    "verify.bounds.bound": ("DurationBound",),
     "verify.report": ("Check", "Report"),
 }
 _HOME = {name: f"optiplan.{room}" for room, names in _ROOMS.items() for name in names}
@@ -215,6 +219,7 @@ __all__ = [
     "DampingTask",
     "DesignResult",
     "Driver",
+    "DurationBound",
     "Execution",
     "Executor",
     "Expression",
@@ -305,6 +310,7 @@ __all__ = [
     "__version__",
     "assign",
     "bench",
+    "bound",
     "casadi_problem",
     "certify",
     "check",

@@ -405,3 +405,20 @@ class PlaneProof:
     ) -> ProvedMotion: ...
     def scan(self, motion: ProvedMotion, clearance: float) -> _PlaneVerdict: ...
     def prove(self, motion: ProvedMotion, rules: _Array, measured: _Array, most: int) -> _PlaneVerdict: ...
+
+class BoxClosing:
+    def __init__(
+        self,
+        tree: Tree,
+        ends: _Array,
+        radius: _Array,
+        joint: _Indices,
+        body: _Indices,
+        pairs: _Indices,
+        turns: _Array,
+        boxes: _Array,
+        turn_of: _Indices,
+        arms: _Array,
+        way: _Array,
+    ) -> None: ...
+    def close(self, T: float, low: _Array, high: _Array, parts: int) -> npt.NDArray[np.uint8]: ...

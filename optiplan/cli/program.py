@@ -19,6 +19,7 @@ Exit codes: 0 verified · 2 bad input · 3 no plan found within the budget · 4 
 COMMANDS = {
     "plan": "plan.plan",
     "verify": "verify.verify",
+    "bound": "bound.bound",
     "view": "view.view",
     "export": "export.export",
     "plot": "plot.plot",

@@ -18,6 +18,7 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import Metrics
 from optiplan.trajectory.segments import segment_data
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.bounds.bound import DurationBound
 from optiplan.verify.report import Report
 from optiplan.verify.verify import verify
 
@@ -50,6 +51,7 @@ class Run:
         info: the planner's record of its work, JSON-ready; `slowed`, the factor on the planner's duration that
             verification required, if any.
         improvements: (seconds of planning and proving, duration in s) of every verified motion on the way.
+        proved_bound: of the duration of any motion of the problem, obstacles included; None: nobody asked.
         plan_cpu: seconds of processor time of planning alone, with that of processes that the planner waited for.
     """
 
@@ -66,6 +68,7 @@ class Run:
     info: Mapping[str, Any] = field(default_factory=dict)
     improvements: tuple[tuple[float, float], ...] = ()
     plan_cpu: float | None = None
+    proved_bound: DurationBound | None = None
 
     @property
     def verified(self) -> bool:
@@ -212,6 +215,7 @@ class Run:
             "lower_bound": self.lower_bound,
             "lower_bound_of": None if self.lower_bound is None else self.lower_bound_of,
             "ratio": self.ratio,
+            **({} if self.proved_bound is None else {"proved_bound": self.proved_bound.to_dict()}),
             "tracking_error": self.problem.tracking_error.tolist(),
             "metrics": self.metrics and self.metrics.to_dict(),
             "failure": failure and {"kind": failure.kind, "detail": failure.detail, "witness": dict(failure.witness)},

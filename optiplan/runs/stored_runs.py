@@ -12,6 +12,7 @@ from optiplan.runs.run import Run
 from optiplan.runs.run_folder import StoredRun
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
+from optiplan.verify.bounds.bound import DurationBound
 from optiplan.verify.limit_checks import same_problem
 from optiplan.verify.report import Report
 from optiplan.verify.verify import verify
@@ -53,6 +54,7 @@ def run_of_record(
         info=record.get("info") or {},
         improvements=tuple((float(when), float(best)) for when, best in record.get("improvements") or ()),
         plan_cpu=timings.get("plan_cpu"),
+        proved_bound=DurationBound.from_dict(record["proved_bound"]) if record.get("proved_bound") else None,
     )
 
 

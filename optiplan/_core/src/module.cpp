@@ -12,4 +12,5 @@ NB_MODULE(CORE_MODULE, m) {
     optiplan::bind_execution(m);
     optiplan::bind_chunks(m);
     optiplan::bind_verify(m);
+    optiplan::bind_bounds(m);
 }

@@ -13,5 +13,6 @@ void bind_control(nanobind::module_ &m);
 void bind_execution(nanobind::module_ &m);
 void bind_chunks(nanobind::module_ &m);
 void bind_verify(nanobind::module_ &m);
+void bind_bounds(nanobind::module_ &m);
 
 }  // namespace optiplan

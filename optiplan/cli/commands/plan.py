@@ -28,6 +28,7 @@ DASK = "of a folder: plan on the workers of this Dask scheduler (tcp://…)"
 TRACKING_ERROR = (
     "rad or m that each joint may be off the motion, which is proved for all of that; instead of the file's"
 )
+BOUND = "then so many seconds to prove how near the motion is to the shortest one"
 PLANNER = "instead of the file's; see: planners. all, or NAME,NAME,…: compares these"
 
 
@@ -36,6 +37,11 @@ def positive(seconds: float) -> float:
     if not 0.0 < seconds < math.inf:
         raise typer.BadParameter("expected a number of seconds above 0")
     return seconds
+
+
+def positive_or_none(seconds: float | None) -> float | None:
+    """Require a finite number above 0, if there is one."""
+    return None if seconds is None else positive(seconds)
 
 
 def plan(
@@ -47,6 +53,7 @@ def plan(
     ] = BUDGET,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="write run.json and trajectory.json there")] = None,
     as_json: AsJson = False,
+    bound: Annotated[float | None, typer.Option(callback=positive_or_none, metavar="S", help=BOUND)] = None,
     view: Annotated[bool, typer.Option("--view", help="then show it in the browser")] = False,
     full: Full = False,
     workers: Annotated[int | None, typer.Option(min=1, max=64, metavar="N", help=WORKERS)] = None,
@@ -66,6 +73,8 @@ def plan(
       optiplan plan cell.yaml --out runs/cell --view     keep the run, look at it
 
       optiplan plan cell.yaml --planner rrtconnect --seed 3 --budget 5 --json
+
+      optiplan plan cell.yaml --bound 20                 how far from the shortest motion, proved
 
       optiplan plan cell.yaml --tracking-error 0.002     proved for joints that are up to 0.002 rad or m off
 
@@ -89,6 +98,7 @@ def plan(
     asked = {"seeds": seeds, "rate": rate, "lerobot": lerobot or None, "dask": dask or None}
     if is_folder_of_problems(file):
         one = {"--seed": seed, "--view": view or None, "--server": server or None, "--tracking-error": tracking_error}
+        one["--bound"] = bound
         return _folder(Path(file), out, planner, budget, as_json, {**asked, "workers": workers}, one)
     if wrong := [f"--{flag}" for flag, value in asked.items() if value is not None]:
         raise typer.BadParameter("goes with a folder of problems", param_hint=wrong[0])
@@ -98,10 +108,8 @@ def plan(
     from optiplan.runs.run_folder import check_folder
 
     path, names = find_problem(file), plan_comparison.several(planner)
-    if server and names:
-        raise typer.BadParameter("a server runs one planner at a time", param_hint="--planner")
-    if workers is not None and names:
-        raise typer.BadParameter("goes with one planner at a time", param_hint="--workers")
+    if names:
+        _of_several_planners(server, {"--workers": workers, "--bound": bound})
     if out is not None:
         for folder in [out / name for name in names] or [out]:
             check_folder(folder)
@@ -110,18 +118,27 @@ def plan(
         problem = load_problem(path) if seed is None else load_problem(path).with_seed(seed)
         problem = problem if tracking_error is None else with_tracking_error(problem, tracking_error)
         loaded = time.perf_counter() - began
+        _check_bound(problem, bound)
     if names:
         runs, unsaved = plan_comparison.run_all(path, problem, names, budget, out)
         code = plan_comparison.show(runs, as_json, unsaved)
     else:
-        progress = KeptAnswer()
-        more = {} if workers is None else {"workers": workers}
+        progress, more = KeptAnswer(), {} if workers is None else {"workers": workers}
         run = _run(path, problem, planner, more, budget, server, progress)
-        runs = [replace(run, timings={"load": loaded, **run.timings})]
+        found = _bound(run, None if progress.cancel.is_set() else bound)
+        runs = [replace(run, timings={"load": loaded, **run.timings}, proved_bound=found)]
         code = _finish(runs[0], out, as_json, full, interrupted=progress.cancel.is_set())
     if view:
         _view(runs)
     return code
+
+
+def _of_several_planners(server: str, one: dict[str, Any]) -> None:
+    """Refuse what goes with one planner only; `one` are such flags."""
+    if server:
+        raise typer.BadParameter("a server runs one planner at a time", param_hint="--planner")
+    if wrong := [flag for flag, value in one.items() if value is not None]:
+        raise typer.BadParameter("goes with one planner at a time", param_hint=wrong[0])
 
 
 def _folder(
@@ -169,6 +186,24 @@ def _run(
             return pipeline.run(problem, chosen, options, Budget(seconds, progress.cancel), progress)
         except InputError as error:
             raise placed(path, error) if options else error from None
+
+
+def _check_bound(problem: Any, seconds: float | None) -> None:
+    """Refuse, before it is planned, a problem without a known bound where one is wanted."""
+    from optiplan.api.bounding import require_bound
+
+    if seconds is not None:
+        require_bound(problem)
+
+
+def _bound(run: Any, seconds: float | None) -> Any:
+    """The bound that is proved in so many seconds; None without a number of them."""
+    from optiplan.api.bounding import bound
+
+    if seconds is None:
+        return None
+    with stdout_is_ours():
+        return bound(run.problem, seconds, run if run.verified else None)
 
 
 def _run_there(server: str, problem: Any, planner: str, options: Any, seconds: float) -> Any:

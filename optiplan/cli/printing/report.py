@@ -28,6 +28,11 @@ def show_run(console: Console, run: Run, full: bool = False) -> None:
     title = f"{run.problem.name} · {run.problem.robot.name} · {run.planner} · seed {run.problem.seed}"
     if run.report is not None:
         show_report(console, run.report, full, title, _quality(run))
+    if run.proved_bound is not None:
+        holds = run.duration if run.verified else None
+        console.print(run.proved_bound.words(holds), markup=False)
+        if run.proved_bound.left_out:
+            console.print(f"not counted: {', '.join(run.proved_bound.left_out)}", markup=False, style="dim")
     if cost := _cost(run):
         console.print(cost, markup=False)
     if run.failure is not None:

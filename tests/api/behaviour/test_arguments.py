@@ -21,6 +21,7 @@ def valid(name):
     return {
         "assign": lambda: {"source": {}},
         "bench": lambda: {"suite": "nowhere.yaml"},
+        "bound": lambda: {"problem": problem, "budget": 0.1},
         "check": lambda: {"file": "12_planar"},
         "execute": lambda: {"run": op.plan(op.load_problem("01_reach"), "quintic")},
         "ik": lambda: {"robot": "ur5", "pose": op.Pose((0.3, 0.2, 0.5))},
@@ -59,6 +60,7 @@ CALLS = (
     *(
         "assign",
         "bench",
+        "bound",
         "check",
         "design",
         "execute",

@@ -1,0 +1,1 @@
+"""Proved lower bounds on the duration of any motion of a problem, obstacles included."""

@@ -1,0 +1,189 @@
+"""A proved lower bound on the duration of any motion of a problem, obstacles included."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
+from optiplan.problem.problem import JointGoal, Problem
+from optiplan.verify.bounds.closing import Closing
+from optiplan.verify.bounds.search import BoundSearch
+from optiplan.verify.bounds.times import Passage
+from optiplan.verify.report import VerifyPolicy
+
+ENDLESS = "joints that turn without end: the goal may be reached a turn away"
+
+_FAR = 1e-12
+"""s; a goal whose bound is less than that is where the robot stands."""
+
+
+@dataclass(frozen=True)
+class DurationBound:
+    """No motion of the problem is shorter than `seconds`; that is proved.
+
+    Attributes:
+        seconds: the bound, s.
+        alone: s; the same without obstacles: what the slowest joint needs alone.
+        joints: of the robot over whose positions the proof is made, in their order; none if obstacles add nothing.
+        parts: boxes of configurations that were examined.
+        history: (seconds of work, bound in s), each higher than the one before.
+        left_out: what the problem demands and the bound does not count; with it motions can only be longer.
+    """
+
+    seconds: float
+    alone: float
+    joints: tuple[str, ...] = ()
+    parts: int = 0
+    history: tuple[tuple[float, float], ...] = ()
+    left_out: tuple[str, ...] = ()
+
+    def gap(self, duration: float) -> float | None:
+        """Return the share by which a motion of this `duration`, s, can be longer than the shortest one, at most.
+
+        duration / seconds - 1; None where the bound is 0.
+        """
+        return None if self.seconds < _FAR else max(duration / self.seconds - 1.0, 0.0)
+
+    def words(self, duration: float | None = None) -> str:
+        """Return the bound in a sentence, with how far a motion of `duration`, s, is from the optimum at most."""
+        said = f"no motion is shorter than {self.seconds:.3f} s, proved"
+        gap = None if duration is None else self.gap(duration)
+        return said if gap is None else f"at most {100.0 * gap:.1f} % from the optimum, proved: {said}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content as plain data, JSON-ready."""
+        return {
+            "seconds": self.seconds,
+            "alone": self.alone,
+            "joints": list(self.joints),
+            "parts": self.parts,
+            "history": [list(one) for one in self.history],
+            "left_out": list(self.left_out),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> "DurationBound":
+        """Return a bound from the content of `to_dict`."""
+        return cls(
+            float(data["seconds"]),
+            float(data["alone"]),
+            tuple(data.get("joints", ())),
+            int(data.get("parts", 0)),
+            tuple((float(when), float(seconds)) for when, seconds in data.get("history", ())),
+            tuple(data.get("left_out", ())),
+        )
+
+
+def unsupported(problem: Problem) -> tuple[str, str] | None:
+    """Return what of a problem no bound is known for, its field and what was found; None if there is one."""
+    if problem.task:
+        return "task", "a task"
+    if problem.nonzero_ends:
+        return "start", "a robot that moves at the start or at a goal"
+    if not all(isinstance(goal, JointGoal) for goal in problem.goal):
+        return "goal", "a goal that is not given by values of the joints, whose end configurations are not all known"
+    return None
+
+
+def bound_of(
+    problem: Problem,
+    budget: float,
+    known: float = np.inf,
+    found: Callable[[float], None] = lambda seconds: None,
+) -> DurationBound:
+    """Return the greatest bound proved within `budget`, s of wall time; of several goals it is that of the least.
+
+    Args:
+        problem: one that is not `unsupported`.
+        budget: s.
+        known: duration of a verified motion, s; nothing greater is tried. inf: none is known.
+        found: called with every greater bound of the whole problem, s.
+    """
+    began = time.perf_counter()
+    passages = [_passage(problem, goal) for goal in problem.goal if isinstance(goal, JointGoal)]
+    endless = bool(problem.robot.endless.any())
+    alone = [_alone(problem, one) for one in passages]
+    result = DurationBound(min(alone), min(alone), left_out=_left_out(problem))
+    history = [(0.0, result.seconds)]
+    if not endless and len(problem.scene.obstacles) and min(alone) > _FAR:
+        model = CollisionModel(problem.robot, problem.scene)
+        searches = [_searched(model, one, least, known) for one, least in zip(passages, alone, strict=True)]
+        bounds, parts = list(alone), 0
+
+        def raised(which: int, seconds: float) -> None:
+            bounds[which] = float(seconds)
+            if min(bounds) > history[-1][1]:
+                history.append((time.perf_counter() - began, min(bounds)))
+                found(min(bounds))
+
+        names: set[str] = set()
+        # The goal of the least bound first; the others only as far as they are the least then.
+        for which in _in_turn(bounds, searches):
+            search = searches[which]
+            if search is None:
+                break
+            search.found = lambda seconds, which=which: raised(which, seconds)
+            others = [b for k, b in enumerate(bounds) if k != which and b > bounds[which] * 1.02]
+            search.below = min(known, *others, np.inf)
+            search.run(began + budget)
+            parts += search.parts
+            names |= {problem.robot.joint_names[j] for j in search.joints}
+            if time.perf_counter() - began > budget:
+                break
+        ordered = tuple(name for name in problem.robot.joint_names if name in names)
+        result = replace(result, seconds=min(bounds), joints=ordered, parts=parts)
+    return replace(result, history=tuple(history))
+
+
+def _in_turn(bounds: Sequence[float], searches: Sequence[BoundSearch | None]) -> Iterator[int]:
+    """Indices of goals, each time that of the least bound, at most twice each."""
+    left = [2] * len(bounds)
+    while True:
+        which = int(np.argmin(bounds))
+        if left[which] == 0:
+            return
+        left[which] -= 1
+        yield which
+
+
+def _passage(problem: Problem, goal: JointGoal) -> Passage:
+    """The way to a goal, with all that the verifier tolerates.
+
+    A joint may begin with a speed of the share `rest_tolerance` of its greatest one, V: while it gets to V, that gains
+    no more than this share of V^2 / A.
+    """
+    policy = VerifyPolicy()
+    more = 1.0 + 10.0 * policy.limit_tolerance
+    limits = problem.limits.scaled(velocity=more, acceleration=more, jerk=more)
+    ramp = 2.0 * policy.rest_tolerance * limits.velocity**2 / limits.acceleration
+    return Passage(problem.start, goal.q, limits, 2.0 * policy.position_tolerance + goal.tolerance + ramp)
+
+
+def _alone(problem: Problem, passage: Passage) -> float:
+    """The least time without obstacles, s; a joint that turns without end may arrive a turn away."""
+    turned = passage.goal + 2.0 * np.pi * np.round((passage.start - passage.goal) / (2.0 * np.pi))
+    nearest: Array = np.where(problem.robot.endless, turned, passage.goal)
+    return float(replace(passage, goal=nearest).direct.max(initial=0.0))
+
+
+def _searched(model: CollisionModel, passage: Passage, least: float, known: float) -> BoundSearch | None:
+    closing = Closing.of(model, passage)
+    return None if closing is None else BoundSearch(closing, least, known, lambda seconds: None)
+
+
+def _left_out(problem: Problem) -> tuple[str, ...]:
+    """What the problem demands and the bound does not count."""
+    found = []
+    if np.isfinite(problem.limits.torque).any():
+        found.append("limits of torque")
+    if problem.vias:
+        found.append("via points")
+    if problem.path_constraints:
+        found.append("path constraints")
+    if problem.robot.endless.any():
+        found.append(f"obstacles, because of {ENDLESS}")
+    return tuple(found)

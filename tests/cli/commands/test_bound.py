@@ -1,0 +1,22 @@
+"""`optiplan bound`."""
+
+import json
+
+from optiplan.cli.main import run
+
+
+def test_a_bound_is_printed_with_how_far_a_run_is_from_the_optimum(tmp_path, capsys):
+    assert run(["plan", "12_planar", "--budget", "3", "--out", str(tmp_path / "run")]) == 0
+    capsys.readouterr()
+    assert run(["bound", "12_planar", "--run", str(tmp_path / "run"), "--budget", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "% from the optimum, proved: no motion is shorter than" in said
+    assert run(["bound", "12_planar", "--budget", "0.5", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["seconds"] >= found["alone"] > 0.0
+    assert found["gap"] is None
+
+
+def test_what_no_bound_is_known_of_is_bad_input(capsys):
+    assert run(["bound", "08_pose"]) == 2
+    assert "goal" in capsys.readouterr().err

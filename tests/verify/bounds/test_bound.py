@@ -1,0 +1,129 @@
+"""Bounds of whole problems: beside a search by brute force on a planar arm, and beside motions that are known."""
+
+import heapq
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan._core import core
+from optiplan.collision.model import CollisionModel
+from optiplan.problem.problem import derived
+from optiplan.robot.limits import Limits
+from optiplan.verify.bounds.bound import DurationBound, bound_of, unsupported
+
+needs_core = pytest.mark.skipif(core is None, reason="needs the native core")
+
+BLOCKS = (
+    op.Box("block", size=(0.2, 0.4, 0.2), position=(0.9, 0.18, 0.6)),
+    op.Box("shelf", size=(0.2, 0.4, 0.04), position=(0.75, 0.18, 1.15)),
+    op.Sphere("ball", radius=0.1, position=(0.95, 0.18, 0.6)),
+)
+
+
+@pytest.fixture(scope="module", params=BLOCKS, ids=lambda block: block.name)
+def blocked(request):
+    """A planar arm that has to fold to get past an obstacle, with limits of speed alone."""
+    problem = op.load_problem("12_planar").with_scene([request.param])
+    old, much = problem.limits, np.full(2, 1e9)
+    return derived(problem, limits=Limits(old.lower, old.upper, old.velocity, much, much * np.inf, old.torque))
+
+
+def fastest_on_a_grid(problem, count):
+    """The least time, s, over the points of a grid, from one to its eight neighbours at the greatest speeds."""
+    model, limits = CollisionModel(problem.robot, problem.scene), problem.limits
+    low = np.minimum(problem.start, problem.goal[0].q) - 1.6
+    high = np.maximum(problem.start, problem.goal[0].q) + 1.6
+    low, high = np.maximum(low, limits.lower), np.minimum(high, limits.upper)
+    axes = [np.linspace(a, b, count) for a, b in zip(low, high, strict=True)]
+    steps = [(axis[1] - axis[0]) / v for axis, v in zip(axes, limits.velocity, strict=True)]
+    free = np.array([[not model.collides(np.array([x, y])) for y in axes[1]] for x in axes[0]])
+    ends = [tuple(int(np.abs(axes[j] - q[j]).argmin()) for j in (0, 1)) for q in (problem.start, problem.goal[0].q)]
+    best, queue = {ends[0]: 0.0}, [(0.0, ends[0])]
+    while queue:
+        time, (i, j) = heapq.heappop(queue)
+        if (i, j) == ends[1]:
+            return time
+        for a in (-1, 0, 1):
+            for b in (-1, 0, 1):
+                there = i + a, j + b
+                if min(there) < 0 or max(there) >= count or not free[there]:
+                    continue
+                later = time + max(abs(a) * steps[0], abs(b) * steps[1])
+                if later < best.get(there, np.inf):
+                    best[there] = later
+                    heapq.heappush(queue, (later, there))
+    return np.inf
+
+
+@needs_core
+def test_the_bound_is_below_and_near_what_brute_force_finds_on_a_planar_arm(blocked):
+    fastest = fastest_on_a_grid(blocked, 121)
+    found = bound_of(blocked, 5.0, known=1.05 * fastest)
+    step = 5.2 / 120 / blocked.limits.velocity.min()
+    assert fastest > 1.1 * found.alone, "the block is in the way"
+    assert found.seconds <= fastest + 4.0 * step  # the ends are rounded to the grid
+    assert found.seconds > 0.93 * fastest
+
+
+@needs_core
+@pytest.mark.parametrize("name", ["12_planar", "15_srra", "17_puma560", "18_baxter_dual"])
+def test_no_motion_that_is_planned_is_shorter_than_the_bound(name):
+    problem = op.load_problem(name)
+    run = op.plan(problem, budget=4.0)
+    found = op.bound(problem, budget=1.5)  # without the motion: nothing of it is used
+    assert run.verified
+    assert found.alone <= found.seconds <= run.duration
+    assert run.duration == pytest.approx(found.seconds * (1.0 + found.gap(run.duration)))
+
+
+@needs_core
+def test_obstacles_raise_the_bound_and_the_history_tells_when():
+    found = op.bound(op.load_problem("12_planar"), budget=2.0)
+    assert found.seconds > 1.2 * found.alone
+    assert found.joints == ("joint1", "joint2") or len(found.joints) == 2
+    assert found.history[0] == (0.0, found.alone)
+    assert [one[1] for one in found.history] == sorted(one[1] for one in found.history)
+    assert found.history[-1][1] == found.seconds
+
+
+@needs_core
+def test_of_several_goals_the_bound_is_that_of_the_nearest():
+    one = op.load_problem("12_planar")
+    near = one.with_goal([-1.1, 0.4], [0.8, 0.5])
+    assert op.bound(near, budget=1.0).seconds < op.bound(one, budget=1.0).seconds
+
+
+def test_without_obstacles_it_is_what_the_slowest_joint_needs():
+    problem = op.load_problem("12_planar").with_scene(op.Scene())
+    found = op.bound(problem, budget=1.0)
+    assert found.seconds == found.alone == pytest.approx(float(problem.lower_bounds([problem.goal[0].q])[0]), rel=1e-3)
+    assert found.joints == ()
+
+
+def test_what_is_left_out_is_said():
+    problem = op.load_problem("12_planar").with_vias([0.5, 0.5])
+    assert "via points" in op.bound(problem, budget=0.2).left_out
+
+
+@pytest.mark.parametrize(
+    ("name", "field"), [("08_pose", "goal"), ("37_on_the_move", "start"), ("40_panda_sorts_cubes", "task")]
+)
+def test_what_no_bound_is_known_of_is_refused(name, field):
+    problem = op.load_problem(name)
+    assert unsupported(problem)[0] == field
+    with pytest.raises(op.InputError, match=rf"^op\.bound: {field}: "):
+        op.bound(problem)
+
+
+def test_a_motion_of_another_problem_is_refused():
+    run = op.plan(op.load_problem("12_planar"), budget=3.0)
+    with pytest.raises(op.InputError, match=r"^op\.bound: motion: "):
+        op.bound(op.load_problem("12_planar").with_limits(velocity=0.5), motion=run)
+
+
+def test_words_of_a_bound():
+    found = DurationBound(2.0, 1.0)
+    assert found.words() == "no motion is shorter than 2.000 s, proved"
+    assert found.words(2.046) == "at most 2.3 % from the optimum, proved: no motion is shorter than 2.000 s, proved"
+    assert DurationBound(0.0, 0.0).gap(1.0) is None

@@ -1,0 +1,63 @@
+"""Closed boxes: every configuration in them is in collision, or too far from both ends."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan._core import core
+from optiplan.collision.model import CollisionModel
+from optiplan.verify.bounds.bound import _passage
+from optiplan.verify.bounds.closing import CLOSED, Closing
+from optiplan.verify.bounds.inner_shapes import boxes_inside, rods_inside
+
+pytestmark = pytest.mark.skipif(core is None, reason="needs the native core")
+
+
+def least_time(passage, q):
+    """By its definition: the time from rest to q, and from q to rest, of the slowest joint each, whatever its speed."""
+
+    def slowest(distance):
+        speed, acceleration = passage.limits.velocity, passage.limits.acceleration
+        ramp = speed / acceleration
+        near = np.sqrt(2.0 * distance / acceleration)
+        return np.where(near <= ramp, near, 0.5 * ramp + distance / speed).max()
+
+    return slowest(np.abs(q - passage.start)) + slowest(np.abs(q - passage.goal))
+
+
+@pytest.mark.parametrize("name", ["12_planar", "15_srra", "17_puma560", "22_via_spline"])
+def test_closed_boxes_hold_no_free_configuration_that_is_passed_in_time(name):
+    problem = op.load_problem(name)
+    model = CollisionModel(problem.robot, problem.scene)
+    passage = _passage(problem, problem.goal[0])
+    closing = Closing.of(model, passage)
+    rng = np.random.default_rng(1)
+    T = 1.3 * passage.direct.max()
+    low, high = passage.box(T)
+    n = len(low)
+    centre = rng.uniform(low, high, (1500, n))
+    half = rng.uniform(0.0, 0.15, (1500, n)) * (high - low)
+    boxes = np.maximum(centre - half, low), np.minimum(centre + half, high)
+    closed = closing.close(T, *boxes, 64) == CLOSED
+    assert 15 < closed.sum() < 1500
+    for a, b in zip(boxes[0][closed], boxes[1][closed], strict=True):
+        for q in [*rng.uniform(a, b, (6, n)), *np.where(rng.random((4, n)) < 0.5, a, b)]:
+            assert model.collides(q) or least_time(passage, q) >= T - 1e-3
+
+
+@pytest.mark.parametrize("name", ["05_cage", "09_ur5", "12_planar", "18_baxter_dual"])
+def test_rods_lie_inside_bodies_and_boxes_inside_obstacles(name):
+    problem = op.load_problem(name)
+    model = CollisionModel(problem.robot, problem.scene)
+    rods, boxes = rods_inside(model), boxes_inside(model)
+    assert len(rods.joint)
+    assert len(boxes.body)
+    for ends, radius, body in zip(rods.ends, rods.radius, rods.body, strict=True):
+        geometry = model.geometry.geometryObjects[int(body)]
+        own = (ends - geometry.placement.translation) @ geometry.placement.rotation
+        shape = geometry.geometry
+        if hasattr(shape, "points"):
+            points = np.array(shape.points())
+            for direction in np.random.default_rng(0).normal(size=(50, 3)):
+                direction /= np.linalg.norm(direction)
+                assert (own @ direction).max() + radius <= (points @ direction).max() + 1e-9
