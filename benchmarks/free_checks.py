@@ -20,6 +20,7 @@ import numpy as np
 from published import commit, print_json, print_table, table_parser, write_markdown
 
 import optiplan as op
+from optiplan.problem.free_space import FreeChecks
 
 PROBLEMS = ("01_reach", "02_shelf", "03_table", "04_box", "05_cage", "06_attached", "09_ur5")
 HEADINGS = ("problem", "robot", "bodies", "share free", "µs each", "million a second", "one by one, µs", "agree")
@@ -58,6 +59,7 @@ def measured(name: str, count: int, singly: int, repeats: int) -> dict[str, Any]
     lower, upper = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
     Q = np.random.default_rng(0).uniform(lower, upper, (count, problem.robot.n))
     found = problem.is_free(Q)
+    assert isinstance(found, FreeChecks)
     seconds = min(spent(lambda: problem.is_free(Q)) for _ in range(repeats))
     each: list[bool] = []
     alone = spent(lambda: each.extend(bool(problem.is_free(q)) for q in Q[:singly]))
