@@ -98,9 +98,9 @@ class FreeSpace:
 
         Checked are the pairs of bodies that the robot and the scene do not allow to touch; limits are not. Obstacles
         that move are where they are at first. It holds for this configuration, not for a motion: see `op.verify`.
-        Of bodies within 1e-6 m of touching the answer may be either. Many configurations are checked at once in the native core,
-        as many as a million a second where bodies are boxes and hulls; closed meshes, which may contain bodies, take
-        a look at each.
+        Of bodies within 1e-6 m of touching the answer may be either. Many configurations are checked at once in the
+        native core, as many as a million a second where bodies are boxes and hulls; closed meshes, which may contain
+        bodies, take a look at each.
 
         Args:
             q: (n,), rad or m; values by joint, `{joint: value}`; the name of a configuration; or several, (k, n).
