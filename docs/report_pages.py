@@ -6,6 +6,7 @@ planned when the site is made.
 """
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -23,6 +24,7 @@ ROOT = Path(__file__).parent.parent
 ROWS, EXERCISES = (ROOT / "benchmarks" / "reports" / f"{name}.yaml" for name in ("rows", "exercises"))
 LESSONS = ROOT / "examples" / "lessons"
 BUDGET = 15.0  # s for a motion
+_FIGURE = re.compile(r'op\.plot\(figure=\\?"(\w+)\\?", style=\\?"textbook\\?"\)')  # in a cell, or in its JSON
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, f"seeds/{name}.md", content=report_page(name)))
     for path in sorted(LESSONS.glob("*.ipynb")):
         files.append(File.generated(config, f"lessons/{path.stem}.md", content=lesson(path)))
+        for name in _FIGURE.findall(path.read_text("utf-8")):
+            drawn = svg_of(op.plot(figure=name, style="textbook"))
+            files.append(File.generated(config, f"lessons/{name}.svg", content=drawn))
     return files
 
 
@@ -112,23 +117,29 @@ def report_page(name: str) -> str:
         f"![{page.shows}]({name}.svg)",
         f"{page.shows} `optiplan plan {page.problem} --out runs/{name}`, then "
         f"`optiplan plot runs/{name} --style textbook --figure {page.figure}`.",
-        f'<iframe src="../live/{name}.html#panel=dock" title="{page.heading}, with its proof" loading="lazy"></iframe>',
+        f'<iframe class="tall" src="../live/{name}.html#panel=dock" title="{page.heading}, with its proof" '
+        'loading="lazy"></iframe>',
         f"[The arm on a page of its own](../live/{name}.html), planned and proved when this site was made.",
         "## Exercises",
         "Each printed number is another than the right one. Work it out, then open the answer.",
     ]
     for number, row in enumerate(wrong, 1):
-        text += [f"### {number}. {row['what'][0].upper()}{row['what'][1:]}", row["ask"]]
-        text += [f"The report has: {row['printed']}.", answer(row)]
+        text += [f"### {number}. {plain(row['what'][0].upper() + row['what'][1:])}", plain(row["ask"])]
+        text += [f"The report has: {plain(row['printed'])}.", answer(row)]
     text += ["## What the report describes, and its command", table(own), "## Lessons"]
     text += [f"- [{title(LESSONS / f'{one}.ipynb')}](../lessons/{one}.md)" for one in page.lessons]
     return "\n\n".join(text) + "\n"
 
 
+def plain(text: Any) -> str:
+    """Text in which asterisks are themselves, such as θ*; code in it stays as it is."""
+    return "`".join(part if k % 2 else part.replace("*", "\\*") for k, part in enumerate(str(text).split("`")))
+
+
 def answer(row: Mapping[str, Any]) -> str:
     """The answer of an exercise, folded."""
     code = f"```python\n{row['python'].rstrip()}\n```" if row.get("python") else f"```sh\n{row['run']}\n```"
-    lines = [f"Right: **{row['right']}**. {row['why']}", "", *code.splitlines()]
+    lines = [f"Right: **{plain(row['right'])}**. {plain(row['why'])}", "", *code.splitlines()]
     return "\n".join(['??? question "Answer"', *(f"    {line}".rstrip() for line in lines)])
 
 
@@ -138,7 +149,7 @@ def table(own: list[dict[str, Any]]) -> str:
     for row in own:
         how = "Python, in its exercise or row" if row.get("python") else f"`{row['run']}`" if row.get("run") else ""
         how = how or f"missing: {row['missing']}"
-        lines.append(f"| {row['what']} | {how.replace('|', chr(92) + '|').replace('{out}/', '')} |")
+        lines.append(f"| {plain(row['what'])} | {how.replace('|', chr(92) + '|').replace('{out}/', '')} |")
     return "\n".join(lines)
 
 
@@ -159,5 +170,6 @@ def lesson(path: Path) -> str:
         for output in cell["outputs"]:
             shown = output.get("text") or output["data"]["text/plain"]
             text.append(f"```text\n{''.join(shown).rstrip()}\n```")
+        text += [f"![The figure `{name}`]({name}.svg)" for name in _FIGURE.findall(source)]
     text.insert(1, f"A notebook: `examples/lessons/{path.name}`, run by the tests.")
     return "\n\n".join(text) + "\n"

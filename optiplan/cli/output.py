@@ -21,13 +21,14 @@ UNWRAPPED = 1000
 
 
 class Exit(IntEnum):
-    """Exit codes; the README has the same table."""
+    """Exit codes; `docs/reference/exit-codes.md` has the same table."""
 
     VERIFIED = 0
     BUG = 1
     BAD_INPUT = 2
     NO_PLAN = 3
     NOT_VERIFIED = 4
+    INTERRUPTED = 130
 
 
 def results() -> Console:
@@ -91,6 +92,25 @@ def stdout_is_ours() -> Iterator[None]:
     finally:
         os.dup2(kept, 1)
         os.close(kept)
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C raise KeyboardInterrupt meanwhile, for commands that keep what they have by then."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def tell_interrupted(words: str, as_json: bool) -> int:
+    """Say that Ctrl-C ended a command that has nothing to show, and what is kept; return `INTERRUPTED`."""
+    if as_json:
+        print_json({"error": f"interrupted: {words}", "issues": [], "exit_code": Exit.INTERRUPTED})
+    else:
+        print_error(f"optiplan: interrupted: {words}")
+    return Exit.INTERRUPTED
 
 
 @contextmanager

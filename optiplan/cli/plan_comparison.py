@@ -147,8 +147,8 @@ def _print(console: Console, runs: Sequence[Run], bound: Bound) -> None:
         for headings in ((*TIMES, *measures),) if console.width >= NARROW else (TIMES, measures):
             console.print(_table(runs, bound, headings))
         for run in runs:
-            if _reason(run):
-                console.print(f"{run.planner}: {_reason(run)}", markup=False)
+            if run.why_not:
+                console.print(f"{run.planner}: {run.why_not}", markup=False)
     seconds = "" if bound.seconds is None else f"{bound.seconds:.3f} s, "
     console.print(f"bound: {seconds}{bound.words}", style="dim", markup=False)
 
@@ -170,7 +170,7 @@ def _table(runs: Sequence[Run], bound: Bound, headings: Sequence[str], reasons: 
                 strict=True,
             )
         )
-        why = [escape(_reason(run))] if reasons else []
+        why = [escape(run.why_not)] if reasons else []
         table.add_row(run.planner, *(cells[heading] for heading in headings), *why)
     return table
 
@@ -197,18 +197,10 @@ def _text(value: float | None, form: str) -> str:
     return "–" if value is None else "∞" if value == float("inf") else f"{value:{form}}"
 
 
-def _reason(run: Run) -> str:
-    """Return why a run is not verified, in one line: its failure, or the first check that failed."""
-    if run.failure is not None:
-        return " ".join(f"{run.failure.kind}: {run.failure.detail}".split())
-    refused = run.report.failures[:1] if run.report is not None else ()
-    return "".join(f"{check.name}: {check.detail or check.place}" for check in refused)
-
-
 def _outcome(run: Run) -> str:
     """Describe a run in a few words."""
     took = f"planned in {run.timings['plan']:.2f} s"
     if run.trajectory is None:
-        return f"no plan ({took}): {_reason(run)}"
+        return f"no plan ({took}): {run.why_not}"
     verdict = "verified" if run.verified else "not verified"
     return f"{verdict}, a motion of {run.duration:.3f} s ({took})"

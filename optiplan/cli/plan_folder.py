@@ -7,7 +7,15 @@ from typing import Any
 
 import typer
 
-from optiplan.cli.output import Exit, messages, print_json, results, stdout_is_ours
+from optiplan.cli.output import (
+    Exit,
+    interruptible,
+    messages,
+    print_json,
+    results,
+    stdout_is_ours,
+    tell_interrupted,
+)
 from optiplan.cli.progress import ProgressLine
 
 NAMED = 20
@@ -22,14 +30,21 @@ def is_folder_of_problems(file: str) -> bool:
 def plan_folder(
     folder: Path, out: Path | None, planner: str | None, budget: float, as_json: bool, asked: dict[str, Any]
 ) -> int:
-    """Plan every problem file of a folder; `asked` holds seeds, rate, lerobot, workers and dask."""
+    """Plan every problem file of a folder; `asked` holds seeds, rate, lerobot, workers and dask.
+
+    Ctrl-C writes the rows of what is done, and ends with 130; the same command goes on.
+    """
     from optiplan.api.batches import plan_batch
 
     if out is None:
         raise typer.BadParameter("a folder of problems needs a folder for the results", param_hint="--out")
     address = asked.pop("dask")
-    with stdout_is_ours(), _workers(address, asked.pop("workers")) as workers, ProgressLine() as progress:
-        batch = plan_batch(folder, out, planner, budget=budget, workers=workers, progress=progress, **asked)
+    try:
+        with interruptible(), stdout_is_ours(), _workers(address, asked.pop("workers")) as workers:
+            with ProgressLine() as progress:
+                batch = plan_batch(folder, out, planner, budget=budget, workers=workers, progress=progress, **asked)
+    except KeyboardInterrupt:
+        return tell_interrupted("what is done is kept, the same command goes on", as_json)
     counts = dict(batch.counts)
     code = next((code for state, code in _CODES if counts.get(state)), Exit.VERIFIED)
     if as_json:

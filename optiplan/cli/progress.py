@@ -1,9 +1,11 @@
 """Progress line of long commands."""
 
 import logging
+import signal
 import sys
+import threading
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from optiplan.trajectory.trajectory import Trajectory
@@ -87,3 +89,34 @@ class ProgressLine:
         if self._visible:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
+
+
+class KeptAnswer(ProgressLine):
+    """The line of a run whose first Ctrl-C keeps the motion, once there is one; before, it ends the process as ever.
+
+    The second Ctrl-C ends the process at once.
+
+    Attributes:
+        cancel: of the run's `Budget`; set by the first Ctrl-C.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.cancel = threading.Event()
+        self._before: Any = None
+
+    def found(self, trajectory: "Trajectory", bound: float) -> None:
+        """Take Ctrl-C from now on, besides what a line does."""
+        super().found(trajectory, bound)
+        if self._before is None:
+            self._before = signal.signal(signal.SIGINT, self._keep)
+
+    def _keep(self, *_: object) -> None:
+        self.cancel.set()
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    def __exit__(self, *error: object) -> None:
+        """Wipe the line, and leave Ctrl-C as it was."""
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
+        super().__exit__(*error)

@@ -20,13 +20,15 @@ Makers' meshes reach below the mounting plane of the robot, that of the UR5 by 3
 """
 
 
-def bodies_of(robot: Robot, scene: Scene, carriers: Mapping[str, int]) -> list[tuple[str, pin.GeometryObject]]:
+def bodies_of(
+    robot: Robot, scene: Scene, carriers: Mapping[str, tuple[int, pin.SE3]]
+) -> list[tuple[str, pin.GeometryObject]]:
     """Return links, then attachments, then obstacles, each with its name.
 
     Args:
         robot: the robot.
         scene: the scene.
-        carriers: joints of moving obstacles, by name.
+        carriers: joints of moving obstacles, and their poses there, by name.
     """
     found = [(robot.link_of(k), body.copy()) for k, body in enumerate(robot.geometry.geometryObjects)]
     for held in scene.attached:
@@ -34,7 +36,7 @@ def bodies_of(robot: Robot, scene: Scene, carriers: Mapping[str, int]) -> list[t
         place = (frame.parentJoint, frame.placement * held.X_LO)
         found.append((held.name, _body(f"{held.name}#{len(found)}", *place, build_geometry(held.shape))))
     for obstacle in scene.obstacles:
-        place = (carriers.get(obstacle.name, 0), obstacle.X_WO)
+        place = carriers.get(obstacle.name, (0, obstacle.X_WO))
         found.append((obstacle.name, _body(f"{obstacle.name}#{len(found)}", *place, build_geometry(obstacle.shape))))
     return found
 

@@ -38,7 +38,7 @@ class CollisionModel:
         outline: the same bodies with hulls in the place of meshes.
         same_bodies: a key that a model shares with the model `with_obstacles_moved`.
         motions: of the moving obstacles.
-        model: the robot's, with three sliding joints for every moving obstacle (`moving_obstacles`). In a
+        model: the robot's, with joints for every moving obstacle (`moving_obstacles`). In a
             configuration (n,) of the robot alone, obstacles are at their initial positions.
     """
 
@@ -105,7 +105,7 @@ class CollisionModel:
         return self._standing
 
     def at_times(self, Q: Array, t: Array) -> Array:
-        """Return configurations Q (N, n) with the obstacles at times t (N,), s: (N, n + 3 m)."""
+        """Return configurations Q (N, n) with the obstacles at times t (N,), s: (N, n + K)."""
         return np.hstack([Q, displacements(self.motions, t)])
 
     def obstacle_rates(self, t: Array) -> Array:
@@ -119,7 +119,7 @@ class CollisionModel:
         return np.concatenate([Q, np.broadcast_to(self._moved, (*Q.shape[:-1], len(self._moved)))], axis=-1)
 
     def widened(self, D: Array) -> Array:
-        """Return half widths D (N, n) with half width 0 for the obstacles, (N, n + 3 m)."""
+        """Return half widths D (N, n) with half width 0 for the obstacles, (N, n + K)."""
         return np.hstack([D, np.zeros((len(D), self.model.nq - D.shape[1]))])
 
     def collides(self, q: Array) -> bool:

@@ -160,7 +160,8 @@ class Safety:
         """Return what `clearance:` of a file asks, read already; None where that is nothing."""
         if data is None or isinstance(data, int | float):
             return cls.of(data)
-        pairs = tuple(SafePairs(_names(one["of"]), _names(one["from"]), one["at_least"]) for one in data["pairs"])
+        groups = data.get("pairs", ())
+        pairs = tuple(SafePairs(_names(one["of"]), _names(one["from"]), one["at_least"]) for one in groups)
         return cls.of(cls(data["scene"], data["self"], pairs, data["within"]))
 
     def __repr__(self) -> str:

@@ -50,30 +50,39 @@ class Obstacle:
     stated: Mapping[str, Any] | None = None
     motion: ObstacleMotion | None = None
 
-    def moving(self, polynomial: Sequence[Sequence[float]], until: float | None = None) -> "Obstacle":
-        """Return the same shape on a trajectory: the position of its pose plus a polynomial of time.
+    def moving(
+        self,
+        polynomial: Sequence[Sequence[float]] | None = None,
+        until: float | None = None,
+        *,
+        turn: Mapping[str, Sequence[float]] | None = None,
+    ) -> "Obstacle":
+        """Return the same shape on a trajectory: its pose turned, and displaced by a polynomial of time.
 
         Time counts from the start of the robot's motion.
 
         Args:
-            polynomial: for x, y and z of the world the coefficients of t^0, t^1 …, m/s^k.
+            polynomial: for x, y and z of the world the coefficients of t^0, t^1 …, m/s^k; None: it is not displaced.
             until: s, after which it stands still; None: it always moves.
+            turn: `axis` (3,) about which it turns, coefficients of the `angle` likewise, rad/s^k, and `about`, a point
+                of the axis, m (default: its own position); None: it does not turn.
 
         Raises:
-            InputError: not three lists of finite numbers, or a time that is not above 0.
+            InputError: not three lists of finite numbers, no axis, or a time that is not above 0.
 
         Example:
             >>> import optiplan as op
             >>> op.Box("cart", size=(0.3, 0.2, 0.2), position=(0.5, -0.6, 0.3)).moving([[0], [0, 0.2], [0]], until=3.0)
             Obstacle: cart, Box(size=(0.3, 0.2, 0.2)), at [0.5, -0.6, 0.3] m, moving
         """
-        rows = [list(row) for row in polynomial] if _three_rows(polynomial) else []
+        rows = [[0.0]] * 3 if polynomial is None and turn is not None else []
+        rows = [list(row) for row in polynomial or ()] if polynomial is not None and _three_rows(polynomial) else rows
         if not rows or not all(is_finite(value) for row in rows for value in row):
             expected = "coefficients of x, y and z: three lists of finite numbers"
             raise wrong_argument("Obstacle.moving", "polynomial", described(polynomial), expected)
         if until is not None and not (is_finite(until) and until > 0.0):
             raise wrong_argument("Obstacle.moving", "until", described(until), "a time above 0, s")
-        return replace(self, motion=ObstacleMotion.of_data(rows, until))
+        return replace(self, motion=ObstacleMotion.of_data(rows, until, turning_data(turn, self.X_WO.translation)))
 
     def attached_to(
         self,
@@ -285,11 +294,29 @@ def _later(body: Obstacle, t: float) -> Obstacle:
     if body.motion is None:
         return body
     ahead = body.motion.until - t
-    motion = ObstacleMotion(body.motion.from_times(np.array([t]))[0], ahead)
     if ahead > 0.0:
-        return replace(body, motion=motion)
-    X = pin.SE3(body.X_WO.rotation, body.X_WO.translation + motion.coefficients[:, 0])
-    return replace(body, X_WO=X, stated=None, motion=None)
+        return replace(
+            body, motion=replace(body.motion, coefficients=body.motion.from_times(np.array([t]))[0], until=ahead)
+        )
+    return replace(body, X_WO=body.motion.pose(t) * body.X_WO, stated=None, motion=None)
+
+
+def turning_data(turn: Any, position: Array) -> dict[str, Any] | None:
+    """Return the `turn` of a motion in full; None where there is none.
+
+    Raises:
+        InputError: no axis of some length, or no finite numbers.
+    """
+    if turn is None:
+        return None
+    said = dict(turn) if isinstance(turn, Mapping) else {}
+    parts = {key: list(said.get(key, ())) for key in ("axis", "angle")} | {"about": list(said.get("about", position))}
+    sound = said.keys() <= parts.keys() and len(parts["axis"]) == len(parts["about"]) == 3 and bool(parts["angle"])
+    sound = sound and all(is_finite(value) for part in parts.values() for value in part)
+    if not sound or not np.linalg.norm(parts["axis"]) > 0.0:
+        expected = "`axis` [x, y, z], `angle` [rad, rad/s, …] and `about` [x, y, z], m"
+        raise wrong_argument("Obstacle.moving", "turn", described(turn), expected)
+    return parts
 
 
 def _three_rows(polynomial: Any) -> bool:

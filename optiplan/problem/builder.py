@@ -17,7 +17,6 @@ from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import is_file
 from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import open_mesh
-from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.pose import PoseGoalSpec, PoseSpec, ToleranceSpec
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
@@ -302,8 +301,9 @@ class Compiler:
         for part in self._obstacles:
             shape = self.shape((*part.place, "shape"), part.value.shape)
             if shape is not None:
-                motion = None if part.value.motion is None else ObstacleMotion.of_data(**dict(part.value.motion))
-                obstacles.append(Obstacle(part.value.name, shape, *stated_pose(part.value.pose), motion))
+                motion, at = part.value.motion, part.value.pose.position
+                moves = None if motion is None else motion.about(at)
+                obstacles.append(Obstacle(part.value.name, shape, *stated_pose(part.value.pose), moves))
         for held in self._attached:
             shape = self.shape((*held.place, "shape"), held.value.shape)
             touch = frozenset(held.value.touch)

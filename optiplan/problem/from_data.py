@@ -11,7 +11,6 @@ from optiplan.collision.kept_models import collision_model
 from optiplan.config.document import Document, validate
 from optiplan.config.messages import field_name
 from optiplan.errors import InputError, Issue
-from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader, link_names
 from optiplan.problem.constraints.statements import PathConstraint
@@ -27,6 +26,7 @@ from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists
 from optiplan.problem.schema.loops import written_out
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.schema.safety import safety_of
+from optiplan.problem.schema.scene import MotionSpec
 from optiplan.problem.schema.side_by_side import in_words_of, with_groups_of_arms, with_one_robot
 from optiplan.problem.seams.reading import with_points
 from optiplan.problem.task.reading import TaskReader
@@ -175,7 +175,9 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     robot = compiler.robot(robots)
     scene = compiler.scene(robot)
     clearance = None if spec is None else spec.clearance
-    safety, unsafe = safety_of(document, clearance, scene, () if robot is None else link_names(robot))
+    tools = [body for _, name, tool in compiler.tools for body in tool.bodies_of(name)]
+    links = () if robot is None else link_names(robot)
+    safety, unsafe = safety_of(document, clearance, scene, [*links, *tools])
     safety = safety if robot is None else with_built(safety, robot)
     scene = scene if safety is None else replace(scene, safety=safety)
     parts = None if robot is None else _parts(compiler, without_tools(robot), scene)
@@ -296,7 +298,7 @@ def _in_one_form(scene: dict[str, Any]) -> None:
     scene["allowed_collisions"] = sorted(sorted(pair) for pair in scene["allowed_collisions"])
     for body in scene["obstacles"]:
         if "motion" in body:
-            body["motion"]["polynomial"] = ObstacleMotion.of_data(body["motion"]["polynomial"]).to_data()["polynomial"]
+            body["motion"] = MotionSpec(**body["motion"]).about(body["pose"]["position"]).to_data()
 
 
 def _named(spec: ProblemSpec, robot: Robot) -> Any:

@@ -158,6 +158,14 @@ class Run:
         """Return the verdict, its scope and the ratio to the bound in one line."""
         return f"Run: {self._verdict()}; {self.problem.name}, {self.planner}"
 
+    @property
+    def why_not(self) -> str:
+        """Why the run is not verified, in one line: its failure, or the first check that failed; empty if it is."""
+        if self.failure is not None:
+            return " ".join(f"{self.failure.kind}: {self.failure.detail}".split())
+        refused = self.report.failures[:1] if self.report is not None else ()
+        return "".join(f"{check.name}: {check.detail or check.place}" for check in refused)
+
     def _verdict(self) -> str:
         if self.trajectory is None:
             return f"no motion ({self.failure.kind}: {self.failure.detail})" if self.failure else "no motion"

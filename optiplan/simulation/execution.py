@@ -9,6 +9,7 @@ from optiplan.arrays import Array
 from optiplan.errors import wrong_argument
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import ChangeTool
+from optiplan.problem.task.tour_steps import in_order
 from optiplan.simulation.closed_loop import Loop, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque, WheeledTorque
 from optiplan.simulation.execution_report import execution_report
@@ -90,9 +91,12 @@ def execute(
             at its own speed.
 
     Raises:
-        InputError: a joint of the robot moves no inertia; a task that changes tools, in MuJoCo.
+        InputError: a joint of the robot moves no inertia; a task that goes with what moves, or, in MuJoCo, that changes
+            tools.
     """
     robot = problem.robot
+    if any(step.ride is not None for step in in_order(problem, trajectory).task):
+        raise wrong_argument("execute", "run", "a task that goes with what moves", "a task among things that stand")
     if options.engine == "mujoco" and any(isinstance(step.action, ChangeTool) for step in problem.task):
         raise wrong_argument("execute", "engine", "mujoco, with a task that changes tools", "the engine own")
     check_inertias(robot)

@@ -65,7 +65,8 @@ class DesignResult:
         counts = f"{len(self.search.designs)} designs measured in {self.search.generations} generations"
         if not self.front:
             nearest = min(self.search.designs, key=lambda design: design.violation)
-            return f"{counts}: none meets what the study requires; the nearest one is off by {nearest.violation:.3g}"
+            missed = "; ".join(DesignJudge(self.study).missed(nearest.measures)) if nearest.measures else "no robot"
+            return f"{counts}: none meets what the study requires; of the nearest one: {missed}"
         verified = sum(proof.verified for proof in self.proofs)
         proved = f", {verified} of {len(self.proofs)} chosen designs verified in all tasks" if self.study.tasks else ""
         return f"{counts}: {len(self.front)} on the front{proved}"
@@ -107,9 +108,12 @@ class DesignResult:
         }
 
     @property
-    def robot_text(self) -> str:
-        """The robot file of the compromise, or of the given design where there is none."""
-        design = self.compromise or self.given
+    def files(self) -> dict[str, str]:
+        """Files of text by name: the front, and the robot of the compromise where there is one."""
+        robot = {} if self.compromise is None else {"robot.yaml": self._robot_text(self.compromise)}
+        return {"front.csv": self.csv, **robot}
+
+    def _robot_text(self, design: Design) -> str:
         name = f"{self.study.description.get('name', 'robot')}_{self.study.spec.name}"
         data = self.study.robot_data(self.study.values(design.x)) | {"name": name}
         return problem_text({"version": 1, **data})

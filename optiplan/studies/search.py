@@ -61,16 +61,18 @@ class DesignJudge:
             measures = self._measures.of(self.study.values(x))
         except (InputError, OptiPlanError):
             return Design(x, {}, _BROKEN)
-        return Design(x, measures, self._violation(measures))
+        return Design(x, measures, sum(self.missed(measures).values()))
 
-    def _violation(self, measures: dict[str, float]) -> float:
-        total = sum(1.0 for value in measures.values() if np.isposinf(value))  # a place of a task is missing
+    def missed(self, measures: dict[str, float]) -> dict[str, float]:
+        """What measures miss of what the study requires, in words, and by which share of that."""
+        found = {f"{name}: a place of a task is missing": 1.0 for name, x in measures.items() if np.isposinf(x)}
         for name, required in self.study.spec.require.items():
             value = measures[name]
-            for bound, sign in ((required.least, 1.0), (required.most, -1.0)):
-                if bound is not None:
-                    total += float(np.clip(sign * (bound - value) / max(abs(bound), 1e-3), 0.0, 1e3))
-        return total
+            for bound, sign, words in ((required.least, 1.0, "at least"), (required.most, -1.0, "at most")):
+                if bound is not None and sign * (bound - value) > 0.0:
+                    share = float(np.clip(sign * (bound - value) / max(abs(bound), 1e-3), 0.0, 1e3))
+                    found[f"{name} {value:.4g}, required {words} {bound:g}"] = share
+        return found
 
     def objectives(self, design: Design) -> Array:
         """The objectives (w,) in the order of `wishes`, each to be made small."""
@@ -88,7 +90,8 @@ def search_designs(
     """Search the parameters of a study with NSGA-II.
 
     Its generations cross over the best designs so far and change them at random. The given design is one of the first.
-    Ctrl-C and the end of the budget end the search; what was measured stays.
+    Ctrl-C and the end of the budget end the search; what was measured stays. Before the first design Ctrl-C is passed
+    on: there is nothing to keep.
     Source: K. Deb et al., IEEE Trans. Evolutionary Computation 6 (2002).
 
     Args:
@@ -120,6 +123,8 @@ def search_designs(
                 G = np.array([[design.violation] for design in own])
                 X = steps.next(F, G)
     except KeyboardInterrupt:
+        if not designs:
+            raise
         ended = "interrupted"
     return DesignSearch(tuple(designs), front_of(judge, designs), generation, ended)
 

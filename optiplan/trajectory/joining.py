@@ -50,7 +50,7 @@ def with_obstacles(trajectory: Trajectory, motions: Sequence[ObstacleMotion]) ->
     breakpoints = np.union1d(trajectory.breakpoints, sorted(stops))
     columns = [_coefficients_between(trajectory, breakpoints)]
     columns += [np.swapaxes(motion.from_times(breakpoints[:-1]), 1, 2) for motion in motions]
-    names = [f"obstacle {k} {axis}" for k in range(len(motions)) for axis in "xyz"]
+    names = [f"obstacle {k} row {row}" for k, motion in enumerate(motions) for row in range(motion.size)]
     coefficients = np.concatenate(_of_one_degree(columns), axis=2)
     return Trajectory((*trajectory.joint_names, *names), breakpoints, coefficients)
 

@@ -126,8 +126,8 @@ def tip_over(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one
     Each edge of the polygon has a row R_i w that is linear in the wrench w at the base. It stays positive on an
     interval of a piece if its values at the ends exceed width² / 8 times a bound on its second derivative; where they
     do not, the interval is divided. The value reported is the least margin met, m; where the ground would have to pull,
-    it is the least row over the weight. The inertia of attached objects is
-    not known and counts as nothing.
+    it is the least row over the weight. The robot carries the masses of attached objects where these are stated, and of
+    a task what it holds at each time; an object without a mass weighs nothing.
 
     Holds at: all times, rounding included.
     """

@@ -9,8 +9,8 @@ from optiplan.arrays import Array
 from optiplan.collision.floors import Floors, floors_of
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.moving_obstacles import joint_count
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.timeline import ending
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
 from optiplan.trajectory.joining import with_obstacles
@@ -37,13 +37,15 @@ def checked_robot(problem: Problem, policy: VerifyPolicy) -> Robot:
 def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
     """Check that every pair of bodies stays apart at all times, by the certificate.
 
+    The scene knows the ends about which pairs may be nearer than its `Safety` asks, as that of a `ScenePart` does.
+
     `worst` is the clearance proved; where none is proved, the smallest distance met, or the deepest contact at the time
     at which bodies touch. The witness has it of the robot with what it holds (`self_clearance`) and from obstacles
     (`scene_clearance`), too.
     """
     model = collision_model(checked_robot(problem, policy), problem.scene)
-    error = np.append(problem.tracking_error, np.zeros(3 * len(model.motions)))
-    floors = floors_of(model, ending(problem, trajectory).safety, problem.tracking_error)
+    error = np.append(problem.tracking_error, np.zeros(joint_count(model.motions)))
+    floors = floors_of(model, problem.scene.safety, problem.tracking_error)
     proof = certify(model, with_obstacles(trajectory, model.motions), policy, error=error, floors=floors)
     near = _deepest(model, proof.nearest) if proof.nearest is not None and proof.contact else proof.nearest
     witness: dict[str, Any] = {

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index, parts_of
+from optiplan.collision.moving_obstacles import joint_count
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.kinematics.mecanum import wheel_matrix
 from optiplan.problem.constraints.balance import TipOver
@@ -310,7 +311,7 @@ def _clearance(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, o
     """Check that named pairs stay apart, by the certificate."""
     model = NamedPairs(problem.robot, problem.scene, one.pairs)
     part, begin = part_of(with_obstacles(trajectory, model.motions), one.during)
-    error = np.append(problem.tracking_error, np.zeros(3 * len(model.motions)))
+    error = np.append(problem.tracking_error, np.zeros(joint_count(model.motions)))
     proof = certify(model, part, replace(policy, clearance=one.at_least), error=error)
     near = proof.nearest
     known = {frozenset((pair.name_a, pair.name_b)) for pair in model.pairs}

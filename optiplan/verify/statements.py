@@ -8,6 +8,8 @@ from optiplan.geometry.scene import Attachment, Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.seams.actions import Passing, SeamPart, Transit
 from optiplan.problem.task.arms import several_arms
+from optiplan.problem.task.choices import choices_of
+from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
@@ -51,7 +53,8 @@ def steps(k: int, step: TaskStep) -> list[str]:
     own = _OF_ACTIONS[kind](step.action) if kind in _OF_ACTIONS else [kind.__name__]
     constraints = [constraint(i, step_place(k)) for i in range(len(step.constraints))]
     waits = [f"wait[{number}]" for number in step.waits]
-    return [f"{step_place(k)}.{one}" for one in ("standstill", *own, *waits)] + constraints
+    rides = [] if step.ride is None else ["ride"]
+    return [f"{step_place(k)}.{one}" for one in ("standstill", *own, *rides, *waits)] + constraints
 
 
 def arms(problem: Problem) -> list[str]:
@@ -67,6 +70,16 @@ def tours(problem: Problem) -> list[str]:
 def tour(step: TaskStep) -> str:
     """Return the statement that the targets of a tour are visited in an order as stated."""
     return f"tour of step {step.number}"
+
+
+def choices(problem: Problem) -> list[str]:
+    """Return the statements that of the alternatives of each choice one is done."""
+    return [choice(number) for number in choices_of(problem.task)]
+
+
+def choice(number: int) -> str:
+    """Return the statement that one alternative of a choice is done."""
+    return f"task.either[{number}]"
 
 
 def tool(name: str) -> str:
@@ -167,6 +180,7 @@ _OF_ACTIONS: Mapping[type, Callable[[Any], list[str]]] = {
     Detach: lambda _: ["event"],
     ChangeTool: lambda _: ["event", "tool"],
     Dwell: lambda _: ["dwell"],
+    WaitUntil: lambda _: ["wait_until"],
     Transit: lambda _: [],
     SeamPart: lambda _: ["path", "axis", "speed"],
     Passing: lambda _: ["event"],

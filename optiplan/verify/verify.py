@@ -1,31 +1,31 @@
 """`verify`: check a trajectory against its problem."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.tour_steps import in_order
+from optiplan.problem.task.timeline import scene_parts
+from optiplan.problem.task.tour_steps import chosen, in_order
 from optiplan.robot.self_collision.pairs import count_reasons
+from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import checked_robot, collision
 from optiplan.verify.constraint_check import path_constraints
+from optiplan.verify.file_checks import file_checks, names, unread_keys
 from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.scope import scope
-from optiplan.verify.statements import complete, covering, tours
+from optiplan.verify.statements import choices, complete, covering, tours
+from optiplan.verify.tasks.choice_check import choice_checks, choice_scope
 from optiplan.verify.tasks.task_check import loaded_torque, task_checks, task_scope
 from optiplan.verify.tasks.tool_check import tool_checks, tool_scope
 from optiplan.verify.tasks.tour_check import tour_checks, tour_scope
-
-if TYPE_CHECKING:
-    from optiplan.trajectory.given_files import GivenFiles
+from optiplan.verify.via_check import vias
 
 _DEFAULT = VerifyPolicy()
 
 
 def verify(
-    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: "GivenFiles | None" = None
+    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: GivenFiles | None = None
 ) -> Report:
     """Check a trajectory against every requirement of its problem; a bad trajectory is refused, never an exception.
 
@@ -54,29 +54,25 @@ def verify(
         tracking_error=tuple(problem.tracking_error.tolist()) if problem.tracking_error.any() else (),
     )
     if not all(check.passed for check in found):
-        nothing = "nothing else was checked: the trajectory cannot be read as a motion of this robot"
-        return replace(report, notes=(*robot.notes, nothing))
-    stated, problem = problem, in_order(problem, trajectory)
-    found += tour_checks(stated, trajectory)
+        unread = "nothing else was checked: the trajectory cannot be read as a motion of this robot"
+        return replace(report, notes=(*robot.notes, unread))
+    whole, stated, problem = problem, chosen(problem, trajectory), in_order(problem, trajectory)
+    found += [*choice_checks(whole, trajectory), *tour_checks(stated, trajectory)]
     found += task_checks(problem, trajectory, policy) if problem.task else _motion(problem, trajectory, policy)
     if problem.task or trajectory.segments:
-        from optiplan.verify.file_checks import names
-
         found.append(names(problem, trajectory))
-    unread: Sequence[str] = ()
     if given is not None:
-        from optiplan.verify.file_checks import file_checks, unread_keys
-
-        unread = unread_keys(given)
         found += file_checks(problem, trajectory, policy, given)
     found += tool_checks(problem, trajectory)
     if not problem.task:
-        found.append(collision(problem, trajectory, policy))
+        found += [collision(part.problem, trajectory, policy) for part in scene_parts(problem, trajectory)]
     if all(check.passed for check in found):
-        found.append(complete(problem, found, tours(stated)))
-    about = (*scope(problem, robot, found), *unread, *tool_scope(problem, trajectory))
+        found.append(complete(problem, found, [*choices(whole), *tours(stated)]))
+    about = (*scope(problem, robot, found), *(() if given is None else unread_keys(given)))
+    about = (*about, *tool_scope(problem, trajectory))
     if problem.task:
-        about = (*about, *tour_scope(stated, trajectory), *task_scope(problem, trajectory))
+        about = (*about, *choice_scope(whole, trajectory), *tour_scope(stated, trajectory))
+        about = (*about, *task_scope(problem, trajectory))
     return replace(report, checks=tuple(found), scope=about)
 
 
@@ -91,15 +87,11 @@ def holds(problem: Problem, trajectory: Trajectory) -> bool:
 
 
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
-    passed: list[Check] = []
-    if problem.vias:
-        from optiplan.verify.via_check import vias
-
-        passed.append(covering(vias(problem, trajectory), *(f"vias[{k}]" for k in range(len(problem.vias)))))
+    passed = [f"vias[{k}]" for k in range(len(problem.vias))]
     return [
         limit_checks.start_position(problem, trajectory, policy),
         covering(limit_checks.goal(problem, trajectory), "goal"),
-        *passed,
+        *([covering(vias(problem, trajectory), *passed)] if problem.vias else []),
         *path_constraints(problem, trajectory, policy),
         *limit_checks.of_the_whole(problem, trajectory, policy),
         loaded_torque(problem, trajectory, policy),

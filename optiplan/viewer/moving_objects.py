@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import pinocchio as pin
 
+from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.problem.problem import Problem
@@ -18,13 +19,15 @@ from optiplan.trajectory.trajectory import Trajectory
 class Stay:
     """From `begin`, s, an object is at X_BO in a body: 0 the world, j the joint j of the robot's model.
 
-    `absent`: it is nowhere, like a tool without a rack that is not mounted.
+    `absent`: it is nowhere, like a tool without a rack that is not mounted. `motion`: it moves like this in the world,
+    from the pose on.
     """
 
     begin: float
     body: int
     X_BO: pin.SE3
     absent: bool = False
+    motion: ObstacleMotion | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,21 +80,21 @@ def mounted_tools(problem: Problem, trajectory: Trajectory) -> list[tuple[float,
     ]
 
 
-_Place = tuple[int, pin.SE3, bool]
+_Place = tuple[int, pin.SE3, bool, ObstacleMotion | None]
 
 
 def _same(stay: _Place, before: _Place) -> bool:
-    return stay[0] == before[0] and stay[1] == before[1] and stay[2] == before[2]
+    return stay[:3] == before[:3] and stay[3] is before[3]
 
 
 def _stay(robot: Robot, scene: Scene, name: str) -> _Place:
     body = _body(scene, name)
     if body is None:
-        return 0, pin.SE3.Identity(), True
+        return 0, pin.SE3.Identity(), True, None
     if isinstance(body, Obstacle):
-        return 0, body.X_WO, False
+        return 0, body.X_WO, False, body.motion
     frame = robot.model.frames[robot.model.getFrameId(body.link, pin.FrameType.BODY)]
-    return int(frame.parentJoint), frame.placement * body.X_LO, False
+    return int(frame.parentJoint), frame.placement * body.X_LO, False, None
 
 
 def _body(scene: Scene, name: str) -> Obstacle | Attachment | None:

@@ -269,6 +269,7 @@ def _moving_objects(
         stays = [
             {"begin": stay.begin, "body": stay.body, "pose": np.round(pin.SE3ToXYZQUAT(stay.X_BO), 9).tolist()}
             | ({"absent": True} if stay.absent else {})
+            | ({} if stay.motion is None else {"motion": stay.motion.to_data()})
             for stay in one.stays
         ]
         colour = _NAMED.get(one.name.partition("_")[0])

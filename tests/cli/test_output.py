@@ -2,7 +2,9 @@ import json
 import os
 import signal
 
-from optiplan.cli.output import interrupts_held, print_json, report_error, stdout_is_ours
+import pytest
+
+from optiplan.cli.output import interruptible, interrupts_held, print_json, report_error, stdout_is_ours
 from optiplan.errors import InputError, Issue, UnknownChoiceError
 
 ISSUE = Issue("a.yaml", 3, "start.joints", "a list of 6 values", "7 values", ("start", "joints"))
@@ -89,3 +91,13 @@ def test_a_motion_that_ends_where_it_began_has_no_bound(optiplan, tmp_path):
     _, out, _ = optiplan("plan", "27_circle", "--out", tmp_path / "run")
     assert "no lower bound: it ends where it began" in out
     assert "bound, 0.000 s" not in out
+
+
+def test_interrupts_are_exceptions_meanwhile():
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with pytest.raises(KeyboardInterrupt), interruptible():
+            os.kill(os.getpid(), signal.SIGINT)
+        assert signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, previous)

@@ -1,10 +1,13 @@
 """`optiplan plan DIR`: what is printed, exit codes, and flags that do not go with a folder."""
 
 import json
+import os
+import signal
 
 import pytest
 
 from optiplan.runs.batches.episode import planned_episode
+from optiplan.runs.batches.store import BatchStore
 
 pytest.importorskip("pyarrow")
 
@@ -46,3 +49,24 @@ def test_flags_that_do_not_go_together(optiplan, tmp_path, given, flags, words):
     code, _, err = optiplan("plan", tmp_path / given, *flags)
     assert code == 2
     assert words in " ".join(err.replace("│", "").split())
+
+
+def test_ctrl_c_keeps_what_is_done(optiplan, tmp_path, monkeypatch):
+    """Pressed after the first of three episodes: its row is written, and the same command goes on."""
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "one.yaml").write_text(PROBLEM)
+    command = ("plan", tmp_path / "in", "--out", tmp_path / "out", "--seeds", "3", "--workers", "1")
+    add = BatchStore.add
+
+    def pressed(store, episode):
+        add(store, episode)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(BatchStore, "add", pressed)
+        code, out, err = optiplan(*command)
+    assert (code, out) == (130, "")
+    assert "interrupted" in err
+    code, out, _ = optiplan(*command)
+    assert code == 0
+    assert "2 planned now, 1 kept" in out

@@ -1,11 +1,13 @@
 import io
+import os
+import signal
 import sys
 from types import SimpleNamespace
 
 import pytest
 
 from optiplan.cli import progress
-from optiplan.cli.progress import ProgressLine
+from optiplan.cli.progress import KeptAnswer, ProgressLine
 
 
 class Terminal(io.StringIO):
@@ -58,3 +60,16 @@ def test_no_line_into_a_file(clock, monkeypatch):
         clock.seconds += 9.0
         line("optimise", 0.5)
     assert sys.stderr.getvalue() == ""
+
+
+def test_the_first_ctrl_c_keeps_a_motion_and_the_second_is_the_systems():
+    before = signal.getsignal(signal.SIGINT)
+    with KeptAnswer() as line:
+        assert signal.getsignal(signal.SIGINT) is before  # nothing to keep
+        line.found(SimpleNamespace(duration=1.2), 1.0)
+        os.kill(os.getpid(), signal.SIGINT)
+        assert line.cancel.wait(1.0)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
+        line.found(SimpleNamespace(duration=1.1), 1.0)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_DFL
+    assert signal.getsignal(signal.SIGINT) is before

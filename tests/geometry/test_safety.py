@@ -36,6 +36,12 @@ def test_the_last_group_that_holds_a_pair_decides():
     assert safety.most == 0.01
 
 
+def test_data_without_pairs_is_read():
+    safety = op.Safety(0.01, own=0.003)
+    assert "pairs" not in safety.to_data()
+    assert op.Safety.from_data(safety.to_data()).same_as(safety)
+
+
 def test_nothing_asked_is_no_safety():
     assert op.Scene(safety=0).safety is None
     assert op.Scene(safety=op.Safety()).safety is None

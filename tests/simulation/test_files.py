@@ -82,6 +82,11 @@ BAD = {
         "robot: baxter_report\nstart: {configuration: stretched}",
         r"loop.yaml:2: robot: .*S0 \(link S0_link\)",
     ),
+    "solver": (
+        "computed_torque: {frequency: 5}",
+        "task_space: {solver: proxqpp}",
+        r"loop.yaml:7: controller.task_space.solver: 'proxqpp'; expected one of: .*native.*did you mean 'proxqp'",
+    ),
     "dt": ("controller:", "rate: 0\ncontroller:", r"loop.yaml:6: rate"),
     "both": (
         "robot: planar2r",

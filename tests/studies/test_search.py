@@ -63,3 +63,12 @@ def test_a_budget_and_an_interrupt_keep_what_there_is():
 def test_equal_rows_are_one_and_dominated_ones_none():
     F = np.array([[1.0, 2.0], [2.0, 1.0], [1.0, 2.0], [2.0, 2.0], [0.5, 3.0]])
     assert nondominated(F).tolist() == [4, 0, 1]
+
+
+def test_an_interrupt_before_the_first_design_is_passed_on(monkeypatch):
+    def pressed(self, x):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(DesignJudge, "design", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        search_designs(read_study(TWO, MEASURES), None)

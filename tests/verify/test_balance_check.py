@@ -82,3 +82,19 @@ def test_a_start_that_tips_over_and_a_margin_beyond_the_polygon_are_bad_input():
         op.Problem("srra", "home", [0.5] * 6, path_constraints=[{"tip_over": tipping}])
     with pytest.raises(op.InputError, match="leaves nothing of the polygon"):
         op.Problem("srra", "home", [0.5] * 6, path_constraints=[{"tip_over": tipping | {"margin": 0.3}}])
+
+
+def test_a_task_is_judged_with_what_it_holds_at_each_time():
+    """A panda takes a heavy ball and reaches out with it: alone it would stand far safer."""
+    ball = op.Sphere("ball", 0.03, position=(0.42, 0.0, 0.45))
+    task = op.Task().dwell(0.1).attach("ball", "panda_hand", mass=3.0).move([0.2, 0.4, 0, -1.2, 0, 1.6, 0.8])
+    run = op.plan(op.Problem("panda", "ready", scene=[ball], task=task), "quintic", budget=5.0)
+    assert run.verified, run
+    wide = op.TipOver(1.5 * SQUARE, height=-1.0)
+    alone = tip_over(derived(run.problem, task=()), run.trajectory, VerifyPolicy(), wide).worst
+    for margin, passes in ((alone - 0.01, False), (alone - 0.5, True)):
+        problem = derived(run.problem, path_constraints=(replace(wide, margin=margin),))
+        found = [check for check in op.verify(problem, run.trajectory).checks if check.name == "tip over constraint"]
+        assert {check.passed for check in found} == ({True, False} if not passes else {True})
+        assert all(check.time >= run.trajectory.segments[1].begin for check in found if not check.passed)
+        assert {one for check in found for one in check.covers} == {"path_constraints[0]"}

@@ -1,6 +1,7 @@
 """Scripts draw into a page by meshcat's protocol: its own client, Pinocchio's, what is broken or never read."""
 
 import json
+import socket
 import threading
 import time
 import urllib.error
@@ -22,6 +23,7 @@ from tests.waiting import PATIENCE
 
 meshcat = pytest.importorskip("meshcat")
 zmq = pytest.importorskip("zmq")
+umsgpack = pytest.importorskip("umsgpack")
 
 RED = meshcat.geometry.MeshBasicMaterial(color=0xFF0000)
 BOX = meshcat.geometry.Box([0.3, 0.3, 0.3])
@@ -219,6 +221,35 @@ def test_a_port_that_is_taken_is_an_error(endpoint):
     port = int(endpoint.url.rsplit(":", 1)[1])
     with pytest.raises(OptiPlanError, match=f"port {port}"):
         MeshcatEndpoint(Drawing(), port, "", str, print)
+
+
+def test_a_server_whose_ports_are_taken_leaves_nothing_open(shelf, motion, endpoint, monkeypatch):
+    """The page's port is taken: the next one is; meshcat's is: an error, and the page's is free again."""
+    scene = build_scene(shelf, [("quintic", motion(shelf), None)])
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        port = busy.getsockname()[1]
+        with DrawnPageServer(scene, 0, print, port=port) as server:
+            assert server.server_address[1] > port
+        closed = []
+        monkeypatch.setattr(Drawing, "close", lambda self: closed.append(self))
+        taken = int(endpoint.url.rsplit(":", 1)[1])
+        with pytest.raises(OptiPlanError, match="cannot listen for meshcat"):
+            DrawnPageServer(scene, taken, print, port=port)
+        assert len(closed) == 1
+    with DrawnPageServer(scene, 0, print, port=port) as server:
+        assert server.server_address[1] == port
+
+
+@pytest.mark.parametrize("matrix", [[np.nan] * 16, [1.0] * 15, [*[0.0] * 15, np.inf], None, "ones"])
+def test_a_transform_that_is_none_is_refused(client, endpoint, troubles, matrix):
+    message = {"type": "set_transform", "path": "/a", "matrix": matrix}
+    answer = client(b"set_transform", b"/a", umsgpack.packb(message))
+    assert answer == b"error: found a transform of '/a' that is none; expected 16 finite numbers"
+    assert endpoint._drawing.scene() == []
+    message["matrix"] = np.eye(4).flatten().tolist()
+    assert client(b"set_transform", b"/a", umsgpack.packb(message)) == b"ok"
 
 
 def test_a_page_that_opens_later_gets_the_newest_of_each_kind():

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.api.checking import planner_issues
-from optiplan.api.planning import plan
-from optiplan.arrays import is_finite
+from optiplan.api.planning import checked_seconds, plan
 from optiplan.errors import InputError, described, path_argument, progress_argument, wrong_argument
 from optiplan.planners.base import Budget, Progress
 from optiplan.problem.problem import Problem
@@ -67,14 +66,13 @@ def assign(
     if not isinstance(source, Path | str | Mapping):
         expected = "the path of an assembly file, or a mapping of its keys"
         raise wrong_argument("assign", "source", described(source), expected)
-    if not is_finite(budget) or budget <= 0.0:
-        raise wrong_argument("assign", "budget", described(budget), "a number of seconds > 0")
+    seconds = checked_seconds("assign", budget)
     folder = None if out is None else path_argument("assign", "out", out, "the path of a folder")
     if folder is not None:
         check_folder(folder)
     if not isinstance(source, Mapping) and (wrong := planner_issues(Path(source))):
         raise InputError(wrong)
-    found = _AssignmentSearch(read_assembly(source), Budget(float(budget)), progress).result()
+    found = _AssignmentSearch(read_assembly(source), Budget(seconds), progress).result()
     if folder is not None:
         found.save(folder)
     return found

@@ -5,8 +5,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from optiplan.api.planning import plan
-from optiplan.arrays import is_finite
+from optiplan.api.planning import checked_seconds, plan
 from optiplan.errors import described, path_argument, progress_argument, wrong_argument
 from optiplan.files import replacing
 from optiplan.planners.base import Budget, Progress
@@ -36,7 +35,7 @@ def design(
 
     Args:
         study: a study file, or its content; docs/how-to/design.md has the keys.
-        out: folder for `design.html`, `front.pdf`, `front.csv` and `robot.yaml`; None: nothing is written.
+        out: folder for `design.html`, `front.pdf`, `front.csv` and, if there is a front, `robot.yaml`; None: nothing.
         budget: s for the search; None: until its last generation.
         progress: called with the stage and its fraction.
 
@@ -68,15 +67,14 @@ def design(
     if not isinstance(study, Path | str | Mapping):
         expected = "the path of a study file, or a mapping of its keys"
         raise wrong_argument("design", "study", described(study), expected)
-    if budget is not None and (not is_finite(budget) or budget <= 0.0):
-        raise wrong_argument("design", "budget", described(budget), "a number of seconds > 0, or None")
+    allowed = None if budget is None else Budget(checked_seconds("design", budget))
     folder = None if out is None else path_argument("design", "out", out, "the path of a folder")
     if folder is not None:
         check_folder(folder)
     began = perf_counter()
     read = read_study(study, MEASURES)
     check_measures(read)
-    search = search_designs(read, None if budget is None else Budget(float(budget)), progress)
+    search = search_designs(read, allowed, progress)
     proofs = _proofs(read, search, progress)
     result = DesignResult(read, search, proofs, perf_counter() - began)
     if folder is not None:
@@ -85,12 +83,11 @@ def design(
 
 
 def save_design(result: DesignResult, folder: Path) -> list[Path]:
-    """Write `design.html`, `front.pdf`, `front.csv` and `robot.yaml`, the robot of the compromise; return the paths."""
+    """Write `design.html`, `front.pdf`, `front.csv` and, of a compromise, `robot.yaml`; return the paths."""
     files = {
         "design.html": design_page(result).encode(),
         "front.pdf": front_pdf(result),
-        "front.csv": result.csv.encode(),
-        "robot.yaml": result.robot_text.encode(),
+        **{name: text.encode() for name, text in result.files.items()},
     }
     for name, content in files.items():
         with replacing(folder / name) as temporary:

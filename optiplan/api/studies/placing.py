@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.api.planning import plan
+from optiplan.api.planning import checked_seconds, plan
 from optiplan.arrays import is_finite
 from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
 from optiplan.files import replacing
@@ -19,6 +19,7 @@ from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.problem.write import problem_text
 from optiplan.robot.robot import Robot, load_robot
+from optiplan.robot.side_by_side import several_robots
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import check_folder
 from optiplan.viewer.plots.place_map import draw_map, place_page
@@ -41,12 +42,20 @@ class Placement:
         scores: of all base poses looked at, moved from the given one.
         given: the run at the given base; None where the problem cannot be stated there.
         runs: (moved, run) of the bases that were planned besides, the shortest verified run first.
+        refused: (moved, why) of bases at which the problem cannot be stated.
     """
 
     problem: Problem
     scores: PlaceScores
     given: Run | None
     runs: tuple[tuple[tuple[float, ...], Run], ...]
+    refused: tuple[tuple[tuple[float, ...], str], ...] = ()
+
+    @property
+    def unverified(self) -> list[tuple[tuple[float, ...], str]]:
+        """(moved, why) of the bases, the given one among them, without a verified motion."""
+        runs = [((0.0,) * 4, self.given)] if self.given is not None else []
+        return [(moved, run.why_not) for moved, run in [*runs, *self.runs] if not run.verified] + list(self.refused)
 
     @property
     def run(self) -> Run | None:
@@ -124,7 +133,7 @@ def place(
         The placement: `run` (the shortest verified one), `given`, `moved`, `base`, `scores`.
 
     Raises:
-        InputError: an argument that does not fit.
+        InputError: an argument that does not fit, or a problem of several robots: there is no single base to move.
 
     Example:
         >>> import optiplan as op
@@ -138,26 +147,29 @@ def place(
     if not isinstance(robot, Robot | str | Path | None):
         expected = "a Robot, the name of a shipped one, or the path of a robot.yaml"
         raise wrong_argument("place", "robot", described(robot), expected)
-    if not is_finite(budget) or budget <= 0.0:
-        raise wrong_argument("place", "budget", described(budget), "a number of seconds > 0")
+    seconds = checked_seconds("place", budget)
     where = _checked(where or PlaceRange())
     folder = None if out is None else path_argument("place", "out", out, "the path of a folder")
     if folder is not None:
         check_folder(folder)
+    _refuse_several(problem.robot, "problem")
     problem = problem if robot is None else _with_robot(problem, robot)
-    whole = Budget(float(budget))
+    _refuse_several(problem.robot, "robot")
+    whole = Budget(seconds)
     scores = search_places(problem, where, whole.share(_MAP), progress)
     given = plan(problem, budget=whole.remaining / (1 + _PLANNED), progress=partial(_quiet, progress))
     runs: list[tuple[tuple[float, ...], Run]] = []
+    refused: list[tuple[tuple[float, ...], str]] = []
     for count, moved in enumerate(_candidates(scores)):
         progress("planning at the best places", count / _PLANNED)
         try:
             own = problem_from_dict({**problem.source, "base": _base(problem, moved)})
-        except InputError:  # such as a start that the exact shapes of the verifier's model collide at
+        except InputError as error:  # such as a start that the exact shapes of the verifier's model collide at
+            refused.append((moved, "; ".join(f"{one.field}: {one.found}" for one in error.issues)))
             continue
         runs.append((moved, plan(own, budget=max(1.0, whole.remaining / (_PLANNED - count)))))
     runs.sort(key=lambda one: (not one[1].verified, float(one[1].duration or np.inf)))
-    found = Placement(problem, scores, given, tuple(runs))
+    found = Placement(problem, scores, given, tuple(runs), tuple(refused))
     if folder is not None:
         found.save(folder)
     return found
@@ -194,6 +206,13 @@ def _with_robot(problem: Problem, robot: Robot | str | Path) -> Problem:
     start = {"configuration": "ready" if "ready" in names else names[0]}
     source = {key: value for key, value in problem.source.items() if key not in ("group", "locked")}
     return problem_from_dict({**source, "robot": str(other.source or other.name), "start": start})
+
+
+def _refuse_several(robot: Robot, argument: str) -> None:
+    """Refuse arms side by side: each has a base of its own."""
+    ref = robot.reference.robot
+    if ref and several_robots(ref, None) is not None:
+        raise wrong_argument("place", argument, "several robots, each with a base of its own", "one robot")
 
 
 def _checked(where: PlaceRange) -> PlaceRange:

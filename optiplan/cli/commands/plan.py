@@ -11,8 +11,8 @@ import typer
 
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson, Full
-from optiplan.cli.output import Exit, interrupts_held, print_error, print_json, results, stdout_is_ours
-from optiplan.cli.progress import ProgressLine
+from optiplan.cli.output import Exit, interrupts_held, messages, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.progress import KeptAnswer
 from optiplan.errors import InputError
 from optiplan.problem.examples import find_problem
 
@@ -77,7 +77,10 @@ def plan(
 
     Of several planners each has the whole budget, and the planner that the file names has the file's options.
 
-    Exit code: 0 verified · 2 bad input · 3 no plan within the budget · 4 found but not verified.
+    Once there is a motion, Ctrl-C ends the search, proves the best one and keeps it; pressed again, it ends at once.
+
+    Exit code: 0 verified · 2 bad input · 3 no plan within the budget · 4 found but not verified
+    · 130 ended by Ctrl-C, with the motion found so far.
     Of several planners: 0 one is verified · 4 one was found, none verified · 3 none found.
     Of a folder: 0 all verified · 2 a file is bad · 4 one is not verified · 3 one has no plan; the others are planned.
     """
@@ -111,9 +114,11 @@ def plan(
         runs, unsaved = plan_comparison.run_all(path, problem, names, budget, out)
         code = plan_comparison.show(runs, as_json, unsaved)
     else:
-        run = _run(path, problem, planner, {} if workers is None else {"workers": workers}, budget, server)
+        progress = KeptAnswer()
+        more = {} if workers is None else {"workers": workers}
+        run = _run(path, problem, planner, more, budget, server, progress)
         runs = [replace(run, timings={"load": loaded, **run.timings})]
-        code = _finish(runs[0], out, as_json, full)
+        code = _finish(runs[0], out, as_json, full, interrupted=progress.cancel.is_set())
     if view:
         _view(runs)
     return code
@@ -138,7 +143,15 @@ def _folder(
     return plan_folder(folder, out, planner, budget, as_json, given)
 
 
-def _run(path: Path, problem: Any, planner: str | None, more: dict[str, int], seconds: float, server: str) -> Any:
+def _run(
+    path: Path,
+    problem: Any,
+    planner: str | None,
+    more: dict[str, int],
+    seconds: float,
+    server: str,
+    progress: KeptAnswer,
+) -> Any:
     """Run one planner for so many seconds, here or on a server; issues with the options carry the file's lines.
 
     `more` are options beside those of the file.
@@ -151,9 +164,9 @@ def _run(path: Path, problem: Any, planner: str | None, more: dict[str, int], se
     options = {**options, **more}
     if server:
         return _run_there(server, problem, chosen, options, seconds)
-    with stdout_is_ours(), ProgressLine() as progress:
+    with stdout_is_ours(), progress:
         try:
-            return pipeline.run(problem, chosen, options, Budget(seconds), progress)
+            return pipeline.run(problem, chosen, options, Budget(seconds, progress.cancel), progress)
         except InputError as error:
             raise placed(path, error) if options else error from None
 
@@ -166,13 +179,14 @@ def _run_there(server: str, problem: Any, planner: str, options: Any, seconds: f
         return client.plan(problem, planner, options, budget=seconds)
 
 
-def _finish(run: Any, out: Path | None, as_json: bool, full: bool) -> Exit:
+def _finish(run: Any, out: Path | None, as_json: bool, full: bool, *, interrupted: bool) -> Exit:
     """Save the run and print it, even where it cannot be saved; return its exit code."""
     from optiplan.cli.printing.report import show_run
     from optiplan.runs.run_folder import save_run
     from optiplan.verify.report import jsonable
 
     code = Exit.VERIFIED if run.verified else Exit.NO_PLAN if run.trajectory is None else Exit.NOT_VERIFIED
+    code = Exit.INTERRUPTED if interrupted else code
     unsaved = None
     if out is not None:
         try:
@@ -185,6 +199,8 @@ def _finish(run: Any, out: Path | None, as_json: bool, full: bool) -> Exit:
         print_json(jsonable({**run.to_dict(), **lost, "exit_code": int(code)}))
     else:
         show_run(results(), run, full)
+    if interrupted:
+        messages().print("interrupted: this is the best motion so far", style="yellow")
     if unsaved is not None:
         print_error(f"the run is not saved: {unsaved}")
     return code

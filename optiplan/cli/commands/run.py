@@ -27,8 +27,6 @@ PLANNER = "instead of the file's; see: planners"
 DEVIATION = "rad or m: a measured joint farther from the path ends in a stop"
 PATIENCE = "seconds: a set-point that comes as late as this ends in a stop"
 VIEW = "begin, steer and stop it on a page, where obstacles can be dragged; Ctrl-C ends"
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as that of a shell."""
 
 
 def run(
@@ -84,7 +82,7 @@ def run(
     steering = {"override": override, "deviation": deviation, "patience": patience}
     done, pressed = (_on_page if view else _executed)(motion, driver, options, steering)
     clean = done["phase"] == "done" and not done["report"].get("contacts")
-    code = INTERRUPTED if pressed and not clean else Exit.VERIFIED if clean else Exit.NOT_VERIFIED
+    code = Exit.INTERRUPTED if pressed and not clean else Exit.VERIFIED if clean else Exit.NOT_VERIFIED
     if as_json:
         print_json({**done, "exit_code": int(code)})
     else:

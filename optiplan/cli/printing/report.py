@@ -37,6 +37,8 @@ def show_run(console: Console, run: Run, full: bool = False) -> None:
     for line in _stops(run.info.get("stops", ()), full):
         console.print(line, markup=False, style="dim")
     console.print(_times(run), markup=False, style="dim")
+    if run.trajectory is not None and (what := run.info.get("fallback")):
+        console.print(f"note: no optimised motion was found; this is the {what}, timed", style="yellow", soft_wrap=True)
     for note in run.problem.robot.notes if run.report is None else ():  # the report holds them as well
         console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
 

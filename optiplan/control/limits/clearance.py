@@ -122,7 +122,14 @@ class ClearanceLimit(StopLimit):
         return structure
 
     def _among_moving(self, robot: Robot) -> None:
-        """Take the joints of moving obstacles behind those of the robot."""
+        """Take the joints of moving obstacles behind those of the robot.
+
+        Raises:
+            InputError: an obstacle that turns.
+        """
+        for body in self.scene.dynamic_obstacles:
+            if body.motion is not None and body.motion.axis is not None:
+                raise wrong_argument("ClearanceLimit", "scene", f"'{body.name}', which turns", "obstacles that slide")
         none, slide = np.zeros(self._obstacles.size), np.ones(self._obstacles.size)
         self.turns, self.slides = np.append(self.turns, none), np.append(self.slides, slide)
         self._placed = Configuration(robot, self.model.model)

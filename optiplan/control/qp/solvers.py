@@ -139,6 +139,11 @@ def qpsolvers_problem(program: Program) -> qpsolvers.Problem:
     return qpsolvers.Problem(program.H, program.g, G, h, *equations, *program.box)
 
 
+def solver_names() -> list[str]:
+    """Return the names of the solvers that are installed, `native` and `proxqp` among them."""
+    return sorted({*qpsolvers.dense_solvers, NATIVE, PROXQP})
+
+
 def make_solver(name: object) -> QpSolver:
     """The solver of that name, of `native` the one that is asked where it fails; an object is taken as it is.
 
@@ -147,7 +152,6 @@ def make_solver(name: object) -> QpSolver:
     """
     if isinstance(name, QpSolver):
         return name
-    choices = sorted({*qpsolvers.dense_solvers, NATIVE, PROXQP})
-    if name not in choices:
-        raise wrong_argument("Controller", "solver", f"{name!r}", f"one of: {', '.join(choices)}")
+    if name not in solver_names():
+        raise wrong_argument("Controller", "solver", f"{name!r}", f"one of: {', '.join(solver_names())}")
     return ProxQp() if name in (NATIVE, PROXQP) else QpSolvers(str(name))

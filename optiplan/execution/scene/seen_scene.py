@@ -97,7 +97,7 @@ class SeenScene:
         By obstacles that were seen; by those that are `known` from the run, too, where the way is not its path.
         """
         seen = list(self._obstacles.values())
-        if self._watch.asked > 0.0:  # cells are too coarse to tell a clearance that is just kept, as was proved
+        if self._watch.margin <= self._watch.asked > 0.0:  # cells are too coarse to tell what is just kept, as proved
             seen = [one for one in seen if not self._watch.proved(one)]
         elif known:
             skipped = {*self._obstacles, *self._gone}

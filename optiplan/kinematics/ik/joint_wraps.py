@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 
 _TURN = 2.0 * np.pi
@@ -21,6 +22,22 @@ def images(robot: Robot, q: Array, near: Array) -> list[Array]:
     fractional follower, has no other image than q.
     """
     return [_of_joint(robot, j, float(q[j]), float(near[j])) for j in range(robot.n)]
+
+
+def images_within(robot: Robot, limits: Limits, Q: Array, near: Array) -> Array:
+    """Return configurations (m, n) within limits of position that equal those of Q (k, n) up to whole turns.
+
+    Of each those whose joints are nearest to `near` (n,), and those with one joint a turn farther. Joints that turn
+    are brought into their own ranges, which need not hold the angles from -pi to pi.
+    """
+    turning = robot.whole_turns
+    low, high = np.ceil((limits.lower - Q) / _TURN), np.floor((limits.upper - Q) / _TURN)
+    turns = np.clip(np.round((near - Q) / _TURN), low, high)
+    base = np.where(turning & (low <= high), Q + _TURN * turns, Q)
+    steps = _TURN * np.eye(robot.n)[turning & (limits.upper - limits.lower >= _TURN)]
+    farther = np.stack([-steps, steps], axis=1).reshape(-1, robot.n)
+    every = (base + np.concatenate([np.zeros((1, robot.n)), farther])[:, None]).reshape(-1, robot.n)
+    return np.asarray(every[((every >= limits.lower) & (every <= limits.upper)).all(axis=1)])
 
 
 def whole_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:

@@ -162,7 +162,7 @@ class PostureLadder:
         fastest = self.path.speed / float(shares[i, k])
         detail = (
             f"{self.path.speed:g} m/s is faster than the arm: at {s:.4g} m of the path '{name}' would have to be "
-            f"{shares[i, k]:.3g} times as fast as it can; about {fastest:.2g} m/s is possible there"
+            f"{shares[i, k]:.3g} times as fast as it can; {rounded_down(fastest):.2g} m/s is possible there"
         )
         return Failure("limits", detail, {"q": before[i].tolist(), "path": s, "joint": name, "speed": fastest})
 
@@ -193,3 +193,9 @@ class PostureLadder:
 
 def _numbers(values: Array) -> str:
     return ", ".join(f"{x:.4g}" for x in values)
+
+
+def rounded_down(value: float) -> float:
+    """Return a number > 0 with two digits that is not above it: what is suggested has to work."""
+    unit = 10.0 ** (np.floor(np.log10(value)) - 1.0)
+    return float(np.floor(value / unit) * unit)

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, Index
 from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.kinematics.ik.joint_wraps import images_within
 from optiplan.kinematics.ik.numeric import random_seeds
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.seams.seam_tool import SeamTool, ToolPlaces
@@ -74,7 +75,8 @@ class Rungs:
         """Return free configurations (k, n) at a length s, m, of the path; none where none was found."""
         self.miss = None
         if self._closed is not None:
-            return self._kept(self._images(self._solved(s)), s)
+            own = self.problem.robot, self.problem.limits
+            return self._kept(images_within(*own, self._solved(s), self.problem.start), s)
         random = random_seeds(self.problem.robot, self.problem.start, self._rng, _FIRST)
         return self._kept(self._reached(np.concatenate([self._own, np.array(list(random))]), s, _STEPS), s)
 
@@ -160,25 +162,14 @@ class Rungs:
         found[:, :3, :3] = [tilt @ turn for tilt in tilts for turn in turns]
         return found
 
-    def _images(self, Q: Array) -> Array:
-        """Return configurations equal to Q (k, n) up to whole turns: nearest to the start, or one turn farther."""
-        limits, start = self.problem.limits, self.problem.start
-        wide = np.flatnonzero(self.problem.robot.revolute & (limits.upper - limits.lower > _TURN))
-        near = Q.copy()
-        near[:, wide] += _TURN * np.round((start[wide] - Q[:, wide]) / _TURN)
-        found = [near]
-        for j in wide:
-            for turn in (-_TURN, _TURN):
-                found.append(near.copy())
-                found[-1][:, j] += turn
-        return np.concatenate(found)
-
     def _near(self, Q: Array, before: Array, seconds: float) -> Array:
         """Return those equal to Q (k, n) up to whole turns that ones before (m, n) reach in time, or the nearest."""
-        turning = np.asarray(self.problem.robot.revolute, dtype=bool)
+        limits = self.problem.limits
         way = Q[None] - before[:, None]
-        way = np.where(turning, way - _TURN * np.round(way / _TURN), way)
-        share = (np.abs(way) / (self.problem.limits.velocity * seconds)).max(axis=2, initial=0.0)
+        way = np.where(self.problem.robot.whole_turns, way - _TURN * np.round(way / _TURN), way)
+        share = (np.abs(way) / (limits.velocity * seconds)).max(axis=2, initial=0.0)
+        there = before[:, None] + way
+        share[((there < limits.lower) | (there > limits.upper)).any(axis=2)] = np.inf
         soon = share <= max(1.0, float(share.min(initial=np.inf)))
         i, k = np.nonzero(soon)
         found = before[i] + way[i, k]

@@ -15,7 +15,7 @@ from optiplan.planners.common.limit_violations import Excess
 from optiplan.planners.common.tolerances import NO_MOTION
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.seams.posture_ladder import Posture, PostureLadder
+from optiplan.planners.seams.posture_ladder import Posture, PostureLadder, rounded_down
 from optiplan.planners.seams.posture_smoothing import PostureSmoothing, Stations
 from optiplan.planners.seams.rungs import Rungs
 from optiplan.planners.seams.seam_motion import joined, joint_curves, ramped, run_up, steady, within_limits
@@ -276,7 +276,7 @@ class SeamSearch:
             order = ORDERS.index(over.quantity)
             if order:
                 slower = path.speed * abs(over.limit / over.value) ** (1.0 / order)
-                possible = f"; about {slower:.2g} m/s is possible there"
+                possible = f"; {rounded_down(slower):.2g} m/s is possible there"
         detail = (
             f"{path.speed:g} m/s is faster than the arm {words}: '{name}' would reach {over.quantity} {over.value:.4g} "
             f"{unit}, beyond its limit {over.limit:.4g}, at {s:.4g} m{possible}"

@@ -4,18 +4,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from optiplan.arrays import Array
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.dynamic_obstacles import without_dynamic_obstacles
 from optiplan.planners.common.incumbent import Incumbent
+from optiplan.planners.task.alternatives import plan_alternatives
 from optiplan.planners.task.beside import one_after_another, quickest_beside
 from optiplan.planners.task.join_steps import join_steps
+from optiplan.planners.task.joined import joined_parts
 from optiplan.planners.task.optimisation.stretch_optimiser import optimised
-from optiplan.planners.task.planned_steps import Group, Pause, Stretch, TaskPart, object_and_link
+from optiplan.planners.task.planned_steps import Group, Pause, Stretch, TaskPart
+from optiplan.planners.task.rides.in_time import TaskInTime, in_time
 from optiplan.planners.task.sections import SectionPlanner
 from optiplan.planners.task.stops import stops_of
 from optiplan.planners.task.via_moves import ViaMoves, unsupported
@@ -24,11 +24,7 @@ from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.problem.problem import Problem
 from optiplan.problem.seams.actions import SeamPart, Transit
 from optiplan.problem.task.arms import several_arms
-from optiplan.robot.robot import Robot
-from optiplan.trajectory.joining import join_trajectories, standstill
-from optiplan.trajectory.segments import Segment
-from optiplan.trajectory.tolerances import SHORTEST_DURATION
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.problem.task.choices import choices_of
 
 _JOINING = 0.3
 """Share of the remaining time for joining curves; the rest is for optimising them together."""
@@ -49,6 +45,10 @@ def plan_task(planner: Planner[Any], problem: Problem, budget: Budget, progress:
         budget: time for all of it.
         progress: called with the stages, and with each better motion.
     """
+    if choices_of(problem.task):
+        return plan_alternatives(plan_task, planner, problem, budget, progress)
+    if in_time(problem):
+        return TaskInTime(problem, planner, plan_task, budget, progress).run()
     stated, problem = problem, one_after_another(problem)
     refused = unsupported(problem, planner)
     if refused is not None:
@@ -163,32 +163,3 @@ def _wait_for_obstacles(
             return PlanResult(motion, None, {}, {"waited": waited, "stops": stops_of(passed)})
         failure = passed
     return PlanResult(None, moves.failure(failure))
-
-
-def joined_parts(problem: Problem, parts: Sequence[TaskPart]) -> Trajectory:
-    """Join parts, each at rest at both ends, to one motion of all joints, with its segments."""
-    motions: list[Trajectory] = []
-    segments: list[Segment] = []
-    begin = 0.0
-    for part in parts:
-        q = part.steps[0].before.q
-        if isinstance(part, Stretch):
-            motions.append(motion_of_all_joints(problem.robot, part.steps[0].stage.columns, part.motion, q))
-        elif part.duration > 0.0:
-            motions.append(standstill(problem.robot.joint_names, q, part.duration))
-        since = begin
-        for planned, end in zip(part.steps, part.ends, strict=True):
-            step, held = planned.step, object_and_link(planned)
-            segments.append(Segment(step.number, step.kind, step.name, since, begin + end, *held))
-            since = begin + end
-        begin = since
-    motion = join_trajectories(motions or [standstill(problem.robot.joint_names, problem.start, SHORTEST_DURATION)])
-    return replace(motion, segments=tuple(segments))
-
-
-def motion_of_all_joints(robot: Robot, columns: Sequence[int], motion: Trajectory, q: Array) -> Trajectory:
-    """Return the motion of all joints in which some move and the others stand where they stand in q (n,)."""
-    coefficients = np.zeros((*motion.coefficients.shape[:2], robot.n))
-    coefficients[:, 0] = q
-    coefficients[:, :, columns] = motion.coefficients
-    return Trajectory(robot.joint_names, motion.breakpoints, coefficients)

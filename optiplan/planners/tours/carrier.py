@@ -41,6 +41,7 @@ class Carrier:
         return derived(
             problem,
             robot=standing(problem.robot, joints, problem.start),
+            scene=problem.scene.ending_at(problem.start[kept]),
             start=problem.start[kept],
             start_velocity=np.zeros(len(kept)),
             start_acceleration=np.zeros(len(kept)),

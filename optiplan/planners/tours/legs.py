@@ -7,6 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Budget, Failure, Planner, Progress
+from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.common.tolerances import NO_MOTION
 from optiplan.planners.common.via_legs import plan_through
@@ -71,5 +72,9 @@ class TourLegs:
         self.planned += 1
         own = derived(self.problem, start=a, goal=(JointGoal(b),))
         share = budget.share(min(1.0, _MOST / max(budget.remaining, 1e-9)))
-        result = plan_through(self.planner, own, share, self.progress)
-        return result.trajectory or result.failure or Failure("no-path", "no motion was found")
+        result = None if budget.over else plan_through(self.planner, own, share, self.progress)
+        if result is not None and result.trajectory is not None:
+            return result.trajectory
+        if result is None or budget.over:  # what a planner says without time is no reason
+            return out_of_time(budget, "planning this motion, which is not free on a straight line of the joints")
+        return result.failure or Failure("no-path", "no motion was found")

@@ -11,6 +11,7 @@ import pinocchio as pin
 from optiplan.arrays import Array, Index
 from optiplan.collision.native_model import planning_model
 from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.kinematics.ik.joint_wraps import images_within
 from optiplan.kinematics.ik.numeric import random_seeds
 from optiplan.planners.base import Budget, Failure, FailureKind
 from optiplan.planners.common.failures import out_of_time
@@ -173,7 +174,8 @@ class Vertices:
         whole = self._carrier.whole(solutions.q.reshape(*U.shape[:-1], -1), U)
         q = whole.reshape(len(self.goals), -1, self.problem.robot.n)
         valid = solutions.valid.reshape(len(self.goals), -1)
-        return [self._images(q[k][valid[k]]) for k in range(len(self.goals))]
+        own = self.problem.robot, self.problem.limits
+        return [images_within(*own, q[k][valid[k]], self.problem.start) for k in range(len(self.goals))]
 
     def _turned(self, turns: Array) -> Array:
         """Return the turns (m, t), rad, about the free axes as poses (m, t, 4, 4); the identity without one."""
@@ -196,26 +198,6 @@ class Vertices:
             for axis in goal.free[:1]:
                 found[k] = self._carrier.placed(goal, u).coordinates(pin.SE3(X))[3 + axis]
         return found
-
-    def _images(self, Q: Array) -> Array:
-        """Return configurations within limits equal to Q (k, n) up to whole turns.
-
-        Those nearest to the start, and those with one joint a turn farther.
-        """
-        limits, start = self.problem.limits, self.problem.start
-        wide = [j for j in np.flatnonzero(self.problem.robot.revolute) if limits.upper[j] - limits.lower[j] > _TURN]
-        base = Q.copy()
-        for j in wide:
-            base[:, j] -= _TURN * np.round((base[:, j] - start[j]) / _TURN)
-            base[:, j] += _TURN * ((base[:, j] < limits.lower[j]).astype(float) - (base[:, j] > limits.upper[j]))
-        found = [base]
-        for j in wide:
-            for by in (-_TURN, _TURN):
-                other = base.copy()
-                other[:, j] += by
-                found.append(other)
-        every = np.concatenate(found)
-        return np.asarray(every[((every >= limits.lower) & (every <= limits.upper)).all(axis=1)])
 
     def _free(self, found: list[Array]) -> list[Array]:
         return [Q[[not self.check.blocked(q) for q in Q]] if len(Q) else Q for Q in found]

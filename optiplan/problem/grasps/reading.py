@@ -38,7 +38,7 @@ def grasp_ends(
         compiler.unknown((*place, "object"), "object", spec.object, [one.name for one in scene.obstacles])
         return ()
     wrong = ""
-    if body.name in moved or body.motion is not None:
+    if body.name in moved:
         wrong, right = (
             f"'{body.name}', which moves before",
             "an object that is where the file puts it; else `any_of` poses",

@@ -2,9 +2,12 @@
 
 A pose X_WB that the file says `in` F, with an `offset`, is X_WF X_FB X_BO: the pose of the file in F, and then the
 offset in its own axes. An obstacle's frame is where the file puts it, also where a task takes it away later.
+
+A frame or an obstacle with a `motion` moves, and what is said in it moves along: an obstacle gets the same motion, and
+a move, an approach or a line of a task `rides` with it. Their poses are then those without any displacement.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -31,6 +34,8 @@ OF_REGIONS = frozenset({"along", "about"})
 """Keys of a region, whose `offset` is its own."""
 _LISTS = frozenset({"targets", "points"})
 """Lists of a tour and of a path, whose poses may have an axis."""
+RIDING = frozenset({"move", "approach", "line", "pick", "place"})
+"""Steps whose poses may be in what moves."""
 APART = ("robot", "frames")
 """Parts of a file whose poses are of their own kind."""
 
@@ -48,9 +53,12 @@ class FrameReader:
         self._document, self._robot = document, robot
         root = mapping(document.data)
         self._said: dict[str, tuple[Place, Mapping[str, Any]]] = {}
+        self._motions: dict[str, tuple[Place, Any]] = {}
         for k, one in enumerate(_listed(mapping(root.get("scene")).get("obstacles"))):
             if isinstance(name := mapping(one).get("name"), str):
                 self._said[name] = ("scene", "obstacles", k, "pose"), mapping(one.get("pose"))
+                if one.get("motion") is not None:
+                    self._motions[name] = ("scene", "obstacles", k, "motion"), one["motion"]
         self.issues: list[Issue] = []
         for name, pose in mapping(root.get("frames")).items():
             self._add(name, pose)
@@ -71,15 +79,63 @@ class FrameReader:
         elif not isinstance(pose, Mapping):
             self._report(place, describe(pose), "a pose: {in: …, position: […], rpy: […]}")
         else:
-            unknown = [key for key in pose if key not in OWN]
-            for key in unknown:
-                self._report((*place, key), "a key that a frame does not have", choices(key, OWN))
+            known = (*OWN, "motion")
+            for key in (key for key in pose if key not in known):
+                self._report((*place, key), "a key that a frame does not have", choices(key, known))
             self._said[name] = place, pose
+            if "motion" in pose:
+                self._motions[name] = (*place, "motion"), pose["motion"]
 
     def check(self) -> None:
         """Find what is wrong with frames that no pose names."""
-        for name in self._said:
+        for name, (_, pose) in self._said.items():
             self.pose_of(name, (name,))
+            parent = self.mover(pose.get("in"))
+            if parent is not None and name in self._motions:
+                self._report(self._motions[name][0], f"a motion in '{parent}', which moves", "one of both")
+
+    def mover(self, name: Any) -> str | None:
+        """Return what moves a frame: itself, or the one that it is in; None where it stands still."""
+        for _ in range(len(self._said) + 1):
+            if not isinstance(name, str) or name not in self._said:
+                return None
+            if name in self._motions:
+                return name
+            name = self._said[name][1].get("in")
+        return None
+
+    def motion_of(self, name: str) -> Any:
+        """Return the motion of a frame that moves, as a file says it; the axis of a turn is where it is."""
+        said, X_WF = self._motions[name][1], self.pose_of(name, (name,))
+        turn = said.get("turn") if isinstance(said, Mapping) else None
+        if not isinstance(turn, Mapping) or "about" in turn or X_WF is None:
+            return said
+        return {**said, "turn": {**turn, "about": X_WF.translation.tolist()}}
+
+    def moving_frames(self) -> dict[str, Any]:
+        """Return the frames that move, as the schema has them: in the world."""
+        found = {}
+        for name, (place, _) in self._motions.items():
+            if place[0] == "frames":
+                X_WF = self.pose_of(name, (name,))
+                found[name] = {**({} if X_WF is None else pose_to_data(X_WF)), "motion": self.motion_of(name)}
+        return found
+
+    def along(self, place: Place, pose: Mapping[str, Any]) -> tuple[Place, str, Any] | None:
+        """Return where in the file it is said that what is at a pose moves, with which key and value; None: it stands.
+
+        A pose at a place that cannot move is reported.
+        """
+        mover = self.mover(pose.get("in"))
+        if mover is None:
+            return None
+        if place[:2] == ("scene", "obstacles") and place[3:] == ("pose",):
+            return place[:3], "motion", self.motion_of(mover)
+        if place[0] == "task" and len(place) > 3 and place[2] in RIDING and "via" not in place:
+            return place[:3], "rides", mover
+        expected = "what stands still: in what moves are obstacles, and poses of moves, approaches and lines of a task"
+        self._report((*place, "in"), f"'{pose['in']}', which moves", expected)
+        return None
 
     def pose_of(self, name: str, way: tuple[str, ...]) -> pin.SE3 | None:
         """Return X_WF of a frame that is there; None where it cannot be said. `way` has the names that led to it."""
@@ -121,6 +177,16 @@ class FrameReader:
             self._report((*place, "offset", "position"), f"{far:g} m", f"metres, at most {FARTHEST:g}")
         return None if X_WF is None else X_WF * X_FB * X_BO
 
+    def all_along(self, data: Mapping[str, Any], moving: Sequence[tuple[Place, str, Any]]) -> None:
+        """Report steps of which one end moves with something, and another does not."""
+        riding = [(place, value) for place, key, value in moving if key == "rides"]
+        for place in dict.fromkeys(place for place, _ in riding):
+            movers = [mover for other, mover in riding if other == place]
+            several = mapping(_at(data, place)).get("any_of")
+            if len(set(movers)) > 1 or (isinstance(several, list) and len(several) != len(movers)):
+                found = f"ends in {' and '.join(sorted(set(movers)))} beside others"
+                self._report((*place, "any_of"), found, "ends that all move with the same thing")
+
     def _moves(self, name: Any) -> bool:
         """Whether this is the name of a link that is not fixed."""
         robot = self._robot()
@@ -143,9 +209,24 @@ def in_world(document: Document, robot: Callable[[], Robot | None]) -> tuple[Doc
     frames = FrameReader(document, robot)
     frames.check()
     poses = {place: frames.in_world(place, pose) for place, pose in placed}
+    moving = [found for place, pose in placed if (found := frames.along(place, pose)) is not None]
+    frames.all_along(document.data, moving)
     data = {key: value for key, value in document.data.items() if key != "frames"}
+    if any(kept := frames.moving_frames()):
+        data["frames"] = kept
     unique = {(issue.field, issue.found): issue for issue in frames.issues}
-    return replace(document, data=_replaced(data, poses, ())), list(unique.values())
+    found = _replaced(data, poses, ())
+    for place, key, value in moving:
+        if (told := _at(found, place)) is not None:
+            told[key] = value
+    return replace(document, data=found), list(unique.values())
+
+
+def _at(data: Any, place: Place) -> dict[str, Any] | None:
+    """Return the mapping at a place."""
+    for key in place:
+        data = data[key]
+    return data if isinstance(data, dict) else None
 
 
 def _listed(value: Any) -> list[Any]:

@@ -10,6 +10,9 @@
     tasks:
       put: [{line: {by: [0, 0, "=-height"]}}, {detach: {object: "{what}"}}]
 
+Of `either`, a list of lists of steps, one list is done; here each of their steps gets an `option`: its choice and its
+alternative.
+
 A text that begins with `=` is an expression of the values; in other texts `{name}` stands for one. Here the steps are
 written out, each with the line that it has in the file, before anything else is read.
 """
@@ -29,6 +32,8 @@ from optiplan.problem.partial import mapping
 
 MOST = 10_000
 """Steps of a task that is written out."""
+_WIDEST = 10**12
+"""Values of a range that are counted."""
 DEEPEST = 20
 """Steps within steps."""
 RANGE = re.compile(r"(-?\d+)\.\.(-?\d+)")
@@ -56,6 +61,7 @@ class LoopReader:
         self._document, self.issues = document, list[Issue]()
         self._tasks = mapping(mapping(document.data).get("tasks"))
         self._count = 0
+        self._choices = 0
 
     def steps(
         self, given: Sequence[Any], place: Place, values: Values, way: tuple[str, ...] = ()
@@ -69,12 +75,29 @@ class LoopReader:
                 yield from self._repeated(step, here, values, way)
             elif isinstance(step, Mapping) and "do" in step:
                 yield from self._named(step, here, values, way)
+            elif isinstance(step, Mapping) and "either" in step:
+                yield from self._alternatives(step, here, values, way)
             else:
                 self._count += 1
                 if self._count > MOST:
                     self.report(here, "more steps than that when they are written out", f"at most {MOST} steps")
                     return
                 yield _Written(self._filled(step, here, values), here)
+
+    def _alternatives(self, step: Values, place: Place, values: Values, way: tuple[str, ...]) -> Iterator[_Written]:
+        self._check_keys(step, place, ("either",))
+        said, inner = step["either"], (*place, "either")
+        if not isinstance(said, list) or len(said) < 2 or not all(isinstance(one, list) and one for one in said):
+            self.report(inner, describe(said), "two or more lists of steps, one of which is done")
+            return
+        choice, self._choices = self._choices, self._choices + 1
+        for k, steps in enumerate(said):
+            for one in self.steps(steps, (*inner, k), values, way):
+                if isinstance(one.step, dict) and "option" in one.step:
+                    self.report(inner, "alternatives within alternatives", "a list for each way through them")
+                    return
+                told = {**one.step, "option": [choice, k]} if isinstance(one.step, dict) else one.step
+                yield replace(one, step=told)
 
     def _repeated(self, step: Values, place: Place, values: Values, way: tuple[str, ...]) -> Iterator[_Written]:
         self._check_keys(step, place, ("for", "steps"))
@@ -96,9 +119,8 @@ class LoopReader:
         value = self._filled(value, place, values)
         if isinstance(value, str) and (found := RANGE.fullmatch(value)):
             low, high = map(int, found.groups())
-            if abs(high - low) < MOST:
-                return range(low, high + 1) if high >= low else range(low, high - 1, -1)
-            return range(MOST + 1)
+            high = min(max(high, low - _WIDEST), low + _WIDEST)
+            return range(low, high + 1) if high >= low else range(low, high - 1, -1)
         if not isinstance(value, list):
             self.report(place, describe(value), "a range such as 0..3, both ends included, or a list of values")
             return []
@@ -158,7 +180,7 @@ def written_out(document: Document) -> tuple[Document, list[Issue]]:
     if not isinstance(root, Mapping) or not isinstance(root.get("task"), list):
         return document, []
     if "tasks" not in root and not any(
-        isinstance(step, Mapping) and {"for", "do"} & step.keys() for step in root["task"]
+        isinstance(step, Mapping) and {"for", "do", "either"} & step.keys() for step in root["task"]
     ):
         return document, []
     reader = LoopReader(document)

@@ -26,7 +26,7 @@ from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.schema.ends import GoalSpec, StartSpec, ViaSpec, timed
 from optiplan.problem.schema.meanings import with_meanings
 from optiplan.problem.schema.safety import ClearanceSpec
-from optiplan.problem.schema.scene import SceneSpec
+from optiplan.problem.schema.scene import MovingFrameSpec, SceneSpec
 from optiplan.problem.schema.task import TaskStepSpec
 from optiplan.problem.schema.tools import FirstToolSpec, Tools
 from optiplan.robot.side_by_side import ArmSpec
@@ -85,7 +85,8 @@ class ProblemSpec(Strict):
     either a `goal` or a `task` of several steps. `tools` are tools by name; `tool` is the one that is mounted at the
     start, or states it itself. `tracking_error` says how far joints may be from the motion, rad or m: one number, a
     list, or values by joint. `clearance` says how far bodies stay apart, m. A file may also have `frames`, loops and
-    `robots`, which `frames.py`, `loops.py` and `side_by_side.py` take out before anything is read here.
+    `robots`, which `frames.py`, `loops.py` and `side_by_side.py` take out before anything is read here; of the `frames`
+    those that move are left.
     """
 
     version: FileVersion
@@ -99,6 +100,7 @@ class ProblemSpec(Strict):
     goal: GoalSpec | None = None
     task: Annotated[Annotated[tuple[TaskStepSpec, ...], Field(min_length=1)] | None, BuiltLater()] = None
     scene: SceneSpec = SceneSpec()
+    frames: Annotated[dict[Name, MovingFrameSpec] | None, BuiltLater()] = None
     tools: Annotated[Tools | None, BuiltLater()] = None
     tool: Annotated[Name | FirstToolSpec | None, BuiltLater()] = None
     via: Annotated[tuple[ViaSpec, ...], BuiltLater(), AfterValidator(timed)] = ()
@@ -129,6 +131,12 @@ def as_written(schema: dict[str, Any]) -> dict[str, Any]:
         "steps": {**steps, "description": "The steps that are repeated."},
         "do": {"type": "string", "description": "The steps of this name among `tasks`."},
         "with": {"type": "object", "description": "Values by name, for the steps that are done."},
+        "either": {
+            "type": "array",
+            "minItems": 2,
+            "items": {**steps, "minItems": 1},
+            "description": "Lists of steps, one of which is done: the one with which the whole is quickest.",
+        },
     }
 
     def placed(definition: dict[str, Any]) -> dict[str, Any]:

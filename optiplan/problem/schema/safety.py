@@ -52,30 +52,30 @@ def safety_data(spec: Any) -> Any:
 
 
 def safety_of(
-    document: Document, spec: float | SafetySpec | None, scene: Scene, links: Sequence[str]
+    document: Document, spec: float | SafetySpec | None, scene: Scene, others: Sequence[str]
 ) -> tuple[Safety | None, list[Issue]]:
-    """Return what is required of the bodies of a scene and of these links, and what is wrong with it.
+    """Return what is required of the bodies of a scene and of others, links and bodies of tools; and what is wrong.
 
     Wrong is a name that no body has, and a group of pairs that has none, or only pairs that may touch.
     """
     issues: list[Issue] = []
     for k, part in enumerate(spec.pairs if isinstance(spec, SafetySpec) else ()):
         place = ("clearance", "pairs", k)
-        of, others = (_bodies(stated, [*links, *scene.names]) for stated in (part.of, part.others))
-        for key, stated, found in (("of", part.of, of), ("from", part.others, others)):
+        of, from_ = (_bodies(stated, [*others, *scene.names]) for stated in (part.of, part.others))
+        for key, stated, found in (("of", part.of, of), ("from", part.others, from_)):
             names = (stated,) if isinstance(stated, str) else stated
             for i, name in enumerate(names):
                 if not found[name]:
                     where = (*place, key) if isinstance(stated, str) else (*place, key, i)
-                    valid = choices(name, sorted({*links, *scene.names}))
+                    valid = choices(name, sorted({*others, *scene.names}))
                     issues.append(document.issue(where, f"'{name}', which no body is called", valid))
         pairs = {
-            frozenset((a, b)) for mine in of.values() for a in mine for own in others.values() for b in own if a != b
+            frozenset((a, b)) for mine in of.values() for a in mine for own in from_.values() for b in own if a != b
         }
         if pairs and part.at_least > 0.0 and pairs <= scene.allowed:
             found_words = "pairs that scene.allowed_collisions lets touch"
             issues.append(document.issue(place, found_words, "pairs that must stay apart, or `at_least: 0`"))
-        elif not pairs and all(of.values()) and all(others.values()):
+        elif not pairs and all(of.values()) and all(from_.values()):
             issues.append(document.issue(place, "one body in both groups, and no other", "two bodies"))
     return (None if issues else Safety.from_data(safety_data(spec))), issues
 

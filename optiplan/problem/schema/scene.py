@@ -9,12 +9,14 @@ from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Strict
 from optiplan.config.values import (
     Coordinate,
+    Direction,
     Length,
     Name,
     NamePair,
     NotNegative,
     Vector,
 )
+from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.pose import PoseSpec
 from optiplan.geometry.shapes import SHAPES, ShapeSpec
 
@@ -25,15 +27,44 @@ Polynomial = Annotated[tuple[Coordinate, ...], Field(min_length=1, max_length=10
 """Coefficients in ascending powers."""
 
 
+class TurnSpec(Strict):
+    """A turn about an `axis` of the world through `about`, m: the `angle` is a polynomial of time, rad/s^k.
+
+    Without `about` the axis passes through the position of the pose.
+    """
+
+    axis: Direction
+    angle: Polynomial
+    about: Vector | None = None
+
+
 class MotionSpec(Strict):
     """A displacement, added to the position of the pose: one polynomial of time for each of x, y and z of the world.
 
     `polynomial` has their coefficients in ascending powers, m/s^k; time counts from the start of the robot's motion.
-    After `until`, s, the obstacle stands.
+    `turn` turns the pose before that. After `until`, s, the obstacle stands.
     """
 
-    polynomial: Annotated[tuple[Polynomial, ...], Field(min_length=3, max_length=3)]
+    polynomial: Annotated[tuple[Polynomial, ...], Field(min_length=3, max_length=3)] | None = None
+    turn: TurnSpec | None = None
     until: Length | None = None
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if self.polynomial is None and self.turn is None:
+            raise ValueError("found neither polynomial nor turn; expected at least one of them")
+        return self
+
+    def about(self, position: Sequence[float]) -> ObstacleMotion:
+        """Return the motion of what stands at a position, m."""
+        turn = None if self.turn is None else {"about": position, **self.turn.model_dump(exclude_none=True)}
+        return ObstacleMotion.of_data(self.polynomial, self.until, turn)
+
+
+class MovingFrameSpec(PoseSpec):
+    """A frame that moves: its pose in the world, and the motion of all that is in it."""
+
+    motion: MotionSpec
 
 
 class ObstacleSpec(Strict):

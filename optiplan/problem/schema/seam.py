@@ -52,6 +52,13 @@ class WeaveSpec(Strict):
     amplitude: Length
     length: Length
 
+    @model_validator(mode="after")
+    def _no_wider_than_long(self) -> Self:
+        if self.amplitude > self.length:
+            found = f"an amplitude of {self.amplitude:g} m with a length of {self.length:g} m"
+            raise ValueError(f"found {found}; expected an amplitude of at most the length of a swing")
+        return self
+
 
 class SeamSpec(Strict):
     """The tool follows a path through `points`, a list or a CSV file, at a constant `speed`, m/s, that is held.

@@ -1,11 +1,11 @@
 """The schema of the steps of a task in a problem file."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from optiplan.config.document import Strict
+from optiplan.config.document import Strict, Whole
 from optiplan.config.values import (
     Direction,
     Length,
@@ -34,13 +34,17 @@ from optiplan.problem.schema.tour import TourSpec
 
 
 class MoveSpec(ConfigurationSpec):
-    """Go to one end, or any of several, past `via`, with the joints of `group` (default: that of the problem)."""
+    """Go to one end, or any of several, past `via`, with the joints of `group` (default: that of the problem).
+
+    With poses in what moves, the tool meets them with the velocity that they have; see `rides`.
+    """
 
     pose: PoseGoalSpec | None = None
     region: RegionSpec | None = None
     all_of: Annotated[tuple[PlacedFrameSpec, ...], Field(min_length=2)] | None = None
     any_of: Annotated[tuple[AlternativeSpec, ...], Field(min_length=1)] | None = None
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
+    rides: Name | None = None
     group: Name | None = None
 
     @model_validator(mode="after")
@@ -50,7 +54,7 @@ class MoveSpec(ConfigurationSpec):
 
 
 class StraightLineSpec(Strict):
-    """The tool straight to `pose`, or `by` a vector, m, seen from the world or the tool (`in`).
+    """The tool straight to `pose`, or `by` a vector, m, seen from the world, the tool, or what moves (`in`).
 
     `speed` of the tool at most, m/s; `frame` is the robot's tool frame without one. `blend`, m: where a line follows,
     the corner may be rounded off within this distance of it; without one it is exact, and the arm stops there.
@@ -58,10 +62,11 @@ class StraightLineSpec(Strict):
 
     pose: PoseGoalSpec | None = None
     by: Vector | None = None
-    in_: Annotated[Literal["world", "tool"], Field(alias="in")] = "world"
+    in_: Annotated[Name, Field(alias="in")] = "world"
     frame: Name | None = None
     speed: Length | None = None
     blend: Length | None = None
+    rides: Name | None = None
     group: Name | None = None
 
     @model_validator(mode="after")
@@ -88,6 +93,7 @@ class ApproachSpec(Strict):
     speed: Length | None = None
     via: Annotated[tuple[ViaSpec, ...], AfterValidator(timed)] = ()
     blend: Length | None = None
+    rides: Name | None = None
     group: Name | None = None
 
     @model_validator(mode="before")
@@ -112,11 +118,14 @@ class ApproachSpec(Strict):
 
 
 class RetreatSpec(Strict):
-    """The tool straight by `distance`, m, `along` an axis of the tool or the world (`in`); `blend` as of a line."""
+    """The tool straight by `distance`, m, `along` an axis of the tool, the world or what moves (`in`).
+
+    `blend` is as of a line.
+    """
 
     distance: Length
     along: Direction = (0.0, 0.0, -1.0)
-    in_: Annotated[Literal["world", "tool"], Field(alias="in")] = "tool"
+    in_: Annotated[Name, Field(alias="in")] = "tool"
     frame: Name | None = None
     speed: Length | None = None
     blend: Length | None = None
@@ -167,8 +176,12 @@ def _listed(names: Any) -> Any:
     return (names,) if isinstance(names, str) else names
 
 
+Option = Annotated[tuple[Annotated[Whole, Field(ge=0)], ...], Field(min_length=2, max_length=2)]
+"""A choice and one of its alternatives, both from 0: where `either` is written out."""
+
+
 class TaskStepSpec(Strict):
-    """One step of a task: one of the keys from `move` to `path` (`dwell` in s), and what holds during this step.
+    """One step of a task: one of the keys from `move` to `wait_until`, and what holds during this step.
 
     `allowed_collisions` of an approach are for its line alone. With `arm`, the steps of each arm follow each other,
     beside those of other arms; `wait_for` names steps of others that are done before.
@@ -185,6 +198,8 @@ class TaskStepSpec(Strict):
     tour: TourSpec | None = None
     tool: Name | None = None
     path: SeamSpec | None = None
+    wait_until: Name | None = None
+    option: Option | None = None
     name: Name | None = None
     arm: Name | None = None
     wait_for: Annotated[tuple[Name, ...] | None, BeforeValidator(_listed, json_schema_input_type=str | list[str])] = (
@@ -204,5 +219,8 @@ class TaskStepSpec(Strict):
         return next(kind for kind in STEP_KINDS if getattr(self, kind) is not None)
 
 
-STEP_KINDS = ("move", "line", "approach", "retreat", "attach", "detach", "gripper", "dwell", "tour", "tool", "path")
+STEP_KINDS = (
+    *("move", "line", "approach", "retreat", "attach", "detach", "gripper", "dwell", "tour", "tool", "path"),
+    "wait_until",
+)
 """What a step of a task can be."""

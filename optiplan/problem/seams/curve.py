@@ -8,8 +8,11 @@ import numpy as np
 
 from optiplan.arrays import Array, Index
 
-_LEAST = 1e-3
+_LEAST = 1e-9
 """Length below which a direction that is interpolated is no direction."""
+
+_FINEST = 64
+"""Parts into which a piece is divided where a bound needs it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +60,7 @@ class SeamCurve:
             near = np.eye(3)[np.abs(z).argmin(axis=1)]
         else:
             near = self._values(self.heading, s)
-        x = _unit(near - (near * z).sum(axis=1, keepdims=True) * z)
-        return np.stack([x, np.cross(z, x), z], axis=2)
+        return _frame(z, near)
 
     def _values(self, coefficients: Array, s: Array, order: int = 0) -> Array:
         k = self.piece(s)
@@ -82,36 +84,57 @@ class SeamCurve:
         return np.asarray(np.linalg.norm(self.points(middles, 1), axis=1) + 0.5 * h * self.bends)
 
     @cached_property
-    def kink(self) -> float:
-        """Largest step of c' between pieces that is not at a corner; of a unit vector."""
+    def kinks(self) -> Array:
+        """Steps (K - 1,) of c' between pieces, of a unit vector; 0 at corners."""
         before = self._ends(_derived(self.position, 1))
         steps = np.linalg.norm(self.position[1:, 1] - before[:-1], axis=1)
         inner = self.breakpoints[1:-1]
         at = np.isin(inner, np.array(self.corners)) if self.corners else np.zeros(len(inner), dtype=bool)
-        return float(steps[~at].max(initial=0.0))
+        return np.where(at, 0.0, steps)
+
+    @cached_property
+    def gaps(self) -> Array:
+        """Steps (K - 1,) of c between pieces, m."""
+        return np.asarray(np.linalg.norm(self.position[1:, 0] - self._ends(self.position)[:-1], axis=1))
+
+    @cached_property
+    def flips(self) -> Array:
+        """Steps (K - 1,) of the tool's frame between pieces, rad: at most the turn of its z axis, or of all axes."""
+        before, after = _unit(self._ends(self.axis)[:-1]), _unit(self.axis[1:, 0])
+        if self.heading is None:
+            return np.asarray(2.0 * np.arcsin(np.minimum(1.0, 0.5 * np.linalg.norm(after - before, axis=1))))
+        X = _frame(before, self._ends(self.heading)[:-1]), _frame(after, self.heading[1:, 0])
+        off = np.linalg.norm((X[1] - X[0]).reshape(-1, 9), axis=1) / np.sqrt(2.0)
+        return np.asarray(2.0 * np.arcsin(np.minimum(1.0, 0.5 * off)))
 
     @cached_property
     def turns(self) -> Array:
         """Bounds (K,) of how fast the tool's frame turns over the length on the pieces, rad/m.
 
-        |(w / |w|)'| <= |w'| / |w|; of h, across z, likewise with the part of h across, which z' turns besides.
+        |(w / |w|)'| <= |w'| / |w|; of h, across z, likewise with the part of h across, which z' turns besides. Infinite
+        where w, or that part of h, may vanish. A piece is divided where that helps.
         """
-        h = np.diff(self.breakpoints)
-        rate = _bound(_derived(self.axis, 1), h)
-        least = np.linalg.norm(self._middles(self.axis), axis=1) - 0.5 * h * rate
-        turning = rate / np.maximum(least, _LEAST)
-        if self.heading is None:
-            return np.asarray(turning)
-        middles = 0.5 * (self.breakpoints[1:] + self.breakpoints[:-1])
-        across = self._values(self.heading, middles)
-        z = self.directions(middles)
-        across = across - (across * z).sum(axis=1, keepdims=True) * z
-        own = _bound(_derived(self.heading, 1), h) + 2.0 * turning * _bound(self.heading, h)
-        least = np.linalg.norm(across, axis=1) - 0.5 * h * own
-        return np.asarray(turning + own / np.maximum(least, _LEAST))
+        found, parts = self._turns(1), 1
+        while np.isinf(found).any() and parts < _FINEST:
+            parts *= 2
+            found = np.minimum(found, self._turns(parts))
+        return found
 
-    def _middles(self, coefficients: Array) -> Array:
-        return self._values(coefficients, 0.5 * (self.breakpoints[1:] + self.breakpoints[:-1]))
+    def _turns(self, parts: int) -> Array:
+        """Return the bounds of `turns`, each the largest of those of equal parts of a piece."""
+        h = np.repeat(np.diff(self.breakpoints) / parts, parts)
+        piece = np.repeat(np.arange(len(self.axis)), parts)
+        u = h * (np.tile(np.arange(parts), len(self.axis)) + 0.5)
+        w, rate = _about(self.axis[piece], u), _bound_about(_derived(self.axis, 1)[piece], u, h)
+        turning = _over(rate, np.linalg.norm(w, axis=1) - 0.5 * h * rate)
+        if self.heading is not None:
+            z, across = _unit(w), _about(self.heading[piece], u)
+            across = across - (across * z).sum(axis=1, keepdims=True) * z
+            with np.errstate(invalid="ignore"):  # nothing may turn infinitely: no bound
+                own = _bound_about(_derived(self.heading, 1)[piece], u, h)
+                own = own + 2.0 * turning * _bound_about(self.heading[piece], u, h)
+                turning = turning + _over(own, np.linalg.norm(across, axis=1) - 0.5 * h * own)
+        return np.asarray(np.nan_to_num(turning, nan=np.inf, posinf=np.inf).reshape(-1, parts).max(axis=1))
 
     def _ends(self, coefficients: Array) -> Array:
         h = np.diff(self.breakpoints)[:, None, None] ** np.arange(coefficients.shape[1])[:, None]
@@ -133,6 +156,32 @@ def _bound(coefficients: Array, h: Array) -> Array:
     """Bound (K,) of the length of polynomials (K, d, 3) on pieces of length h (K,): the sum of their terms' lengths."""
     powers = h[:, None] ** np.arange(coefficients.shape[1])
     return np.asarray((np.linalg.norm(coefficients, axis=2) * powers).sum(axis=1))
+
+
+def _about(coefficients: Array, u: Array) -> Array:
+    """Values (K, 3) of polynomials (K, d, 3) at u (K,)."""
+    return np.asarray((coefficients * (u[:, None] ** np.arange(coefficients.shape[1]))[:, :, None]).sum(axis=1))
+
+
+def _bound_about(coefficients: Array, u: Array, h: Array) -> Array:
+    """Bound (K,) of the length of polynomials (K, d, 3) within h / 2 (K,) of u (K,): by its Taylor series there."""
+    total, factor = np.zeros(len(u)), 1.0
+    for order in range(coefficients.shape[1]):
+        derivative = _about(_derived(coefficients, order), u)
+        total += np.linalg.norm(derivative, axis=1) * (0.5 * h) ** order / factor
+        factor *= order + 1
+    return total
+
+
+def _over(rate: Array, least: Array) -> Array:
+    """Return rates (K,) over the least lengths (K,) of vectors; infinite where these may vanish."""
+    return np.asarray(np.divide(rate, least, out=np.full(len(rate), np.inf), where=least > _LEAST))
+
+
+def _frame(z: Array, near: Array) -> Array:
+    """Return rotations (N, 3, 3) with these z axes (N, 3), whose x axes are as near to vectors (N, 3) as can be."""
+    x = _unit(near - (near * z).sum(axis=1, keepdims=True) * z)
+    return np.stack([x, np.cross(z, x), z], axis=2)
 
 
 def _unit(v: Array) -> Array:

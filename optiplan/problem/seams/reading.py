@@ -87,15 +87,22 @@ def read_path(
     if curve.corners and (spec.lead or spec.side):
         compiler.report(place, "lead or side with exact corners, where they would jump", "`blend: …`, m")
         return None
-    events = tuple(PathEvent(one.path, one.do) for one in sorted(spec.at, key=lambda one: one.path))
+    stops = np.array([0.0, *curve.corners, curve.length])
+    events = tuple(PathEvent(_snapped(one.path, stops), one.do) for one in sorted(spec.at, key=lambda one: one.path))
     for k, one in enumerate(spec.at):
-        if one.path > curve.length:
+        if one.path > curve.length + _SAME:
             found = f"{one.path:g} m, beyond the end"
             compiler.report((*place, "at", k, "path"), found, f"at most {curve.length:.6g} m, the length of the path")
     tolerance = spec.tolerance
     limits = tolerance.position, tolerance.orientation
     whole = SeamPath(joints, frame, curve, spec.speed, spec.speed_within, spec.ramp, spec.cone or 0.0, *limits, events)
     return whole if len(compiler.issues) == count else None
+
+
+def _snapped(at: float, stops: Array) -> float:
+    """Return the end or corner, m, that a length is at but for rounding; else the length itself."""
+    nearest = float(stops[np.abs(stops - at).argmin()])
+    return nearest if abs(nearest - at) <= _SAME else at
 
 
 class _SeamReader:

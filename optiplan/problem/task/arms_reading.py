@@ -13,6 +13,7 @@ from optiplan.problem.constraints.motions import PairClearance
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.task.arms import joints_of_arms, several_arms
+from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.steps import Attach, ChangeTool, Detach, TargetTour, TaskStep
 from optiplan.robot.robot import Robot
 
@@ -80,6 +81,10 @@ def _check(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> None
         if any(isinstance(one, PairClearance) for one in part.value.constraints):
             where = (*place, "path_constraints")
             compiler.report(where, "a clearance of one step beside other arms", "one of the whole problem")
+    for part in steps:
+        if part.value.ride is not None or isinstance(part.value.action, WaitUntil):
+            found = "a step that goes with what moves, or waits for it, beside other arms"
+            compiler.report((*part.place, part.value.kind), found, "a task of one arm")
     if scene.dynamic_obstacles:
         compiler.report(("scene", "obstacles"), "an obstacle that moves, beside arms of a task", "obstacles that stand")
     joints = joints_of_arms([part.value for part in steps], robot.joint_names)

@@ -1,13 +1,15 @@
 """Rows of a CSV file whose first row names the columns: each a value of one kind, checked."""
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from optiplan.config.messages import words_for
 from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes
 
@@ -25,7 +27,7 @@ class RowsOf(Generic[Row]):
         kind: of a row.
         columns: names of the columns that hold the value of each key; those of `position` are required.
         words: what the rows are.
-        texts: keys whose one cell is a text; those of `lists` are several names, with spaces or semicolons between.
+        texts: keys whose one cell is a text; those of `lists` are several names, with semicolons between.
         least: rows.
     """
 
@@ -48,8 +50,8 @@ def read_rows(file: Path, of: RowsOf[Row]) -> list[Row]:
     except (OSError, UnicodeDecodeError) as error:
         why = (error.strerror or str(error)).lower() if isinstance(error, OSError) else "not UTF-8 text"
         raise InputError([Issue(str(file), None, of.words, why, f"a CSV file of {of.words}")]) from None
-    rows = list(csv.reader(text.splitlines()))
-    header = [name.strip() for name in rows[0]] if rows else []
+    rows = list(_records(file, text))
+    header = [name.strip() for name in rows[0][1]] if rows else []
     known = [name for names in of.columns.values() for name in names]
     issues = [
         Issue(str(file), 1, f"column {k + 1}", f"'{name}'", f"one of {', '.join(known)}")
@@ -61,7 +63,7 @@ def read_rows(file: Path, of: RowsOf[Row]) -> list[Row]:
         expected = f"{of.least} to {MOST} {of.words}, one a row"
         issues = [Issue(str(file), None, of.words, f"{len(rows) - 1} rows", expected)]
     found: list[Row] = []
-    for line, row in enumerate(rows[1:], 2) if not issues else ():
+    for line, row in rows[1:] if not issues else ():
         if any(cell.strip() for cell in row):
             one = _row(file, line, (header, row), of)
             found += [] if isinstance(one, Issue) else [one]
@@ -69,6 +71,26 @@ def read_rows(file: Path, of: RowsOf[Row]) -> list[Row]:
     if issues:
         raise InputError(issues)
     return found
+
+
+def _records(file: Path, text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield each row with the line on which it begins; a cell between quotes may have several lines.
+
+    Raises:
+        InputError: quotes that are not closed, or end within a cell.
+    """
+    reader, line = csv.reader(text.splitlines(keepends=True), strict=True), 1
+    while True:
+        try:
+            row = next(reader)
+        except StopIteration:
+            return
+        except csv.Error as error:
+            found = "a quote that is not closed" if "end of data" in str(error) else "a quote within a cell"
+            expected = "cells in quotes or without any; a quote in a cell in quotes is doubled"
+            raise InputError([Issue(str(file), line, "row", found, expected)]) from None
+        yield line, row
+        line = reader.line_num + 1
 
 
 def _incomplete(file: Path, header: Sequence[str], columns: Mapping[str, tuple[str, ...]]) -> list[Issue]:
@@ -94,22 +116,17 @@ def _row(file: Path, line: int, cells_of: tuple[Sequence[str], Sequence[str]], o
         if not any(values):
             continue
         if key in of.texts or key in of.lists:
-            data[key] = values[0].replace(";", " ").split() if key in of.lists else values[0]
+            listed = [name.strip() for name in values[0].split(";")]
+            data[key] = [name for name in listed if name] if key in of.lists else values[0]
             continue
         try:
             data[key] = [float(value) for value in values]
         except ValueError:
             return Issue(str(file), line, ", ".join(names), ", ".join(map(repr, values)), "numbers")
+        if not all(map(isfinite, data[key])):
+            return Issue(str(file), line, ", ".join(names), ", ".join(map(repr, values)), "finite numbers")
     try:
         return of.kind.model_validate(data)
     except ValidationError as error:
-        return _issue(file, line, error.errors()[0])
-
-
-def _issue(file: Path, line: int, error: Mapping[str, Any]) -> Issue:
-    field = ".".join(map(str, error["loc"])) or "row"
-    words = str(error["msg"]).removeprefix("Value error, ")
-    found, _, expected = words.removeprefix("found ").partition("; expected ")
-    if expected:
-        return Issue(str(file), line, field, found, expected)
-    return Issue(str(file), line, field, repr(error.get("input"))[:60], words)
+        first = error.errors()[0]
+        return Issue(str(file), line, ".".join(map(str, first["loc"])) or "row", *words_for(of.kind, first))

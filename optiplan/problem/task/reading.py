@@ -14,6 +14,8 @@ from optiplan.config.simple_yaml import Place
 from optiplan.geometry.pose import PoseGoalSpec
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.problem.builder import Compiler, frame_names, link_names
+from optiplan.problem.constraints.base import WHOLE
+from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
 from optiplan.problem.grasps.reading import grasp_ends, region_ends
 from optiplan.problem.partial import LocatedValue
@@ -35,6 +37,9 @@ from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.seams.reading import read_path
 from optiplan.problem.task.arms import steps_of_arms
 from optiplan.problem.task.arms_reading import with_arms
+from optiplan.problem.task.choices_reading import ChoiceReader, InHand
+from optiplan.problem.task.rides import WaitUntil
+from optiplan.problem.task.rides_reading import RideReader
 from optiplan.problem.task.scene_change import held_body
 from optiplan.problem.task.steps import (
     Action,
@@ -67,6 +72,8 @@ class TaskReader:
         self._held = {held.name for held in own.attached}
         self._free = {obstacle.name for obstacle in own.obstacles}
         self._moved: set[str] = set()
+        self.rides = RideReader(compiler, own)
+        self._choices = ChoiceReader(compiler, self._state, self._restore)
 
     def steps(self) -> list[LocatedValue[TaskStep]]:
         """Return the valid steps; an approach gives two."""
@@ -76,26 +83,55 @@ class TaskReader:
             self.compiler.report(("task",), "steps that take no time", "one besides that does, such as a dwell")
         for part in self.compiler.task:
             spec, number = part.value, int(part.place[-1]) + 1
+            self._choices.at(part.place, part.value.option)
             kept = [
                 LocatedValue((*part.place, "path_constraints", i), one) for i, one in enumerate(spec.path_constraints)
             ]
             group = getattr(getattr(spec, spec.kind), "group", None)
             robot = self._with_tool_of(group)
-            constraints = tuple(one.value for one in self.compiler.constraints(robot, self.scene, kept))
+            located = self.compiler.constraints(robot, self.scene, kept)
+            constraints = tuple(one.value for one in located)
             allowed = self._allowed(part)
             name = spec.name or _name(spec)
-            for action in self._actions(part):
+            for said in self._actions(part):
+                action, ride = self.rides.ridden((*part.place, spec.kind), spec, said)
+                self._whole_path(action, located)
                 if isinstance(action, Event):
                     self.robot = self.tools.seen(self._mounted)
                 freely = spec.kind == "approach" and isinstance(action, Move)  # contact is for the line
                 touch = frozenset[frozenset[str]]() if freely else allowed
-                step = TaskStep(number, spec.kind, name, action, touch, constraints, spec.arm or "")
+                option = None if spec.option is None else (spec.option[0], spec.option[1])
+                step = TaskStep(
+                    number, spec.kind, name, action, touch, constraints, spec.arm or "", ride=ride, option=option
+                )
                 found.append(LocatedValue(part.place, step))
+        if found:
+            self._choices.at(found[-1].place, None)
+            self.rides.end(found[-1].place)
+        self._choices.check([one.value for one in found])
         found = with_arms(self.compiler, self.robot, self.scene, found)
         for places in steps_of_arms([one.value for one in found]).values():
             for k, after in zip_longest(places, places[1:]):
-                self._corner(found[k], None if after is None else found[after].value.action)
+                alike = after is not None and found[after].value.option == found[k].value.option
+                self._corner(found[k], found[after].value.action if alike and after is not None else None)
         return [replace(one, value=self._with_frame(one.value)) for one in found]
+
+    def _whole_path(self, action: Action, constraints: Sequence[LocatedValue[PathConstraint]]) -> None:
+        """Report constraints on a part of a path with events: it is several motions, each of which has parts."""
+        for one in constraints if isinstance(action, SeamPath) and action.events else ():
+            if tuple(one.value.during) != WHOLE:
+                found = f"{list(one.value.during)} of a path with events, between which it is several motions"
+                self.compiler.report((*one.place, "during"), found, "no `during`: the whole path")
+
+    def _state(self) -> InHand:
+        tools, rides = self.tools, self.rides
+        return InHand(set(self._held), set(self._free), set(self._moved), tools.now, dict(tools.held), rides.state)
+
+    def _restore(self, state: InHand) -> None:
+        self._held, self._free, self._moved = set(state.held), set(state.free), set(state.moved)
+        self.tools.now, self.tools.held = state.tool, dict(state.links)
+        self.rides.state = state.ride
+        self.robot = self.tools.seen(self._mounted)
 
     def _with_frame(self, step: TaskStep) -> TaskStep:
         """Return a step that takes an object with its frame, where goals or constraints are about that."""
@@ -138,9 +174,15 @@ class TaskReader:
             "tour": self._tour,
             "tool": self._tool,
             "path": self._path,
+            "wait_until": self._wait,
         }
         kind = part.value.kind
         return readers[kind]((*part.place, kind), getattr(part.value, kind))
+
+    def _wait(self, place: Place, condition: str) -> Iterator[WaitUntil]:
+        found = self.rides.waited(place, condition)
+        if found is not None:
+            yield found
 
     def _tour(self, place: Place, spec: TourSpec) -> Iterator[TargetTour]:
         joints = self._joints(place, spec.group)
@@ -220,11 +262,12 @@ class TaskReader:
                 yield StraightLine(joints, end.frame, (end,), speed=speed, blend=blend)
             return
         frame = self._frame(place, spec)
-        by = np.array(spec.by, float)
+        by, axes = np.array(spec.by, float), self.rides.axes(place, spec.in_)
+        by = by if axes is None else axes @ by
         if not np.linalg.norm(by) > 0.0:
             self.compiler.report((*place, "by"), "no distance at all", "a vector of some length, m")
         elif frame is not None and joints is not None:
-            yield StraightLine(joints, frame, (), by, spec.in_ == "tool", speed, blend)
+            yield StraightLine(joints, frame, (), by, axes is None, speed, blend)
 
     def _approach(self, place: Place, spec: ApproachSpec) -> Iterator[Move | StraightLine]:
         joints = self._joints(place, spec.group)
@@ -256,8 +299,10 @@ class TaskReader:
     def _retreat(self, place: Place, spec: RetreatSpec) -> Iterator[StraightLine]:
         joints, frame = self._joints(place, spec.group), self._frame(place, spec)
         if joints is not None and frame is not None:
+            axes = self.rides.axes(place, spec.in_)
             by = spec.distance * _unit(spec.along)
-            yield StraightLine(joints, frame, (), by, spec.in_ == "tool", _speed(spec), spec.blend or 0.0)
+            by = by if axes is None else axes @ by
+            yield StraightLine(joints, frame, (), by, axes is None, _speed(spec), spec.blend or 0.0)
 
     def _frame(self, place: Place, spec: StraightLineSpec | RetreatSpec) -> str | None:
         if spec.frame is None or spec.frame in frame_names(self.robot):
@@ -301,9 +346,6 @@ class TaskReader:
         body = next(one for one in bodies if one.name == spec.object)
         if body.shape.endless:
             self.compiler.report((*place, "object"), f"'{body.name}', a half-space", "a shape that ends somewhere")
-            return
-        if isinstance(body, Obstacle) and body.motion is not None:
-            self.compiler.report((*place, "object"), f"'{body.name}', which moves", "an object that stands")
             return
         taken = Attach(spec.object, spec.link, frozenset(spec.touch), spec.mass, spec.centre, spec.inertia)
         if not self.compiler.weighable(place, held_body(body, taken, pin.SE3.Identity())):

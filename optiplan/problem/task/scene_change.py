@@ -9,17 +9,18 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
-from optiplan.problem.task.steps import Attach, ChangeTool, Event, TaskStep
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Event, TaskStep
 from optiplan.robot.mounting import FixedFrame
 from optiplan.robot.robot import Robot
 
 Body = TypeVar("Body", Obstacle, Attachment)
 
 
-def scene_after(scene: Scene, action: Event, robot: Robot, q: Array) -> Scene:
-    """Return the scene after an event at q (n,): X_LO = X_WL(q)^-1 X_WO, or X_WO = X_WL(q) X_LO.
+def scene_after(scene: Scene, action: Event, robot: Robot, q: Array, t: float = 0.0) -> Scene:
+    """Return the scene after an event at q (n,) and time t, s: X_LO = X_WL(q)^-1 X_WO, or X_WO = X_WL(q) X_LO.
 
-    A tool is on its link, or in its rack, as it states.
+    What moves is where it is at that time: X_WO = M(t) X with the pose X that it states. What is released onto it goes
+    on from there with the same motion. A tool is on its link, or in its rack, as it states.
 
     Raises:
         ValueError: the object is not there to be taken, or is not held.
@@ -32,7 +33,8 @@ def scene_after(scene: Scene, action: Event, robot: Robot, q: Array) -> Scene:
     if isinstance(action, Attach):
         body = _named(scene.obstacles, action.body)
         X_WL = data.oMf[robot.model.getFrameId(action.link, pin.FrameType.BODY)]
-        held = held_body(body, action, X_WL.actInv(body.X_WO))
+        X_WO = body.X_WO if body.motion is None else body.motion.pose(t) * body.X_WO
+        held = held_body(body, action, X_WL.actInv(X_WO))
         return replace(
             scene,
             obstacles=tuple(one for one in scene.obstacles if one.name != body.name),
@@ -40,9 +42,13 @@ def scene_after(scene: Scene, action: Event, robot: Robot, q: Array) -> Scene:
         )
     held = _named(scene.attached, action.body)
     X_WL = data.oMf[robot.model.getFrameId(held.link, pin.FrameType.BODY)]
+    X_WO, motion = X_WL * held.X_LO, None
+    if isinstance(action, Detach) and action.mover is not None:
+        motion = action.mover.motion
+        X_WO = motion.pose(t).actInv(X_WO)
     return replace(
         scene,
-        obstacles=(*scene.obstacles, Obstacle(held.name, held.shape, X_WL * held.X_LO)),
+        obstacles=(*scene.obstacles, Obstacle(held.name, held.shape, X_WO, None, motion)),
         attached=tuple(one for one in scene.attached if one.name != held.name),
     )
 

@@ -11,6 +11,7 @@ from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, PoseGoal, Via
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.seams.actions import Passing, SeamPart, SeamPath, Transit
+from optiplan.problem.task.rides import Mover, Ride, WaitUntil
 from optiplan.problem.tools.tool import MountedTool
 
 
@@ -72,9 +73,10 @@ class Attach:
 
 @dataclass(frozen=True)
 class Detach:
-    """What a link holds becomes an obstacle where it is."""
+    """What a link holds becomes an obstacle where it is, and moves along with `mover` from then on, if there is one."""
 
     body: str
+    mover: Mover | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +181,18 @@ class TargetTour:
 
 
 Action: TypeAlias = (
-    Move | StraightLine | Attach | Detach | ChangeTool | Dwell | TargetTour | SeamPath | Transit | SeamPart | Passing
+    Move
+    | StraightLine
+    | Attach
+    | Detach
+    | ChangeTool
+    | Dwell
+    | WaitUntil
+    | TargetTour
+    | SeamPath
+    | Transit
+    | SeamPart
+    | Passing
 )
 
 
@@ -190,13 +203,16 @@ class TaskStep:
     Attributes:
         number: in the problem file, from 1.
         kind: its key there: `move`, `line`, `approach`, `retreat`, `attach`, `detach`, `gripper`, `dwell`, `tour`,
-            `tool`, `path`; or `process`: what is done at the targets of a tour; `passing`: an event on a path.
+            `tool`, `path`, `wait_until`; or `process`: what is done at the targets of a tour; `passing`: an event on a
+            path.
         name: its own, or its kind and what it is about.
         action: what is done.
         allowed: pairs of names that may touch during the step, besides those of the scene.
         constraints: what holds during the step; their `during` is a part of it.
         arm: that does the step, beside what other arms do; empty: steps follow each other.
         waits: numbers of steps of other arms that are done before this one begins.
+        ride: what moves, with which the step is done; None: it is done in the world.
+        option: the choice that the step is part of, from 0, and which of its alternatives; None: of none.
     """
 
     number: int
@@ -207,6 +223,8 @@ class TaskStep:
     constraints: tuple[PathConstraint, ...] = ()
     arm: str = ""
     waits: tuple[int, ...] = ()
+    ride: Ride | None = None
+    option: tuple[int, int] | None = None
 
     @property
     def words(self) -> str:

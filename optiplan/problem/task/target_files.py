@@ -23,7 +23,7 @@ def targets_data(targets: Any, base: Path) -> list[dict[str, Any]]:
 def read_targets(file: Path) -> list[TargetSpec]:
     """Return the targets of a CSV file, one a row, whose first row names the columns (`TARGET_COLUMNS`).
 
-    Several names in `after` are separated by spaces or semicolons.
+    Several names in `after` are separated by semicolons: names may have spaces.
 
     Raises:
         InputError: it cannot be read, or its rows are no targets; with line and column.

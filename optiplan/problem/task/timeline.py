@@ -1,18 +1,20 @@
 """A task in time: what the scene is, and what is done, in each part of a motion."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, Problem, derived
+from optiplan.problem.seams.actions import SeamPart
 from optiplan.problem.task.arms import arms_mismatch, in_task_order, in_time_order, several_arms
 from optiplan.problem.task.scene_change import carrying, columns, scene_after, scene_during
-from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Event, Move, TaskStep
+from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Event, Move, StraightLine, TaskStep
 from optiplan.problem.task.tour_steps import in_order
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.segments import Segment
@@ -20,6 +22,10 @@ from optiplan.trajectory.trajectory import Trajectory
 
 MEETING = 1e-9
 """Time, s, by which rounding may part the end of a segment from the beginning of the next; see `_apart`."""
+
+
+_Stretch: TypeAlias = tuple[Scene, Scene, float, float, list[TaskStep]]
+"""The scene, the same with what may touch, begin and end, s, and what is done."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +146,7 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
         raise ValueError(words)
     if several_arms(problem.task):
         return _parts_of_arms(problem, trajectory)
-    found: list[tuple[Scene, Scene, float, float, list[TaskStep]]] = []
+    found: list[_Stretch] = []
     for step, scene, begin, end in steps_in_time(problem, trajectory):
         if end <= begin:
             continue
@@ -149,36 +155,52 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
             found[-1] = (base, during, first, end, [*steps, step])
         else:
             found.append((scene, scene_during(scene, step), begin, end, [step]))
-    ends = [] if problem.scene.safety is None else list(_step_ends(problem, trajectory))
-    return [
-        ScenePart(
-            part_problem(problem, during.later(begin).ending_at(*(q for t, q in ends if begin <= t <= end))),
-            begin,
-            end,
-            _words(steps),
-        )
-        for _, during, begin, end, steps in found
-    ]
+    return list(_parts_with_ends(problem, found, _step_ends(problem, trajectory)))
+
+
+def _parts_with_ends(
+    problem: Problem, found: Iterable[_Stretch], ends: Iterable[tuple[float, Array]]
+) -> Iterator[ScenePart]:
+    """Yield the parts, each with those of the times, s, and configurations (n,) at which steps end that lie in it."""
+    known = [] if problem.scene.safety is None else list(ends)
+    for _, during, begin, end, steps in found:
+        scene = during.later(begin).ending_at(*(q for t, q in known if begin <= t <= end))
+        yield ScenePart(part_problem(problem, scene), begin, end, _words(steps))
 
 
 def ending(problem: Problem, motion: Trajectory) -> Scene:
     """Return the scene of a problem without a task, about whose ends pairs may be nearer than its `Safety` asks.
 
-    They are the ends of the motion and vias of joint values, or those that the scene has already.
+    They are the ends of the motion and vias of joint values.
     """
-    safety = problem.scene.safety
-    if safety is None or safety.ends:
+    if problem.scene.safety is None:
         return problem.scene
     vias = [via.at.q for via in problem.vias if isinstance(via.at, JointGoal)]
     return problem.scene.ending_at(motion.start, motion.end, *vias)
 
 
 def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float, Array]]:
-    """Yield when each step begins and ends, s, and the configurations (n,) there; and its vias of joint values."""
-    for step, _, begin, end in steps_in_time(problem, trajectory):
-        yield from ((t, trajectory(t)) for t in (begin, end))
+    """Yield when the motion begins and a step ends, s, with the configuration (n,) there; and vias of joint values.
+
+    Only steps that say where they end have an end: a motion to a path or away from it ends anywhere, and at an event
+    on a path the tool is on its way. Of several arms, the configuration at an end is known where all others rest.
+    """
+    yield 0.0, trajectory.start
+    rows = list(steps_in_time(problem, trajectory))
+
+    def resting(t: float) -> bool:
+        return not any(since < t < until for _, _, since, until in rows)
+
+    for step, _, begin, end in rows:
         action = step.action
-        if not isinstance(action, Move):
+        if isinstance(action, SeamPart) and action.low == 0.0:
+            yield begin, trajectory(begin)
+        ends = isinstance(action, Move | StraightLine) or (
+            isinstance(action, SeamPart) and action.high == action.path.curve.length
+        )
+        if ends and resting(end):
+            yield end, trajectory(end)
+        if not isinstance(action, Move) or not resting(begin):
             continue
         for via in action.vias:
             if isinstance(via.at, JointGoal):
@@ -199,7 +221,7 @@ def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[Ta
     for step, (begin, end), _ in rows:
         yield step, scene, begin, end
         if isinstance(step.action, Event):
-            scene = scene_after(scene, step.action, problem.robot, trajectory(end))
+            scene = scene_after(scene, step.action, problem.robot, trajectory(end), end)
 
 
 def _parts_of_arms(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
@@ -207,10 +229,10 @@ def _parts_of_arms(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
     rows = list(steps_in_time(problem, trajectory))
     changes = [(0.0, problem.scene)]
     for step, scene, begin, _ in rows:
-        if isinstance(step.action, Attach | Detach):
-            changes.append((begin, scene_after(scene, step.action, problem.robot, trajectory(begin))))
+        if isinstance(step.action, Event):
+            changes.append((begin, scene_after(scene, step.action, problem.robot, trajectory(begin), begin)))
     times = sorted({0.0, trajectory.duration, *(t for _, _, begin, end in rows for t in (begin, end))})
-    found: list[tuple[Scene, Scene, float, float, list[TaskStep]]] = []
+    found: list[_Stretch] = []
     for begin, end in pairwise(times):
         base = next(scene for since, scene in reversed(changes) if since <= begin)
         steps = [step for step, _, since, until in rows if since < end and until > begin]
@@ -227,9 +249,7 @@ def _parts_of_arms(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
             )
         else:
             found.append((base, during, begin, end, steps))
-    return [
-        ScenePart(part_problem(problem, during), begin, end, _words(steps)) for _, during, begin, end, steps in found
-    ]
+    return list(_parts_with_ends(problem, found, _step_ends(problem, trajectory)))
 
 
 def part_problem(problem: Problem, scene: Scene) -> Problem:

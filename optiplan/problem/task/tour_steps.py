@@ -8,6 +8,7 @@ from optiplan.problem.goals_and_vias import JointGoal
 from optiplan.problem.problem import Problem, derived
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.seams.seam_steps import seam_steps
+from optiplan.problem.task.choices import taken_by, with_choices
 from optiplan.problem.task.scene_change import columns
 from optiplan.problem.task.steps import Dwell, Move, TargetTour, TaskStep
 from optiplan.trajectory.segments import TOUR, Segment
@@ -20,8 +21,10 @@ BACK = "back"
 def in_order(problem: Problem, trajectory: Trajectory) -> Problem:
     """Return the problem with tours and paths replaced by their steps, tours in the order in which the motion goes.
 
-    That is the order of the names of its segments; where these are not all targets once, that of the list.
+    That is the order of the names of its segments; where these are not all targets once, that of the list. Of
+    alternatives it has those that the motion does.
     """
+    problem = chosen(problem, trajectory)
     if not any(isinstance(step.action, TargetTour | SeamPath) for step in problem.task):
         return problem
     steps: list[TaskStep] = []
@@ -35,6 +38,14 @@ def in_order(problem: Problem, trajectory: Trajectory) -> Problem:
         else:
             steps.append(step)
     return derived(problem, task=tuple(steps))
+
+
+def chosen(problem: Problem, trajectory: Trajectory) -> Problem:
+    """Return the problem with those of alternatives that a motion does, see `choices.taken_by`; itself without any."""
+    if all(step.option is None for step in problem.task):
+        return problem
+    taken, _ = taken_by(problem.task, [one.step for one in trajectory.segments])
+    return derived(problem, task=with_choices(problem.task, taken))
 
 
 def columns_of(problem: Problem, tour: TargetTour) -> list[int]:

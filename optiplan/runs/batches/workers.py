@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import signal
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -87,11 +88,13 @@ def _crashed(request: EpisodeRequest, detail: str) -> Episode:
 
 def _pool(count: int) -> ProcessPoolExecutor:
     context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
-    return ProcessPoolExecutor(count, context, initializer=_one_thread, max_tasks_per_child=CHILD_LIFE)
+    return ProcessPoolExecutor(count, context, initializer=_begin, max_tasks_per_child=CHILD_LIFE)
 
 
-def _one_thread() -> None:
+def _begin() -> None:
+    """Begin a process of one thread, which its parent ends: Ctrl-C reaches all processes of a terminal."""
     os.environ["OMP_NUM_THREADS"] = "1"
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _end(pool: ProcessPoolExecutor) -> None:

@@ -1,7 +1,7 @@
 "use strict";
 // The live scene: a robot to be posed, ghosts of all branches, a goal and obstacles to be dragged. Metres, z up.
 const StudioScene = (() => {
-  const THREE = MeshCat.THREE, { makeGeometry, rgb, place } = OptiPlanShapes;
+  const THREE = MeshCat.THREE, { makeGeometry, rgb, place, placeInTime } = OptiPlanShapes;
   const GOOD = 0x2374c6, BAD = 0xd3261f, CHOSEN = 0x1f9d55, TOUCHING = 0xd3261f;
   const poseOf = (object) => [...object.position.toArray(), ...object.quaternion.toArray()];
 
@@ -234,7 +234,7 @@ const StudioScene = (() => {
       for (const mesh of this.objects || []) {
         const stay = mesh.userData.stays.findLast((one) => one.begin <= time) || mesh.userData.stays[0];
         this.robot.bodies[stay.body].add(mesh);
-        place(mesh, stay.pose);
+        placeInTime(mesh, stay.pose, stay.motion, time);
       }
       this.viewer.set_dirty();
     }

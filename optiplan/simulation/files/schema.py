@@ -5,9 +5,10 @@ These classes hold what the file says, after checks that need nothing but the fi
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from optiplan.config.document import Number, Strict, Whole
+from optiplan.config.messages import choices
 from optiplan.config.values import ExactlyOne, FileName, FileVersion, Name, NotNegative, Vector
 from optiplan.geometry.pose import PoseSpec
 
@@ -179,6 +180,18 @@ class VelocitySpec(Strict):
     gain: NotNegative = 10.0
 
 
+def _known_solver(name: str) -> str:
+    from optiplan.control.qp.solvers import solver_names
+
+    if name not in solver_names():
+        raise ValueError(f"found '{name}'; expected {choices(name, solver_names())}")
+    return name
+
+
+SolverName = Annotated[Name, AfterValidator(_known_solver)]
+"""A solver of quadratic programs that is installed."""
+
+
 class TaskSpaceSpec(Strict):
     """The task-space controller of `optiplan.control` (op.Controller).
 
@@ -192,7 +205,7 @@ class TaskSpaceSpec(Strict):
     """
 
     form: Literal["velocity", "acceleration"] = "velocity"
-    solver: Name = "native"
+    solver: SolverName = "native"
     feedback: Literal["commanded", "measured"] = "commanded"
     position_cost: NotNegative = 1.0
     orientation_cost: NotNegative = 1.0

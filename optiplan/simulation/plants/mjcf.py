@@ -66,9 +66,9 @@ def mjcf(
     assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
     collision = CollisionModel(robot, scene)
     nodes = _joints(robot, world, options)
-    for body in scene.dynamic_obstacles:  # the collision model has three joints for each, the last of which carries it
+    for body in scene.dynamic_obstacles:  # the collision model has joints for each, the last of which carries it
         carrier = ET.SubElement(world, "body", name=f"moving {body.name}", mocap="true")
-        nodes += [carrier] * 3
+        nodes += [carrier] * (0 if body.motion is None else body.motion.size)
     parts = _geoms(collision, nodes, assets, {} if objects is None else objects.add_bodies(world))
     contact = ET.SubElement(root, "contact")
     for pair in collision.pairs if objects is None else ():

@@ -92,7 +92,8 @@ class MujocoPlant(TorquePlant):
 
     def _move_obstacles(self) -> None:
         for k, motion in enumerate(self._motions):
-            self.data.mocap_pos[k] = motion.at(np.array([self.data.time]))[0]
+            x, y, z, *quaternion = pin.SE3ToXYZQUAT(motion.carrier(float(self.data.time)))
+            self.data.mocap_pos[k], self.data.mocap_quat[k] = (x, y, z), (quaternion[3], *quaternion[:3])
 
     def _note(self) -> None:
         for geoms in self._touching().tolist():

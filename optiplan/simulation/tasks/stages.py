@@ -46,7 +46,7 @@ def stages_of(problem: Problem, trajectory: Trajectory) -> list[TaskStage]:
         last = scene
         if not isinstance(step.action, Event):
             continue
-        last = scene_after(scene, step.action, problem.robot, trajectory(begin))
+        last = scene_after(scene, step.action, problem.robot, trajectory(begin), begin)
         k = int(np.searchsorted([stage.begin for stage in found], begin))
         if k == len(found):
             found.append(TaskStage(begin, part_problem(problem, last.later(begin))))

@@ -3,7 +3,8 @@
 On an interval of time, of width T, the place on the curve is taken to run evenly from s_a to s_b. The distance of the
 tool from it, a vector, is at most T² / 8 |p''| + (s_b - s_a)² / 8 |c''| off the chord between its ends; or as far from
 its middle as both can have travelled. Directions turn by no more than both turn from the middle on. The speed differs
-from that of the middle by at most T / 2 |p''|. An interval on which a bound does not hold is halved.
+from that of the middle by at most T / 2 |p''|. Steps of c, of c' and of directions between pieces of the curve are
+added, c' times a quarter of the way. An interval on which a bound does not hold is halved.
 """
 
 from collections.abc import Callable, Iterator
@@ -161,10 +162,11 @@ class SeamProof:
         bounds, way = state.bounds, state.s[2] - state.s[0]
         bend = self._most(self.curve.bends, state.s)
         chord = np.maximum(off[0], off[2]) + 0.125 * (state.spans.width**2 * bounds.curvature + way**2 * bend)
-        chord += 0.5 * way * self.curve.kink + bounds.step
+        gaps = self._steps(self.curve.gaps, state.s)
+        chord += 0.25 * way * self._steps(self.curve.kinks, state.s) + gaps + bounds.step
         for corner in self.curve.corners:
             chord[(state.s[0] < corner) & (corner < state.s[2])] = np.inf
-        about = off[1] + bounds.travel + 0.5 * way * self._most(self.curve.rates, state.s)
+        about = off[1] + bounds.travel + gaps + 0.5 * way * self._most(self.curve.rates, state.s)
         which, columns = off.argmax(axis=0), np.arange(off.shape[1])
         return _Deviation(off[which, columns], state.time[which, columns], np.minimum(chord, about))
 
@@ -177,7 +179,8 @@ class SeamProof:
             chord = np.linalg.norm(off.reshape(len(off), 9), axis=1) / np.sqrt(2.0)
         angle = 2.0 * np.arcsin(np.minimum(1.0, 0.5 * chord))
         way = 0.5 * (state.s[2] - state.s[0])
-        bound = angle + state.bounds.turn + way * self._most(self.curve.turns, state.s)
+        turned = way * self._most(self.curve.turns, state.s) + self._steps(self.curve.flips, state.s)
+        bound = angle + state.bounds.turn + turned
         return _Deviation(angle, state.time[1], bound)
 
     def _off_speed(self, state: _State) -> _Deviation:
@@ -191,6 +194,12 @@ class SeamProof:
         change = 0.5 * state.spans.width * state.bounds.curvature
         met = np.where(free, over, np.abs(over))
         return _Deviation(met, state.time[1], np.where(slow, over, np.abs(over)) + change)
+
+    def _steps(self, steps: Array, s: Array) -> Array:
+        """Return the sum (K,) of the steps between pieces that each interval from s[0] to s[2] passes."""
+        first, last = self.curve.piece(s[[0, 2]])
+        total = np.concatenate([[0.0], np.cumsum(steps)])
+        return np.asarray(total[last] - total[first])
 
     def _most(self, values: Array, s: Array) -> Array:
         """Return the largest of values (K,) of pieces that each interval from s[0] to s[2] touches."""

@@ -1,63 +1,47 @@
 """Checks of a task: every step, and every part of the motion with the scene and the load that it has there."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
-from itertools import zip_longest
-from operator import itemgetter
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import asdict, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
+from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.constraints.motions import PairClearance, ToolSpeed
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
 from optiplan.problem.seams.actions import SeamPart, Transit
-from optiplan.problem.task.arms import joints_of_arms, steps_of_arms
-from optiplan.problem.task.scene_change import columns, scene_during
+from optiplan.problem.task.arms import joints_of_arms
+from optiplan.problem.task.rides import WaitUntil
+from optiplan.problem.task.scene_change import columns
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Event, Move, StraightLine, TaskStep
-from optiplan.problem.task.timeline import ScenePart, mismatch, part_problem, scene_parts, steps_in_time
+from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts, steps_in_time
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.joining import cut_trajectory, standstill
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import collision
 from optiplan.verify.constraint_check import path_constraints
 from optiplan.verify.continuous.torque import torque
 from optiplan.verify.report import Check, VerifyPolicy
+from optiplan.verify.seams.seam_check import seam_checks
 from optiplan.verify.statements import constraint, covering, masses, step_place
-
-if TYPE_CHECKING:
-    from optiplan.verify.tasks.line_ways import LineSpeed, LineWay
+from optiplan.verify.tasks.arms_check import arms_check
+from optiplan.verify.tasks.line_ways import LineSpeed, line_constraints, line_speed
+from optiplan.verify.tasks.ride_check import ride_checks, wait_failures
+from optiplan.verify.tasks.task_parts import StepPart, standing_at, step_parts
+from optiplan.verify.via_check import vias
 
 End = TypeVar("End", bound=GoalEnd)
 
+_BY_SCENE = PairClearance, TipOver
+"""Constraints whose meaning depends on what there is, and on what is held with which mass, at each time."""
+
 WITHIN_REACH = 0.02
 """m: what is taken from farther off is named beside the verdict; open fingers are a centimetre from what they take."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """A step in time: its own problem, the motion while it is done, when it begins, s, and of a line its way."""
-
-    step: TaskStep
-    problem: Problem
-    motion: Trajectory | None
-    begin: float
-    q: Array
-    way: "LineWay | None" = None
-
-    def lasting(self) -> Trajectory:
-        """The motion, or standing still for a second where the step takes no time."""
-        return standing_at(self.problem, self.q) if self.motion is None else self.motion
-
-
-def standing_at(problem: Problem, q: Array) -> Trajectory:
-    """Return a second at a configuration (n,)."""
-    return standstill(problem.robot.joint_names, q, 1.0)
 
 
 def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
@@ -65,10 +49,8 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
     steps = _segments(problem, trajectory)
     if not steps.passed:
         return [steps]
-    parts = list(_parts(problem, trajectory))
+    parts = list(step_parts(problem, trajectory))
     scenes = scene_parts(problem, trajectory)
-    from optiplan.verify.tasks.arms_check import arms_check
-
     return [
         steps,
         limit_checks.start_position(problem, trajectory, policy),
@@ -77,6 +59,7 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
         *_worst_of(_lines(parts, policy), "line"),
         *_line_speeds(parts, policy),
         *_seams(parts, policy),
+        *_worst_of(ride_checks(parts, policy), "ride"),
         _standing(problem, trajectory, parts, policy),
         *arms_check(problem, trajectory, policy),
         *_constraints(problem, trajectory, parts, scenes, policy),
@@ -97,7 +80,9 @@ def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
         return ()
     said, weights, afar = [], [], []
     for step, scene, begin, _ in steps_in_time(problem, trajectory):
-        if isinstance(step.action, Attach) and (gap := _gap(problem.robot, scene, step.action, trajectory(begin))):
+        if isinstance(step.action, Attach) and (
+            gap := _gap(problem.robot, scene.later(begin), step.action, trajectory(begin))
+        ):
             afar.append(f"{step.action.body} by {step.action.link}, {gap:.2g} m away")
         if isinstance(step.action, Attach | Detach):
             done = "held" if isinstance(step.action, Attach) else "an obstacle"
@@ -117,7 +102,7 @@ def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
             for link in s.action.touch
         }
     )
-    slow = [f"{step.words}: {speed}" for step, speed in _speeds_held(_parts(problem, trajectory)) if speed.why]
+    slow = [f"{step.words}: {speed}" for step, speed in _speeds_held(step_parts(problem, trajectory)) if speed.why]
     return (
         *([f"lines slower than asked: {'; '.join(slow)}"] if slow else []),
         *([f"what is held: {'; '.join(said)}"] if said else []),
@@ -148,28 +133,8 @@ def _segments(problem: Problem, trajectory: Trajectory) -> Check:
     return Check("steps", "exact", not words, detail=detail)
 
 
-def _parts(problem: Problem, trajectory: Trajectory) -> Iterator[_Part]:
-    """Return each step with its own part of the motion, None for an event or an empty part."""
-    rows = list(steps_in_time(problem, trajectory))
-    found: list[tuple[int, _Part]] = []
-    places_of = {id(step): k for k, step in enumerate(problem.task)}
-    from optiplan.verify.tasks.line_ways import frame_at, line_way
-
-    for places in steps_of_arms([row[0] for row in rows]).values():
-        way: LineWay | None = None
-        for k, after in zip_longest(places, places[1:]):
-            step, scene, begin, end = rows[k]
-            own = part_problem(problem, scene_during(scene.later(begin), step))
-            motion = cut_trajectory(trajectory, begin, end) if end > begin else None
-            following = None if after is None else rows[after][0].action
-            way = line_way(step.action, following, frame_at(own.robot, step.action, trajectory(begin)), way)
-            place = places_of[id(step)] if step.arm else k
-            found.append((place, _Part(step, own, motion, begin, trajectory(end), way)))
-    yield from (part for _, part in sorted(found, key=itemgetter(0)))
-
-
-def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
-    for k, part in enumerate(parts):
+def _ends(parts: Sequence[StepPart]) -> Iterator[Check]:
+    for k, part in enumerate(one.seen for one in parts):
         action = part.step.action
         if isinstance(action, Move):
             ends = [_of_all(part.problem, action.joints, end, part.q) for end in _placed_goal(part, action)]
@@ -182,7 +147,7 @@ def _ends(parts: Sequence[_Part]) -> Iterator[Check]:
         yield covering(replace(_of_part(check, part), time=part.begin + length), f"{step_place(k)}.end")
 
 
-def _placed_goal(part: _Part, action: Move) -> Iterator[GoalEnd]:
+def _placed_goal(part: StepPart, action: Move) -> Iterator[GoalEnd]:
     """Yield the ends of a move; regions in the frame of a link become regions in the world, where it is at the end."""
     for end in action.goal:
         if action.carried_by and isinstance(end, RegionGoal):
@@ -200,9 +165,7 @@ def _of_all(problem: Problem, joints: Iterable[str], end: End, q: Array) -> End 
     return JointGoal(whole, end.tolerance)
 
 
-def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
-    from optiplan.verify.via_check import vias
-
+def _passed(parts: Sequence[StepPart]) -> Iterator[Check]:
     for k, part in enumerate(parts):
         action = part.step.action
         if not isinstance(action, Move) or not action.vias:
@@ -217,11 +180,9 @@ def _passed(parts: Sequence[_Part]) -> Iterator[Check]:
         yield covering(_of_part(check, part), *passed)
 
 
-def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
+def _lines(parts: Sequence[StepPart], policy: VerifyPolicy) -> Iterator[Check]:
     """Check that the frames of lines move straight and turn about one axis, or not at all, but for rounded corners."""
-    from optiplan.verify.tasks.line_ways import line_constraints
-
-    for k, part in enumerate(parts):
+    for k, part in enumerate(one.seen for one in parts):
         if part.way is None:
             continue
         lasting = part.lasting()
@@ -232,9 +193,9 @@ def _lines(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
             yield covering(known, f"{step_place(k)}.line")
 
 
-def _speeds(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
+def _speeds(parts: Sequence[StepPart], policy: VerifyPolicy) -> Iterator[Check]:
     """Check that the origins of frames on lines are no faster than their steps say."""
-    for k, part in enumerate(parts):
+    for k, part in enumerate(one.seen for one in parts):
         action = part.step.action
         if not isinstance(action, StraightLine) or action.speed == np.inf:
             continue
@@ -244,7 +205,7 @@ def _speeds(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
             yield covering(known, f"{step_place(k)}.speed")
 
 
-def _line_speeds(parts: Sequence[_Part], policy: VerifyPolicy) -> list[Check]:
+def _line_speeds(parts: Sequence[StepPart], policy: VerifyPolicy) -> list[Check]:
     """Return the check of speeds on lines; the detail says what the slowest holds of its speed, the witness all."""
     found = list(_speeds_held(parts))
     if not found:
@@ -257,20 +218,16 @@ def _line_speeds(parts: Sequence[_Part], policy: VerifyPolicy) -> list[Check]:
     ]
 
 
-def _speeds_held(parts: Iterable[_Part]) -> "Iterator[tuple[TaskStep, LineSpeed]]":
+def _speeds_held(parts: Iterable[StepPart]) -> Iterator[tuple[TaskStep, LineSpeed]]:
     """Yield lines that state a speed, with what is held of it."""
-    from optiplan.verify.tasks.line_ways import line_speed
-
-    for part in parts:
+    for part in (one.seen for one in parts):
         action = part.step.action
         if part.motion is not None and isinstance(action, StraightLine) and np.isfinite(action.speed):
             yield part.step, line_speed(part.problem, part.motion, action)
 
 
-def _seams(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
+def _seams(parts: Sequence[StepPart], policy: VerifyPolicy) -> Iterator[Check]:
     """Check the parts of paths of the tool and the events on them, the worst of each kind."""
-    from optiplan.verify.seams.seam_check import seam_checks
-
     found = [
         _of_part(check, part)
         for k, part in enumerate(parts)
@@ -280,15 +237,16 @@ def _seams(parts: Sequence[_Part], policy: VerifyPolicy) -> Iterator[Check]:
         yield from _worst_of((check for check in found if check.name == name), name)
 
 
-def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], policy: VerifyPolicy) -> Check:
+def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[StepPart], policy: VerifyPolicy) -> Check:
     """Check that joints which a step does not move stand still, all of them at events and where a move rests.
 
-    A dwell has to last.
+    A dwell has to last, and a wait until its condition holds. Joints that go with what moves are checked by `ride`.
 
     Standing still is moving by no more than `jump_tolerance` over the whole step, from the exact extrema.
     """
-    worst, where, when, failed, unit = 0.0, "", 0.0, "", joint_units("position", problem.robot.revolute)
+    worst, where, when, unit = 0.0, "", 0.0, joint_units("position", problem.robot.revolute)
     covers: list[str] = []
+    failed = next(wait_failures(parts), "")
     of_arms = joints_of_arms(problem.task, problem.robot.joint_names)
     for k, part in enumerate(parts):
         step, action = part.step, part.step.action
@@ -296,6 +254,8 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
         covers += [f"{step_place(k)}.standstill"]
         covers += [f"{step_place(k)}.event"] if isinstance(action, Event) and part.motion is None else []
         covers += [f"{step_place(k)}.dwell"] if isinstance(action, Dwell) else []
+        covers += [f"{step_place(k)}.wait_until"] if isinstance(action, WaitUntil) else []
+        riding = () if step.ride is None else step.ride.joints
         if isinstance(action, Move) and action.rests:
             covers += [f"{step_place(k)}.rest"]
             end = part.begin + (0.0 if part.motion is None else part.motion.duration)
@@ -305,13 +265,14 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
         if part.motion is None:
             if isinstance(action, Event):
                 speed = np.abs(trajectory(np.array([part.begin]), 1)[0]) / problem.limits.velocity
-                if speed[arm].max(initial=0.0) > policy.rest_tolerance:
+                resting = [k for k in arm if problem.robot.joint_names[k] not in riding]
+                if speed[resting].max(initial=0.0) > policy.rest_tolerance:
                     failed = failed or f"the robot moves at the event of {step.words}"
             elif isinstance(action, Dwell):
                 failed = failed or f"{step.words} does not last"
             continue
         moving = action.joints if isinstance(action, Move | StraightLine | Transit | SeamPart) else ()
-        own = [k for k in arm if problem.robot.joint_names[k] not in moving]
+        own = [k for k in arm if problem.robot.joint_names[k] not in {*moving, *riding}]
         low, high = part.motion.extrema(0)
         moved = float((high - low)[own].max(initial=0.0))
         if moved > worst:
@@ -326,12 +287,16 @@ def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], 
 
 
 def _constraints(
-    problem: Problem, trajectory: Trajectory, parts: Sequence[_Part], scenes: Sequence[ScenePart], policy: VerifyPolicy
+    problem: Problem,
+    trajectory: Trajectory,
+    parts: Sequence[StepPart],
+    scenes: Sequence[ScenePart],
+    policy: VerifyPolicy,
 ) -> Iterator[Check]:
     """Check path constraints of the whole, and those of steps."""
     T = trajectory.duration
     for k, one in enumerate(problem.path_constraints):
-        if not isinstance(one, PairClearance):
+        if not isinstance(one, _BY_SCENE):
             for check in path_constraints(derived(problem, path_constraints=(one,)), trajectory, policy):
                 yield replace(check, covers=(constraint(k),))
             continue
@@ -403,7 +368,7 @@ def _collision(checks: Iterable[Check]) -> Check:
     return replace(worst, passed=passed, detail=detail, witness=witness, covers=covers)
 
 
-def _of_part(check: Check, part: _Part) -> Check:
+def _of_part(check: Check, part: StepPart) -> Check:
     """Return a check of a step in the time of the whole, which says of which step it is."""
     words = f"{part.step.words}: {check.detail}" if check.detail else part.step.words
     return _later(replace(check, detail=words), part.begin)

@@ -8,6 +8,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.scene_change import scene_after
 from optiplan.problem.task.steps import PARKED, ChangeTool, TaskStep
 from optiplan.problem.task.timeline import mismatch, part_problem, steps_in_time
 from optiplan.problem.tools.tool import MountedTool, apart
@@ -42,9 +43,8 @@ def tool_checks(problem: Problem, trajectory: Trajectory) -> list[Check]:
         wrong += [(begin, words) for words in _wrong_change(step, step.action, mounted)]
         places += [(*off, begin, step.words) for off in _off_racks(problem.robot, step.action, trajectory(begin))]
         mounted = step.action.takes
-        if k == len(problem.task) - 1:
-            after = _scene_at_end(scene, step.action)
-            wrong += [(begin, words) for words in _not_as_stated(problem, after, mounted)]
+        after = scene_after(scene, step.action, problem.robot, trajectory(begin))
+        wrong += [(begin, words) for words in _not_as_stated(problem, after, mounted)]
     return [_summed(places, wrong, tuple(covers), len(problem.tools))]
 
 
@@ -73,11 +73,6 @@ def _scenes(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[TaskStep
         return
     for step, scene, begin, _ in steps_in_time(problem, trajectory):
         yield step, scene, begin
-
-
-def _scene_at_end(scene: Scene, action: ChangeTool) -> Scene:
-    left = scene if action.leaves is None else action.leaves.off(scene)
-    return left if action.takes is None else action.takes.on(left)
 
 
 def _mounted(tools: Iterable[MountedTool]) -> MountedTool | None:

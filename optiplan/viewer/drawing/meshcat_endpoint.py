@@ -15,6 +15,7 @@ from typing import Any
 import umsgpack
 import zmq
 
+from optiplan.arrays import is_finite
 from optiplan.errors import OptiPlanError
 from optiplan.viewer.drawing.drawing import Drawing, DrawingError
 
@@ -169,7 +170,13 @@ def _checked(command: str, frames: list[bytes]) -> tuple[str, bytes]:
     said: Any = message if isinstance(message, dict) else {}
     if (said.get("type"), str(said.get("path", "")).strip("/")) != (command, path.strip("/")):
         raise DrawingError(f"found a message of another command or path than '{command[:40]}' of '{path[:80]}'")
+    if command == "set_transform" and not _is_matrix(said.get("matrix")):
+        raise DrawingError(f"found a transform of '{path[:80]}' that is none; expected 16 finite numbers")
     return path, frames[2]
+
+
+def _is_matrix(values: Any) -> bool:
+    return isinstance(values, list | tuple) and len(values) == 16 and all(map(is_finite, values))
 
 
 def _words(error: Exception) -> str:

@@ -3,6 +3,7 @@
 import base64
 import binascii
 from collections.abc import Callable
+from contextlib import ExitStack
 from urllib.parse import parse_qs, urlsplit
 
 from optiplan.viewer.drawing.drawing import Drawing
@@ -38,14 +39,15 @@ class DrawnPageServer(PageServer):
         port: int = FIRST_PORT,
     ) -> None:
         self.drawing = Drawing()
-        self._scene = scene
+        self._scene, self._open = scene, ExitStack()
         super().__init__(render_page(scene, drawn=Drawn(address=ADDRESS)), host, port)
-        try:
+        with ExitStack() as made:  # of what is open where the rest cannot be
+            made.callback(super().server_close)
+            made.callback(self.drawing.close)
             self.meshcat = MeshcatEndpoint(self.drawing, meshcat_port, self.url, self.kept, on_trouble)
-        except BaseException:
-            super().server_close()
-            raise
-        self.meshcat.start()
+            made.callback(self.meshcat.close)
+            self.meshcat.start()
+            self._open = made.pop_all()
 
     @property
     def handler(self) -> type[PageHandler]:
@@ -58,8 +60,7 @@ class DrawnPageServer(PageServer):
 
     def server_close(self) -> None:
         """Let go of scripts and pages."""
-        self.meshcat.close()
-        self.drawing.close()
+        self._open.close()
         super().server_close()
 
 

@@ -12,6 +12,7 @@ import trimesh
 
 from optiplan.arrays import Array
 from optiplan.errors import OptiPlanError
+from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.problem.problem import Problem
 from optiplan.viewer.runs import Poses, ViewedRun
 from optiplan.viewer.scene import build_scene
@@ -127,12 +128,8 @@ def _obstacle_poses(part: Mapping[str, Any], t: Array) -> Array:
     motion = part.get("motion")
     if not motion:
         return pose[None]
-    until = motion.get("until")
-    time = t if until is None else np.minimum(t, until)
-    rows = np.tile(pose, (len(t), 1))
-    for axis, polynomial in enumerate(motion["polynomial"]):
-        rows[:, axis] += np.polynomial.polynomial.polyval(time, np.asarray(polynomial, float))
-    return rows
+    moved, X = ObstacleMotion.of_data(**motion), pin.XYZQUATToSE3(pose)
+    return np.array([pin.SE3ToXYZQUAT(moved.pose(time) * X) for time in t.tolist()])
 
 
 def _object_poses(one: Mapping[str, Any], joints: Array, t: Array) -> Array:
@@ -142,6 +139,7 @@ def _object_poses(one: Mapping[str, Any], joints: Array, t: Array) -> Array:
         stay = next((stay for stay in reversed(one["stays"]) if stay["begin"] <= time), one["stays"][0])
         X_BO = pin.XYZQUATToSE3(np.asarray(stay["pose"], float))
         X_WB = pin.XYZQUATToSE3(joints[k, stay["body"] - 1]) if stay["body"] else pin.SE3.Identity()
+        X_WB = ObstacleMotion.of_data(**stay["motion"]).pose(float(time)) if "motion" in stay else X_WB
         rows[k] = np.nan if stay.get("absent") else pin.SE3ToXYZQUAT(X_WB * X_BO)
     return rows
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pty
 import signal
 import subprocess
 import sys
@@ -41,7 +42,7 @@ UNASKED = (
 def start(*arguments, **options):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([*PROGRAM, *map(str, arguments)], env=environment, **pipes, **options)
+    return subprocess.Popen([*PROGRAM, *map(str, arguments)], env=environment, **(pipes | options))
 
 
 @pytest.mark.parametrize("planner", ["rrtconnect", "trajopt"])
@@ -56,6 +57,23 @@ def test_ctrl_c_ends_at_once_and_leaves_nothing(shut_in, tmp_path, planner):
     assert process.returncode == -signal.SIGINT  # a shell makes 130 of it
     assert (out, err) == ("", "")
     assert [path.name for path in tmp_path.iterdir()] == ["shut-in.yaml"]
+
+
+def test_ctrl_c_keeps_a_motion_that_is_there(tmp_path):
+    screen, stderr = pty.openpty()  # the line of a terminal tells of the first motion
+    process = start("plan", "47_floor_pan_spots", "--budget", 60, "--out", tmp_path / "run", "--json", stderr=stderr)
+    os.close(stderr)
+    told = ""
+    while "best" not in told:
+        told += os.read(screen, 1000).decode()
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130, told
+    data = json.loads(out)
+    assert data["exit_code"] == 130
+    assert data["verified"]
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["verified"]
+    assert (tmp_path / "run" / "trajectory.json").is_file()
 
 
 def test_no_plan_within_the_budget_is_exit_code_3(shut_in):

@@ -1,10 +1,12 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from optiplan.planners.registry import PLANNERS
+from optiplan.runs import pipeline
 from optiplan.trajectory.trajectory import Trajectory
 
 TOUCHING = """\
@@ -145,6 +147,14 @@ def test_the_report_is_short_and_within_80_columns(optiplan, free, monkeypatch):
     assert "checks passed (all of them: --full)" in short
     for name in ("velocity", "acceleration", "jerk", "torque", "continuity"):
         assert sum(line.startswith(f"{name} ") for line in full.splitlines()) == 1
+
+
+def test_a_motion_that_is_not_optimised_says_so(optiplan, free, monkeypatch):
+    run = pipeline.run
+    info = {"fallback": "sampled path"}
+    monkeypatch.setattr(pipeline, "run", lambda *given: replace(run(*given), info=info))
+    out = optiplan("plan", free)[1]
+    assert "note: no optimised motion was found; this is the sampled path, timed" in out
 
 
 def test_the_bound_says_what_it_is_about(optiplan, optiplan_json, free):

@@ -79,6 +79,19 @@ def test_a_clearance_of_the_problem_is_kept_from_what_is_not_where_it_was_proved
     assert executor.status.reason == ""
 
 
+def test_a_clearance_of_the_problem_takes_nothing_of_a_larger_one_of_the_execution(run):
+    """A ball stands as near as was proved with 2 mm, and so too near for an execution that keeps farther off."""
+    tool = run.problem.robot.fk(run.trajectory(0.7 * run.duration)).matrix[:3, 3]
+    place = tuple(tool + np.array([0.0, 0.0, 0.3]))
+    ball = op.Sphere("near", 0.06, position=place)
+    for clearance in (0.0, 0.002):
+        asked = op.plan(run.problem.with_scene([ball]).with_parts(clearance=clearance), budget=3.0)
+        for kept, words in ((0.001, False), (0.4, True)):
+            executor = op.Executor(asked, clearance=kept)
+            executor.update_scene({"near": op.Pose(place)})
+            assert ("'near'" in executor.status.reason) is words, (clearance, kept)
+
+
 def test_the_robot_waits_until_the_path_is_clear(run):
     executor = op.Executor(run, clearance=0.01)
     ahead = run.problem.robot.fk(run.trajectory(0.7 * run.duration)).matrix[:3, 3]

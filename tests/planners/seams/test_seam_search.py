@@ -1,9 +1,12 @@
 """Paths of the tool: planned and proved with a free turn, a cone, a fixed turn and stops, or refused."""
 
+import re
+
 import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.planners.seams.posture_ladder import rounded_down
 
 DOWN = [0, 0, -1]
 LINE = [[0.5, -0.1, 0.3], [0.5, 0.0, 0.32], [0.5, 0.1, 0.3]]
@@ -99,3 +102,15 @@ def test_a_path_through_an_obstacle_names_it():
     assert run.trajectory is None
     assert run.failure.kind == "collision"
     assert "box" in run.failure.detail
+
+
+@pytest.mark.parametrize(("value", "down"), [(1.7699, 1.7), (0.0899, 0.089), (12.0, 12.0), (0.996, 0.99)])
+def test_a_speed_that_is_suggested_is_not_above_the_possible_one(value, down):
+    assert rounded_down(value) == pytest.approx(down, abs=0.011 * value)
+    assert rounded_down(value) <= value
+
+
+def test_a_speed_that_is_suggested_works():
+    run = planned(speed=1.0)
+    said = re.search(r"; ([\d.]+) m/s is possible there", run.failure.detail)
+    assert planned(speed=float(said[1])).verified

@@ -132,3 +132,13 @@ def test_arms_without_a_closed_form_descend():
     task = [{"tour": {"targets": targets, "carried_by": PLATE}}]
     found = op.plan(problem_from_dict({"version": 1, "robots": robots, "start": start, "task": task}), budget=4.0)
     assert found.verified, (found.failure, found.report)
+
+
+def test_a_clearance_goes_with_a_carrier(data):
+    """The arm alone has fewer joints than the robot about whose ends pairs may be nearer."""
+    asked = problem_from_dict({**data, "clearance": {"scene": 0.002}})
+    found = op.plan(asked, budget=5.0)
+    assert found.verified, (found.failure, found.report)
+    ended = derived(asked, scene=asked.scene.ending_at(asked.start, asked.start))
+    alone = Carrier(ended, PLATE).problem
+    assert all(q.shape == (alone.robot.n,) for q in alone.scene.safety.ends)

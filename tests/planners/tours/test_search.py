@@ -4,6 +4,7 @@ import json
 import threading
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ import pytest
 import optiplan as op
 from optiplan.planners.base import Budget
 from optiplan.planners.tours import search
+from optiplan.planners.tours.legs import TourLegs
 from optiplan.problem.problem import derived
 from optiplan.robot.frames import frame_pose
+from optiplan.runs.pipeline import chosen
 from optiplan.runs.pipeline import run as plan_with
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
@@ -163,3 +166,13 @@ def test_an_interrupted_search_keeps_its_best(problem, monkeypatch):
     found = plan_with(own, "trajopt", {}, Budget(30.0, cancel), progress)
     assert found.verified
     assert len(progress.found_motions) == 1
+
+
+def test_a_leg_without_time_left_is_told_as_that(problem):
+    """A planner without time says that there is nothing within 0 s, or what its best attempt touches: no reason."""
+    arm = derived(problem, task=())
+    planner, _ = chosen(arm, None, {})
+    legs = TourLegs(arm, SimpleNamespace(free=lambda a, b: False), planner, lambda stage, fraction: None)
+    failure = legs.motion((0, 1), arm.start, arm.start + 0.5, Budget(0.0))
+    assert failure.kind == "budget"
+    assert failure.detail.startswith("the budget of 0 s ended while planning this motion")

@@ -70,3 +70,22 @@ def test_what_cannot_be_asked_is_told_with_its_line(tmp_path, clearance, words):
     with pytest.raises(op.InputError) as error:
         loaded(tmp_path, clearance + "\n")
     assert words in str(error.value)
+
+
+TOOL = """\
+tools:
+  pen:
+    link: panda_hand
+    tcp: {position: [0, 0, 0.2]}
+    shapes:
+      - {shape: {sphere: 0.01}, pose: {position: [0, 0, 0.1]}}
+      - {name: cap, shape: {sphere: 0.01}, pose: {position: [0, 0, 0.2]}}
+clearance: {pairs: [{of: pen, from: [table, cap], at_least: 0.01}]}
+"""
+
+
+def test_bodies_of_tools_have_names_of_a_clearance(tmp_path):
+    assert loaded(tmp_path, TOOL).scene.safety.asked("pen", "table", obstacle=True) == 0.01
+    words = r"'pne', which no body is called; expected one of: cap, .*did you mean 'pen'"
+    with pytest.raises(op.InputError, match=words):
+        loaded(tmp_path, TOOL.replace("of: pen", "of: pne"))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from optiplan.problem.seams.building import SeamShape
+from optiplan.problem.seams.curve import SeamCurve
 
 SQUARE = np.array([[0.0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0], [0.0, 0.2, 0.1]])
 DOWN = np.array([0.0, 0, -1])
@@ -61,7 +62,7 @@ def test_straight_parts_and_their_corners():
     assert curve.length == pytest.approx(way.sum())
     assert curve.corners == pytest.approx([0.3, 0.5])
     assert np.allclose(curve.points(np.array([0.0, 0.3, 0.5, curve.length])), SQUARE)
-    assert curve.kink < 1e-12
+    assert curve.kinks.max(initial=0.0) < 1e-12
 
 
 def test_a_rounded_corner_stays_near_it():
@@ -75,7 +76,7 @@ def test_a_rounded_corner_stays_near_it():
     straight = np.minimum(np.linalg.norm(p - SQUARE[1], axis=1), np.linalg.norm(p - SQUARE[2], axis=1)) > 0.02
     first = straight & (s < 0.25)
     assert np.abs(p[first][:, 1:]).max() < 1e-12
-    assert curve.kink < 1e-9
+    assert curve.kinks.max(initial=0.0) < 1e-9
 
 
 def test_an_arc_is_round():
@@ -114,3 +115,26 @@ def test_a_woven_path_swings_by_its_amplitude():
     assert np.abs(p[:, 1]).max() == pytest.approx(0.004, rel=0.01)
     assert int((np.diff(np.sign(p[:, 1])) != 0).sum()) >= 19
     assert curve.length > 0.3
+
+
+@pytest.mark.parametrize("turned", ["axis", "heading"])
+def test_a_direction_that_may_vanish_has_no_bound(turned):
+    """From -1 to 1 through nearly nothing: it turns by half a turn within a nanometre."""
+    through = np.zeros((1, 4, 3))
+    through[0, :2] = [[-1.0, 0.0, 1e-9], [2.0, 0.0, 0.0]]
+    still = np.zeros((1, 4, 3))
+    still[0, 0] = 0.0, 1.0, 0.0
+    line = np.zeros((1, 6, 3))
+    line[0, 1] = 1.0, 0.0, 0.0
+    axes = {"axis": through, "heading": None} if turned == "axis" else {"axis": still, "heading": through}
+    assert np.isinf(SeamCurve(np.array([0.0, 1.0]), line, **axes).turns).all()
+
+
+def test_a_bound_of_a_long_piece_is_found_by_dividing_it():
+    """Turning by 127 degrees in one piece: about its middle alone nothing could be told."""
+    axis = np.zeros((1, 4, 3))
+    axis[0, :2] = [[-1.0, 0.0, 0.5], [2.0, 0.0, 0.0]]
+    line = np.zeros((1, 6, 3))
+    line[0, 1] = 1.0, 0.0, 0.0
+    (bound,) = SeamCurve(np.array([0.0, 1.0]), line, axis, None).turns
+    assert 4.0 <= bound < 10.0

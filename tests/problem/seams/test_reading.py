@@ -128,3 +128,37 @@ def test_arcs_need_a_point_before_them():
         path(points)
     with pytest.raises(InputError, match="points of no curve"):
         path([points[1], {"position": [0.4, -0.1, 0.3], "through": [0.4, 0.3, 0.3]}])
+
+
+def test_a_constraint_on_a_part_of_a_path_with_events_is_refused(tmp_path):
+    """Between the events the path is several motions, and nobody could tell whose part is meant."""
+    keep = "    path_constraints:\n      - tool_speed: {linear: 0.2, during: [0.2, 0.8]}\n"
+    body = POINTS + "      axis: [0, 0, -1]\n      speed: 0.1\n"
+    assert read(tmp_path, body + keep).task[0].constraints[0].during == (0.2, 0.8)
+    event = "      at: {path: 0.12, do: glue_on}\n"
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, body + event + keep)
+    (issue,) = caught.value.issues
+    assert (issue.line, issue.field) == (14, "task[0].path_constraints[0].tool_speed.during")
+    assert "[0.2, 0.8] of a path with events" in issue.found
+    assert "the whole path" in issue.expected
+    assert read(tmp_path, body + event + keep.replace(", during: [0.2, 0.8]", "")).task[0].constraints
+
+
+def test_an_event_at_an_end_or_a_corner_but_for_rounding_is_there(tmp_path):
+    corner = [[0.4, -0.1, 0.3], [0.4, 0.1, 0.3], [0.5, 0.1, 0.3]]
+    places = [4e-7, 0.2 - 8e-7, 0.25, 0.3 + 5e-7]
+    said = path(corner, ramp=0.02, at=[{"path": at, "do": f"e{k}"} for k, at in enumerate(places)])
+    action = said.task[0].action
+    assert [event.at for event in action.events] == [0.0, action.curve.corners[0], 0.25, action.curve.length]
+    assert min(high - low for low, high in action.parts() if high > low) > 0.04
+    with pytest.raises(InputError, match="beyond the end"):
+        path(corner, ramp=0.02, at=[{"path": 0.30001, "do": "late"}])
+
+
+def test_a_swing_wider_than_long_is_refused(tmp_path):
+    body = POINTS + "      axis: [0, 0, -1]\n      speed: 0.1\n      weave: {amplitude: 0.02, length: 0.01}\n"
+    words = r"p.yaml:12: task\[0\].path.weave: an amplitude of 0.02 m with a length of 0.01 m"
+    with pytest.raises(InputError, match=words):
+        read(tmp_path, body)
+    assert read(tmp_path, body.replace("0.02,", "0.01,")).task[0].action.curve.length > 0.2

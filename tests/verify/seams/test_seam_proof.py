@@ -10,6 +10,7 @@ from optiplan.problem.seams.actions import Passing, PathEvent, SeamPart, SeamPat
 from optiplan.problem.seams.building import SeamShape
 from optiplan.problem.task.steps import TaskStep
 from optiplan.robot.frames import frame_pose
+from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.seams.seam_check import seam_checks
@@ -155,3 +156,23 @@ def test_a_part_that_takes_no_time_is_refused(planar, path, turning):
         (check,) = seam_checks(0, step, problem, (None, turning(0.0)), POLICY)
         assert check.passed is passes
         assert bool(check.covers) is passes
+
+
+def test_a_step_of_the_curve_between_its_pieces_counts(planar, path, turning):
+    """A piece of a nanometre that no sample meets, in which the place or the axis is elsewhere."""
+    curve, k = path.curve, len(path.curve.position) // 2
+    h = np.diff(curve.breakpoints)[k]
+    edges = np.insert(curve.breakpoints, k + 1, curve.breakpoints[k] + np.array([0.3183 * h, 0.3183 * h + 1e-9]))
+    spiked = {}
+    for name in ("position", "axis"):
+        c = getattr(curve, name)
+        parts = [Trajectory(("x", "y", "z"), np.array([0.0, h]), c[k : k + 1]) for _ in range(3)]
+        ends = (0.0, edges[k + 1] - edges[k], edges[k + 2] - edges[k], h)
+        cut = [cut_trajectory(one, a, b).coefficients for one, a, b in zip(parts, ends[:-1], ends[1:], strict=True)]
+        spiked[name] = np.concatenate([c[:k], *cut, c[k + 1 :]])
+    same = replace(curve, breakpoints=edges, **spiked)
+    assert not failed(checks(planar, replace(path, curve=same), turning))
+    for name, wrong in (("position", "path"), ("axis", "path axis")):
+        off = spiked[name].copy()
+        off[k + 1, 0] += np.array([0.0, 0.3, 0.0])
+        assert failed(checks(planar, replace(path, curve=replace(same, **{name: off})), turning)) == [wrong]

@@ -11,12 +11,9 @@ import typer
 
 from optiplan.cli.commands.bench import report
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import messages, print_json, results, say, stdout_is_ours
+from optiplan.cli.output import Exit, messages, print_json, results, say, stdout_is_ours
 from optiplan.cli.printing.bench_progress import progress
 from optiplan.cli.progress import ProgressLine
-
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
 
 
 class _Group(typer.core.TyperGroup):
@@ -98,7 +95,7 @@ def run(
     if not done.complete:
         left = done.total - done.found - done.made
         messages().print(f"interrupted, {left} of {done.total} runs are left: the same command goes on", style="yellow")
-    return 0 if done.complete else INTERRUPTED
+    return 0 if done.complete else Exit.INTERRUPTED
 
 
 @app.command("export")

@@ -1,13 +1,20 @@
 """`optiplan assign`: jobs of an assembly given to arms."""
 
-import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import Exit, plain_table, print_json, results, say, stdout_is_ours
+from optiplan.cli.output import (
+    Exit,
+    interruptible,
+    plain_table,
+    print_json,
+    results,
+    say,
+    stdout_is_ours,
+)
 from optiplan.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -16,8 +23,6 @@ if TYPE_CHECKING:
 File = Annotated[Path, typer.Argument(metavar="FILE", help="assembly file (YAML)")]
 Seconds = Annotated[float, typer.Option("--budget", min=0.1, metavar="S", help="seconds, half for the jobs alone")]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="write the problem and the run folder there")]
-
-_INTERRUPTED = 130
 
 
 def assign(file: File, budget: Seconds = 120.0, out: Out = None, as_json: AsJson = False) -> int:
@@ -36,14 +41,10 @@ def assign(file: File, budget: Seconds = 120.0, out: Out = None, as_json: AsJson
     """
     from optiplan.api.studies.assigning import assign as search
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with stdout_is_ours(), ProgressLine() as progress:
-            found = search(file, out=out, budget=budget, progress=progress)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with interruptible(), stdout_is_ours(), ProgressLine() as progress:
+        found = search(file, out=out, budget=budget, progress=progress)
     files = [] if out is None or found.run is None else [str(out / "problem.yaml"), str(out / "run")]
-    code = _INTERRUPTED if found.ended == "interrupted" else int(0 if found.run is not None else Exit.NO_PLAN)
+    code = int(Exit.INTERRUPTED) if found.ended == "interrupted" else int(0 if found.run is not None else Exit.NO_PLAN)
     if as_json:
         print_json(found.data | {"files": files, "exit_code": code})
         return code

@@ -1,13 +1,21 @@
 """`optiplan design`: numbers of a robot chosen for what it has to do."""
 
-import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import Exit, plain_table, print_json, results, say, stdout_is_ours
+from optiplan.cli.output import (
+    Exit,
+    interruptible,
+    plain_table,
+    print_json,
+    results,
+    say,
+    stdout_is_ours,
+    tell_interrupted,
+)
 from optiplan.cli.progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -19,7 +27,6 @@ Seconds = Annotated[
 ]
 Out = Annotated[Path | None, typer.Option(metavar="DIR", help="write the page, the figure, CSV and the robot there")]
 
-_INTERRUPTED = 130
 _SHOWN = 12
 """Designs of the front that the table has, evenly chosen."""
 
@@ -40,14 +47,13 @@ def design(study: Study, budget: Seconds = None, out: Out = None, as_json: AsJso
     """
     from optiplan.api.studies.designing import design as search
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        with stdout_is_ours(), ProgressLine() as progress:
+        with interruptible(), stdout_is_ours(), ProgressLine() as progress:
             found = search(study, out=out, budget=budget, progress=progress)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    files = [] if out is None else [str(out / name) for name in ("design.html", "front.pdf", "front.csv", "robot.yaml")]
-    code = _INTERRUPTED if found.search.ended == "interrupted" else int(0 if found.front else Exit.NO_PLAN)
+    except KeyboardInterrupt:
+        return tell_interrupted("no design was measured", as_json)
+    files = [] if out is None else [str(out / name) for name in ("design.html", "front.pdf", *found.files)]
+    code = int(Exit.INTERRUPTED) if found.search.ended == "interrupted" else int(0 if found.front else Exit.NO_PLAN)
     if as_json:
         print_json(found.data | {"files": files, "exit_code": code})
         return code

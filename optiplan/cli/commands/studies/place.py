@@ -36,7 +36,7 @@ def place(
     """Find the base pose at which a robot can do a task, and does it fastest.
 
     Base poses around the one in the file are scored on a map; the best ones are planned and proved. Another robot than
-    the file's starts in its own configuration.
+    the file's starts in its own configuration. Several robots side by side are not placed.
 
     [bold]Examples[/]
 
@@ -67,6 +67,9 @@ def place(
         verified = "yes" if run is not None and run.verified else "no"
         table.add_row(*(f"{value:.3f}" for value in moved), duration, verified)
     results().print(table)
+    for moved, why in found.unverified:
+        x, y, z, yaw = moved
+        say(f"not verified at x {x:.3f} m, y {y:.3f} m, z {z:.3f} m, yaw {yaw:.3f} rad: {why}", style="red")
     results().print(found.words, soft_wrap=True)
     for path in files:
         say(f"written: {path}")
@@ -89,4 +92,5 @@ def _data(found: Any) -> dict[str, Any]:
             for moved, run in runs
             if run is not None
         ],
+        "unverified": [{"moved": moved, "why": why} for moved, why in found.unverified],
     }

@@ -9,6 +9,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.files import write_bytes
+from optiplan.planners.trajopt.nonlinear.solvers import SOLVERS
 
 if TYPE_CHECKING:
     from optiplan.planners.trajopt.nonlinear.trajectory_nlp import TrajectoryNlp
@@ -24,13 +25,15 @@ lbg <= g(x, p) <= ubg. Solve it, without any other program:
 
     file = json.load(open("motion.casadi.json"))
     nlp, start, motion = (casadi.Function.deserialize(file[name]) for name in ("nlp", "start", "motion"))
-    solver = casadi.nlpsol("solver", "ipopt", nlp, {"ipopt.hessian_approximation": "limited-memory"})
+    solver = casadi.nlpsol("solver", "ipopt", nlp, {"ipopt": file["ipopt"], "print_time": False})
     answer = solver(**start())
+    print(solver.stats()["return_status"])
     t, q, v, a = motion(answer["x"], start()["p"])
 
 `nlp`: (x, p) -> (f, g), f in s. `start`: () -> x0, p, lbx, ubx, lbg, ubg. `motion`: (x, p) -> t (1, N) in s, and
-q, v, a (n, N) of the joints in rad or m. `x_names` and `g_names` name variables and rows, `p_blocks` how many numbers
-of p have which name. Distances between bodies are linearised at x0, and lbx and ubx keep x near it."""
+q, v, a (n, N) of the joints in rad or m. `ipopt`: the planner's settings of IPOPT. `x_names` and `g_names` name
+variables and rows, `p_blocks` how many numbers of p have which name. Distances between bodies are linearised at x0, and
+lbx and ubx keep x near it."""
 
 
 def write_program(nlp: "TrajectoryNlp", arguments: dict[str, Array], path: Path) -> None:
@@ -48,6 +51,7 @@ def write_program(nlp: "TrajectoryNlp", arguments: dict[str, Array], path: Path)
     content = {
         "about": _ABOUT.splitlines(),
         "casadi": ca.CasadiMeta.version(),
+        "ipopt": SOLVERS["ipopt"].options["ipopt"],
         "joints": nlp.joint_names,
         "x_names": nlp.x_names,
         "g_names": nlp.g_names,

@@ -9,11 +9,11 @@ import casadi as ca
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.errors import wrong_argument
+from optiplan.errors import described, wrong_argument
 from optiplan.planners.trajopt.bspline_basis import DEGREE
 from optiplan.planners.trajopt.nonlinear.casadi_file import write_program
 from optiplan.planners.trajopt.nonlinear.curve_program import CurveProgram
-from optiplan.planners.trajopt.nonlinear.solvers import DEFAULT, SOLVERS
+from optiplan.planners.trajopt.nonlinear.solvers import DEFAULT, SOLVERS, installed
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.term import Curve, SoftRows
 from optiplan.trajectory.trajectory import Trajectory
@@ -74,7 +74,14 @@ class TrajectoryNlp:
         Args:
             name: of a solver, as of the option `solver` of that planner.
             cost: in place of `cost`, s; the penalty is added.
+
+        Raises:
+            InputError: no such solver here, or a cost that is no number.
         """
+        if name not in (known := installed()):
+            raise wrong_argument("TrajectoryNlp.solver", "name", described(name), f"one of {', '.join(known)}")
+        if cost is not None and not (isinstance(cost, ca.MX | ca.DM | float | int) and ca.MX(cost).numel() == 1):
+            raise wrong_argument("TrajectoryNlp.solver", "cost", described(cost), "a CasADi expression (1, 1) of x")
         program = self.to_casadi() if cost is None else {**self.to_casadi(), "f": cost + self.penalty}
         return SOLVERS[name].make(program, self._program.gauss_newton)
 
@@ -122,7 +129,7 @@ class TrajectoryNlp:
 
     def violations(self, x: Any, tolerance: float = 1e-6) -> dict[str, float]:
         """Return by how much rows are violated at variables (X,), by name, the largest first: distances exact there."""
-        values, slacks = np.array(x, dtype=float).ravel(), self.slack.numel()
+        values, slacks = self._values(x), self.slack.numel()
         p = self.arguments(values)["p"]
         values[len(values) - slacks :] = 0.0
         g = np.array(ca.Function("g", [self.x, self.p], [self.g])(values, p)).ravel()
@@ -161,11 +168,21 @@ class TrajectoryNlp:
             lines.append(f"  {block.kind}: {len(names)}, {shown}")
         return "\n".join(lines)
 
+    def _values(self, x: Any) -> Array:
+        """Return variables (X,) as an array; no others are an answer of a solver."""
+        try:
+            values = np.array(x, dtype=float).ravel()
+        except (TypeError, ValueError):
+            values = np.empty(0)
+        if len(values) != self.x.numel() or not np.isfinite(values).all():
+            raise wrong_argument("TrajectoryNlp", "x", described(x), f"{self.x.numel()} finite numbers: see x_names")
+        return values
+
     def _rows(self, curve: Curve) -> list[SoftRows]:
         return [term.rows(curve) for term in self._transcription.terms]
 
     def _curve(self, x: Any) -> Curve:
-        control, duration = self._program.moved(np.array(x, dtype=float).ravel(), self.first.control)
+        control, duration = self._program.moved(self._values(x), self.first.control)
         if self._held is not None:
             ends = np.sum([points * duration**order for order, points in enumerate(self._held)], axis=0)
             control = np.vstack([ends[:3], control[3:-3], ends[3:]])

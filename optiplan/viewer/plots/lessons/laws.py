@@ -78,7 +78,7 @@ def draw_laws(runs: Sequence[PlottedRun]) -> Any:
                 e = motion.extrema_at(order)
                 peak = max(abs(float(e.low[0])), abs(float(e.high[0])))
                 endless = order == len(ORDERS) - 1 and acceleration_jumps(motion).any()
-                panel.set_title("impulses" if endless else f"peak {peak:.4g}", fontsize=8, loc="right")
+                panel.set_title("no bound: impulses" if endless else f"peak {peak:.4g}", fontsize=8, loc="right")
         panels[0, column].set_title(name)
     for row, order_name, unit in zip(panels, ORDERS, what.units, strict=True):
         row[0].set_ylabel(f"{order_name}{unit}")
@@ -86,7 +86,7 @@ def draw_laws(runs: Sequence[PlottedRun]) -> Any:
         _draw_impulses(panels[3, column], what.motion(name), line_style(column)["color"])
         panels[-1, column].set_xlabel("time, s" if runs else "time")
     figure.align_ylabels(list(panels[:, 0]))
-    figure.suptitle(f"Time laws: {what.title}; arrows: impulses of jerk", fontsize=10)
+    figure.suptitle(f"Time laws: {what.title}; arrows: impulses of jerk, where the acceleration jumps", fontsize=10)
     return figure
 
 

@@ -87,11 +87,12 @@ def draw_singularities(runs: Sequence[PlottedRun]) -> Any:
     model = singularity_model(robot)
     if model is None or model.wrist != "spherical":
         raise _refused(robot, "without a spherical wrist behind three joints")
-    figure = sheet(6.4, width=9.2)
+    figure = sheet(6.6, width=9.2)
+    grid = figure.add_gridspec(2, len(SHOWN), height_ratios=(1.35, 1.0))
     for column, posture in enumerate(singular_postures(robot, model)):
-        space = figure.add_subplot(2, 3, column + 1, projection="3d")
+        space = figure.add_subplot(grid[0, column], projection="3d")
         _draw_arm(space, robot, model, posture)
-        _draw_axes_of(figure.add_subplot(2, 3, column + 4), robot, posture)
+        _draw_axes_of(figure.add_subplot(grid[1, column]), robot, posture)
     figure.suptitle(f"Singularities of {robot.name}; red: the direction in which nothing moves", fontsize=10)
     return figure
 
@@ -103,8 +104,7 @@ def _draw_arm(space: Any, robot: Robot, model: SingularityModel, posture: Singul
     centre = model.blocks(Q).centre[0]
     tool = np.asarray(robot.fk(posture.q).position)
     chain = np.vstack([point[0, 0] * [1.0, 1.0, 0.0], point[0, :3], centre, tool])
-    low, high = chain.min(axis=0), chain.max(axis=0)
-    half, middle = 0.5 * float((high - low).max()), 0.5 * (low + high)
+    half = 0.5 * float(np.ptp(chain, axis=0).max())
     space.plot(*chain.T, "-o", color=INK, linewidth=3.0, markersize=4)
     shown = (3, 5) if posture.name == "wrist" else (TURNED[posture.name] - (posture.name == "shoulder"),)
     for j in shown:
@@ -117,10 +117,13 @@ def _draw_arm(space: Any, robot: Robot, model: SingularityModel, posture: Singul
     space.plot_surface(*surface, color=COLOURS[0], alpha=0.35, linewidth=0, gid="ellipsoid")
     lost = centre + np.outer([-1.0, 1.0], e.axes[0, :, 2]) * size * e.velocity[0, 0]
     space.plot(*lost.T, color=LIMIT, linewidth=2.0, gid="lost")
-    limits = np.stack([middle - 1.1 * half, middle + 1.1 * half], axis=1)
-    space.set(xlim=limits[0], ylim=limits[1], zlim=limits[2], xlabel="x, m", ylabel="y, m", zlabel="z, m")
-    space.set_box_aspect((1.0, 1.0, 1.0))
-    space.locator_params(nbins=3)
+    drawn = np.vstack([chain, lost, surface.reshape(3, -1).T])
+    low, high = drawn.min(axis=0) - 0.05 * half, drawn.max(axis=0) + 0.05 * half
+    space.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    space.set(xlabel="x, m", ylabel="y, m", zlabel="z, m")
+    space.set_box_aspect(high - low, zoom=0.95)  # no cube about the chain: the arm fills its panel
+    space.locator_params(nbins=2)
+    space.tick_params(labelsize=7)
     space.set_title(f"{posture.name}: {SAYS[posture.name]}")
 
 

@@ -1,7 +1,7 @@
 "use strict";
-// The objects that a task takes and releases: each is in one body at a time, from when on its stays say.
+// The objects that a task takes and releases: each is in one body at a time, from when on its stays say, or moves.
 const OptiPlanObjects = (() => {
-  const THREE = MeshCat.THREE, { place } = OptiPlanShapes;
+  const THREE = MeshCat.THREE, { placeInTime } = OptiPlanShapes;
 
   class Objects {
     // `run`: of the scene; what is free is in `group`, what is held in a body of the run's figure.
@@ -18,9 +18,10 @@ const OptiPlanObjects = (() => {
       for (const thing of this.things) {
         let stay = thing.data.stays[0];
         for (const one of thing.data.stays) if (one.begin <= t + 1e-9) stay = one;
+        if (stay.motion) placeInTime(thing.mesh, stay.pose, stay.motion, t);
         if (stay === thing.stay) continue;
         thing.stay = stay;
-        place(thing.mesh, stay.pose);
+        if (!stay.motion) placeInTime(thing.mesh, stay.pose);
         thing.mesh.visible = !stay.absent;
         (stay.body ? this.run.figure.bodies[stay.body] : this.group).add(thing.mesh);
       }

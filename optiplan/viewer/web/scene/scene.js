@@ -1,7 +1,7 @@
 "use strict";
 // Builds the three.js objects of a page's data inside a meshcat viewer. World frame: metres, z up.
 const OptiPlanScene = (() => {
-  const THREE = MeshCat.THREE, { floats } = OptiPlanPacked, { makeGeometry, rgb, place, palette, triad, region } = OptiPlanShapes;
+  const THREE = MeshCat.THREE, { floats } = OptiPlanPacked, { makeGeometry, rgb, place, placeInTime, palette, triad, region } = OptiPlanShapes;
   const { runColour, addPaths } = OptiPlanPaths, { Painter, Labels } = OptiPlanBodies;
   const START = "#2f9e5b", GOAL = "#2374c6";
   const ROBOT_SETS = ["visual", "collision", "frame", "attached"], TRAIL = 7;
@@ -88,19 +88,15 @@ const OptiPlanScene = (() => {
         const mesh = this.mesh(part, this.surface(part.colour, plane ? { transparent: true, opacity: 0.28, depthWrite: false } : {}));
         mesh.castShadow = !plane;
         mesh.userData.plane = plane && this.data.geometries[part.geometry];
-        mesh.userData.motion = part.motion && { ...part.motion, from: part.pose.slice(0, 3) };
+        Object.assign(mesh.userData, { motion: part.motion, from: part.pose });
         this.layers.obstacle.add(mesh);
       }
     }
 
-    // Obstacles that move are put where they are at a time, s: from their pose by a polynomial of it.
+    // Obstacles that move are put where they are at a time, s.
     moveObstacles(t) {
-      for (const mesh of this.layers.obstacle.children) {
-        const motion = mesh.userData.motion;
-        if (!motion) continue;
-        const time = Math.min(t, motion.until === undefined ? Infinity : motion.until);
-        motion.polynomial.forEach((row, axis) => mesh.position.setComponent(axis, motion.from[axis] + row.reduceRight((sum, c) => sum * time + c, 0)));
-      }
+      for (const mesh of this.layers.obstacle.children)
+        if (mesh.userData.motion) placeInTime(mesh, mesh.userData.from, mesh.userData.motion, t);
     }
 
     // One figure: a group a body, each with the parts of it; sets are switched on and off by name.

@@ -102,5 +102,20 @@ const OptiPlanShapes = (() => {
     return [box, ring];
   }
 
-  return { makeGeometry, rgb, named, place, palette, triad, region };
+  // Puts an object where something at a pose is at a time, s, whose motion turns it and displaces it by polynomials.
+  function placeInTime(object, pose, motion, t) {
+    place(object, pose);
+    if (!motion) return;
+    const time = Math.min(t, motion.until === undefined ? Infinity : motion.until);
+    const at = (row) => row.reduceRight((sum, c) => sum * time + c, 0);
+    if (motion.turn) {
+      const about = new THREE.Vector3(...motion.turn.about);
+      const turned = new THREE.Quaternion().setFromAxisAngle(new THREE.Vector3(...motion.turn.axis), at(motion.turn.angle));
+      object.position.sub(about).applyQuaternion(turned).add(about);
+      object.quaternion.premultiply(turned);
+    }
+    object.position.add(new THREE.Vector3(...motion.polynomial.map(at)));
+  }
+
+  return { makeGeometry, rgb, named, place, placeInTime, palette, triad, region };
 })();

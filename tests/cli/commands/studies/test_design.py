@@ -1,6 +1,7 @@
 """`optiplan design`: the table, JSON, files, and study files that say nothing sensible."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -58,6 +59,14 @@ def test_json_of_a_study_that_asks_too_much(optiplan_json, study):
     assert data["designs"] == 24
 
 
+def test_a_study_that_no_design_meets_says_what_is_missed(optiplan, study, tmp_path):
+    study.write_text(STUDY + "require: {reach_volume: {least: 1000}}\n")
+    code, out, _ = optiplan("design", str(study), "--out", str(tmp_path / "out"))
+    assert code == 3
+    assert re.search(r"none meets .*; of the nearest one: reach_volume [\d.]+, required at least 1000", out)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"design.html", "front.pdf", "front.csv"}
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -97,3 +106,13 @@ def test_ctrl_c_keeps_what_was_found(study, tmp_path):
     assert data["ended"] == "interrupted"
     assert data["designs"] > 1
     assert (tmp_path / "out" / "design.html").is_file()
+
+
+def test_ctrl_c_before_the_first_design_is_no_fault(optiplan, study, monkeypatch):
+    def pressed(self, x):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("optiplan.studies.search.DesignJudge.design", pressed)
+    code, out, err = optiplan("design", str(study))
+    assert (code, out) == (130, "")
+    assert "interrupted: no design was measured" in err

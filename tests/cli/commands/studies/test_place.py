@@ -39,6 +39,22 @@ def test_json_of_a_task_out_of_reach(optiplan_json, task):
     assert data["duration"] is None
     assert data["base"] is None
     assert data["scored"] >= 4
+    assert data["unverified"][0]["moved"] == [0.0] * 4
+    assert "goal" in data["unverified"][0]["why"]
+
+
+def test_a_table_says_why_a_place_is_refused(optiplan, task):
+    task.write_text(TASK.replace("0.45, 0.2", "4.5, 0.2"))
+    code, out, _ = optiplan("place", "ur5", str(task), *FEW)
+    assert code == 3
+    assert "not verified at x 0.000 m, y 0.000 m, z 0.000 m, yaw 0.000 rad: " in out
+
+
+@pytest.mark.parametrize("robot", ["panda", "ur5"])
+def test_several_robots_are_not_placed(optiplan, robot):
+    code, _, err = optiplan("place", robot, "48_two_arms", *FEW)
+    assert code == 2
+    assert "several robots, each with a base of its own; expected one robot" in err
 
 
 def test_another_robot_starts_in_its_own_configuration(optiplan_json, task):

@@ -109,8 +109,9 @@ import json, sys
 import casadi
 file = json.load(open(sys.argv[1]))
 nlp, start, motion = (casadi.Function.deserialize(file[name]) for name in ("nlp", "start", "motion"))
-quiet = {"ipopt": {"hessian_approximation": "limited-memory", "print_level": 0, "sb": "yes"}, "print_time": False}
-answer = casadi.nlpsol("solver", "ipopt", nlp, quiet)(**start())
+solver = casadi.nlpsol("solver", "ipopt", nlp, {"ipopt": file["ipopt"], "print_time": False})
+answer = solver(**start())
+assert solver.stats()["success"], solver.stats()["return_status"]
 t, q, v, a = motion(answer["x"], start()["p"])
 assert "optiplan" not in sys.modules
 print(json.dumps([t.full().ravel().tolist(), q.full().T.tolist()]))
@@ -144,6 +145,20 @@ def test_solvers_find_what_the_planner_finds(run, name):
 def test_errors_name_the_call(arguments, words):
     with pytest.raises(op.InputError, match=words):
         op.casadi_problem(**({"problem": op.load_problem("12_planar")} | arguments))
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda nlp: nlp.solver("ipop"), r"TrajectoryNlp\.solver: name: found the str 'ipop'; expected one of .*ipopt"),
+        (lambda nlp: nlp.solver(cost=nlp.q), r"TrajectoryNlp\.solver: cost: found .*; expected a CasADi expression"),
+        (lambda nlp: nlp.trajectory([1.0]), r"TrajectoryNlp: x: found .*; expected \d+ finite numbers"),
+        (lambda nlp: nlp.arguments("one"), r"TrajectoryNlp: x: found .*; expected \d+ finite numbers"),
+    ],
+)
+def test_errors_of_the_program_name_the_call(shelf, call, words):
+    with pytest.raises(op.InputError, match=words):
+        call(shelf)
 
 
 def test_a_problem_with_more_is_refused():

@@ -1,0 +1,1 @@
+"""Tasks in time: meeting what moves, going with it, waiting for it."""

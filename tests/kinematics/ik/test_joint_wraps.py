@@ -1,0 +1,53 @@
+"""Whole turns of joints: every configuration within limits is an image of one between -pi and pi."""
+
+import numpy as np
+import pytest
+
+import optiplan as op
+from optiplan.kinematics.ik.closed_form import closed_form
+from optiplan.kinematics.ik.joint_wraps import images_within
+from optiplan.robot.frames import frame_poses
+
+
+@pytest.mark.parametrize("name", ["puma560", "ur5"])
+def test_an_arm_is_found_where_it_stands_whatever_the_ranges_of_its_joints(name):
+    """The PUMA's elbow goes from -3.93 to 0.79 rad: its closed form, between -pi and pi, is a turn off."""
+    robot, rng = op.load_robot(name), np.random.default_rng(0)
+    Q = rng.uniform(robot.limits.lower, robot.limits.upper, (100, robot.n))
+    solved = closed_form(robot, robot.tool_frame).solve(frame_poses(robot, Q, robot.tool_frame))
+    for q, branches, valid in zip(Q, solved.q, solved.valid, strict=True):
+        found = images_within(robot, robot.limits, branches[valid], q)
+        assert (found >= robot.limits.lower).all()
+        assert (found <= robot.limits.upper).all()
+        assert np.abs(found - q).max(axis=1).min() < 1e-6
+
+
+def test_joints_of_wide_ranges_have_images_a_turn_farther():
+    robot = op.load_robot("ur5")
+    q = np.full((1, 6), 0.5)
+    found = images_within(robot, robot.limits, q, np.zeros(6))
+    assert {tuple(np.round((one - 0.5) / np.pi).astype(int)) for one in found} == {
+        (0,) * 6,
+        *(tuple(-2 * (np.arange(6) == j).astype(int)) for j in (0, 1, 3, 4, 5)),  # the elbow has half the range
+    }
+
+
+def plain(robot, q):
+    return {key: value for key, value in robot.fk(q).to_data().items() if key != "frame"}
+
+
+@pytest.mark.parametrize("kind", ["tour", "path"])
+def test_a_task_beyond_half_a_turn_is_done_without_another_posture(kind):
+    """The PUMA begins with its elbow at -3 rad and goes on to -3.7, not round by the other side, 1.5 s longer."""
+    robot, start = op.load_robot("puma560"), [0.0, 0.6, -3.0, 0.2, 0.6, 0.1]
+    if kind == "tour":
+        task = op.Task().tour(
+            [{"name": f"t{k}", **plain(robot, [0.1 * k - 0.2, 0.5, -3.4 - 0.08 * k, 0.3, 0.5, 0.2])} for k in range(5)]
+        )
+    else:
+        along = [plain(robot, [0.02 * k - 0.2, 0.5, -3.3 - 0.02 * k, 0.3, 0.5, 0.2]) for k in range(6)]
+        task = op.Path(along, 0.05, curve="spline")
+    run = op.plan(op.Problem(robot, start, task=task), budget=20.0)
+    assert run.verified, run
+    assert run.duration < 2.5
+    assert run.trajectory.extrema(0)[0][2] < -3.35
