@@ -1,6 +1,7 @@
 """Collision models cached for the next query of the same robot in the same scene."""
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,6 +51,23 @@ def kept_planning_model(robot: Robot, scene: Scene, error: Array | None = None) 
     if found is None:
         found = planning_model(robot, scene, collision_model(robot, scene), error=asked)
         _kept.planning = [found, *models][:_MOST] if len(found.pairs) <= _LARGE else []
+    return found
+
+
+def touching_model(robot: Robot, scene: Scene) -> CollisionModel:
+    """Return a model that says where bodies touch, of all pairs and whatever floors the scene has, for this thread.
+
+    It asks the native core where that knows all shapes.
+    """
+    from optiplan.collision.native_model import planning_model  # here: the verifier must not load the core
+
+    kept: list[tuple[Scene, CollisionModel]] = getattr(_kept, "touching", [])
+    alike = ((known, model) for known, model in kept if model.robot is robot)
+    found = next((model for known, model in alike if known is scene or same_scene(known, scene)), None)
+    if found is None:
+        bare = replace(scene, safety=None)
+        found = planning_model(robot, bare, collision_model(robot, scene), passing=True)
+        _kept.touching = [(scene, found), *kept][:_MOST]
     return found
 
 

@@ -6,7 +6,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.bodies_and_pairs import bodies_of, only_moved, overlapping, pairs_of
 from optiplan.collision.contacts import Contact, Contacts, Pair, unit_normals
 from optiplan.collision.containment import Containment
@@ -133,6 +133,10 @@ class CollisionModel:
         if self.outline.pairs and not self.outline.collides(self._data, self.full(q)):
             return False
         return self._queries.any_touch(self._data, self.full(q))
+
+    def collides_at(self, Q: Array) -> Flags:
+        """Return `collides` of configurations (k, n), (k,)."""
+        return np.array([self.collides(q) for q in Q], dtype=bool)
 
     def touches(self, q: Array) -> bool:
         """Return `collides`, pair by pair where bounding volumes and hulls meet, without solvers of the other pairs."""

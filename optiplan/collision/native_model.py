@@ -8,7 +8,7 @@ import coal
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.cache import MostRecent, digest
 from optiplan.collision.clusters import Cluster, clusters_of
 from optiplan.collision.contacts import Contact, Contacts
@@ -113,6 +113,12 @@ class NativeCollisionModel(CollisionModel):
         if self.error is not None and self._leaves_limits(q, self.error):
             return True
         return super().collides(q) if self.world is None else self.world.collides(_packed(self.full(q)))
+
+    def collides_at(self, Q: Array) -> Flags:
+        """See `CollisionModel.collides_at`."""
+        if self.world is None or self.error is not None or self.floors is not None:
+            return super().collides_at(Q)
+        return self.world.touching(_packed(self.full(Q))).astype(bool)
 
     def _leaves_limits(self, q: Array, error: Array) -> bool:
         """Return whether joints that are off q (n,) by up to `error` (n,) leave their limits of position."""

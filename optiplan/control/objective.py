@@ -47,7 +47,7 @@ class Demand:
     A: Array
     b: Array
     error: float
-    main: Index
+    main: Index | slice
     wanted: Array
 
 
@@ -71,7 +71,7 @@ class TaskObjective:
         k = int(ends[-1])
         self._A, self._b, self._e, self._wanted = np.zeros((k, n)), np.zeros(k), np.zeros(k), np.zeros(k)
         cost = np.concatenate([np.zeros(0), *(task.cost for task in self.tasks)])
-        self._main = np.flatnonzero(cost >= MAIN * cost.max(initial=0.0))
+        self._main = _as_slice(np.flatnonzero(cost >= MAIN * cost.max(initial=0.0)))
         self._ridge = np.arange(n) * (n + 1)
         self._forwards: list[Array | None] = [None] * len(self.tasks)
 
@@ -210,6 +210,11 @@ class TaskObjective:
     def rows_of(self, index: int) -> Array:
         """Weighted Jacobian of one task, in what `demand` left."""
         return self._A[self._slices[index]]
+
+
+def _as_slice(rows: Index) -> Index | slice:
+    """Rising indices as a slice where they follow one another: rows of a slice are not copied."""
+    return slice(int(rows[0]), int(rows[-1]) + 1) if len(rows) and rows[-1] - rows[0] == len(rows) - 1 else rows
 
 
 def singular_values(J: Array) -> Array:

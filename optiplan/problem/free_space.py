@@ -1,13 +1,14 @@
 """Whether configurations of a problem are free, and how far its bodies are apart."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.collision.contacts import Contact
-from optiplan.collision.kept_models import collision_model
+from optiplan.collision.kept_models import collision_model, touching_model
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.pose import Values
 from optiplan.geometry.safety import Safety
@@ -39,6 +40,48 @@ class FreeCheck:
         return "FreeCheck: free" if self else f"FreeCheck: not free: {self.reason}"
 
 
+class FreeChecks(Sequence[FreeCheck]):
+    """A `FreeCheck` of each of several configurations; the words of one are made when it is taken out.
+
+    Attributes:
+        free: (k,), whether each is free.
+    """
+
+    def __init__(self, robot: Robot, scene: Scene, Q: Array) -> None:
+        """Check configurations Q (k, n), rad or m."""
+        self._robot, self._scene, self._Q = robot, scene, Q
+        self.free: Flags = ~touching_model(robot, scene).collides_at(Q)
+        model = collision_model(robot, scene)
+        if model.containment.possible:
+            for k in np.flatnonzero(self.free):
+                self.free[k] = model.contained(Q[k]) is None
+
+    def __len__(self) -> int:
+        """Return the number of configurations."""
+        return len(self._Q)
+
+    @overload
+    def __getitem__(self, which: int) -> FreeCheck: ...
+    @overload
+    def __getitem__(self, which: slice) -> list[FreeCheck]: ...
+    def __getitem__(self, which: int | slice) -> FreeCheck | list[FreeCheck]:
+        """Return the check of one configuration, or a list of several."""
+        if isinstance(which, slice):
+            return [self[k] for k in range(*which.indices(len(self)))]
+        if self.free[which]:
+            return FreeCheck()
+        q = self._Q[which]
+        if not (found := free_check(collision_model(self._robot, self._scene), q)):
+            return found
+        contact = touching_model(self._robot, self._scene).clearance(q)  # a hair's breadth decides
+        names = ("", "") if contact is None else (contact.pair.name_a, contact.pair.name_b)
+        return FreeCheck(names, f"'{names[0]}' and '{names[1]}' touch")
+
+    def __repr__(self) -> str:
+        """Return how many of them are free."""
+        return f"FreeChecks: {int(self.free.sum())} of {len(self)} free"
+
+
 class FreeSpace:
     """Questions about the bodies of a problem at configurations of its robot."""
 
@@ -50,17 +93,21 @@ class FreeSpace:
         """How far bodies stay apart; None: they do not touch."""
         return self.scene.safety
 
-    def is_free(self, q: Values | Mapping[str, float] | str) -> FreeCheck | list[FreeCheck]:
+    def is_free(self, q: Values | Mapping[str, float] | str) -> FreeCheck | FreeChecks:
         """Say whether the robot, with what it holds, touches neither itself nor an obstacle.
 
         Checked are the pairs of bodies that the robot and the scene do not allow to touch; limits are not. Obstacles
         that move are where they are at first. It holds for this configuration, not for a motion: see `op.verify`.
+        Of bodies within 1e-6 m of touching the answer may be either. Many configurations are checked at once in the
+        native core, as many as a million a second where bodies are boxes and hulls; closed meshes, which may contain
+        bodies, take a look at each.
 
         Args:
             q: (n,), rad or m; values by joint, `{joint: value}`; the name of a configuration; or several, (k, n).
 
         Returns:
-            A `FreeCheck`, which is true where q is free and else has the `pair` that meets; of several a list of k.
+            A `FreeCheck`, which is true where q is free and else has the `pair` that meets; of several a sequence of k,
+            whose `free` (k,) says which are.
 
         Raises:
             InputError: other values than one a joint.
@@ -72,8 +119,8 @@ class FreeSpace:
             True
         """
         Q = configurations(self.robot.joint_names, self.robot.configurations, q, "Problem.is_free")
-        model = collision_model(self.robot, self.scene)
-        return free_check(model, Q) if Q.ndim == 1 else [free_check(model, row) for row in Q]
+        found = FreeChecks(self.robot, self.scene, np.atleast_2d(Q))
+        return found[0] if Q.ndim == 1 else found
 
     def clearance(self, q: Values | Mapping[str, float] | str) -> float | Array:
         """Return the least distance of all pairs of bodies that are checked, m.

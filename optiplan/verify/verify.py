@@ -1,17 +1,17 @@
 """`verify`: check a trajectory against its problem."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.timeline import scene_parts
 from optiplan.problem.task.tour_steps import chosen, in_order
 from optiplan.robot.self_collision.pairs import count_reasons
+from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import checked_robot, collision
 from optiplan.verify.constraint_check import path_constraints
+from optiplan.verify.file_checks import file_checks, names, unread_keys
 from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.scope import scope
 from optiplan.verify.statements import choices, complete, covering, tours
@@ -19,15 +19,13 @@ from optiplan.verify.tasks.choice_check import choice_checks, choice_scope
 from optiplan.verify.tasks.task_check import loaded_torque, task_checks, task_scope
 from optiplan.verify.tasks.tool_check import tool_checks, tool_scope
 from optiplan.verify.tasks.tour_check import tour_checks, tour_scope
-
-if TYPE_CHECKING:
-    from optiplan.trajectory.given_files import GivenFiles
+from optiplan.verify.via_check import vias
 
 _DEFAULT = VerifyPolicy()
 
 
 def verify(
-    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: "GivenFiles | None" = None
+    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: GivenFiles | None = None
 ) -> Report:
     """Check a trajectory against every requirement of its problem; a bad trajectory is refused, never an exception.
 
@@ -62,14 +60,8 @@ def verify(
     found += [*choice_checks(whole, trajectory), *tour_checks(stated, trajectory)]
     found += task_checks(problem, trajectory, policy) if problem.task else _motion(problem, trajectory, policy)
     if problem.task or trajectory.segments:
-        from optiplan.verify.file_checks import names
-
         found.append(names(problem, trajectory))
-    unread: Sequence[str] = ()
     if given is not None:
-        from optiplan.verify.file_checks import file_checks, unread_keys
-
-        unread = unread_keys(given)
         found += file_checks(problem, trajectory, policy, given)
     found += tool_checks(problem, trajectory)
     if not problem.task:
@@ -94,15 +86,11 @@ def holds(problem: Problem, trajectory: Trajectory) -> bool:
 
 
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
-    passed: list[Check] = []
-    if problem.vias:
-        from optiplan.verify.via_check import vias
-
-        passed.append(covering(vias(problem, trajectory), *(f"vias[{k}]" for k in range(len(problem.vias)))))
+    passed = [f"vias[{k}]" for k in range(len(problem.vias))]
     return [
         limit_checks.start_position(problem, trajectory, policy),
         covering(limit_checks.goal(problem, trajectory), "goal"),
-        *passed,
+        *([covering(vias(problem, trajectory), *passed)] if problem.vias else []),
         *path_constraints(problem, trajectory, policy),
         *limit_checks.of_the_whole(problem, trajectory, policy),
         loaded_torque(problem, trajectory, policy),

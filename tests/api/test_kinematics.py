@@ -5,6 +5,8 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
+from optiplan.collision.kept_models import collision_model
+from optiplan.problem.free_space import free_check
 
 STEP = 1e-6
 
@@ -95,6 +97,20 @@ def test_free_says_the_pair_that_meets(shelf):
     assert "panda_hand" in found[1].pair
     assert found[1].reason.startswith("'panda_link5' and 'panda_hand' overlap by ")
     assert repr(found[0]) == "FreeCheck: free"
+
+
+@pytest.mark.parametrize("name", ["02_shelf", "06_attached", "09_ur5", "13_mesh", "14_half_space"])
+def test_free_of_many_is_free_of_each(name):
+    problem = op.load_problem(name)
+    limits = problem.robot.limits
+    lower, upper = np.maximum(limits.lower, -3.0), np.minimum(limits.upper, 3.0)
+    Q = np.random.default_rng(1).uniform(lower, upper, (203, problem.robot.n))
+    found, model = problem.is_free(Q), collision_model(problem.robot, problem.scene)
+    assert found.free.tolist() == [bool(free_check(model, q)) for q in Q]
+    assert found.free.tolist() == [bool(one) for one in found] == [bool(problem.is_free(q)) for q in Q]
+    assert 0 < found.free.sum() < len(Q) == len(found)
+    assert [one.pair for one in found[:20]] == [free_check(model, q).pair for q in Q[:20]]
+    assert repr(found) == f"FreeChecks: {found.free.sum()} of 203 free"
 
 
 def test_clearance_is_negative_where_bodies_overlap_and_the_distance_where_not():

@@ -69,8 +69,7 @@ class JointBox:
         self._dt = 0.0
         self.low, self.high = -without, without.copy()
         self._intervals: list[tuple[str, Array, Array]] = []
-        rated = np.isfinite([self.velocity, self.acceleration, self.jerk]).all()
-        self._table: Array | None = np.zeros((8, n)) if core is not None and rated else None
+        self._table: Array | None = None if core is None else np.zeros((8, n))
         self._codes = [_CODES.index(name) for name in self._names]
         self._braked: State | None = None
         self.slowing = np.zeros(n)

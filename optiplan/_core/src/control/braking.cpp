@@ -85,7 +85,9 @@ double Brakes::farthest(double v, double a, const JointStop &stop) const {
 }
 
 double fastest(const Brakes &brakes, const StepRule &step, double room, double v, double low, double high) {
-    const double slow = brakes.limit * (0.5 * brakes.limit / brakes.jerk + 2.0 * step.lag);
+    if (brakes.limit == INF && brakes.jerk == INF)  // stops at once
+        return std::min(std::max(room / (step.moves + step.lag), low), high);
+    const double slow = brakes.limit < INF ? brakes.limit * (0.5 * brakes.limit / brakes.jerk + 2.0 * step.lag) : INF;
     const auto left = [&](double x) {
         const double a = (x - v) / step.dt;
         const double top = std::min(std::max(x + (a > 0.0 ? 0.5 * a * a / brakes.jerk : 0.0), 0.0), slow);

@@ -33,6 +33,7 @@ Interval interval_of(JointLimit limit, const JointTable &t, std::size_t j, doubl
     case JointLimit::jerk:
         return {v + dt * a - dt * (dt * t.jerk[j]), v + dt * a + dt * (dt * t.jerk[j])};
     case JointLimit::velocity: {
+        if (t.velocity[j] == INF) return {};
         const double up = t.velocity[j] - v, down = t.velocity[j] + v;
         return {v - std::copysign(dt * brakes.acceleration(std::fabs(down), dt), down),
                 v + std::copysign(dt * brakes.acceleration(std::fabs(up), dt), up)};

@@ -63,21 +63,19 @@ inline void sine_and_cosine(const Lanes &angle, Lanes &sine, Lanes &cosine) {
     const LaneBits quarter = (LaneBits)shifted;
     const Lanes r = ((angle - turns * QUARTER[0]) - turns * QUARTER[1]) - turns * QUARTER[2];
     const Lanes z = r * r;
-    const Lanes s =
-        r + r * z *
-                (-1.66666666666666324348e-01 +
-                 z * (8.33333333332248946124e-03 +
-                      z * (-1.98412698298579493134e-04 +
-                           z * (2.75573137070700676789e-06 +
-                                z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)))));
-    const Lanes c =
-        1.0 - 0.5 * z +
-        z * z *
-            (4.16666666666666019037e-02 +
-             z * (-1.38888888888741095749e-03 +
-                  z * (2.48015872894767294178e-05 +
-                       z * (-2.75573143513906633035e-07 +
-                            z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)))));
+    const Lanes s = r + r * z *
+                            (-1.66666666666666324348e-01 +
+                             z * (8.33333333332248946124e-03 +
+                                  z * (-1.98412698298579493134e-04 +
+                                       z * (2.75573137070700676789e-06 +
+                                            z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)))));
+    const Lanes c = 1.0 - 0.5 * z +
+                    z * z *
+                        (4.16666666666666019037e-02 +
+                         z * (-1.38888888888741095749e-03 +
+                              z * (2.48015872894767294178e-05 +
+                                   z * (-2.75573143513906633035e-07 +
+                                        z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)))));
     const LaneBits odd = (quarter & 1) != 0;
     const Lanes a = odd ? c : s, b = odd ? s : c;
     sine = (quarter & 2) != 0 ? -a : a;
@@ -121,8 +119,7 @@ inline void poses_in_lanes(const Tree &tree, const double *q, PoseLanes *out) {
                                   {xz - s * a.y, yz + s * a.x, c + v * (a.z * a.z)}};
         for (int i = 0; i < 3; ++i)
             for (int k = 0; k < 3; ++k)
-                out[j].R[i][k] =
-                    fixed.R[i][0] * turn[0][k] + fixed.R[i][1] * turn[1][k] + fixed.R[i][2] * turn[2][k];
+                out[j].R[i][k] = fixed.R[i][0] * turn[0][k] + fixed.R[i][1] * turn[1][k] + fixed.R[i][2] * turn[2][k];
     }
 }
 

@@ -9,9 +9,8 @@
 
 namespace optiplan {
 
-// `World::collides` of many configurations: balls are compared for four of them at a time, and only pairs whose balls
-// meet are asked one by one, the deepest first. No answer depends on what else is asked. Of a world without tube and
-// floors.
+// `World::collides` of many configurations: balls and boxes are compared for four of them at a time, and only pairs
+// that these do not tell apart are asked one by one, those with obstacles first. Of a world without tube and floors.
 class ManyChecks {
   public:
     explicit ManyChecks(const World &world);
@@ -23,6 +22,7 @@ class ManyChecks {
     struct Balls {
         int a, b;        // bodies
         double squared;  // of both radii together, a hair more
+        double ball_a, ball_b;  // the squared radius of each, a hair more; infinite where the other has no box
         int asked;       // pair, or the group as ~group
     };
     struct Plane {
@@ -32,6 +32,9 @@ class ManyChecks {
     };
 
     bool touches(int lane);
+    bool asked_apart(int asked);
+    void add_apart_from_box(int ball, double squared, int box, LaneBits &apart);
+    const PoseLanes &turned(int body);
 
     const World &world_;
     std::vector<int> moving_;  // bodies whose balls are compared
@@ -39,9 +42,11 @@ class ManyChecks {
     std::vector<Plane> planes_;
     std::vector<PoseLanes> joints_;
     std::vector<Vec3Lanes> centres_;  // of bodies
+    std::vector<PoseLanes> bodies_;   // where `turned` says so; of their places the turns alone
+    std::vector<char> turned_;
     std::vector<LaneBits> near_;      // a bit for each of `balls_` and then `planes_`, 64 in each
-    std::vector<std::pair<double, int>> order_;
     Placement at_;
+    Trail trail_;
 };
 
 }  // namespace optiplan
