@@ -44,7 +44,7 @@ class Contact:
 
     @property
     def meeting(self) -> str:
-        """Return "'a' meets 'b'", with the names of the bodies, or how much nearer than asked they come."""
+        """Return "'a' meets 'b'", with the names of the bodies, or how much nearer than required they come."""
         if self.apart is not None and self.apart > 0.0:
             near = f"comes within {1e3 * self.apart:.3g} mm of"
             return f"'{self.pair.name_a}' {near} '{self.pair.name_b}', nearer than the clearance required"
@@ -52,7 +52,7 @@ class Contact:
 
     @property
     def overlap(self) -> str:
-        """Return how deep two bodies overlap, or how near they are where that is nearer than asked."""
+        """Return how deep two bodies overlap, or how near they are where that is nearer than required."""
         names = f"'{self.pair.name_a}' and '{self.pair.name_b}'"
         if self.apart is not None and self.apart > 0.0:
             return f"{names} are {1e3 * self.apart:.3g} mm apart, nearer than the clearance required"

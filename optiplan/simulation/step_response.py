@@ -16,9 +16,9 @@ class StepResponse:
 
     Attributes:
         rise: s from 10 % to 90 % of the step; None where it never comes that far.
-        overshoot: share of the step by which the answer passes the value asked for, 0 without.
-        settling: s from the step until the answer stays within 2 % of the step around the value asked for; None: never.
-        steady_error: rad (m), asked for less reached, mean of the last tenth.
+        overshoot: share of the step by which the answer passes the value requested, 0 without.
+        settling: s from the step until the answer stays within 2 % of the step around the value requested; None: never.
+        steady_error: rad (m), requested less reached, mean of the last tenth.
     """
 
     rise: float | None
@@ -28,7 +28,7 @@ class StepResponse:
 
 
 def step_response(t: Array, q: Array, at: float, start: float, end: float) -> StepResponse:
-    """Figures of q(t), (K,) each, that was asked to go from `start` to `end` (rad or m) at time `at`, s.
+    """Figures of q(t), (K,) each, that was sent from `start` to `end` (rad or m) at time `at`, s.
 
     Raises:
         ValueError: there is no step, or nothing after it.

@@ -68,7 +68,11 @@ def verify(
         found += [collision(part.problem, trajectory, policy) for part in scene_parts(problem, trajectory)]
     if all(check.passed for check in found):
         found.append(complete(problem, found, [*choices(whole), *tours(stated)]))
-    about = (*scope(problem, robot, found), *unread, *tool_scope(problem, trajectory))
+    about = (
+        *scope(problem, robot, found),
+        *(() if given is None else unread_keys(given)),
+        *tool_scope(problem, trajectory),
+    )
     if problem.task:
         about = (*about, *choice_scope(whole, trajectory), *tour_scope(stated, trajectory))
         about = (*about, *task_scope(problem, trajectory))

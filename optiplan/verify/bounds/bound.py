@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -126,7 +127,7 @@ def bound_of(
             search = searches[which]
             if search is None:
                 break
-            search.found = lambda seconds, which=which: raised(which, seconds)
+            search.found = partial(raised, which)
             others = [b for k, b in enumerate(bounds) if k != which and b > bounds[which] * 1.02]
             search.below = min(known, *others, np.inf)
             search.run(began + budget)

@@ -62,7 +62,7 @@ class DistanceQuery:
         )
 
     def motion_query(self, at: Middles) -> MotionQuery:
-        """What bounds of motion are asked of."""
+        """What bounds of motion are required of."""
         return MotionQuery(self.rows, self.items.pair, self.placed, at.direction, at.point)
 
 
@@ -104,7 +104,7 @@ class Nearness:
 
 @dataclass(frozen=True, eq=False)
 class AskedClearance:
-    """The clearance asked of the pairs of a tree: the policy's, or the floor of a pair where that is larger.
+    """The clearance required of the pairs of a tree: the policy's, or the floor of a pair where that is larger.
 
     Attributes:
         anywhere: (P + H,) m, wherever the joints are; of hulls the most of the pairs that they stand for.
@@ -118,7 +118,7 @@ class AskedClearance:
 
     @classmethod
     def of(cls, tree: PairTree, policy: VerifyPolicy, floors: Floors | None) -> "AskedClearance":
-        """Return what is asked of the pairs of a tree."""
+        """Return what is required of the pairs of a tree."""
         if floors is None:
             return cls(np.full(len(tree.pairs), policy.clearance), policy.clearance, None)
         anywhere = np.maximum(tree.most_of_members(floors.asked), policy.clearance)
@@ -126,15 +126,15 @@ class AskedClearance:
 
     @property
     def most(self) -> float:
-        """The most that is asked of any pair, m."""
+        """The most that is required of any pair, m."""
         return float(self.anywhere.max(initial=self.least))
 
     def over(self, pairs: Index, rows: Index, at: Middles) -> Array:
-        """Return the most that is asked of pairs (K,) anywhere on intervals `rows` (K,), m."""
+        """Return the most that is required of pairs (K,) anywhere on intervals `rows` (K,), m."""
         return self._of(pairs, rows, at, at.reach)
 
     def there(self, pairs: Index, rows: Index, at: Middles) -> Array:
-        """Return what is asked of pairs (K,) in the middles of intervals `rows` (K,), m."""
+        """Return what is required of pairs (K,) in the middles of intervals `rows` (K,), m."""
         return self._of(pairs, rows, at, np.zeros_like(at.reach))
 
     def _of(self, pairs: Index, rows: Index, at: Middles, reach: Array) -> Array:

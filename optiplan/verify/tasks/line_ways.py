@@ -28,7 +28,7 @@ EVENLY = 1e-3
 _HALVINGS = 50
 
 HELD = 0.99
-"""Share of the speed asked for from which on it counts as held."""
+"""Share of the stated speed from which on it counts as held."""
 
 _NEAR = 0.9
 """Share of a limit from which on it counts as what keeps the tool slower."""
@@ -197,7 +197,7 @@ class LineSpeed:
     Attributes:
         asked: by the step, m/s.
         held: for half of the time at least, m/s: the median.
-        why: which limit is nearest where the tool is slower than asked; empty where it holds what is asked.
+        why: which limit is nearest where the tool is slower than stated; empty where it holds what is stated.
     """
 
     asked: float
