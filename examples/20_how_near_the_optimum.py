@@ -1,4 +1,7 @@
-"""How much shorter could a motion be at best? A proved bound that counts the obstacles."""
+"""How much shorter could a motion be at best? A proved bound that counts the obstacles.
+
+Run it: python examples/20_how_near_the_optimum.py
+"""
 
 import optiplan as op
 

@@ -60,8 +60,7 @@ class Problem(FreeSpace):
         vias: via points in order: `ViaPoint`, `Pose`, joint values, names of configurations.
         limits: fractions in (0, 1] of the robot's own: `velocity`, `acceleration`, `jerk` (or "none"), `torque`.
         objective: weights of duration, jerk, energy and more, see `Objective`; None: the duration alone.
-        path_constraints: what holds on the way: `OrientationCone`, `PositionBox`, `OnPlane`, `OnLine`, `ToolSpeed`,
-            `PairClearance`, `RelativePose`.
+        path_constraints: what holds on the way: `OrientationCone`, `PositionBox`, `ToolSpeed`, `PairClearance`, ….
         base: pose of the robot's root in the world, a `Pose`; None: the identity.
         gravity: acceleration of free fall in the world (3,), m/s²; None: (0, 0, -9.81).
         tracking_error: how far joints may be from the motion, rad or m: a number, (n,) or `{joint: value}`; None: 0.
@@ -82,8 +81,7 @@ class Problem(FreeSpace):
         vias: to be passed in this order.
         limits: the robot's limits times the given fractions.
         tracking_error: (n,) rad or m; motions are proved for every configuration that is no farther from them.
-        source: the problem as plain data, all defaults filled in; what `save` writes and `run.json` stores; empty of
-            one that was `derived`.
+        source: the problem as plain data with all defaults, as in `save` and `run.json`; empty of one `derived`.
         hash: SHA-256 of `source` with the contents of the files of the robot and the meshes; likewise.
 
     Raises:

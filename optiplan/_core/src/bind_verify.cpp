@@ -75,8 +75,11 @@ std::unique_ptr<PlaneProof> make_proof(const Indices &parents, const Stack &plac
     expect(kinds.size() == count && exact.size() == count && first_part.size() == count + 1, "of every pair");
     std::vector<ProvedPair> all;
     for (std::size_t k = 0; k < count; ++k) {
-        ProvedPair pair{static_cast<int>(pairs.data()[2 * k]), static_cast<int>(pairs.data()[2 * k + 1]),
-                        kinds.data()[k] ? 1 : 0, exact.data()[k] != 0, {}};
+        ProvedPair pair{static_cast<int>(pairs.data()[2 * k]),
+                        static_cast<int>(pairs.data()[2 * k + 1]),
+                        kinds.data()[k] ? 1 : 0,
+                        exact.data()[k] != 0,
+                        {}};
         const int bound = static_cast<int>(bodies.size());
         expect(pair.a >= 0 && pair.b >= 0 && pair.a < bound && pair.b < bound, "bodies of pairs");
         for (std::int64_t i = first_part.data()[k]; i < first_part.data()[k + 1]; ++i) {
@@ -163,9 +166,12 @@ void bind_verify(nb::module_ &m) {
         .def("placed", &placed, "poses"_a)
         .def("motion", &make_asked, "breakpoints"_a, "coefficients"_a, "jump"_a, "piece"_a, "middle"_a, "half"_a,
              "first_pair"_a, "pairs"_a)
-        .def("scan", [](PlaneProof &self, const Asked &asked,
-                        double clearance) { return told(self.scan(asked.motion, asked.intervals, clearance)); },
-             "motion"_a, "clearance"_a)
+        .def(
+            "scan",
+            [](PlaneProof &self, const Asked &asked, double clearance) {
+                return told(self.scan(asked.motion, asked.intervals, clearance));
+            },
+            "motion"_a, "clearance"_a)
         .def("prove", &prove, "motion"_a, "rules"_a, "measured"_a, "most"_a);
 }
 

@@ -200,8 +200,7 @@ double PlaneProof::propose(int pair) {
         return gap(pair, normals_[pair]);
     }
     ++verdict_.queries;
-    const Witness found =
-        distance(a.outline, pose(both.a), b.outline, pose(both.b), HUGE_VAL, &features_[pair]);
+    const Witness found = distance(a.outline, pose(both.a), b.outline, pose(both.b), HUGE_VAL, &features_[pair]);
     const double length = norm(found.normal);
     if (found.distance <= 0.0 || !(std::fabs(length - 1.0) < 1e-6)) return -HUGE_VAL;
     normals_[pair] = (1.0 / length) * found.normal;

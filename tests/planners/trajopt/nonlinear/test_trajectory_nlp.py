@@ -65,7 +65,7 @@ def test_rows_and_cost_are_those_of_the_planners_terms(which, request):
     """Of a curve beside the first one: slacks are the violations, and f is the merit."""
     nlp, rng = request.getfixturevalue(which), np.random.default_rng(0)
     x = nlp.arguments()["x0"]
-    x[: nlp.control.numel()] += 0.05 * rng.standard_normal(nlp.control.numel())
+    x[: nlp.control.numel()] += 0.2 * rng.standard_normal(nlp.control.numel())
     arguments = nlp.arguments(x)
     f, g = casadi.Function("fg", [nlp.x, nlp.p], [nlp.f, nlp.g])(arguments["x0"], arguments["p"])
     soft = [k for k, name in enumerate(nlp.g_names) if not name.startswith(("velocity", "acceleration", "jerk"))]
