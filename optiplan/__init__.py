@@ -102,7 +102,7 @@ if TYPE_CHECKING:
     from optiplan.trajectory.sample_file import Samples
     from optiplan.trajectory.state import State
     from optiplan.trajectory.trajectory import Trajectory
-    from optiplan.verify.bounds.bound import DurationBound
+    from optiplan.verify.bounds.duration_bound import DurationBound
     from optiplan.verify.report import Check, Report
 
 _ROOMS = {
@@ -190,7 +190,7 @@ _ROOMS = {
     "service.client": ("Client",),
     "trajectory.sample_file": ("Samples",),
     "trajectory.trajectory": ("Trajectory",),
-    "verify.bounds.bound": ("DurationBound",),
+    "verify.bounds.duration_bound": ("DurationBound",),
     "verify.report": ("Check", "Report"),
 }
 _HOME = {name: f"optiplan.{room}" for room, names in _ROOMS.items() for name in names}

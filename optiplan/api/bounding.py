@@ -7,7 +7,8 @@ from optiplan.errors import described, wrong_argument
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.bounds.bound import DurationBound, bound_of, unsupported
+from optiplan.verify.bounds.bound import bound_of, unsupported
+from optiplan.verify.bounds.duration_bound import DurationBound
 
 
 def bound(problem: Problem, budget: float = BUDGET, motion: Run | Trajectory | None = None) -> DurationBound:

@@ -18,7 +18,7 @@ from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import Metrics
 from optiplan.trajectory.segments import segment_data
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.bounds.bound import DurationBound
+from optiplan.verify.bounds.duration_bound import DurationBound
 from optiplan.verify.report import Report
 from optiplan.verify.verify import verify
 

@@ -12,7 +12,7 @@ from optiplan.runs.run import Run
 from optiplan.runs.run_folder import StoredRun
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.bounds.bound import DurationBound
+from optiplan.verify.bounds.duration_bound import DurationBound
 from optiplan.verify.limit_checks import same_problem
 from optiplan.verify.report import Report
 from optiplan.verify.verify import verify

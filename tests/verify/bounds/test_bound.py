@@ -10,7 +10,8 @@ from optiplan._core import core
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import derived
 from optiplan.robot.limits import Limits
-from optiplan.verify.bounds.bound import DurationBound, bound_of, unsupported
+from optiplan.verify.bounds.bound import bound_of, unsupported
+from optiplan.verify.bounds.duration_bound import DurationBound
 
 needs_core = pytest.mark.skipif(core is None, reason="needs the native core")
 
