@@ -190,18 +190,18 @@ def _run(
 
 def _check_bound(problem: Any, seconds: float | None) -> None:
     """Refuse, before it is planned, a problem without a known bound where one is wanted."""
-    from optiplan.api.bounding import require_bound
-
     if seconds is not None:
+        from optiplan.api.bounding import require_bound
+
         require_bound(problem)
 
 
 def _bound(run: Any, seconds: float | None) -> Any:
     """The bound that is proved in so many seconds; None without a number of them."""
-    from optiplan.api.bounding import bound
-
     if seconds is None:
         return None
+    from optiplan.api.bounding import bound
+
     with stdout_is_ours():
         return bound(run.problem, seconds, run if run.verified else None)
 

@@ -11,15 +11,12 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.verify.bounds.closing import Closing
-from optiplan.verify.bounds.duration_bound import DurationBound
+from optiplan.verify.bounds.duration_bound import FAR, DurationBound
 from optiplan.verify.bounds.search import BoundSearch
 from optiplan.verify.bounds.times import Passage
 from optiplan.verify.report import VerifyPolicy
 
 ENDLESS = "joints that turn without end: the goal may be reached a turn away"
-
-_FAR = 1e-12
-"""s; a goal whose bound is less than that is where the robot stands."""
 
 
 def unsupported(problem: Problem) -> tuple[str, str] | None:
@@ -53,7 +50,7 @@ def bound_of(
     alone = [_alone(problem, one) for one in passages]
     result = DurationBound(min(alone), min(alone), left_out=_left_out(problem))
     history = [(0.0, result.seconds)]
-    if not endless and len(problem.scene.obstacles) and min(alone) > _FAR:
+    if not endless and len(problem.scene.obstacles) and min(alone) > FAR:
         model = CollisionModel(problem.robot, problem.scene)
         searches = [_searched(model, one, least, known) for one, least in zip(passages, alone, strict=True)]
         bounds, parts = list(alone), 0
