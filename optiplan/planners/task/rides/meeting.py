@@ -112,9 +112,6 @@ class MeetingSearch:
                     return self._sooner(state, t, (stage, reach), found).part
                 rank, failure, needed = found
                 reach.blame(q)
-                import os
-
-                os.environ.get("DBG") and print(at, rank, failure)
                 failures.append((rank, failure))
                 ready = max(ready, needed)
             step = min(_STEPS[1] * step, _STEPS[2])

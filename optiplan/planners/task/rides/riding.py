@@ -121,7 +121,7 @@ class Rider:
         begin = motion.pose(t).actInv(frame_pose(robot, state.q, self.ride.frame))
         rows, sections, X, now, q = list[_Row](), list[RideSection](), begin, t, np.array(state.q)
         for step in self.steps:
-            row, section = self._row(step, X, now, q), None
+            row, section = self._row(step, now, q), None
             action = step.action
             if isinstance(action, StraightLine):
                 path = line(X, line_end(action, X))
@@ -147,7 +147,7 @@ class Rider:
             return of_step(self._too_fast(stage.problem, kept, timed), self._step_when(rows, kept), state, robot, stage)
         return self._in_scenes(state, t, rows, timed)
 
-    def _row(self, step: TaskStep, X: object, now: float, q: Array) -> _Row:
+    def _row(self, step: TaskStep, now: float, q: Array) -> _Row:
         action = step.action
         if isinstance(action, Dwell):
             return _Row(step, action.seconds)
