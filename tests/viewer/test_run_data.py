@@ -39,14 +39,11 @@ def collision(run: op.Run):
     return next(check for check in run.report.checks if check.name == "collision")
 
 
-def test_the_proved_curve_is_the_certificate_and_its_least_near_the_reports_figure(proof):
+def test_the_proved_curve_is_the_certificate_and_its_least_the_reports_figure(proof):
     shown = clearance_of(proof.problem, proof.trajectory)
     edges, proved = floats(shown["edges"], "<f8"), floats(shown["proved"], "<f8")
     witness = collision(proof).witness
-    assert proved.min() == shown["proved_least"]
-    # The report's figure is proved by planes, the curve pair by pair: both are at least the share that is aimed at.
-    assert 0.0 < witness["proved_clearance"] <= witness["met_clearance"]
-    assert shown["proved_least"] == pytest.approx(witness["proved_clearance"], rel=0.25)
+    assert proved.min() == shown["proved_least"] == witness["proved_clearance"]
     assert (edges[0], edges[-1]) == (0.0, proof.trajectory.duration)
     assert (np.diff(edges) > 0.0).all()
     model = CollisionModel(proof.problem.robot, proof.problem.scene)
@@ -56,17 +53,16 @@ def test_the_proved_curve_is_the_certificate_and_its_least_near_the_reports_figu
             model.clearance(proof.trajectory(np.array([min(float(t[k]), edges[-1])]))[0]).distance, abs=2e-5
         )
         assert proved[np.searchsorted(edges, t[k], side="right").clip(1, len(proved)) - 1] <= distance[k] + 2e-5
-    assert shown["least"]["distance"] <= witness["met_clearance"] + 2e-5
+    assert shown["least"]["distance"] <= witness["met_clearance"] + 1e-9
     assert shown["contacts"] == []
 
 
 def test_recording_changes_no_proof_and_covers_every_pair_at_all_times(proof):
     model, record = CollisionModel(proof.problem.robot, proof.problem.scene), ClearanceRecord()
     plain = certify(model, proof.trajectory, VerifyPolicy())
-    recorded = certify(model, proof.trajectory, VerifyPolicy(), record)
-    assert recorded.clearance == pytest.approx(plain.clearance, rel=0.25)  # without the planes of the core
+    assert certify(model, proof.trajectory, VerifyPolicy(), record).clearance == plain.clearance
     begin, end, pair, clearance = record.proved()
-    assert clearance.min() == recorded.clearance
+    assert clearance.min() == plain.clearance
     for k in range(len(model.pairs)):
         own = pair == k
         order = np.argsort(begin[own], kind="stable")

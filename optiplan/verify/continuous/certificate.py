@@ -52,40 +52,56 @@ def certify(
     answer most pairs, `kept_clearance` those of neighbours, exact queries confirmed by separating planes the rest. Of
     the robot's own pairs and of those with obstacles most of the smallest distance of the kind is proved.
 
-    A `record` is filled with what was proved of which pair and when; its least is the proof's `clearance`.
+    A `record` is filled with what was proved of which pair and when; its least is the proof's `clearance`. The proof is
+    the same without one.
 
     Holds at: all times of the closed interval [0, duration].
     """
     off = np.zeros(trajectory.n) if error is None else error
-    search = _Search(
-        model, trajectory, policy, record, off, AskedClearance.of(tools_of(model).bodies.tree, policy, floors)
-    )
+    asked = AskedClearance.of(tools_of(model).bodies.tree, policy, floors)
+    search = _Search(model, trajectory, policy, off, asked)
     search.refuse_at_once()
     if search.proof.reason:
         return search.proof
     intervals = search.first_intervals()
     left = search.by_planes(intervals)
-    search.work_off(search.bounded_by_volumes(intervals) if left is None else left)
+    if left is None:
+        return search.in_full(intervals, record)
+    search.work_off(left)
     if search.proof.reason:
         return search.proof
     search.measure_tightest()
-    if left is not None:
-        return replace(search.proof, proved=True)
-    rough = np.minimum(search.proof.least, search.coarse.least(search.kinds))
-    proved = replace(search.proof, proved=True, least=rough)
-    known = None if record is None else len(record)
-    search.work_off(search.intervals_to_refine())
-    if not search.proof.reason:
-        return replace(search.proof, proved=True)
-    if record is not None:
-        record.cut(known)
-        search.record_blocks(search.coarse.near)
-    return proved
+    proof = replace(search.proof, proved=True)
+    if record is None:
+        return proof
+    recorded = _Search(model, trajectory, policy, off, asked).in_full(intervals, record)
+    if not recorded.proved:
+        return recorded
+    record.agree(proof.least, search.kinds)
+    return proof
 
 
 @dataclass(eq=False)
 class _Search(SearchState):
     """Branch and bound over intervals: `advance` processes many open items and returns those still open, divided."""
+
+    def in_full(self, intervals: Intervals, record: ClearanceRecord | None) -> Proof:
+        """Return the proof by volumes and queries, pair by pair; a `record` is filled."""
+        self.record = record
+        self.work_off(self.bounded_by_volumes(intervals))
+        if self.proof.reason:
+            return self.proof
+        self.measure_tightest()
+        rough = np.minimum(self.proof.least, self.coarse.least(self.kinds))
+        proved = replace(self.proof, proved=True, least=rough)
+        known = None if record is None else len(record)
+        self.work_off(self.intervals_to_refine())
+        if not self.proof.reason:
+            return replace(self.proof, proved=True)
+        if record is not None:
+            record.cut(known)
+            self.record_blocks(self.coarse.near)
+        return proved
 
     def refuse_at_once(self) -> None:
         """Refuse at once what cannot be proved: huge numbers, bodies without bounds, bodies inside a mesh."""

@@ -40,6 +40,19 @@ class ClearanceRecord:
         """Forget what was added after the first `count` times."""
         del self._found[count:]
 
+    def agree(self, least: Array, kinds: Index) -> None:
+        """Bring in line with what another proof found: (2,) m, the least of each kind of pairs; `kinds` (P,) of pairs.
+
+        Nothing of a kind is less than its least, and where it is smallest it is that: a smaller claim holds as well.
+        """
+        begin, end, pair, clearance = self.proved()
+        clearance = np.maximum(clearance, least[kinds[pair]])
+        for kind, known in enumerate(least.tolist()):
+            own = np.flatnonzero(kinds[pair] == kind)
+            if len(own):
+                clearance[own[clearance[own].argmin()]] = known
+        self._found = [(begin, end, pair, clearance)]
+
     def proved(self) -> tuple[Array, Array, Index, Array]:
         """All that was added: begin, end, pair, clearance."""
         if not self._found:

@@ -25,9 +25,9 @@ class SearchState:
     model: CollisionModel
     trajectory: Trajectory
     policy: VerifyPolicy
-    record: ClearanceRecord | None
     error: Array
     asked: AskedClearance
+    record: ClearanceRecord | None = None
     proof: Proof = field(default_factory=lambda: Proof(False))
 
     def __post_init__(self) -> None:
@@ -65,7 +65,7 @@ class SearchState:
         """Prove in the core what planes can; the items left, None where it takes no part or bodies touch."""
         tools = tools_of(self.model)
         planes = plane_search(self.model, tools)
-        if planes is None or self.record is not None or self.error.any() or self.asked.floors is not None:
+        if planes is None or self.error.any() or self.asked.floors is not None:
             return None
         tops = self.bodies.tree.tops
         kept = tops[self.is_kept[tops]]
