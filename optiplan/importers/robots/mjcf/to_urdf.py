@@ -20,7 +20,8 @@ from optiplan.importers.robots.mjcf.compiled import compile_mjcf
 from optiplan.importers.robots.mjcf.contacts import excluded_pairs, overlapping_pairs
 from optiplan.importers.robots.mjcf.couplings import Couplings, find_couplings
 from optiplan.importers.robots.mjcf.geoms import GeomWriter, placed
-from optiplan.robot.urdf.elements import inertial_element, number_words, origin_element
+from optiplan.importers.robots.urdf_tree import UrdfTree
+from optiplan.robot.urdf.elements import inertial_element, number_words
 
 FAR = 100.0
 """m; a slide without limits is given these, since a URDF has no endless ones."""
@@ -39,7 +40,6 @@ def describe_mjcf(path: Path) -> Description:
     writer = _MjcfWriter(mujoco, model, _model_name(path))
     for body in range(model.nbody):
         writer.body(body)
-    text = ET.tostring(_indented(writer.root), encoding="unicode")
     states, rest = writer.keyframes()
     excluded = excluded_pairs(model, writer.links)
     overlapping = sorted(overlapping_pairs(mujoco, model, writer.links) - excluded)
@@ -49,8 +49,8 @@ def describe_mjcf(path: Path) -> Description:
     notes = [*remarks, *writer.couplings.notes, *writer.geoms.notes, *writer.notes]
     return Description(
         source=path,
-        name=str(writer.root.get("name")),
-        text=f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n',
+        name=str(writer.urdf.root.get("name")),
+        text=writer.urdf.text(),
         files=writer.geoms.meshes.files,
         keys={"collision": "hull"},
         states=states,
@@ -65,17 +65,11 @@ def _model_name(path: Path) -> str:
     return name.replace(" ", "_")
 
 
-def _indented(root: ET.Element) -> ET.Element:
-    ET.indent(root)
-    return root
-
-
 class _MjcfWriter:
     """The URDF of one compiled model."""
 
     def __init__(self, mujoco: Any, model: Any, name: str) -> None:
         self.mujoco, self.model = mujoco, model
-        self.root = ET.Element("robot", name=name)
         self.notes: list[str] = []
         self.geoms = GeomWriter(mujoco, model)
         self.joints = _unique([str(model.joint(j).name) or self._joint_of(j) for j in range(model.njnt)], set())
@@ -85,7 +79,7 @@ class _MjcfWriter:
             [str(model.site(s).name) for s in range(model.nsite)], {*self.joints, *self.links, "universe"}, "_site"
         )
         self.couplings: Couplings = find_couplings(mujoco, model, self.joints)
-        self._taken = {*self.joints, *self.links, *self.sites}
+        self.urdf = UrdfTree(name, {*self.joints, *self.links, *self.sites})
 
     def _joint_of(self, j: int) -> str:
         body = int(self.model.jnt_bodyid[j])
@@ -97,7 +91,7 @@ class _MjcfWriter:
         link = self.links[b]
         if b > 0:
             self._chain(b, link)
-        element = ET.SubElement(self.root, "link", name=link)
+        element = self.urdf.link(link)
         if model.body_mass[b] > 0.0:
             inertia = pin.Inertia(float(model.body_mass[b]), np.zeros(3), np.diag(model.body_inertia[b]))
             inertial_element(element, placed(model.body_ipos[b], model.body_iquat[b]).act(inertia))
@@ -105,9 +99,9 @@ class _MjcfWriter:
         for geom in range(first, first + int(model.body_geomnum[b])):
             self.geoms.add(element, geom, pin.SE3.Identity())
         for site in (s for s in range(model.nsite) if model.site_bodyid[s] == b and model.site(s).name):
-            ET.SubElement(self.root, "link", name=self.sites[site])
+            self.urdf.link(self.sites[site])
             X_BS = placed(model.site_pos[site], model.site_quat[site])
-            self._joint(self._free(f"{self.sites[site]}_fixed"), "fixed", (link, self.sites[site]), X_BS)
+            self.urdf.joint(self.urdf.free(f"{self.sites[site]}_fixed"), "fixed", (link, self.sites[site]), X_BS)
 
     def _chain(self, b: int, link: str) -> None:
         """The joints before a body; the last link is the body's own frame."""
@@ -126,13 +120,13 @@ class _MjcfWriter:
                 X = before * _moved(turns, axis, held) * pin.SE3(np.eye(3), -anchor)
                 continue
             last = j == moving[-1] and not np.any(anchor)
-            child = link if last else self._free(f"{self.joints[j]}_frame")
+            child = link if last else self.urdf.free(f"{self.joints[j]}_frame")
             self._moving(j, (parent, child), before, turns)
             if last:
                 return
-            ET.SubElement(self.root, "link", name=child)
+            self.urdf.link(child)
             parent, X = child, pin.SE3(np.eye(3), -anchor)
-        self._joint(self._free(f"{link}_fixed"), "fixed", (parent, link), X)
+        self.urdf.joint(self.urdf.free(f"{link}_fixed"), "fixed", (parent, link), X)
 
     def _held(self, j: int) -> float | None:
         """The position at which joint j is held, itself or by its leader; None where it moves."""
@@ -149,7 +143,7 @@ class _MjcfWriter:
         model = self.model
         limited = bool(model.jnt_limited[j])
         kind = ("revolute" if limited else "continuous") if turns else "prismatic"
-        element = self._joint(self.joints[j], kind, links, X_PJ)
+        element = self.urdf.joint(self.joints[j], kind, links, X_PJ)
         ET.SubElement(element, "axis", xyz=number_words(model.jnt_axis[j]))
         limit = ET.SubElement(element, "limit", effort=repr(self._effort(j)), velocity="0")
         if limited or not turns:
@@ -180,20 +174,6 @@ class _MjcfWriter:
             ):
                 ends.append(model.actuator_forcerange[k] * float(model.actuator_gear[k, 0]))
         return min((float(np.min(np.abs(end))) for end in ends), default=0.0)
-
-    def _joint(self, name: str, kind: str, links: tuple[str, str], X: pin.SE3) -> ET.Element:
-        element = ET.SubElement(self.root, "joint", name=name, type=kind)
-        origin_element(element, X)
-        ET.SubElement(element, "parent", link=links[0])
-        ET.SubElement(element, "child", link=links[1])
-        return element
-
-    def _free(self, name: str) -> str:
-        """A name that nothing has yet, taken now."""
-        while name in self._taken:
-            name += "_"
-        self._taken.add(name)
-        return name
 
     def keyframes(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
         """Named configurations, and the positions of joints that are not planned: of the first keyframe."""

@@ -15,12 +15,13 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.urdf_shapes import MeshFiles, add_shape
+from optiplan.importers.robots.urdf_tree import UrdfTree
 from optiplan.importers.robots.usd.joints import SLIDES, TURNS, UsdJoint, moved, read_joints
 from optiplan.importers.robots.usd.masses import body_inertia
 from optiplan.importers.robots.usd.shapes import NOT_READ, UsdShape, gprims, shape_of
 from optiplan.importers.robots.usd.stage import UsdStage, schemas
 from optiplan.importers.robots.usd.tree import Articulation, read_tree, rigid_bodies
-from optiplan.robot.urdf.elements import inertial_element, number_words, origin_element
+from optiplan.robot.urdf.elements import inertial_element, number_words
 from optiplan.robot.urdf.srdf import LinkPair, link_pair
 
 FAR = 100.0
@@ -46,11 +47,11 @@ def describe_usd(path: Path) -> Description:
     """
     stage = UsdStage(path)
     writer = _UsdWriter(stage)
-    text = writer.text()
+    writer.write()
     return Description(
         source=path,
-        name=str(writer.root.get("name")),
-        text=f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n',
+        name=str(writer.urdf.root.get("name")),
+        text=writer.urdf.text(),
         files=writer.meshes.files,
         limits={"velocity": writer.rates} if writer.rates else {},
         states={DRAWN: writer.drawn} if any(writer.drawn.values()) else {},
@@ -74,12 +75,11 @@ class _UsdWriter:
         self.drawn: dict[str, float] = {}
         self.rates: dict[str, float] = {}
         default = stage.stage.GetDefaultPrim()
-        self.root = ET.Element("robot", name=default.GetName() if default else stage.path.stem)
         carried = [pair for pair in self.tree.carried.values() if pair is not None]
         self.joints = {joint.path: joint for joint, _ in carried}
         named = _names([WORLD, *self.joints, *self.tree.order])
         self.names = {**named, "": WORLD}
-        self._taken = set(named.values())
+        self.urdf = UrdfTree(default.GetName() if default else stage.path.stem, named.values())
         self._held = self._without_drive()
         strangers = [path for path in self.bodies if path not in self.tree.carried]
         if strangers:
@@ -99,20 +99,18 @@ class _UsdWriter:
             self.notes.append(f"held where they are drawn, since no drive moves them: {_listed(sorted(held))}")
         return held
 
-    def text(self) -> str:
-        """The whole file."""
-        ET.SubElement(self.root, "link", name=WORLD)
+    def write(self) -> None:
+        """Add all bodies with their joints."""
+        self.urdf.link(WORLD)
         for path in self.tree.order:
             self._carry(path)
             self._link(path)
-        ET.indent(self.root)
-        return ET.tostring(self.root, encoding="unicode")
 
     def _carry(self, path: str) -> None:
         """The joint before a body."""
         link, carried = self.names[path], self.tree.carried[path]
         if carried is None:
-            self._joint(self._free(f"{link}_fixed"), "fixed", (WORLD, link), self.places[path])
+            self.urdf.joint(self.urdf.free(f"{link}_fixed"), "fixed", (WORLD, link), self.places[path])
             return
         joint, carrier = carried
         forward = joint.bodies[1] == path
@@ -122,15 +120,15 @@ class _UsdWriter:
         q = self._position(joint, carrier, path, (X_PF, X_CF, axis))
         if not joint.moves or joint.path in self._held:
             X_PC = X_PF * moved(joint.kind, axis, q) * X_CF.inverse() if joint.moves else X_PF * X_CF.inverse()
-            self._joint(name, "fixed", (parent, link), X_PC)
+            self.urdf.joint(name, "fixed", (parent, link), X_PC)
             return
         own = X_CF.isIdentity(1e-12)
-        child = link if own else self._free(f"{name}_frame")
+        child = link if own else self.urdf.free(f"{name}_frame")
         self._moving(joint, (parent, child), X_PF, axis)
         self.drawn[name] = q
         if not own:
-            ET.SubElement(self.root, "link", name=child)
-            self._joint(self._free(f"{link}_fixed"), "fixed", (child, link), X_CF.inverse())
+            self.urdf.link(child)
+            self.urdf.joint(self.urdf.free(f"{link}_fixed"), "fixed", (child, link), X_CF.inverse())
 
     def _position(self, joint: UsdJoint, carrier: str, path: str, frames: tuple[pin.SE3, pin.SE3, Array]) -> float:
         """The position at which the stage shows a joint, rad or m; a remark where its bodies are not where it says."""
@@ -154,7 +152,7 @@ class _UsdWriter:
         name, turns = self.names[joint.path], joint.kind == TURNS
         endless = np.isinf(joint.lower) and np.isinf(joint.upper)
         kind = ("continuous" if endless else "revolute") if turns else "prismatic"
-        element = self._joint(name, kind, links, X_PF)
+        element = self.urdf.joint(name, kind, links, X_PF)
         ET.SubElement(element, "axis", xyz=number_words(axis))
         effort = joint.effort if np.isfinite(joint.effort) else 0.0
         limit = ET.SubElement(element, "limit", effort=repr(effort), velocity="0")
@@ -173,17 +171,10 @@ class _UsdWriter:
         elif joint.mimic is not None:
             self.notes.append(f"left out: {joint.path} follows {joint.mimic[0]}, which is no joint of the robot")
 
-    def _joint(self, name: str, kind: str, links: tuple[str, str], X: pin.SE3) -> ET.Element:
-        element = ET.SubElement(self.root, "joint", name=name, type=kind)
-        origin_element(element, X)
-        ET.SubElement(element, "parent", link=links[0])
-        ET.SubElement(element, "child", link=links[1])
-        return element
-
     def _link(self, path: str) -> None:
         """One body: its inertia, its colliders, what is drawn, and empty prims below it as frames."""
         stage, prim, link = self.stage, self.bodies[path], self.names[path]
-        element = ET.SubElement(self.root, "link", name=link)
+        element = self.urdf.link(link)
         solids = []
         for shape_prim, collides in gprims(stage, prim):
             if not collides and not stage.drawn(shape_prim):
@@ -206,9 +197,9 @@ class _UsdWriter:
             self.notes.append(f"{path} has neither a mass nor a collider: it weighs nothing")
         for frame in _empty_frames(stage, prim):
             X_LF = self.places[path].actInv(stage.placed(frame).pose())
-            name = self._free(frame.GetName())
-            ET.SubElement(self.root, "link", name=name)
-            self._joint(self._free(f"{name}_fixed"), "fixed", (link, name), X_LF)
+            name = self.urdf.free(frame.GetName())
+            self.urdf.link(name)
+            self.urdf.joint(self.urdf.free(f"{name}_fixed"), "fixed", (link, name), X_LF)
 
     def _cannot(self, prim: Any, collides: bool) -> None:
         """Say that a shape is left out.
@@ -230,13 +221,6 @@ class _UsdWriter:
         if shape.kind in ("cylinder", "capsule"):
             return ET.Element(shape.kind, radius=repr(shape.sizes[0]), length=repr(shape.sizes[1]))
         return self.meshes.element((str(prim.GetPath()), collides), prim.GetName(), shape.vertices, shape.triangles)
-
-    def _free(self, name: str) -> str:
-        """A name that nothing has yet, taken now."""
-        while name in self._taken:
-            name += "_"
-        self._taken.add(name)
-        return name
 
     def filtered(self) -> tuple[LinkPair, ...]:
         """Pairs of links that `physics:filteredPairs` names; those of colliders and of other things are remarked on."""

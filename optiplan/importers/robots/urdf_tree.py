@@ -1,0 +1,45 @@
+"""Links and joints of a URDF that is written, with names that nothing else has."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+
+import pinocchio as pin
+
+from optiplan.robot.urdf.elements import origin_element
+
+
+class UrdfTree:
+    """A URDF that grows by links and joints.
+
+    Attributes:
+        root: its <robot>.
+    """
+
+    def __init__(self, name: str, taken: Iterable[str]) -> None:
+        """Begin a robot of this name; `taken` are the names that its links and joints have or will have."""
+        self.root = ET.Element("robot", name=name)
+        self._taken = set(taken)
+
+    def link(self, name: str) -> ET.Element:
+        """Add an empty link."""
+        return ET.SubElement(self.root, "link", name=name)
+
+    def joint(self, name: str, kind: str, links: tuple[str, str], X_PJ: pin.SE3) -> ET.Element:
+        """Add a joint between two links, the parent first, at a pose in the parent's frame, m."""
+        element = ET.SubElement(self.root, "joint", name=name, type=kind)
+        origin_element(element, X_PJ)
+        ET.SubElement(element, "parent", link=links[0])
+        ET.SubElement(element, "child", link=links[1])
+        return element
+
+    def free(self, name: str) -> str:
+        """Return a name that nothing has yet, taken now."""
+        while name in self._taken:
+            name += "_"
+        self._taken.add(name)
+        return name
+
+    def text(self) -> str:
+        """The whole file."""
+        ET.indent(self.root)
+        return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(self.root, encoding="unicode")}\n'
