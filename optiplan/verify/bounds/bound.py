@@ -1,7 +1,7 @@
 """A proved lower bound on the duration of any motion of a problem, obstacles included."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -11,7 +11,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.verify.bounds.closing import Closing
-from optiplan.verify.bounds.duration_bound import FAR, DurationBound
+from optiplan.verify.bounds.duration_bound import NO_TIME, DurationBound
 from optiplan.verify.bounds.search import BoundSearch
 from optiplan.verify.bounds.times import Passage
 from optiplan.verify.report import VerifyPolicy
@@ -30,57 +30,55 @@ def unsupported(problem: Problem) -> tuple[str, str] | None:
     return None
 
 
-def bound_of(
-    problem: Problem,
-    budget: float,
-    known: float = np.inf,
-    found: Callable[[float], None] = lambda seconds: None,
-) -> DurationBound:
+def bound_of(problem: Problem, budget: float, known: float = np.inf) -> DurationBound:
     """Return the greatest bound proved within `budget`, s of wall time; of several goals it is that of the least.
 
     Args:
         problem: one that is not `unsupported`.
         budget: s.
         known: duration of a verified motion, s; nothing greater is tried. inf: none is known.
-        found: called with every greater bound of the whole problem, s.
     """
     began = time.perf_counter()
     passages = [_passage(problem, goal) for goal in problem.goal if isinstance(goal, JointGoal)]
-    endless = bool(problem.robot.endless.any())
-    alone = [_alone(problem, one) for one in passages]
-    result = DurationBound(min(alone), min(alone), left_out=_left_out(problem))
-    history = [(0.0, result.seconds)]
-    if not endless and len(problem.scene.obstacles) and min(alone) > FAR:
-        model = CollisionModel(problem.robot, problem.scene)
-        searches = [_searched(model, one, least, known) for one, least in zip(passages, alone, strict=True)]
-        bounds, parts = list(alone), 0
+    bounds = [_alone(problem, one) for one in passages]
+    history = [(0.0, min(bounds))]
+    result = DurationBound(min(bounds), min(bounds), history=tuple(history), left_out=_left_out(problem))
+    if problem.robot.endless.any() or not problem.scene.obstacles or min(bounds) < NO_TIME:
+        return result
 
-        def raised(which: int, seconds: float) -> None:
-            bounds[which] = float(seconds)
-            if min(bounds) > history[-1][1]:
-                history.append((time.perf_counter() - began, min(bounds)))
-                found(min(bounds))
+    def raised(which: int, seconds: float) -> None:
+        bounds[which] = float(seconds)
+        if min(bounds) > history[-1][1]:
+            history.append((time.perf_counter() - began, min(bounds)))
 
-        names: set[str] = set()
-        # The goal of the least bound first; the others only as far as they are the least then.
-        for which in _in_turn(bounds, searches):
-            search = searches[which]
-            if search is None:
-                break
-            search.found = partial(raised, which)
-            others = [b for k, b in enumerate(bounds) if k != which and b > bounds[which] * 1.02]
-            search.below = min(known, *others, np.inf)
-            search.run(began + budget)
-            parts += search.parts
-            names |= {problem.robot.joint_names[j] for j in search.joints}
-            if time.perf_counter() - began > budget:
-                break
-        ordered = tuple(name for name in problem.robot.joint_names if name in names)
-        result = replace(result, seconds=min(bounds), joints=ordered, parts=parts)
-    return replace(result, history=tuple(history))
+    model = CollisionModel(problem.robot, problem.scene)
+    closings = [Closing.of(model, one) for one in passages]
+    searches = {
+        k: BoundSearch(closing, bounds[k], known, partial(raised, k))
+        for k, closing in enumerate(closings)
+        if closing is not None
+    }
+    # The goal of the least bound first; the others only as far as they are the least then.
+    for which in _in_turn(bounds):
+        search = searches.get(which)
+        if search is None:
+            break
+        others = [b for k, b in enumerate(bounds) if k != which and b > bounds[which] * 1.02]
+        search.below = min(known, *others, np.inf)
+        search.run(began + budget)
+        if time.perf_counter() - began > budget:
+            break
+    names = {problem.robot.joint_names[j] for search in searches.values() for j in search.joints}
+    return replace(
+        result,
+        seconds=min(bounds),
+        joints=tuple(name for name in problem.robot.joint_names if name in names),
+        parts=sum(search.parts for search in searches.values()),
+        history=tuple(history),
+    )
 
 
-def _in_turn(bounds: Sequence[float], searches: Sequence[BoundSearch | None]) -> Iterator[int]:
+def _in_turn(bounds: Sequence[float]) -> Iterator[int]:
     """Indices of goals, each time that of the least bound, at most twice each."""
     left = [2] * len(bounds)
     while True:
@@ -109,11 +107,6 @@ def _alone(problem: Problem, passage: Passage) -> float:
     turned = passage.goal + 2.0 * np.pi * np.round((passage.start - passage.goal) / (2.0 * np.pi))
     nearest: Array = np.where(problem.robot.endless, turned, passage.goal)
     return float(replace(passage, goal=nearest).direct.max(initial=0.0))
-
-
-def _searched(model: CollisionModel, passage: Passage, least: float, known: float) -> BoundSearch | None:
-    closing = Closing.of(model, passage)
-    return None if closing is None else BoundSearch(closing, least, known, lambda seconds: None)
 
 
 def _left_out(problem: Problem) -> tuple[str, ...]:

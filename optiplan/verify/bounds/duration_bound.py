@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-FAR = 1e-12
+NO_TIME = 1e-12
 """s; a goal whose bound is less than that is where the robot stands."""
 
 
@@ -33,7 +33,7 @@ class DurationBound:
 
         duration / seconds - 1; None where the bound is 0.
         """
-        return None if self.seconds < FAR else max(duration / self.seconds - 1.0, 0.0)
+        return None if self.seconds < NO_TIME else max(duration / self.seconds - 1.0, 0.0)
 
     def words(self, duration: float | None = None) -> str:
         """Return the bound in a sentence, with how far a motion of `duration`, s, is from the optimum at most."""

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import coal
 import numpy as np
+from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 from optiplan.arrays import Array, Index
@@ -141,8 +142,6 @@ def _rods_between(normals: Array, offsets: Array) -> list[tuple[Array, float]]:
     From c along u the body ends, less a radius r, where n (c + s u) = d - r.
     """
     whole = np.column_stack([normals, np.ones(len(normals))])
-    from scipy.optimize import linprog
-
     ball = linprog([0.0, 0.0, 0.0, -1.0], A_ub=whole, b_ub=offsets, bounds=[(None, None)] * 3 + [(0.0, None)])
     if not ball.success or ball.x[3] < 1e-3:
         return []
