@@ -98,6 +98,16 @@ class ObstacleMotion:
         R = pin.exp3(rows[SLIDES] * self.axis)
         return pin.SE3(R, rows[:SLIDES] + self.point - R @ self.point)
 
+    def places(self, x: Array, t: Array) -> Array:
+        """Return where a point x (3,), m, of what moves is at times t (N,), s: M(t) x, (N, 3)."""
+        rows = self.at(t)
+        if self.axis is None or self.point is None:
+            return np.asarray(x + rows)
+        arm, angle = x - self.point, rows[:, SLIDES:]
+        along = self.axis * (self.axis @ arm)
+        turned = along + np.cos(angle) * (arm - along) + np.sin(angle) * np.cross(self.axis, arm)
+        return np.asarray(rows[:, :SLIDES] + self.point + turned)
+
     def carrier(self, t: float) -> pin.SE3:
         """Return the pose of the frame of the last joint that does the motion; see `collision.moving_obstacles`."""
         return self.pose(t) * self.joint_frame

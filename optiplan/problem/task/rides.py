@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Flags
 from optiplan.geometry.obstacle_motion import SLIDES, ObstacleMotion
 
 CONDITION = r"^\s*(\S+)\.(x|y|z|angle)\s*(<=|>=|<|>)\s*(\S+)\s*$"
@@ -75,22 +75,25 @@ class WaitUntil:
     relation: str
     value: float
 
-    def at(self, t: float) -> float:
-        """Return the place or the angle at time t, s."""
-        if self.axis == "angle":
-            return float(self.mover.motion.at(np.array([t]))[0, SLIDES])
-        return float((self.mover.motion.pose(t) * self.mover.X_WO).translation["xyz".index(self.axis)])
-
     def holds(self, t: float) -> bool:
         """Whether the condition holds at time t, s."""
-        return bool(_COMPARED[self.relation](self.at(t), self.value))
+        return bool(self._holding(np.array([t]))[0])
+
+    def _holding(self, t: Array) -> Flags:
+        """Return at which of the times (N,), s, the condition holds."""
+        motion = self.mover.motion
+        if self.axis == "angle":
+            values = motion.at(t)[:, SLIDES]
+        else:
+            values = motion.places(self.mover.X_WO.translation, t)[:, "xyz".index(self.axis)]
+        return np.asarray(_COMPARED[self.relation](values, self.value))
 
     def first(self, begin: float) -> float | None:
         """Return the first time from `begin` on at which it holds, s; None within `LONGEST`."""
         if self.holds(begin):
             return begin
         times: Array = begin + _STEP * np.arange(1.0, LONGEST / _STEP + 1.0)
-        holding = np.flatnonzero(_held(self, times))
+        holding = np.flatnonzero(self._holding(times))
         if not len(holding):
             return None
         high = float(times[holding[0]])
@@ -104,18 +107,6 @@ class WaitUntil:
     def words(self) -> str:
         """The condition, as a file has it."""
         return f"{self.mover.name}.{self.axis} {self.relation} {self.value:g}"
-
-
-def _held(condition: WaitUntil, t: Array) -> Array:
-    """Return at which of the times (N,), s, a condition holds."""
-    if condition.axis == "angle":
-        values = condition.mover.motion.at(t)[:, SLIDES]
-    elif condition.mover.motion.axis is None:
-        k = "xyz".index(condition.axis)
-        values = condition.mover.motion.at(t)[:, k] + condition.mover.X_WO.translation[k]
-    else:
-        values = np.array([condition.at(float(one)) for one in t])
-    return np.asarray(_COMPARED[condition.relation](values, condition.value))
 
 
 def split_condition(text: str) -> tuple[str, str, str, float] | None:

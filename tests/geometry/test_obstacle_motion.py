@@ -1,0 +1,49 @@
+"""Motions of obstacles: poses, points, velocities beside differences, and the same motion from a later time on."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from optiplan.geometry.obstacle_motion import ObstacleMotion
+
+ROWS = [[0.1, 0.3, -0.05], [0.0, -0.2], [0.0, 0.0, 0.1, 0.02]]
+TURN = {"axis": [1.0, -2.0, 0.5], "angle": [0.2, 0.7, -0.1], "about": [0.4, 0.1, -0.3]}
+MOTIONS = {"slides": ObstacleMotion.of_data(ROWS), "turns": ObstacleMotion.of_data(ROWS, None, TURN)}
+
+
+@pytest.fixture(params=MOTIONS)
+def motion(request):
+    return MOTIONS[request.param]
+
+
+def test_points_are_those_of_the_poses(motion):
+    x, t = np.array([0.3, -0.4, 0.9]), np.linspace(0.0, 3.0, 7)
+    assert motion.places(x, t) == pytest.approx(np.array([motion.pose(time) * x for time in t]), abs=1e-12)
+
+
+def test_a_twist_is_that_of_differences(motion):
+    X, step = pin.SE3.Random(), 1e-6
+    for t in (0.4, 1.7):
+        here, there = (motion.pose(time) * X for time in (t - step, t + step))
+        linear = (there.translation - here.translation) / (2.0 * step)
+        angular = pin.log3(there.rotation @ here.rotation.T) / (2.0 * step)
+        assert motion.twist(motion.pose(t) * X, t) == pytest.approx([*linear, *angular], abs=1e-7)
+
+
+def test_the_last_joint_is_where_its_frame_is_carried(motion):
+    assert motion.carrier(1.3).isApprox(motion.pose(1.3) * motion.joint_frame, 1e-12)
+    if motion.axis is not None:
+        assert motion.joint_frame.rotation[:, 2] == pytest.approx(motion.axis, abs=1e-12)
+
+
+def test_from_a_later_time_on_it_is_the_same(motion):
+    since = 0.8
+    later = ObstacleMotion(motion.from_times(np.array([since]))[0], np.inf, motion.axis, motion.point)
+    for t in (0.0, 0.5, 2.0):
+        assert later.pose(t).isApprox(motion.pose(since + t), 1e-9)
+
+
+def test_equal_motions_have_equal_keys(motion):
+    again = ObstacleMotion.of_data(**motion.to_data())
+    assert again.key == motion.key
+    assert again.key != ObstacleMotion.of_data([[0.0, 0.1], [0.0], [0.0]]).key
