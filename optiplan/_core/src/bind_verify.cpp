@@ -23,10 +23,9 @@ std::shared_ptr<const ProvedShape> make_shape(const Shape &outline, const Vector
     std::copy_n(round.data(), 5, shape->round.begin());
     for (std::size_t k = 0; k < points.shape(0); ++k) {
         const double *p = points.data() + 3 * k;
-        shape->x.push_back(p[0]), shape->y.push_back(p[1]), shape->z.push_back(p[2]);
+        shape->points.add({p[0], p[1], p[2]});
     }
-    while (shape->x.size() % 8)
-        shape->x.push_back(shape->x[0]), shape->y.push_back(shape->y[0]), shape->z.push_back(shape->z[0]);
+    shape->points.pad();
     if (outline.kind == Kind::half_space)
         shape->half_space = true, shape->normal = outline.normal, shape->offset = outline.offset;
     expect(outline.kind != Kind::mesh, "the outline of a mesh");

@@ -8,7 +8,6 @@ namespace optiplan {
 static constexpr double PI = 3.14159265358979323846;
 static constexpr double SEAM = 1e-9;        // rad or m, by which kept boxes are larger: rounding of angles
 static constexpr double REACH_SPARE = 1e-13;  // rad or m, of rounding in Taylor's formula
-static constexpr std::size_t UNROLLED = 8;
 
 double KeptBoxes::least(const double *from, const double *to) const {
     double found = HUGE_VAL;
@@ -48,12 +47,10 @@ IntervalProof::IntervalProof(const World &world, std::vector<int> kinds, std::ve
             {{below(both.a, common), below(both.b, common)}, a.half_space || b.half_space, !a.mesh() && !b.mesh()});
     }
     for (const Body &body : world_.bodies()) {
-        Points points;
+        PaddedPoints points;
         if (body.outline().kind == Kind::hull) {
-            for (const Vec3 &p : body.outline().hull->points())
-                points.x.push_back(p.x), points.y.push_back(p.y), points.z.push_back(p.z);
-            while (points.x.size() % UNROLLED)
-                points.x.push_back(points.x[0]), points.y.push_back(points.y[0]), points.z.push_back(points.z[0]);
+            for (const Vec3 &p : body.outline().hull->points()) points.add(p);
+            points.pad();
         }
         points_.push_back(std::move(points));
     }
@@ -172,15 +169,7 @@ double IntervalProof::support(int body, const Vec3 &n) const {
     default:
         return HUGE_VAL;
     }
-    const Points &points = points_[body];
-    double most[UNROLLED];
-    std::fill_n(most, UNROLLED, -HUGE_VAL);
-    for (std::size_t k = 0; k < points.x.size(); k += UNROLLED)
-        for (std::size_t i = 0; i < UNROLLED; ++i) {
-            const double height = local.x * points.x[k + i] + local.y * points.y[k + i] + local.z * points.z[k + i];
-            most[i] = height > most[i] ? height : most[i];
-        }
-    return origin + *std::max_element(most, most + UNROLLED);
+    return origin + points_[body].highest(local);
 }
 
 // -h_b(-n) - h_a(n): a lower bound of the distance, whatever the unit vector n is.

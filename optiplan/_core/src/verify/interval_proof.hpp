@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "verify/padded_points.hpp"
 #include "world/sweep.hpp"
 
 namespace optiplan {
@@ -62,9 +63,6 @@ class IntervalProof {
     Placement &placement() { return at_; }
 
   private:
-    struct Points {
-        std::vector<double> x, y, z;  // of a hull, padded with copies of the first
-    };
     struct Sides {
         int last[2];  // of bodies a and b: the joint below the one that carries both; 0: it stands still
         bool plane;   // a half-space takes part
@@ -96,7 +94,7 @@ class IntervalProof {
     std::vector<KeptBoxes> kept_;
     std::vector<int> kept_of_;  // of each pair: place in `kept_`, -1
     std::vector<Sides> sides_;
-    std::vector<Points> points_;
+    std::vector<PaddedPoints> points_;  // of hulls
     Placement at_;
     const Curve *curve_ = nullptr;
     IntervalRules rules_;

@@ -8,7 +8,6 @@ namespace optiplan {
 namespace {
 
 constexpr double REACH_SPARE = 1e-13;  // rad or m, of rounding in Taylor's formula
-constexpr std::size_t UNROLLED = 8;
 
 // exp([S] q) of a unit axis through the origin.
 Pose turned(const Vec3 &u, double q) {
@@ -111,20 +110,13 @@ double PlaneProof::support(int body, const Vec3 &n) {
     const Vec3 local = transposed(X.R, n);
     const double origin = dot(n, X.p);
     if (shape.half_space) return origin + shape.offset;
-    if (shape.x.empty()) {
+    if (shape.points.empty()) {
         const auto &r = shape.round;
         const double flat = local.x * local.x + local.y * local.y;
         return origin + r[0] * std::fabs(local.x) + r[1] * std::fabs(local.y) + r[2] * std::fabs(local.z) +
                r[3] * std::sqrt(flat) + r[4] * std::sqrt(flat + local.z * local.z);
     }
-    double most[UNROLLED];
-    std::fill_n(most, UNROLLED, -HUGE_VAL);
-    for (std::size_t k = 0; k < shape.x.size(); k += UNROLLED)
-        for (std::size_t i = 0; i < UNROLLED; ++i) {
-            const double height = local.x * shape.x[k + i] + local.y * shape.y[k + i] + local.z * shape.z[k + i];
-            most[i] = height > most[i] ? height : most[i];
-        }
-    return origin + *std::max_element(most, most + UNROLLED);
+    return origin + shape.points.highest(local);
 }
 
 // -h_b(-n) - h_a(n): a lower bound of the distance, whatever the unit vector n is.

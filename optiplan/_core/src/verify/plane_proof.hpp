@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "convex/convex.hpp"
+#include "verify/padded_points.hpp"
 
 namespace optiplan {
 
@@ -17,7 +18,7 @@ namespace optiplan {
 struct ProvedShape {
     Shape outline;                // proposes normals
     std::array<double, 5> round;  // h(n) = a . |n| + r ||(n_x, n_y)|| + s ||n||, without points
-    std::vector<double> x, y, z;  // of a polyhedron or the hull of a mesh, padded with copies of the first
+    PaddedPoints points;          // of a polyhedron or the hull of a mesh
     bool half_space = false;
     Vec3 normal;  // of a half-space, outwards
     double offset = 0.0;
