@@ -24,10 +24,14 @@ def checked_vector(owner: object, argument: str, value: object, size: int, least
     Raises:
         InputError: other than that.
     """
-    if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == (size,) and least == -np.inf:
-        # In every step of a loop: one sum tells of NaN and infinity anywhere.
-        if np.isfinite(value.sum()):
-            return value.copy()
+    if (
+        type(value) is np.ndarray
+        and value.dtype == np.float64
+        and value.shape == (size,)
+        and least == -np.inf
+        and np.isfinite(value.sum())  # in every step of a loop: one sum tells of NaN and infinity anywhere
+    ):
+        return value.copy()
     expected = f"{size} finite numbers" + ("" if least == -np.inf else f" >= {least:g}")
     vector = spread_vector(owner, argument, value, size, expected)
     return _good(owner, argument, vector, np.isfinite(vector) & (vector >= least), expected)

@@ -9,29 +9,9 @@ from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.problem.goals_and_vias import JointGoal
 from optiplan.problem.problem import derived
 from optiplan.verify.warm_proof import Polynomials, WarmProof
+from tests.verify.bodies_around import among_bodies
 
 ROBOTS = ("panda", "ur5", "srra", "baxter_left")
-
-
-def among_boxes(name, count, seed):
-    """A robot among boxes, balls and cylinders."""
-    rng, robot = np.random.default_rng(seed), op.load_robot(name)
-    home = next(iter(robot.configurations))
-    problem, bodies = op.Problem(robot, home, home), []
-    while len(bodies) < count:
-        place = {"position": rng.uniform([-0.7, -0.7, 0.0], [0.7, 0.7, 1.1]), "rpy": rng.uniform(-3.0, 3.0, 3)}
-        body = (
-            op.Box(f"body{len(bodies)}", size=rng.uniform(0.04, 0.2, 3), **place),
-            op.Sphere(f"body{len(bodies)}", radius=rng.uniform(0.03, 0.1), position=place["position"]),
-            op.Cylinder(f"body{len(bodies)}", radius=0.04, length=rng.uniform(0.05, 0.4), **place),
-            op.Capsule(f"body{len(bodies)}", radius=0.04, length=rng.uniform(0.05, 0.4), **place),
-        )[len(bodies) % 4]
-        try:
-            problem = problem.with_scene([*bodies, body])
-        except op.InputError:
-            continue
-        bodies.append(body)
-    return problem
 
 
 def motion(problem, rng, size=1.0):
@@ -52,7 +32,7 @@ def verified(problem, found, state):
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_it_agrees_with_the_verifier(name):
-    problem = among_boxes(name, 12, 3)
+    problem = among_bodies(name, 12, 3)
     proof, rng = WarmProof(problem), np.random.default_rng(1)
     verdicts = []
     for k in range(24):
@@ -71,7 +51,7 @@ def test_it_agrees_with_the_verifier(name):
 @pytest.mark.parametrize("depth", [1e-3, 1e-5, 3e-6, -3e-6, -1e-5, -1e-3])
 def test_grazing_motions(depth):
     """An obstacle is pushed along the nearest normal until the motion misses it by `depth`, m; below 0 it touches."""
-    problem = among_boxes("panda", 6, 5)
+    problem = among_bodies("panda", 6, 5)
     rng, judged = np.random.default_rng(2), 0
     rows = np.array([problem.limits.lower, problem.limits.upper, *problem.limits.rates])
     state = np.array([problem.start, np.zeros(7), np.zeros(7)])
@@ -128,7 +108,7 @@ def test_a_body_inside_a_mesh_is_not_apart(tmp_path):
 
 @pytest.mark.parametrize("spoil", ["start", "step", "end", "jerk", "nan"])
 def test_a_motion_that_is_none_is_refused(spoil):
-    problem = among_boxes("panda", 4, 1)
+    problem = among_bodies("panda", 4, 1)
     proof = WarmProof(problem)
     found, state = motion(problem, np.random.default_rng(3), 0.1)
     while not proof.prove(found, state).proved:
