@@ -56,10 +56,11 @@ def test_a_motion_that_shaves_is_refused_and_one_planned_for_it_is_proved(shelf)
 
 @pytest.mark.parametrize("planner", ["rrtconnect", "trajopt"])
 def test_scene_and_self_are_asked_apart(planner, shelf):
-    safety = op.Safety(0.02, own=0.001, pairs=(op.SafePairs(("*finger",), ("*",), 0.0),))
+    """More than the shelf leaves: a hand keeps it outside, and its fingers reach in."""
+    safety = op.Safety(0.08, own=0.001, pairs=(op.SafePairs(("*finger",), ("*",), 0.0),))
     run = op.plan(shelf.problem.with_parts(clearance=safety), planner, budget=1.5)
     assert run.verified, run
-    assert collision(run.report).witness["scene_clearance"] < 0.02  # fingers may come nearer
+    assert collision(run.report).witness["scene_clearance"] < 0.08  # fingers may come nearer
     assert least_left(run.problem, run.trajectory) > 0.0
 
 
