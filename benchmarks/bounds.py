@@ -77,7 +77,7 @@ def problems(arguments: argparse.Namespace, folder: Path) -> Any:
     if arguments.examples:
         for name in EXAMPLES:
             problem = op.load_problem(name)
-            yield "examples", problem, op.plan(problem, budget=5.0).duration
+            yield "examples", problem, op.plan(problem.with_parts(clearance=0), budget=5.0).duration
         return
     known = BestKnownTable(BEST_KNOWN / f"mbm-{arguments.robot}.csv")
     sets = import_sets(arguments.robot, folder, arguments.every, arguments.offset)

@@ -101,8 +101,8 @@ def solve(file: Path, budget: float) -> dict[str, Any]:
 
 
 def fresh(file: Path) -> op.Problem:
-    """The problem, loaded anew, and no garbage of what came before it."""
-    problem = op.load_problem(file)
+    """The problem, loaded anew, without a wished clearance, and no garbage of what came before it."""
+    problem = op.load_problem(file).with_parts(clearance=0)
     gc.collect()
     return problem
 

@@ -53,7 +53,7 @@ def drawn(rng: np.random.Generator) -> tuple[list[op.Problem], op.Problem]:
         model = planning_model(free[0].robot, free[0].scene)
         found = goal_configurations(free[0], model, np.random.default_rng(0)).configurations
         if found:
-            return free, free[0].with_goal(found[0])
+            return [one.with_parts(clearance=0) for one in free], free[0].with_parts(goal=found[0], clearance=0)
 
 
 def least_bound(problem: op.Problem) -> float:

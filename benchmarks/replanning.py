@@ -66,7 +66,8 @@ def main() -> None:
         op.plan(op.load_problem(files[0]), budget=1.0)  # pays for imports
         try:
             for file in track(files, "replanning", console=Console(stderr=True), transient=True):
-                rows += solve(op.load_problem(file), f"{file.parent.name}/{file.stem}", options.budget)
+                problem = op.load_problem(file).with_parts(clearance=0)
+                rows += solve(problem, f"{file.parent.name}/{file.stem}", options.budget)
         except KeyboardInterrupt:
             pass
     table = [line(kind, [row for row in rows if row["change"] == kind]) for kind in CHANGES]

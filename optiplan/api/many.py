@@ -111,7 +111,8 @@ def _requests(problems: Any, planner: str | None, options: Mapping[str, Any] | N
 
 def _planned(request: _Request) -> Run:
     """Plan one problem, in a worker."""
-    return plan_and_verify_once(request.problem, request.planner, request.options, Budget(request.seconds), _silent)
+    one, budget = request, Budget(request.seconds)
+    return plan_and_verify_once(one.problem, one.planner, one.options, budget, _silent, compared=False)
 
 
 def _silent(stage: str, fraction: float) -> None:

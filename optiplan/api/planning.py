@@ -102,9 +102,7 @@ def plan(  # noqa: PLR0913  # one keyword for each thing that may differ from th
         problem = with_tracking_error(problem, tracking_error)
     known = _known(warm_start)
     try:
-        if warm_start is None:
-            return pipeline.run(problem, asked, chosen, clock, told)
-        return pipeline.run_from(known, problem, asked, chosen, clock, told)
+        return pipeline.answer(problem, asked, chosen, clock, told, known)
     except UnknownChoiceError as error:
         argument = "planner" if error.kind == "planner" else "options"
         raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None

@@ -12,6 +12,9 @@ from optiplan.errors import described, wrong_argument
 MOST = 1.0
 """m: a larger distance is a slip of the pen (millimetres for metres), and leaves an arm no room."""
 
+WISHED = 0.005
+"""m: the distance that is wished where a problem says nothing about it."""
+
 WITHIN = 0.5
 """rad or m, summed over the joints: the way over which the floor of a pair that begins nearer grows to the whole."""
 

@@ -244,6 +244,10 @@ class Planner(ABC, Generic[OptionsT]):
         """Plan, starting from a motion for a similar problem; by default that motion is not used."""
         return self.plan(problem, budget, progress)
 
+    def near(self, problem: Problem, earlier: Trajectory, budget: Budget) -> Trajectory | None:
+        """Return a motion of this problem near one of a similar problem, without a search; None without one."""
+        return None
+
     def check(self, problem: Problem, budget: Budget) -> None:
         """Check that the options fit the problem, without planning.
 

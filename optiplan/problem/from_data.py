@@ -11,6 +11,7 @@ from optiplan.collision.kept_models import collision_model
 from optiplan.config.document import Document, validate
 from optiplan.config.messages import field_name
 from optiplan.errors import InputError, Issue
+from optiplan.geometry.safety import WISHED
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader, link_names
 from optiplan.problem.constraints.statements import PathConstraint
@@ -218,6 +219,7 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
         "goal": tuple(part.value for part in parts.goal),
         "limits": limits,
         "tracking_error": error,
+        "wished_clearance": WISHED if clearance is None else 0.0,
         "vias": tuple(part.value for part in parts.vias),
         "task": tuple(part.value for part in parts.task),
         "objective": Objective(**spec.objective.model_dump(exclude_none=True)),

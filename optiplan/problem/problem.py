@@ -81,6 +81,7 @@ class Problem(FreeSpace):
         vias: to be passed in this order.
         limits: the robot's limits times the given fractions.
         tracking_error: (n,) rad or m; motions are proved for every configuration that is no farther from them.
+        wished_clearance: m; bodies stay so far apart where that costs little. 0 where a `clearance` is stated.
         source: the problem as plain data with all defaults, as in `save` and `run.json`; empty of one `derived`.
         hash: SHA-256 of `source` with the contents of the files of the robot and the meshes; likewise.
 
@@ -104,6 +105,7 @@ class Problem(FreeSpace):
     goal: Goal
     limits: Limits
     tracking_error: Array
+    wished_clearance: float
     vias: tuple[Via, ...]
     task: tuple[TaskStep, ...]
     tools: tuple[MountedTool, ...]
@@ -163,9 +165,10 @@ class Problem(FreeSpace):
 
     @classmethod
     def of(cls, parts: Mapping[str, Any]) -> "Problem":
-        """Return the problem of these attributes, as they are; without a tracking error it is 0."""
+        """Return the problem of these attributes, as they are; a tracking error or a wish that is missing is 0."""
         problem = object.__new__(cls)
-        problem._set({"tracking_error": np.zeros(parts["robot"].n), "tools": (), **parts})
+        none = {"tracking_error": np.zeros(parts["robot"].n), "wished_clearance": 0.0, "tools": ()}
+        problem._set({**none, **parts})
         return problem
 
     @property

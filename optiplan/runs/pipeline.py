@@ -20,6 +20,7 @@ from optiplan.runs.metrics import measure
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
+from optiplan.runs.wished_clearance import can_be_wished, wished
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import verify as verifier
 from optiplan.verify.continuous.kept_clearance import kept_clearances
@@ -90,27 +91,28 @@ def run(
     return replace(found, plan_cpu=spent, timings={**found.timings, **late})
 
 
-def run_from(
-    earlier: Trajectory | None,
+def answer(
     problem: Problem,
     planner: str | Planner[Any],
     options: Mapping[str, Any],
     budget: Budget,
     progress: Progress,
+    earlier: Trajectory | None = None,
 ) -> Run:
-    """Plan as `run` does, never worse than a motion that is at hand.
+    """Plan as `run` does, never worse than a motion that is at hand, and keep the clearance that the problem wishes.
 
     Args:
-        earlier: a motion of a problem not far from this one; None, or one of other joints: of no use. Where it costs
-            less (see `Objective`) than what is found, it is verified on this problem, and is the answer if it holds.
         problem: the problem.
         planner: name in the registry, or a planner itself.
         options: of the planner of that name.
         budget: seconds of planning and proof.
         progress: called with the planner's stages.
+        earlier: a motion of a problem not far from this one; one of other joints is of no use. Where it costs less
+            (see `Objective`) than what is found, it is verified on this problem, and is the answer if it holds.
 
     Returns:
-        The run; its `info["warm_start"]` is `kept`, `beaten` (the answer costs no more) or `refused`.
+        The run; its `info["warm_start"]` is `kept`, `beaten` (the answer costs no more) or `refused` where there was an
+        earlier motion, and its `info["wish"]` what became of the wish.
 
     Raises:
         UnknownChoiceError: no such planner or option.
@@ -120,7 +122,8 @@ def run_from(
     found = run(problem, planner, options, budget, progress, known)
     if known is not None and found.trajectory is not None and not found.verified and not budget.over:
         found = run(problem, planner, options, budget.share(1.0), progress)  # it led astray
-    return _better(found, known, progress)
+    best = found if earlier is None else _better(found, known, progress)
+    return _wider(best, planner, budget, progress)
 
 
 def proved(
@@ -195,17 +198,20 @@ def plan_and_verify_once(
     budget: Budget,
     progress: Progress,
     earlier: Trajectory | None = None,
+    *,
+    compared: bool = True,
 ) -> Run:
-    """Run one planner of a comparison: an exception of the planner becomes its failure.
+    """Plan, and turn an exception of the planner into its failure.
 
-    Failure kinds besides those of planners: `input`, the options do not fit this problem (witness: `issues`);
-    `bug`, an unexpected exception (witness: `traceback`).
+    Planners that are `compared` show the motions that they find; else the run is an `answer`, from an earlier motion if
+    there is one. Failure kinds besides those of planners: `input`, the options do not fit this problem (witness:
+    `issues`); `bug`, an unexpected exception (witness: `traceback`).
     """
     began = time.perf_counter()
     try:
-        if earlier is not None:
-            return run_from(earlier, problem, planner, options, budget, progress)
-        return run(problem, planner, options, budget, progress)
+        if compared:
+            return run(problem, planner, options, budget, progress)
+        return answer(problem, planner, options, budget, progress, earlier)
     except PlannerAnswerError as error:
         failure = Failure("bug", str(error), {})
     except OptiPlanError as error:
@@ -259,3 +265,23 @@ def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
     proofs = ProofsOnTheWay(run.problem, progress)
     kept = proved(run.problem, run.planner, run.options, result, Budget(_KEPT), proofs, run.timings)
     return replace(kept, plan_cpu=run.plan_cpu)
+
+
+def _wider(found: Run, planner: str | Planner[Any], budget: Budget, progress: Progress) -> Run:
+    """The run, or one of a motion that keeps the wished clearance, where that costs little."""
+    if found.trajectory is None or not found.verified or not can_be_wished(found.problem):
+        return found
+    began = clock()
+    chosen = make_planner(planner, found.options) if isinstance(planner, str) else planner
+    wish = wished(found.problem, found.trajectory, found.timings.get("verify", 0.0), chosen, budget)
+    if wish is None:
+        return found
+    kept = replace(found, info={**found.info, "wish": wish.to_dict()})
+    if wish.motion is not None:
+        seconds = budget.seconds - budget.remaining
+        result = PlanResult(wish.motion, None, found.stages, kept.info, seconds=seconds)
+        proofs = ProofsOnTheWay(found.problem, progress)
+        wider = proved(found.problem, found.planner, found.options, result, budget, proofs, found.timings)
+        improvements = (*found.improvements, *wider.improvements)
+        kept = replace(wider, plan_cpu=found.plan_cpu, improvements=improvements, timings=found.timings)
+    return replace(kept, timings={**kept.timings, "wish": clock() - began})

@@ -46,11 +46,14 @@ class Run:
             Whether that is a bound of the whole problem, `lower_bound_of` says.
         metrics: metrics of the trajectory, verified or not; None without one that moves the robot's joints.
         timings: seconds of wall time: `plan`, `verify` (the proof of the trajectory), `other proofs` (of motions on the
-            way, and of those refused) and `measure`; `robot`, what was proved once for the robot; `beyond the budget`.
+            way, and of those refused) and `measure`; `robot`, what was proved once for the robot; `wish`, seeing to the
+            wished clearance; `beyond the budget`.
         stages: seconds of wall time of the planner's own stages.
         info: the planner's record of its work, JSON-ready; `slowed`, the factor on the planner's duration that
-            verification required, if any.
-        improvements: (seconds of planning and proving, duration in s) of every verified motion on the way.
+            verification required, if any; `wish`, what became of `Problem.wished_clearance`: `clearance`, m, whether it
+            is `kept`, and how much `longer` than the answer without it.
+        improvements: (seconds of planning and proving, duration in s) of every verified motion on the way, each shorter
+            than the last; but a motion that keeps the wished clearance may be longer by 2 %.
         proved_bound: of the duration of any motion of the problem, obstacles included; None: nobody asked.
         plan_cpu: seconds of processor time of planning alone, with that of processes that the planner waited for.
     """

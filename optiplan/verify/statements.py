@@ -143,7 +143,7 @@ def _scene(problem: Problem) -> list[str]:
 _OF_SCENE = frozenset({"obstacles", "attached", "allowed", "safety"})
 """Fields of a scene that are known; what may touch is no requirement."""
 
-_LABELS = frozenset({"name", "planner", "options", "seed", "source", "hash", "objective"})
+_LABELS = frozenset({"name", "planner", "options", "seed", "source", "hash", "objective", "wished_clearance"})
 """Fields of a problem that require nothing of a motion; the objective is what it costs."""
 
 _OF_PROBLEM: Mapping[str, Callable[[Problem], Iterable[str]]] = {

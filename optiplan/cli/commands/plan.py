@@ -183,7 +183,7 @@ def _run(
         return _run_there(server, problem, chosen, options, seconds)
     with stdout_is_ours(), progress:
         try:
-            return pipeline.run(problem, chosen, options, Budget(seconds, progress.cancel), progress)
+            return pipeline.answer(problem, chosen, options, Budget(seconds, progress.cancel), progress)
         except InputError as error:
             raise placed(path, error) if options else error from None
 

@@ -39,7 +39,7 @@ def show_run(console: Console, run: Run, full: bool = False) -> None:
         _show_failure(console, run.failure, title)
     if full and (words := _base(run)):
         console.print(words, markup=False)
-    for line in _stops(run.info.get("stops", ()), full):
+    for line in (*_wish(run.info.get("wish")), *_stops(run.info.get("stops", ()), full)):
         console.print(line, markup=False, style="dim")
     console.print(_times(run), markup=False, style="dim")
     if run.trajectory is not None and (what := run.info.get("fallback")):
@@ -115,6 +115,17 @@ def _quality(run: Run) -> str:
     whose = BOUNDS[run.lower_bound_of]
     ratio = "" if run.ratio is None else f"[bold]{run.ratio:.3f}[/] × the "
     return f"{words} · {ratio}{whose}, {run.lower_bound:.3f} s"
+
+
+def _wish(wish: Mapping[str, Any] | None) -> list[str]:
+    """Say what became of the clearance that a problem wishes where it requires none; nothing where nobody looked."""
+    if wish is None:
+        return []
+    words, longer = f"the wished clearance of {1e3 * wish['clearance']:g} mm", wish["longer"]
+    if wish["kept"]:
+        return [f"{words} is kept" + (f", for {longer:.1%} more" if longer > 0.0 else "")]
+    why = "no motion was found with" if longer is None else f"{longer:.1%} more would keep"
+    return [f"{why} {words}; `clearance: {wish['clearance']:g}` requires it"]
 
 
 def _cost(run: Run) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
+from dataclasses import replace
 from itertools import count
 from typing import Any
 
@@ -84,6 +85,11 @@ class TrajOpt(Planner[TrajOptOptions]):
         if warm.good or (warm.best is not None and budget.over):
             return warm.result()
         return warm.with_search(self.plan(problem, budget, progress))
+
+    def near(self, problem: Problem, earlier: Trajectory, budget: Budget) -> Trajectory | None:
+        """Optimise an earlier motion; see `planners.base.Planner`. Twice the spans are those of a refined curve."""
+        finer = replace(self.options, spans=2 * self.options.spans)
+        return WarmStart(problem, earlier, finer, budget, lambda stage, share: None).best
 
 
 class _Run:

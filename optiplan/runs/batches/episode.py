@@ -109,12 +109,16 @@ def planned_episode(request: EpisodeRequest) -> Episode:
     try:
         problem = load_problem(path) if request.seed is None else load_problem(path, seed=request.seed)
         name, options = chosen(problem, request.planner, request.options)
-        run = plan_and_verify_once(problem, name, options, Budget(request.seconds), lambda stage, share: None)
+        run = plan_and_verify_once(problem, name, options, Budget(request.seconds), _silent, compared=False)
     except InputError as error:
         return Episode(**start, state=BAD_INPUT, detail=str(error), task=task)
     except OptiPlanError as error:
         return Episode(**start, state=BAD_INPUT, detail=f"{path}: {error}", task=task)
     return Episode(**start, **_content(run, request.rate), task=task)
+
+
+def _silent(stage: str, share: float) -> None:
+    """Progress within one problem, which stays in the worker."""
 
 
 def _content(run: Run, rate: float) -> dict[str, Any]:

@@ -74,7 +74,9 @@ class Tasks:
         budget, given = Budget(request["budget"]), problem.with_seed(choice.seed)
         told = stages_of(progress) if request.get("early") else progress
         earlier = Trajectory.from_dict(request["earlier"]) if request.get("earlier") else None
-        run = pipeline.plan_and_verify_once(given, choice.planner, choice.options, budget, told, earlier)
+        run = pipeline.plan_and_verify_once(
+            given, choice.planner, choice.options, budget, told, earlier, compared=False
+        )
         about, rate = _about(run) | _identity(problem, choice), request.get("rate")
         if request.get("early"):
             progress.answered(about, motion_file(run, RATE if rate is None else rate or None))

@@ -1,6 +1,7 @@
 """What every planner of the registry owes its callers, on small problems; a new entry is held to it by being there."""
 
 import json
+import logging
 import threading
 import time
 from dataclasses import dataclass
@@ -69,6 +70,14 @@ def name(request):
         answer(request.param, case)  # imports and caches warm: the tests look at the clock
     answer.cache_clear()
     return request.param
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_log():
+    """What is worked out once for a robot is logged, by nobody's planner."""
+    logging.disable(logging.INFO)
+    yield
+    logging.disable(logging.NOTSET)
 
 
 @pytest.mark.parametrize("case", sorted(cases.CONTRACT))
