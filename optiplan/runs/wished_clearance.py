@@ -59,7 +59,7 @@ def wished(problem: Problem, answer: Trajectory, proof: float, planner: Planner[
         planner: that looks for a motion near it.
         budget: what remains of it.
     """
-    searches_near = getattr(type(planner), "near", Planner.near) is not Planner.near
+    searches_near = type(planner).near is not Planner.near
     if not (searches_near and can_be_wished(problem)) or budget.remaining < _PROOFS * proof:
         return None
     clearance = problem.wished_clearance
