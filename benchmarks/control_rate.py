@@ -4,8 +4,9 @@
 
 First Panda with a pose task, a posture, all limits of the joints (position, velocity, acceleration, jerk), torque, tool
 speed and ten clearance rows. Then the same tasks with limits of position and velocity alone, which pink and mink have
-too, on the same moving target, with proxsuite as solver, in one run. With `--families` the six families of motions.
-Peers that are not installed are left out. The last line is one JSON object.
+too, on the same moving target, with each of daqp, quadprog and proxqp that is installed, in one run. With `--families`
+the six families of motions, peers with the first of these solvers. Peers that are not installed are left out. The last
+line is one JSON object.
 """
 
 import os
@@ -19,6 +20,7 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
@@ -26,11 +28,15 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 from published import print_json, print_table, write_markdown
+from qpsolvers import available_solvers
 
 import optiplan as op
 from optiplan.collision.model import CollisionModel
 
 DT = 0.002
+SOLVERS = [name for name in ("daqp", "quadprog", "proxqp") if name in available_solvers]
+"""Of pink and mink, through qpsolvers."""
+
 READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
 Step = Callable[[pin.SE3, np.ndarray, pin.SE3], np.ndarray]
 """From a target X_WT now, its twist (6,), and where it is at the end of the step, to the configuration then.
@@ -142,8 +148,8 @@ def ours(
     return step
 
 
-def of_pink(robot: op.Robot) -> Step:
-    """pin-pink with the same tasks and limits, through qpsolvers on proxsuite."""
+def of_pink(robot: op.Robot, solver: str) -> Step:
+    """pin-pink with the same tasks and limits, through qpsolvers."""
     import pink
 
     model = robot.model.copy()
@@ -156,15 +162,15 @@ def of_pink(robot: op.Robot) -> Step:
 
     def step(X: pin.SE3, twist: np.ndarray, X_next: pin.SE3) -> np.ndarray:
         tool.set_target(X_next)
-        v = pink.solve_ik(configuration, [tool, posture], DT, "proxqp", safety_break=False)
+        v = pink.solve_ik(configuration, [tool, posture], DT, solver, safety_break=False)
         configuration.integrate_inplace(v, DT)
         return configuration.q
 
     return step
 
 
-def of_mink(robot: op.Robot) -> Step:
-    """Mink with the same tasks and limits, through qpsolvers on proxsuite; MuJoCo reads the same URDF."""
+def of_mink(robot: op.Robot, solver: str) -> Step:
+    """Mink with the same tasks and limits, through qpsolvers; MuJoCo reads the same URDF."""
     import mink
     import mujoco
 
@@ -187,7 +193,7 @@ def of_mink(robot: op.Robot) -> Step:
 
     def step(X: pin.SE3, twist: np.ndarray, X_next: pin.SE3) -> np.ndarray:
         tool.set_target(mink.SE3.from_matrix(X_next.homogeneous))
-        v = mink.solve_ik(configuration, [tool, posture], DT, "proxqp", limits=limits)
+        v = mink.solve_ik(configuration, [tool, posture], DT, solver, limits=limits)
         configuration.integrate_inplace(v, DT)
         return configuration.q
 
@@ -290,31 +296,33 @@ def rate(robot: op.Robot, seconds: float) -> tuple[list[list[str]], str, dict[st
     for name, make in contestants(robot).items():
         found = run(make(), robot, figure_eight(robot, seconds))
         rows.append([f"{name}: position and velocity limits", *found.cells(robot, alone)])
-        told |= {f"{KEYS[name]}_median_ms": found.times[0], f"{KEYS[name]}_error_mm": 1e3 * found.error_rms}
+        key = KEYS.get(name, name.replace(", ", "_"))
+        told |= {f"{key}_median_ms": found.times[0], f"{key}_error_mm": 1e3 * found.error_rms}
     return rows, remark, told
 
 
-KEYS = {"optiplan": "same_tasks", "optiplan, proxqp in every step": "proxqp_always", "pink": "pink", "mink": "mink"}
+KEYS = {"optiplan": "same_tasks", "optiplan, proxqp in every step": "proxqp_always"}
+PEERS: dict[str, Callable[[op.Robot, str], Step]] = {"pink": of_pink, "mink": of_mink}
 
 
 def contestants(robot: op.Robot) -> dict[str, Callable[[], Step]]:
-    """Controllers with the same tasks, limits and solver; those that are not installed are left out."""
+    """Controllers with the same tasks and limits, peers with each solver; what is not installed is left out."""
     simple = [op.PositionLimit(), op.VelocityLimit()]
     at_once = {"gain": 1.0 / DT, "response": 0.0}
     found: dict[str, Callable[[], Step]] = {
         "optiplan": lambda: ours(robot, list(simple), **at_once),
         "optiplan, proxqp in every step": lambda: ours(robot, list(simple), solver="proxqp", **at_once),
     }
-    if find_spec("pink") is not None:
-        found["pink"] = lambda: of_pink(robot)
-    if find_spec("mink") is not None:
-        found["mink"] = lambda: of_mink(robot)
+    for name, make in PEERS.items():
+        if find_spec(name) is not None:
+            found |= {f"{name}, {solver}": partial(make, robot, solver) for solver in SOLVERS}
     return found
 
 
 def families(robot: op.Robot) -> list[list[str]]:
     """The six families of motions, by our controller with its default limits and by the peers with theirs."""
-    peers = {name: make for name, make in contestants(robot).items() if name in ("pink", "mink")}
+    first = [f"{name}, {SOLVERS[0]}" for name in PEERS]
+    peers = {name: make for name, make in contestants(robot).items() if name in first}
     makers = {"optiplan, default limits": lambda: ours(robot, None, scene=op.Scene()), **peers}
     check, rows = CollisionModel(robot, op.Scene()), []
     for family, targets in FAMILIES.items():
