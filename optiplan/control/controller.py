@@ -1,5 +1,6 @@
 """`Controller`: each step, the velocities that do the tasks best within the limits, and from which it can stop."""
 
+import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
@@ -357,8 +358,8 @@ class Controller:
         if level or self._measured is None:
             return None
         values = singular_values(objective.rows_of(self._measured))
-        outcome.manipulability = float(np.prod(values))
-        return float(values[-1])
+        outcome.manipulability = math.prod(values)
+        return values[-1]
 
     def _accept(self, x: Array, outcome: StepOutcome) -> State | None:
         """The state with velocities x (n,), or half or a quarter of them beyond braking, if the robot can stop clear.

@@ -69,10 +69,11 @@ class TaskObjective:
         ends = np.cumsum([0, *(task.size for task in self.tasks)])
         self._slices = [slice(int(a), int(b)) for a, b in pairwise(ends)]
         k = int(ends[-1])
-        self._A, self._b, self._e, self._wanted = np.zeros((k, n)), np.zeros(k), np.zeros(k), np.zeros(k)
+        self._A, self._cost = np.zeros((k, n)), np.zeros(k)
+        self._rates = np.zeros((3, k))  # what is asked, the error, what is wanted
         cost = np.concatenate([np.zeros(0), *(task.cost for task in self.tasks)])
         self._main = _as_slice(np.flatnonzero(cost >= MAIN * cost.max(initial=0.0)))
-        self._ridge = np.arange(n) * (n + 1)
+        self._diagonal = slice(None, None, n + 1)
         self._forwards: list[Array | None] = [None] * len(self.tasks)
 
     def copy(self) -> "TaskObjective":
@@ -92,7 +93,7 @@ class TaskObjective:
 
     def demand(self, c: Configuration, state: State, dt: float) -> Demand:
         """What the tasks ask for at a configuration; the arrays are overwritten by the next call."""
-        A, b, e = self._A, self._b, self._e
+        A, cost, rates_of = self._A, self._cost, self._rates
         for k, (task, rows) in enumerate(zip(self.tasks, self._slices, strict=True)):
             error, J = task.evaluate(c)
             wanted = task.wanted_rate(error)
@@ -103,13 +104,12 @@ class TaskObjective:
                 rates = self._second_order(task, J, wanted, c, state, dt)
             else:
                 rates = self._first_order(task, J, wanted, self._forward_change(k, forward, c, dt), c, state, dt)
-            cost = task.cost
-            np.multiply(J, cost[:, None], out=A[rows])
-            np.multiply(rates, cost, out=b[rows])
-            np.multiply(error, cost, out=e[rows])
-            np.multiply(wanted, cost, out=self._wanted[rows])
+            A[rows], cost[rows] = J, task.cost
+            rates_of[0, rows], rates_of[1, rows], rates_of[2, rows] = rates, error, wanted
+        A *= cost[:, None]
+        b, e, wanted = cost * rates_of
         main = e[self._main]
-        return Demand(A, b, float(np.sqrt(main @ main)), self._main, self._wanted)
+        return Demand(A, b, math.sqrt(main @ main), self._main, wanted)
 
     def _forward_change(self, k: int, forward: Array | None, c: Configuration, dt: float) -> Array | None:
         """By how much the feed-forward of task k changes in a step: as it says itself, or as it did in the last one."""
@@ -196,16 +196,19 @@ class TaskObjective:
             weight += (SINGULAR_DAMPING * (1.0 - (singular / NEAR_SINGULAR) ** 2)) ** 2
         weight += (UNDONE_DAMPING * self._undone) ** 2
         steadiness = STEADINESS / dt if self._response > 0.0 else 0.0
-        H.ravel()[self._ridge] += weight + steadiness
-        # Damping follows as slowly as the tasks do: it asks for velocities of exp(-dt / response) v.
-        v = state.v
-        steady = steadiness * (v + (dt * math.exp(-dt / PERSISTENCE)) * state.a)
-        return H, demand.A.T @ -demand.b - steady - (weight * self._late(dt)) * v
+        H.ravel()[self._diagonal] += weight + steadiness
+        g = demand.A.T @ -demand.b
+        if self._response > 0.0:
+            # Damping follows as slowly as the tasks do: it asks for velocities of exp(-dt / response) v.
+            v = state.v
+            steady = steadiness * (v + (dt * math.exp(-dt / PERSISTENCE)) * state.a)
+            g = g - steady - (weight * self._late(dt)) * v
+        return H, g
 
     @property
     def weighted(self) -> tuple[Array, Array]:
         """The weighted Jacobian (k, n) and rates (k,) of the last demand."""
-        return self._A, self._b
+        return self._A, self._cost * self._rates[0]
 
     def rows_of(self, index: int) -> Array:
         """Weighted Jacobian of one task, in what `demand` left."""
@@ -217,9 +220,9 @@ def _as_slice(rows: Index) -> Index | slice:
     return slice(int(rows[0]), int(rows[-1]) + 1) if len(rows) and rows[-1] - rows[0] == len(rows) - 1 else rows
 
 
-def singular_values(J: Array) -> Array:
+def singular_values(J: Array) -> list[float]:
     """Singular values of J, falling; NaN where LAPACK does not converge."""
     if core is not None and J.shape[0] <= J.shape[1]:
-        return np.array(core.singular_values(J))
+        return core.singular_values(J)
     _, s, _, info = dgesdd(J, compute_uv=0)
-    return np.asarray(s) if info == 0 else np.full(min(J.shape), np.nan)
+    return list(map(float, s)) if info == 0 else [math.nan] * min(J.shape)

@@ -1,5 +1,6 @@
 """From what a step did to its record: which limits were active, what was given up, the status in words."""
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -87,15 +88,14 @@ class StepReporter:
             return "recovering", f"back within limits: {', '.join(slack)}"
         if demand is None or not len(demand.b):
             return "tracking", "no task"
-        asked = demand.wanted[demand.main]
-        undone = demand.A[demand.main] @ x - asked
-        wanted = float(np.sqrt(asked @ asked))
         if demand.error > OFF and float(np.abs(x).max()) < STANDING:
             if active:
                 return "nearest", f"nearest pose: the target is behind {', '.join(active)}"
             return "nearest", "nearest pose: target out of reach, or tasks against each other"
         if not active and share == 1.0:
             return "tracking", "the tasks are followed"
-        if float(np.sqrt(undone @ undone)) <= HELD_BACK * wanted + 1e-6:
+        asked = demand.wanted[demand.main]
+        undone = demand.A[demand.main] @ x - asked
+        if math.sqrt(undone @ undone) <= HELD_BACK * math.sqrt(asked @ asked) + 1e-6:
             return "tracking", "the tasks are followed"
         return "limited", f"held back by {', '.join(active) or 'what could be stopped clear'}"

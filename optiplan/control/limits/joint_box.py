@@ -77,6 +77,7 @@ class JointBox:
     def prepare(self, dt: float) -> None:
         """Everything that depends on dt alone."""
         self._dt = dt
+        self._rules = np.array([dt, self._share, self._lag])
         self._change = dt * self.jerk
         reach = [
             farthest(v, end.limit, end.limit, end.jerk) + (2.0 * dt + self._lag) * v
@@ -105,8 +106,7 @@ class JointBox:
         v = state.v
         self._braked = None
         if self._table is not None:
-            rules = np.array([dt, self._share, self._lag])
-            found = core.joint_box(state.q, v, state.a, self._table, self._codes, rules)
+            found = core.joint_box(state.q, v, state.a, self._table, self._codes, self._rules)
             self.low, self.high, own, made, brake = found
             self._intervals = [(_CODES[code], *own[k]) for k, code in enumerate(made)]
             self._brake, self.slowing = State.of(*brake[:3]), brake[3]

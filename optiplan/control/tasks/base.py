@@ -131,7 +131,10 @@ class MovedFrameTask(ControlTask):
 
     def _pose_rate(self, e: Array) -> Array:
         """Rates (6,) for the error of a pose: metres and radians each within what the robot's joints give."""
-        return np.concatenate([capped(e[:3], self.gain, *self._moves), capped(e[3:], self.gain, *self._turns)])
+        rates = np.empty(6)
+        rates[:3] = capped(e[:3], self.gain, *self._moves)
+        rates[3:] = capped(e[3:], self.gain, *self._turns)
+        return rates
 
 
 def capped(e: Array, gain: float, speed: float, brake: float) -> Array:

@@ -80,10 +80,9 @@ class FrameTask(MovedFrameTask):
         """J̇ v (k,)."""
         return self._rows_of(c, c.jacobian_rate(self._frame) @ c.v)
 
-    def _turning(self, X_WF: pin.SE3, X_WT: pin.SE3) -> Array:
+    def _turning(self, R_TF: Array, R_WF: Array) -> Array:
         """Jlog(R_TF) R_FW (3, 3), which takes angular velocities to rates of log(R_TF)."""
-        R = X_WF.rotation
-        return np.asarray(pin.Jlog3(X_WT.rotation.T @ R) @ R.T)
+        return np.asarray(pin.Jlog3(R_TF) @ R_WF.T)
 
 
 class PoseTask(FrameTask):
@@ -135,11 +134,12 @@ class PoseTask(FrameTask):
     def evaluate(self, c: Configuration) -> tuple[Array, Array]:
         """Error and Jacobian."""
         X_WF, X_WT = self._poses(c)
-        e = np.empty(6)
+        e, R_WF = np.empty(6), X_WF.rotation
+        R_TF = X_WT.rotation.T @ R_WF
         np.subtract(X_WF.translation, X_WT.translation, out=e[:3])
-        e[3:] = pin.log3(X_WT.rotation.T @ X_WF.rotation)
+        e[3:] = pin.log3(R_TF)
         J = c.jacobian(self._frame).copy()
-        self._turn = self._turning(X_WF, X_WT)
+        self._turn = self._turning(R_TF, R_WF)
         J[3:] = self._turn @ J[3:]
         return e, J
 
@@ -225,15 +225,20 @@ class OrientationTask(_HalfOfPose):
 
     def error(self, c: Configuration) -> Array:
         """(3,), rad."""
+        return np.asarray(pin.log3(self._rotations(c)[0]))
+
+    def _rotations(self, c: Configuration) -> tuple[Array, Array]:
+        """R_TF and R_WF."""
         X_WF, X_WT = self._poses(c)
-        return np.asarray(pin.log3(X_WT.rotation.T @ X_WF.rotation))
+        R_WF = X_WF.rotation
+        return X_WT.rotation.T @ R_WF, R_WF
 
     def jacobian(self, c: Configuration) -> Array:
         """(3, n)."""
-        return self._turning(*self._poses(c)) @ c.jacobian(self._frame)[3:]
+        return self._turning(*self._rotations(c)) @ c.jacobian(self._frame)[3:]
 
     def _rows_of(self, c: Configuration, motion: Array) -> Array:
-        return np.asarray(self._turning(*self._poses(c)) @ motion[3:])
+        return np.asarray(self._turning(*self._rotations(c)) @ motion[3:])
 
     def wanted_rate(self, e: Array) -> Array:
         """Within what the robot's joints give."""

@@ -1,5 +1,6 @@
 """Targets of tasks from what users have: poses of pinocchio, `op.Pose`, matrices, points, angles."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -22,8 +23,9 @@ def as_pose(owner: object, value: Target, expected: str = _EXPECTED) -> pin.SE3:
         InputError: it is no pose, or holds NaN.
     """
     if isinstance(value, pin.SE3):
-        # One sum tells of NaN and infinity anywhere, without making arrays of truth values.
-        if np.isfinite(value.translation.sum() + value.rotation.sum()):
+        # Squares tell of NaN and infinity anywhere, without making arrays of truth values.
+        p, R = value.translation, value.rotation
+        if math.isfinite(p @ p + np.vdot(R, R)):
             return value
         raise wrong_argument(type(owner).__name__, "target", "a pose with NaN or infinity in it", expected)
     try:
