@@ -21,7 +21,8 @@ class Replanner:
 
     The robot stays loaded with its pairs proved, its collision model is kept while the scene stays and, but for their
     places, while only obstacles move; and the planner begins at the earlier motion, so that a small change takes a
-    fraction of the first time. What has changed is checked as a problem file is.
+    fraction of the first time. What has changed is checked as a problem file is. No clearance is wished, which takes as
+    long as a small change: require one where you need it.
 
     Args:
         problem: the first one.
@@ -76,7 +77,8 @@ class Replanner:
         changes = {part: value for part, value in changes.items() if value is not None}
         try:
             self.problem = self.problem.with_parts(**changes) if changes else self.problem
-            run = plan(self.problem, self._planner, self._options, budget, warm_start=self.run)
+            asked = Problem.of({**vars(self.problem), "wished_clearance": 0.0})
+            run = plan(asked, self._planner, self._options, budget, warm_start=self.run)
         except InputError as error:  # names what was called, not what that calls
             raise error.about("op.Problem", _CALLED).about("op.plan", _CALLED) from None
         self.run = run if run.verified else self.run

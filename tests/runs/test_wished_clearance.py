@@ -127,3 +127,9 @@ def test_nothing_is_wished_of_tasks_vias_and_among_what_moves(name: str) -> None
     problem = op.load_problem(name)
     assert problem.wished_clearance == WISHED
     assert not can_be_wished(problem)
+
+
+def test_who_replans_does_not_wait_for_a_wish(shelf: op.Problem) -> None:
+    run = op.Replanner(shelf).plan(budget=1.0)
+    assert run.verified
+    assert "wish" not in run.info
