@@ -17,6 +17,8 @@ from optiplan.trajectory.trajectory import Trajectory
 
 BUDGET = 5.0
 
+pytestmark = pytest.mark.usefixtures("processor_clock")
+
 
 @pytest.fixture(scope="module")
 def shelf() -> op.Problem:
@@ -24,12 +26,12 @@ def shelf() -> op.Problem:
 
 
 @pytest.fixture(scope="module")
-def shaving(shelf: op.Problem) -> op.Run:
+def shaving(shelf: op.Problem, processor_clock: None) -> op.Run:
     return op.plan(shelf.with_parts(clearance=0), budget=BUDGET)
 
 
 @pytest.fixture(scope="module")
-def clear(shelf: op.Problem) -> op.Run:
+def clear(shelf: op.Problem, processor_clock: None) -> op.Run:
     return op.plan(shelf, budget=BUDGET)
 
 
