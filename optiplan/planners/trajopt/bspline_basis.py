@@ -56,6 +56,14 @@ def _matrix(basis: "SplineBasis", order: int, instants: bytes) -> Array:
     return matrix
 
 
+@lru_cache(maxsize=16)
+def _least_squares(basis: "SplineBasis", instants: bytes) -> tuple[Array, Array]:
+    """Return the rows (N + K - 3, K) of `SplineBasis.fit`, and the pseudo-inverse of their free columns."""
+    smooth = 1e-4 * basis.derivative[3] / np.abs(basis.derivative[3]).max()
+    rows = np.vstack([basis.at(np.frombuffer(instants)), smooth])
+    return rows, np.linalg.pinv(rows[:, basis.free])
+
+
 class SplineBasis:
     """Matrices that take control points C (K, n) to samples and to derivative control points.
 
@@ -162,14 +170,12 @@ class SplineBasis:
         At rest at both ends, or with the control points `ends` (6, n) there. A small weight on the third derivative
         determines control points that no sample does.
         """
-        basis = self.at(u)
         control = np.empty((self.size, points.shape[1]))
         control[:FIXED], control[-FIXED:] = (points[0], points[-1]) if ends is None else (ends[:FIXED], ends[FIXED:])
-        smooth = 1e-4 * self.derivative[3] / np.abs(self.derivative[3]).max()
-        rows = np.vstack([basis, smooth])
-        right = np.vstack([points, np.zeros((len(smooth), points.shape[1]))])
+        rows, inverse = _least_squares(self, np.asarray(u, float).tobytes())
+        right = np.vstack([points, np.zeros((len(rows) - len(points), points.shape[1]))])
         right = right - rows[:, :FIXED] @ control[:FIXED] - rows[:, -FIXED:] @ control[-FIXED:]
-        control[self.free] = np.linalg.lstsq(rows[:, self.free], right, rcond=None)[0]
+        control[self.free] = inverse @ right
         return control
 
     def shortest_duration(self, control: Array, bounds: tuple[Array, Array, Array]) -> float:

@@ -42,6 +42,9 @@ from optiplan.trajectory.trajectory import Trajectory
 _EARLY = 1.0 / 3.0
 """Share of the budget for straight lines before the first motion; the rest is for sampled paths."""
 
+_SEEN = 0.5, 0.3, 0.7, 0.15, 0.85
+"""Places on a straight line, as shares of it, where bodies must not touch for it to be timed and proved."""
+
 _SHORTER = 0.95
 """Cost after shortcuts / cost before, below which a path on an optimised curve is optimised again."""
 
@@ -269,6 +272,8 @@ class _Run:
         """Offer the straight line between ends (2, n), timed exactly, if it is free."""
         with self.watch.stage("straight line"):
             problem = self.problem
+            if any(self.model.collides((1.0 - share) * ends[0] + share * ends[1]) for share in _SEEN):
+                return
             line = stop_at_corners(ends, problem.limits, problem.robot.joint_names)
             if first_contact(self.model, line, lambda: self.budget.over) is None:
                 timed = within_torque(problem.robot, problem.limits, line)
