@@ -6,7 +6,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.trajectory.bspline import basis_functions
+from optiplan.trajectory.bspline import basis_functions, pieces
+from optiplan.trajectory.trajectory import Trajectory
 
 DEGREE = 4
 """Degree of the spline: its acceleration is smooth and its jerk continuous and linear in each span."""
@@ -117,6 +118,18 @@ class SplineBasis:
         if self.open_end:
             result[-FIXED:] += change[moving]
         return result
+
+    @cached_property
+    def _taylor(self) -> Array:
+        """Local coefficients by u of the unit control points, (m (DEGREE + 1), K); see `bspline.pieces`."""
+        coefficients = pieces(self.knots, np.eye(self.size), DEGREE)[1]
+        return np.ascontiguousarray(coefficients.reshape(-1, self.size))
+
+    def trajectory(self, joint_names: tuple[str, ...], control: Array, duration: float) -> Trajectory:
+        """Return the motion along the curve with control points (K, n) in a duration, s."""
+        coefficients = (self._taylor @ control).reshape(-1, DEGREE + 1, control.shape[1])
+        powers = duration ** -np.arange(DEGREE + 1.0)
+        return Trajectory(joint_names, self.breakpoints * duration, coefficients * powers[:, None])
 
     @cached_property
     def jerk_gram(self) -> Array:

@@ -159,10 +159,11 @@ class _Run:
             if len(tried) > 1:
                 self._precompute(self.optimiser.along(np.array([start, other])) for other in tried[k:])
             self._straight(np.array([start, goal]))
+            self.paths.at_once(sampler)
             if self._should_continue():
                 within = self.budget if self.incumbent.candidates else early
                 control = self.optimiser.along(np.array([start, goal]))
-                straight = self.attempts.attempt("straight", control, within, lambda: self.paths.at_once(sampler))
+                straight = self.attempts.attempt("straight", control, within)
                 self.direct = straight is not None
         self.info["cut_short"] = early.over and not self.incumbent.candidates
         return self._further(sampler)

@@ -52,9 +52,7 @@ def base_reaction(robot: Robot, Q: Array, V: Array, A: Array) -> Array:
     return wrench
 
 
-def _of_bodies(
-    bodies: Sequence[pin.Inertia], X_WJ: Array, motion: tuple[Array, Array, Array], gravity: Array
-) -> Array:
+def _of_bodies(bodies: Sequence[pin.Inertia], X_WJ: Array, motion: tuple[Array, Array, Array], gravity: Array) -> Array:
     """Wrenches (N, 6) that move B bodies with their joints' frames (B, N, 4, 4), about the world's origin, summed."""
     w, dw, a = motion
     R = np.ascontiguousarray(X_WJ[:, :, :3, :3])
