@@ -14,7 +14,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.path_constraints.motion_check import Broken, PathConstraints
-from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_basis
+from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_basis
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.nonlinear.options import CasadiOptions
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
