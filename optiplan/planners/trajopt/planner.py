@@ -45,6 +45,9 @@ _EARLY = 1.0 / 3.0
 _SEEN = 0.5, 0.3, 0.7, 0.15, 0.85
 """Places on a straight line, as shares of it, where bodies must not touch for it to be timed and proved."""
 
+_BEATEN = 1.1
+"""Cost of the first curve along a path / cost of the line's, above which the path is not optimised further."""
+
 _SHORTER = 0.95
 """Cost after shortcuts / cost before, below which a path on an optimised curve is optimised again."""
 
@@ -163,8 +166,11 @@ class _Run:
             if self._should_continue():
                 within = self.budget if self.incumbent.candidates else early
                 control = self.optimiser.along(np.array([start, goal]))
+                first = self.incumbent.cost
                 straight = self.attempts.attempt("straight", control, within)
                 self.direct = straight is not None
+                if self.direct and first > _BEATEN * self.incumbent.cost:
+                    self.paths.found = None
         self.info["cut_short"] = early.over and not self.incumbent.candidates
         return self._further(sampler)
 
