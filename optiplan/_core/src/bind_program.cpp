@@ -248,8 +248,7 @@ nb::tuple extrema_of_columns(Stack coefficients) {
     Vec values(4 * n);
     std::vector<std::int64_t> where(2 * n);
     for (std::size_t j = 0; j < n; ++j) {
-        const UnitExtrema e =
-            unit_extrema(coefficients.data() + j * size, pieces, n * size, static_cast<int>(size));
+        const UnitExtrema e = unit_extrema(coefficients.data() + j * size, pieces, n * size, static_cast<int>(size));
         values[j] = e.low, values[n + j] = e.high, values[2 * n + j] = e.x_low, values[3 * n + j] = e.x_high;
         where[j] = static_cast<std::int64_t>(e.piece_low), where[n + j] = static_cast<std::int64_t>(e.piece_high);
     }

@@ -81,8 +81,7 @@ void bernstein(const double *c, int degree, double *b) {
     for (int i = 0; i <= degree; ++i) {
         double share = 1.0;
         b[i] = c[0];
-        for (int k = 1; k <= i; ++k)
-            share *= static_cast<double>(i - k + 1) / (degree - k + 1), b[i] += share * c[k];
+        for (int k = 1; k <= i; ++k) share *= static_cast<double>(i - k + 1) / (degree - k + 1), b[i] += share * c[k];
     }
 }
 
