@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array, Index
 from optiplan.errors import InputError, Issue, described
 from optiplan.figure_style import element_of, line_style, sheet, styled
@@ -15,6 +16,7 @@ from optiplan.trajectory.pieces import defect, read_pieces
 from optiplan.trajectory.segments import Segment, read_segments, segment_data
 from optiplan.trajectory.state import State
 
+_MOST_NATIVE = 16  # coefficients of a polynomial that the core takes
 _OUTSIDE = 1e-9  # s; how far outside [0, duration] rounding may put a time
 
 _MOST_SAMPLES = 60_000  # in a dictionary
@@ -247,7 +249,10 @@ class Trajectory:
 
     def _find_extrema(self, order: int) -> Extrema:
         unit, h = self.unit_pieces(order), self.widths
-        m, n, _ = unit.shape
+        m, n, size = unit.shape
+        if core is not None and size <= _MOST_NATIVE:
+            values, (i, k) = core.unit_extrema(np.ascontiguousarray(unit))
+            return Extrema(*values[:2], *(self.breakpoints[[i, k]] + h[[i, k]] * values[2:]))
         low, high, x_low, x_high = np.full((m, n), np.inf), np.full((m, n), -np.inf), *np.zeros((2, m, n))
         asked = polynomial.may_hold_extrema(unit)
         low[asked], high[asked], x_low[asked], x_high[asked] = polynomial.unit_extrema(unit[asked])

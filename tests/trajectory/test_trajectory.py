@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from optiplan.errors import InputError
+from optiplan.trajectory import trajectory
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -285,3 +286,15 @@ def test_arrays_are_copies_and_read_only():
 def test_negative_order_is_refused():
     with pytest.raises(ValueError, match="order"):
         random_trajectory(1)(np.array([0.1]), -1)
+
+
+@pytest.mark.parametrize("degree", range(8))
+def test_extrema_are_the_same_without_the_core(degree, monkeypatch):
+    traj = random_trajectory(degree, m=5, degree=degree)
+    native = [traj.extrema_at(order) for order in range(4)]
+    monkeypatch.setattr(trajectory, "core", None)
+    plain = Trajectory(traj.joint_names, traj.breakpoints, traj.coefficients)
+    for order, found in enumerate(native):
+        e = plain.extrema_at(order)
+        np.testing.assert_allclose([found.low, found.high], [e.low, e.high], rtol=1e-13, atol=1e-13)
+        np.testing.assert_allclose([found.t_low, found.t_high], [e.t_low, e.t_high], rtol=0.0, atol=1e-9)

@@ -18,6 +18,7 @@
 #include "module.hpp"
 #include "program/sqp.hpp"
 #include "program/torque_demand.hpp"
+#include "program/unit_extrema.hpp"
 
 namespace optiplan {
 
@@ -240,6 +241,20 @@ nb::ndarray<nb::numpy, double> demand(InverseDynamics &dynamics, Vector breakpoi
     return to_numpy(std::move(found), {times.size()});
 }
 
+// Least and largest values of n columns of m polynomials on [0, 1]: low, high, x_low, x_high (4, n); pieces (2, n).
+nb::tuple extrema_of_columns(Stack coefficients) {
+    const std::size_t pieces = coefficients.shape(0), n = coefficients.shape(1), size = coefficients.shape(2);
+    expect(pieces > 0 && size > 0 && size <= MOST_UNIT_COEFFICIENTS, "coefficients (m, n, d + 1) of degree 15 at most");
+    Vec values(4 * n);
+    std::vector<std::int64_t> where(2 * n);
+    for (std::size_t j = 0; j < n; ++j) {
+        const UnitExtrema e = unit_extrema(coefficients.data() + j * size, pieces, n * size, static_cast<int>(size));
+        values[j] = e.low, values[n + j] = e.high, values[2 * n + j] = e.x_low, values[3 * n + j] = e.x_high;
+        where[j] = static_cast<std::int64_t>(e.piece_low), where[n + j] = static_cast<std::int64_t>(e.piece_high);
+    }
+    return nb::make_tuple(to_numpy(std::move(values), {4, n}), to_numpy(std::move(where), {2, n}));
+}
+
 }  // namespace
 
 void bind_program(nb::module_ &m) {
@@ -255,6 +270,7 @@ void bind_program(nb::module_ &m) {
         .def(nb::init<std::shared_ptr<const Spline>>(), "spline"_a)
         .def("solve", &solve, "control"_a, "duration"_a, "soft"_a, "radius"_a, "span"_a, "gap"_a,
              "costs"_a = nb::none());
+    m.def("unit_extrema", &extrema_of_columns, "coefficients"_a);
     nb::class_<InverseDynamics>(m, "InverseDynamics")
         .def(nb::init<const Tree &>(), "tree"_a)
         .def("torques", &torques, "Q"_a, "V"_a, "A"_a)

@@ -1,6 +1,5 @@
 """Attempts of `trajopt`: optimise an initial guess, keep the result, refine the best curve."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -75,11 +74,9 @@ class Attempts:
     def __post_init__(self) -> None:
         self.ahead = SpeculativeAttempts(self.optimiser.problem, self.optimiser.options, self.budget)
 
-    def attempt(
-        self, kind: Kind, control: Array, budget: Budget, late: Callable[[], None] | None = None
-    ) -> Attempt | None:
-        """Optimise from control points (K, n), and keep a free result; `late` as in `AttemptOptions`."""
-        attempt = self.optimised(kind, control, budget, late=late)
+    def attempt(self, kind: Kind, control: Array, budget: Budget) -> Attempt | None:
+        """Optimise from control points (K, n), and keep a free result."""
+        attempt = self.optimised(kind, control, budget)
         self.keep(attempt)
         return attempt
 
@@ -170,7 +167,6 @@ class Attempts:
         *,
         optimiser: Optimiser | None = None,
         margin: float | None = None,
-        late: Callable[[], None] | None = None,
     ) -> Attempt | None:
         """Return the optimised motion of an initial guess (K, n), if it is free; see `Optimiser.run`."""
         incumbent, optimiser = self.incumbent, optimiser or self.optimiser
@@ -180,13 +176,11 @@ class Attempts:
             if kind in ("straight", "line", "bump"):
                 known = self.ahead.take(control, budget, incumbent.cost, self.patient)
             if known is not None:
-                if known.late and late is not None:
-                    late()
                 if known.first is not None:
                     incumbent.offer_first(known.first)
                 attempt, steps, log = known.attempt, known.steps, known.log
             else:
-                options = AttemptOptions(margin, incumbent.cost, self.patient, incumbent.offer_first, late)
+                options = AttemptOptions(margin, incumbent.cost, self.patient, incumbent.offer_first)
                 attempt = optimiser.run(control, budget, options)
                 steps, log = optimiser.taken, optimiser.log
         self.patience.work(steps=steps)

@@ -6,7 +6,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.trajectory.bspline import basis_functions
+from optiplan.trajectory.bspline import basis_functions, pieces
+from optiplan.trajectory.trajectory import Trajectory
 
 DEGREE = 4
 """Degree of the spline: its acceleration is smooth and its jerk continuous and linear in each span."""
@@ -54,6 +55,14 @@ def _matrix(basis: "SplineBasis", order: int, instants: bytes) -> Array:
     matrix = np.asarray(basis_functions(u, knots, DEGREE - order) @ basis.derivative[order])
     matrix.flags.writeable = False
     return matrix
+
+
+@lru_cache(maxsize=16)
+def _least_squares(basis: "SplineBasis", instants: bytes) -> tuple[Array, Array]:
+    """Return the rows (N + K - 3, K) of `SplineBasis.fit`, and the pseudo-inverse of their free columns."""
+    smooth = 1e-4 * basis.derivative[3] / np.abs(basis.derivative[3]).max()
+    rows = np.vstack([basis.at(np.frombuffer(instants)), smooth])
+    return rows, np.linalg.pinv(rows[:, basis.free])
 
 
 class SplineBasis:
@@ -111,6 +120,18 @@ class SplineBasis:
         return result
 
     @cached_property
+    def _taylor(self) -> Array:
+        """Local coefficients by u of the unit control points, (m (DEGREE + 1), K); see `bspline.pieces`."""
+        coefficients = pieces(self.knots, np.eye(self.size), DEGREE)[1]
+        return np.ascontiguousarray(coefficients.reshape(-1, self.size))
+
+    def trajectory(self, joint_names: tuple[str, ...], control: Array, duration: float) -> Trajectory:
+        """Return the motion along the curve with control points (K, n) in a duration, s."""
+        coefficients = (self._taylor @ control).reshape(-1, DEGREE + 1, control.shape[1])
+        powers = duration ** -np.arange(DEGREE + 1.0)
+        return Trajectory(joint_names, self.breakpoints * duration, coefficients * powers[:, None])
+
+    @cached_property
     def jerk_gram(self) -> Array:
         """H (K, K) with C' H C the integral over u of the squared third derivative, which is linear in each span."""
         widths, rows = np.diff(self.breakpoints), self.derivative[3]
@@ -162,14 +183,12 @@ class SplineBasis:
         At rest at both ends, or with the control points `ends` (6, n) there. A small weight on the third derivative
         determines control points that no sample does.
         """
-        basis = self.at(u)
         control = np.empty((self.size, points.shape[1]))
         control[:FIXED], control[-FIXED:] = (points[0], points[-1]) if ends is None else (ends[:FIXED], ends[FIXED:])
-        smooth = 1e-4 * self.derivative[3] / np.abs(self.derivative[3]).max()
-        rows = np.vstack([basis, smooth])
-        right = np.vstack([points, np.zeros((len(smooth), points.shape[1]))])
+        rows, inverse = _least_squares(self, np.asarray(u, float).tobytes())
+        right = np.vstack([points, np.zeros((len(rows) - len(points), points.shape[1]))])
         right = right - rows[:, :FIXED] @ control[:FIXED] - rows[:, -FIXED:] @ control[-FIXED:]
-        control[self.free] = np.linalg.lstsq(rows[:, self.free], right, rcond=None)[0]
+        control[self.free] = inverse @ right
         return control
 
     def shortest_duration(self, control: Array, bounds: tuple[Array, Array, Array]) -> float:

@@ -25,6 +25,9 @@ _STEPS = 50
 _FIRST_STEPS = 12, 5, 5
 """Largest number of steps of a curve that is to be a first motion soon, and of it with more samples."""
 
+_FIRST_RADIUS = 0.02
+"""Trust region that such a curve begins with: large first steps from a path with corners are mostly refused."""
+
 _SHARE = 0.5
 """Work of a coarse step, in steps of a full curve."""
 
@@ -101,7 +104,7 @@ class CoarseDescents:
         u = coarse.instants(control, _SPACING)
         for steps in _FIRST_STEPS:
             descender.set_samples(u)
-            found = descender.optimise(control, DescentOptions(steps, lambda: self.budget.over))
+            found = descender.optimise(control, DescentOptions(steps, lambda: self.budget.over, radius=_FIRST_RADIUS))
             control = found.control
             if found.missing > STUCK or self.budget.over:
                 return None

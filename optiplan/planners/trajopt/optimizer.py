@@ -14,7 +14,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import Touch, contacts_along
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.path_constraints.motion_check import Broken, PathConstraints
-from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_basis
+from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_basis
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.nonlinear.options import CasadiOptions
 from optiplan.planners.trajopt.options import AUTO, TrajOptOptions
@@ -46,9 +46,6 @@ SPACING = 0.025
 
 _LONGER = 1.5
 """Multiple of the duration of a descent's last curve up to which the cheapest duration is searched."""
-
-LATE = 3
-"""Checks of the budget, about one a step, after which a curve in collision counts as late."""
 
 ACTIVE = 1e-3
 """Clearance beyond its margin, m, below which a pair counts as held by it."""
@@ -90,14 +87,12 @@ class AttemptOptions:
         patient: whether a curve may take any time; else it is given up if it takes twice its initial time after 30
             steps.
         first: called with the first free curve.
-        late: called once, between two steps, if no curve is free after the first few steps.
     """
 
     margin: float | None = None
     best: float = np.inf
     patient: bool = False
     first: Callable[[Attempt], None] | None = None
-    late: Callable[[], None] | None = None
 
 
 _DEFAULTS = AttemptOptions()
@@ -154,17 +149,9 @@ class Optimiser:
         descender, u = self.descender(control, options.margin, terms), self.instants(control)
         attempt, self.taken, self.log = None, 0, NOTHING
         least = self.basis.shortest_duration(control, self.problem.limits.rates)
-        best, first, late = options.best, options.first, options.late
+        best, first = options.best, options.first
         longest = np.inf if options.patient or terms or self.costs else GROWN * least
         looked: Attempt | None = None
-        looks = 0
-
-        def over() -> bool:
-            nonlocal looks
-            looks += 1
-            if looks == LATE and looked is None and late is not None:
-                late()
-            return budget.over
 
         def go_on(control: Array, duration: float) -> bool:
             nonlocal looked, first
@@ -177,7 +164,9 @@ class Optimiser:
         for _ in range(self.options.refinements + 1):
             descender.set_samples(u)
             left = self.options.iterations - self.taken
-            found = descender.optimise(control, DescentOptions(left, over, best, longest, None if terms else go_on))
+            found = descender.optimise(
+                control, DescentOptions(left, lambda: budget.over, best, longest, None if terms else go_on)
+            )
             self.count(found)
             control = found.control if self.end is None else self.end.landed(found.control)
             too_late = budget.over and self.problem.objective.time * found.duration >= best
@@ -252,7 +241,7 @@ class Optimiser:
     def timed(self, control: Array, duration: float) -> Trajectory | None:
         """Return the curve at the least duration within limits, torques and speeds; None if gravity is too much."""
         names = self.problem.robot.joint_names
-        trajectory = Trajectory.from_bspline(names, self.basis.knots * duration, control, DEGREE)
+        trajectory = self.basis.trajectory(names, control, duration)
         limits = self.problem.limits
         timed = within_torque(self.problem.robot, limits, scale_to_limits(trajectory, limits))
         return None if timed is None else self._at_its_best(self.constraints.slowed(timed), duration)

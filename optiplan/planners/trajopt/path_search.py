@@ -26,7 +26,7 @@ from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.trajectory import Trajectory
 
 _QUICK, _ROUNDS = 0.065, 2
-"""Work, s, and rounds of a short search for a first motion, made while a straight line is late."""
+"""Work, s, and rounds of a short search for a first motion, made before a straight line is optimised."""
 
 _COMPARED, _PROMISING = 3, 0.9
 """Paths compared before one is optimised, and the cost / cost of the best curve of a coarse curve that ends it."""
@@ -67,7 +67,7 @@ class PathSearch:
         coarse: short descents.
         searches: begun so far.
         begun: rounds that the next search omits, as they just failed.
-        found: path found while a line was optimised, not optimised yet.
+        found: path found before a line was optimised, not optimised yet.
         depth: index in `_DEPTHS` for the next search between thinner obstacles.
         in_vain: searches since the last path found.
     """

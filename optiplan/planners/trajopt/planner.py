@@ -42,6 +42,12 @@ from optiplan.trajectory.trajectory import Trajectory
 _EARLY = 1.0 / 3.0
 """Share of the budget for straight lines before the first motion; the rest is for sampled paths."""
 
+_SEEN = 0.5, 0.3, 0.7, 0.15, 0.85
+"""Places on a straight line, as shares of it, where bodies must not touch for it to be timed and proved."""
+
+_BEATEN = 1.1
+"""Cost of the first curve along a path / cost of the line's, above which the path is not optimised further."""
+
 _SHORTER = 0.95
 """Cost after shortcuts / cost before, below which a path on an optimised curve is optimised again."""
 
@@ -156,11 +162,15 @@ class _Run:
             if len(tried) > 1:
                 self._precompute(self.optimiser.along(np.array([start, other])) for other in tried[k:])
             self._straight(np.array([start, goal]))
+            self.paths.at_once(sampler)
             if self._should_continue():
                 within = self.budget if self.incumbent.candidates else early
                 control = self.optimiser.along(np.array([start, goal]))
-                straight = self.attempts.attempt("straight", control, within, lambda: self.paths.at_once(sampler))
+                first = self.incumbent.cost
+                straight = self.attempts.attempt("straight", control, within)
                 self.direct = straight is not None
+                if self.direct and first > _BEATEN * self.incumbent.cost:
+                    self.paths.found = None
         self.info["cut_short"] = early.over and not self.incumbent.candidates
         return self._further(sampler)
 
@@ -269,6 +279,8 @@ class _Run:
         """Offer the straight line between ends (2, n), timed exactly, if it is free."""
         with self.watch.stage("straight line"):
             problem = self.problem
+            if any(self.model.collides((1.0 - share) * ends[0] + share * ends[1]) for share in _SEEN):
+                return
             line = stop_at_corners(ends, problem.limits, problem.robot.joint_names)
             if first_contact(self.model, line, lambda: self.budget.over) is None:
                 timed = within_torque(problem.robot, problem.limits, line)

@@ -28,14 +28,12 @@ class AttemptOutcome(NamedTuple):
         attempt: as `Optimiser.run` returns it.
         steps: taken.
         first: its first curve that was free; None without one.
-        late: whether it was late, see `AttemptOptions`.
         log: of its iterations.
     """
 
     attempt: Attempt | None
     steps: int
     first: Attempt | None
-    late: bool
     log: IterationLog
 
 
@@ -124,8 +122,8 @@ class SpeculativeAttempts:
             error = self._problem.tracking_error
             model = planning_model(self._problem.robot, self._problem.scene, error=error)
             optimiser = self._own.optimiser = Optimiser(self._problem, model, self._options)
-        free, late = list[Attempt](), list[bool]()
+        free = list[Attempt]()
         budget = Budget(self._budget.remaining, cancel)
-        options = AttemptOptions(None, best, patient, free.append, lambda: late.append(True))
+        options = AttemptOptions(None, best, patient, free.append)
         attempt = optimiser.run(control, budget, options)
-        return AttemptOutcome(attempt, optimiser.taken, free[0] if free else None, bool(late), optimiser.log)
+        return AttemptOutcome(attempt, optimiser.taken, free[0] if free else None, optimiser.log)

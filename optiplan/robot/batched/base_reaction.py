@@ -1,5 +1,7 @@
 """The wrench that the ground exerts on a robot's base, of many states at once, in NumPy."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
@@ -31,37 +33,49 @@ def base_reaction(robot: Robot, Q: Array, V: Array, A: Array) -> Array:
     if fixed.mass > 0.0:  # what no joint moves
         weight = -fixed.mass * gravity
         wrench += np.concatenate([weight, np.cross(np.asarray(fixed.lever), weight)])
-    still = np.zeros((count, 3))
-    omega, alpha, place, linear = [still], [still], [still], [still]
-    for j in range(1, model.njoints):
+    joints = model.njoints
+    omega, alpha, place, linear = np.zeros((4, joints, count, 3))
+    for j in range(1, joints):
         parent, z, p = model.parents[j], axes[:, j - 1], points[:, j - 1]
         rate, change = rates[:, j - 1, None], changes[:, j - 1, None]
         w, dw = omega[parent], alpha[parent]
         a = _acceleration(linear[parent], w, dw, p - place[parent])
         if kinematics.revolute[j - 1] > 0.5:
-            w, dw = w + rate * z, dw + change * z + np.cross(w, rate * z)
+            w, dw = w + rate * z, dw + change * z + _cross(w, rate * z)
         else:
-            a = a + 2.0 * np.cross(w, rate * z) + change * z
-        for kept, value in ((omega, w), (alpha, dw), (place, p), (linear, a)):
-            kept.append(value)
-        inertia = model.inertias[j]
-        if inertia.mass > 0.0:
-            wrench += _of_body(inertia, poses[:, j], (w, dw, a), gravity)
+            a = a + 2.0 * _cross(w, rate * z) + change * z
+        omega[j], alpha[j], place[j], linear[j] = w, dw, p, a
+    moved = [j for j in range(1, joints) if model.inertias[j].mass > 0.0]
+    if moved:
+        bodies = [model.inertias[j] for j in moved]
+        wrench += _of_bodies(bodies, poses.swapaxes(0, 1)[moved], (omega[moved], alpha[moved], linear[moved]), gravity)
     return wrench
 
 
-def _of_body(inertia: pin.Inertia, X_WJ: Array, motion: tuple[Array, Array, Array], gravity: Array) -> Array:
-    """Wrenches (N, 6) that move a body with its joint's frame, about the world's origin."""
+def _of_bodies(bodies: Sequence[pin.Inertia], X_WJ: Array, motion: tuple[Array, Array, Array], gravity: Array) -> Array:
+    """Wrenches (N, 6) that move B bodies with their joints' frames (B, N, 4, 4), about the world's origin, summed."""
     w, dw, a = motion
-    R = X_WJ[:, :3, :3]
-    arm = R @ np.asarray(inertia.lever)
-    force = inertia.mass * (_acceleration(a, w, dw, arm) - gravity)
-    I_W = R @ np.asarray(inertia.inertia) @ R.swapaxes(1, 2)
-    spin = np.einsum("nij,nj->ni", I_W, w)
-    moment = np.cross(X_WJ[:, :3, 3] + arm, force) + np.einsum("nij,nj->ni", I_W, dw) + np.cross(w, spin)
-    return np.concatenate([force, moment], axis=1)
+    R = np.ascontiguousarray(X_WJ[:, :, :3, :3])
+    lever = np.array([np.asarray(body.lever) for body in bodies])
+    inertia = np.array([np.asarray(body.inertia) for body in bodies])
+    mass = np.array([float(body.mass) for body in bodies])
+    arm = (R @ lever[:, None, :, None])[..., 0]
+    force = mass[:, None, None] * (_acceleration(a, w, dw, arm) - gravity)
+    I_W = R @ inertia[:, None] @ R.swapaxes(2, 3)
+    spin = (I_W @ w[..., None])[..., 0]
+    moment = _cross(X_WJ[:, :, :3, 3] + arm, force) + (I_W @ dw[..., None])[..., 0] + _cross(w, spin)
+    return np.concatenate([force.sum(axis=0), moment.sum(axis=0)], axis=1)
 
 
 def _acceleration(a: Array, w: Array, dw: Array, arm: Array) -> Array:
-    """Accelerations (N, 3) of points fixed to a body, at `arm` from one whose acceleration is a."""
-    return np.asarray(a + np.cross(dw, arm) + np.cross(w, np.cross(w, arm)))
+    """Accelerations (..., 3) of points fixed to a body, at `arm` from one whose acceleration is a."""
+    return np.asarray(a + _cross(dw, arm) + _cross(w, _cross(w, arm)))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products (..., 3): as `np.cross`, in a fraction of its time."""
+    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        np.subtract(a[..., i] * b[..., j], a[..., j] * b[..., i], out=found[..., k])
+    return found

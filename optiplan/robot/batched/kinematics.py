@@ -1,6 +1,7 @@
 """Forward kinematics of many configurations at once, in NumPy: link poses and joint axes."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -110,16 +111,28 @@ class BatchKinematics:
         reach = self.joint_reach(stroke) + np.abs(self.offset)
         result = np.zeros((*points.shape[:-2], len(reach)))
         ball = np.zeros(points.shape[:-2])
+        if joint == 0:
+            return result
+        across = _from_axis(points, self._screws[joint - 1, 3:]).max(axis=-1)
+        along = np.linalg.norm(points, axis=-1).max(axis=-1)
         while joint > 0:
             if self.revolute[joint - 1]:
-                result[..., joint - 1] = _from_axis(points, self._screws[joint - 1, 3:]).max(axis=-1) + ball
+                result[..., joint - 1] = across + ball
             else:
                 result[..., joint - 1] = 1.0
                 ball = ball + float(reach[joint - 1])
-            ball = ball + np.linalg.norm(points, axis=-1).max(axis=-1)
-            points = self._placements[joint][None, :3, 3]
+            ball = ball + along
+            across, along = self._origins[joint]
             joint = self._parents[joint]
         return result
+
+    @cached_property
+    def _origins(self) -> list[tuple[float, float]]:
+        """Distance, m, of each joint's origin from the axis of its parent joint, and from that one's origin."""
+        places = [placement[None, :3, 3] for placement in self._placements]
+        before = [self._screws[parent - 1, 3:] for parent in self._parents]
+        across = [float(_from_axis(place, axis)[0]) for place, axis in zip(places, before, strict=True)]
+        return list(zip(across, (float(np.linalg.norm(place)) for place in places), strict=True))
 
 
 def _from_axis(points: Array, axis: Array) -> Array:

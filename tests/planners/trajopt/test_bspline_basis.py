@@ -6,6 +6,7 @@ from scipy.interpolate import BSpline
 
 from optiplan.planners.trajopt.bspline_basis import DEGREE, SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
+from optiplan.trajectory.trajectory import Trajectory
 
 
 @pytest.fixture
@@ -79,3 +80,13 @@ def test_seed_follows_the_path(basis: SplineBasis) -> None:
     off = np.minimum(np.abs(curve[:, 1]), np.abs(curve[:, 0] - 1.0))
     assert off.max() < 0.15
     np.testing.assert_allclose(curve[[0, -1]], waypoints[[0, -1]], atol=1e-12)
+
+
+def test_its_motion_is_that_of_its_control_points(basis: SplineBasis, control: np.ndarray) -> None:
+    names = tuple(f"joint_{j}" for j in range(control.shape[1]))
+    found, same = (
+        basis.trajectory(names, control, 1.7),
+        Trajectory.from_bspline(names, 1.7 * basis.knots, control, DEGREE),
+    )
+    np.testing.assert_allclose(found.breakpoints, same.breakpoints, rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(found.coefficients, same.coefficients, rtol=1e-12, atol=1e-9)

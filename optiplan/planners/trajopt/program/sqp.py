@@ -57,6 +57,7 @@ class DescentOptions:
         longest: s; a curve that takes longer after as many steps is given up.
         go_on: may end it at the first curve on which all rows hold.
         slow: steps after which a curve has to be good.
+        radius: of the first trust region, see `FIRST_RADIUS`.
     """
 
     iterations: int
@@ -65,6 +66,7 @@ class DescentOptions:
     longest: float = inf
     go_on: GoOn | None = None
     slow: int = SLOW
+    radius: float = FIRST_RADIUS
 
 
 class Discretised(Protocol):
@@ -310,7 +312,7 @@ def descend(  # noqa: C901
     clearance violation hardly decreases in several steps; the options name what else ends a descent.
     """
     iterations, stop = options.iterations, options.stop
-    point, taken, settled, radius = program.begin(control), 0, 0, FIRST_RADIUS
+    point, taken, settled, radius = program.begin(control), 0, 0, options.radius
     missing: list[float] = []
     log: list[tuple[float, ...]] = []
     ended: Ending | None = None
@@ -341,7 +343,7 @@ def descend(  # noqa: C901
             program.watch(point, trial)
             continue
         good = gain > 0.7 * step.promise
-        held_back = good and radius < FIRST_RADIUS  # by a trust region that is about to grow
+        held_back = good and radius < options.radius  # by a trust region that is about to grow
         settled = settled + 1 if gain < 0.002 * point.duration and trial.feasible and not held_back else 0
         point = trial
         if good:

@@ -12,7 +12,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_time
-from optiplan.planners.trajopt import attempts, optimizer, path_search, planner, stopping_rule
+from optiplan.planners.trajopt import attempts, path_search, planner, stopping_rule
 from optiplan.planners.trajopt.coarse_descents import GuessPath
 from optiplan.planners.trajopt.optimizer import AttemptOptions, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
@@ -302,10 +302,9 @@ def test_a_better_curve_than_another_one_is_refined_at_once() -> None:
     assert run.attempts.refined is not None
 
 
-def test_a_late_line_waits_for_a_path_whose_stops_are_the_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The line leads through the wall and is free only after some steps: a path is there before it, and is proved."""
+def test_a_line_through_a_wall_waits_for_a_path_whose_stops_are_the_first_motion() -> None:
+    """The line is free only after some steps: a path is there before it, and is proved."""
     problem = cases.wall()
-    monkeypatch.setattr(optimizer, "LATE", 1)
     result = TrajOpt(TrajOptOptions(seeds=1)).plan(problem, Budget(5.0), lambda stage, fraction: None)
     first = result.earlier[0].trajectory
     assert result.trajectory is not None
