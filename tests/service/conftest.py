@@ -99,7 +99,7 @@ def nothing_is_left_moving(request: pytest.FixtureRequest) -> Iterator[None]:
 def page(browser, request, server):
     """A page that fails the test by any complaint, and by any request to somewhere else."""
     complaints = []
-    page = browser.new_page(viewport=dict(zip(("width", "height"), request.param, strict=True)))
+    page = browser.new_page(viewport=dict(zip(("width", "height"), request.param, strict=True)), device_scale_factor=0.5)
     page.set_default_timeout(browsing.PATIENCE)
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on(
