@@ -1,8 +1,9 @@
 """Shared by all tests: reproducible hypothesis runs, data sets that lie beside the checkout where there are any."""
 
+import gc
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,14 +16,22 @@ from tests.viewer.browsing import browser  # noqa: F401  # one for all: a proces
 LONGEST = (
     "service/behaviour/test_outages.py",
     "test_examples.py",
-    "service/behaviour/test_faults.py",
     "service/test_pages.py",
-    "planners/behaviour/test_contract.py",
-    "bench/dask/test_cluster.py",
+    "service/behaviour/test_faults.py",
+    "viewer/behaviour/test_browser.py",
+    "viewer/behaviour/test_instrument.py",
+    "service/behaviour/test_studio.py",
     "bench/execution/test_runner.py",
-    "test_contributing.py",
+    "bench/dask/test_cluster.py",
     "test_docs.py",
+    "planners/behaviour/test_contract.py",
     "test_python_examples.py",
+    "test_contributing.py",
+    "core/test_cpp.py",
+    "bench/execution/behaviour/test_faults.py",
+    "planners/sampling/constrained/test_planner.py",
+    "bench/report/behaviour/test_report_browser.py",
+    "service/behaviour/test_shell.py",
     "service/routes/test_executions.py",
     "execution/test_executor.py",
     "test_from_the_lecture.py",
@@ -33,18 +42,17 @@ LONGEST = (
     "execution/scene/test_separation.py",
     "simulation/real_time/test_sim_driver.py",
     "planners/task/test_planner.py",
-    "bench/execution/behaviour/test_faults.py",
     "cli/behaviour/test_process.py",
-    "bench/report/behaviour/test_report_browser.py",
-    "viewer/behaviour/test_browser.py",
     "planners/behaviour/test_determinism.py",
     "planners/trajopt/test_speculative_attempts.py",
-    "planners/sampling/constrained/test_planner.py",
     "cli/commands/bench/test_report.py",
-    "core/test_cpp.py",
     "planners/sampling/behaviour/test_sampling_planners.py",
     "bench/execution/behaviour/test_same_bits.py",
     "bench/execution/test_code_version.py",
+    "planners/task/test_blends.py",
+    "verify/planes/test_plane_search.py",
+    "verify/bounds/test_bound.py",
+    "planners/trajopt/terms/test_path_constraints.py",
     "planners/trajopt/behaviour/test_search.py",
     "control/test_limits.py",
     "api/behaviour/test_package.py",
@@ -66,6 +74,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the longest files first, in the order that workers take them in."""
     ranks = {ROOT / "tests" / name: rank for rank, name in enumerate(LONGEST)}
     items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Look for garbage neither while 8,000 tests are collected, of which nothing is garbage, nor among them later."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.fixture(scope="session")

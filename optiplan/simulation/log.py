@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from optiplan.arrays import Array
 from optiplan.simulation.plants.base import Input
@@ -163,6 +162,8 @@ class Log:
     @property
     def trajectory(self) -> Trajectory:
         """The executed motion: cubic pieces through the logged positions and velocities, `MOST_PIECES` at most."""
+        from scipy.interpolate import CubicHermiteSpline  # takes a third of a second, and most processes read no motion
+
         rows = np.unique(np.r_[0 : len(self.t) : -(-len(self.t) // MOST_PIECES), len(self.t) - 1])
         spline = CubicHermiteSpline(self.t[rows] - self.t[0], self.q[rows], self.v[rows])
         return Trajectory(self.joint_names, spline.x, np.swapaxes(spline.c[::-1], 0, 1))

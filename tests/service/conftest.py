@@ -12,6 +12,7 @@ from optiplan.service.planner_service import PlannerService
 from optiplan.service.server import serving
 from optiplan.service.settings import DriverSetup, ServiceSettings
 from tests.service import browsing
+from tests.viewer.browsing import SELDOM
 from tests.waiting import PATIENCE
 
 QUICK = """\
@@ -99,7 +100,9 @@ def nothing_is_left_moving(request: pytest.FixtureRequest) -> Iterator[None]:
 def page(browser, request, server):
     """A page that fails the test by any complaint, and by any request to somewhere else."""
     complaints = []
-    page = browser.new_page(viewport=dict(zip(("width", "height"), request.param, strict=True)))
+    size = dict(zip(("width", "height"), request.param, strict=True))
+    page = browser.new_page(viewport=size, device_scale_factor=0.5)  # a quarter of the pixels
+    page.add_init_script(SELDOM)
     page.set_default_timeout(browsing.PATIENCE)
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on(

@@ -11,7 +11,14 @@ import pytest
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+ROUGH = ["--webgl-antialiasing-mode=none", "--webgl-msaa-sample-count=0"]  # smooth edges are half of software's work
 QUIET = ["--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run"]
+
+SELDOM = """{
+  const draw = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = (act) => setTimeout(() => draw(act), 60);
+}"""
+"""Makes a page draw some twelve times a second: in software, sixty times would take all that the processor has."""
 
 
 @pytest.fixture(scope="session")
@@ -22,7 +29,7 @@ def browser() -> Iterator:
             pytest.fail("no chromium on this machine; CI must install it")
         pytest.skip("no chromium on this machine")
     with playwright.sync_playwright() as tool:
-        browser = tool.chromium.launch(executable_path=CHROMIUM, args=[*FLAGS, *QUIET])
+        browser = tool.chromium.launch(executable_path=CHROMIUM, args=[*FLAGS, *ROUGH, *QUIET])
         yield browser
         browser.close()
 
@@ -32,6 +39,7 @@ def visit(browser):
     """Open an address and wait for the first picture; at the end, any complaint of the page fails the test."""
     complaints: list[str] = []
     context = browser.new_context(viewport={"width": 640, "height": 480})
+    context.add_init_script(SELDOM)
     context.set_default_timeout(100_000)  # software rendering beside other work
 
     def heard(message) -> None:

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from optiplan.arrays import Array
@@ -93,6 +92,8 @@ class RecordedPath:
             positions: (K, 3), m.
             quaternions: (K, 4), [x, y, z, w] of unit length.
         """
+        from scipy.interpolate import CubicSpline  # takes a third of a second
+
         self.frame, self.duration = frame, float(t[-1] - t[0])
         times = t - t[0]
         self._position = CubicSpline(times, positions, bc_type="clamped" if len(t) > 2 else "natural")

@@ -4,6 +4,7 @@ const everyEdit = (text) => {
   const near = (key, value) => typeof value === "number" ? Number(value.toPrecision(7)) : value;
   const same = (a, b) => JSON.stringify(a, near) === JSON.stringify(b, near);
   const comments = (text) => (text.match(/#.*/g) || []).length, whole = read(text);
+  const some = (keys, list) => (list && keys.length > 4 ? [0, 1, keys.length - 1].map((k) => keys[k]) : keys); // of a long list, both ends
   let count = 0;
   function changed(path, act) {
     const copy = structuredClone(whole);
@@ -29,7 +30,7 @@ const everyEdit = (text) => {
       const parent = path.slice(0, -1).reduce((one, key) => one[key], whole);
       if (Object.keys(parent).length > 1) expect("gone", path, remove(text, path), changed(path, (of, key) => { if (Array.isArray(of)) of.splice(key, 1); else delete of[key]; }));
     }
-    if (value && typeof value === "object") for (const key of Object.keys(value)) visit(value[key], [...path, Array.isArray(value) ? Number(key) : key]);
+    if (value && typeof value === "object") for (const key of some(Object.keys(value), Array.isArray(value))) visit(value[key], [...path, Array.isArray(value) ? Number(key) : key]);
   }
   visit(whole, []);
   return { count, wrong };

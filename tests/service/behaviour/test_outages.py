@@ -286,22 +286,42 @@ def test_a_lease_is_kept_through_an_outage_that_nobody_asked_in(tmp_path):
         engine.dispose()
 
 
-def last_resort(code, grace=0.5):
-    """The exit code of a process that does this after a signal, with so much grace, s."""
-    program = f"""
-import threading, time
+LAST_RESORTS = """
+import os, sys, threading, time
 from optiplan.service import server
-server.GRACE, server.LINGER = {grace}, 0.5
-{code}
+
+def exit_code(act, grace):
+    if not (child := os.fork()):
+        server.GRACE, server.LINGER = grace, 0.5
+        act()
+        sys.exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+def hangs():
+    with server._LastResort() as last:
+        last.begin()
+        time.sleep(600)
+
+def leaves_a_thread():
+    with server._LastResort() as last:
+        last.begin()
+    threading.Thread(target=time.sleep, args=(600,)).start()
+
+def goes_on():
+    with server._LastResort() as last:
+        pass
+    time.sleep(2.0)
+    sys.exit(7)
+
+print(exit_code(hangs, 0.5), exit_code(leaves_a_thread, 60.0), exit_code(goes_on, 0.5))
 """
-    return subprocess.run([sys.executable, "-c", program], timeout=PATIENCE).returncode
+"""Exit codes of what happens after a signal, each in a process of its own, with so much grace, s."""
 
 
 def test_a_signal_ends_a_process_in_which_something_hangs():
-    assert last_resort("with server._LastResort() as last:\n    last.begin()\n    time.sleep(600)") == 1
-    hanging = "threading.Thread(target=time.sleep, args=(600,)).start()"
-    assert last_resort(f"with server._LastResort() as last:\n    last.begin()\n{hanging}", grace=60.0) == 0
-    assert last_resort("with server._LastResort() as last:\n    pass\ntime.sleep(2.0)\nraise SystemExit(7)") == 7
+    command = [sys.executable, "-c", LAST_RESORTS]
+    told = subprocess.run(command, stdout=subprocess.PIPE, text=True, timeout=PATIENCE, check=True).stdout
+    assert told.split() == ["1", "0", "7"]
 
 
 def test_events_have_numbers_and_are_resumed(server):
