@@ -167,8 +167,7 @@ class Problem(FreeSpace):
     def of(cls, parts: Mapping[str, Any]) -> "Problem":
         """Return the problem of these attributes, as they are; a tracking error or a wish that is missing is 0."""
         problem = object.__new__(cls)
-        none = {"tracking_error": np.zeros(parts["robot"].n), "wished_clearance": 0.0, "tools": ()}
-        problem._set({**none, **parts})
+        problem._set({"tracking_error": np.zeros(parts["robot"].n), "wished_clearance": 0.0, "tools": (), **parts})
         return problem
 
     @property
@@ -265,11 +264,7 @@ class Problem(FreeSpace):
         return self._with(scene=scene)
 
     def with_constraint(self, constraint: PathConstraint | Mapping[str, Any]) -> "Problem":
-        """Return the problem with one more path constraint.
-
-        Raises:
-            InputError: as of `with_constraints`.
-        """
+        """Return the problem with one more path constraint; raises what `with_constraints` does."""
         return self.with_constraints(*self.path_constraints, constraint)
 
     def with_constraints(self, *constraints: PathConstraint | Mapping[str, Any]) -> "Problem":
