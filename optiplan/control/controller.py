@@ -377,9 +377,8 @@ class Controller:
 
     def _if_clear(self, x: Array, outcome: StepOutcome) -> State | None:
         """The state at the end of the step with velocities x (n,); None where the robot could not stop clear of it."""
-        dt = outcome.dt
-        reached = self._next(outcome.state, x, dt)
-        clear = self._guard.accepts(reached, dt, self.time + dt, outcome.brake, outcome.slack)
+        reached, later = self._next(outcome.state, x, outcome.dt), self.time + outcome.dt
+        clear = self._guard.accepts(reached, outcome.dt, later, outcome.brake, outcome.slack)
         return reached if clear else None
 
     def _way_out(self, outcome: StepOutcome) -> State | None:
