@@ -13,6 +13,8 @@ from optiplan.execution.drivers.base import DriverError
 pytest.importorskip("roslibpy")
 from tests.execution.drivers.rosbridge_server import Robot, Server
 
+pytestmark = pytest.mark.usefixtures("urgent")
+
 
 @pytest.fixture
 def run(run_of):

@@ -12,6 +12,7 @@ from optiplan.execution.drivers.base import DriverError
 from tests.execution.drivers.ur_controller import SERVOJ, STOP_PROGRAM, WATCHDOG, ControllerProcess
 
 pytest.importorskip("rtde_control")
+pytestmark = pytest.mark.usefixtures("urgent")
 
 
 @pytest.fixture(scope="module")
