@@ -20,7 +20,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from published import commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
+from published import commit, import_sets, percentiles, print_json, print_table, sets_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -43,13 +43,8 @@ HEADINGS = (
 
 def parse() -> argparse.Namespace:
     """Read the command line."""
-    parser = table_parser(__doc__)
-    parser.add_argument("--robot", choices=("panda", "ur5", "fetch"), default="panda")
+    parser = sets_parser(__doc__)
     parser.add_argument("--examples", action="store_true", help="shipped problems in the place of MotionBenchMaker")
-    parser.add_argument("--sets", nargs="*", help="only these sets, such as cage table_under_pick")
-    parser.add_argument("--every", type=int, default=1, help="only every so many problems of each set")
-    parser.add_argument("--offset", type=int, default=0, help="index of the first of them")
-    parser.add_argument("--budget", type=float, default=20.0, help="seconds for each problem")
     parser.add_argument("--enough", type=float, default=0.005, help="gap without obstacles that is not searched")
     return parser.parse_args()
 

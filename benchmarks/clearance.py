@@ -29,7 +29,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 from mbm import silent, steps, warm_up
-from published import commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
+from published import commit, import_sets, percentiles, print_json, print_table, sets_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -62,14 +62,9 @@ HEADINGS = (
 
 def main() -> None:
     """Plan with and without, judge, print."""
-    parser = table_parser(__doc__)
-    parser.add_argument("--robot", choices=("panda", "ur5", "fetch"), default="panda")
+    parser = sets_parser(__doc__)
     parser.add_argument("--planner", default="trajopt")
     parser.add_argument("--clearance", type=float, default=0.005, help="m")
-    parser.add_argument("--every", type=int, default=1, help="only every so many problems of each set")
-    parser.add_argument("--offset", type=int, default=0, help="index of the first of them")
-    parser.add_argument("--sets", nargs="*", help="only these sets, such as box cage")
-    parser.add_argument("--budget", type=float, default=20.0, help="seconds for each problem")
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:

@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from published import SHARED, commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
+from published import SHARED, commit, import_sets, percentiles, print_json, print_table, sets_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -67,14 +67,9 @@ HEADINGS = (
 
 def parse() -> argparse.Namespace:
     """Read the command line."""
-    parser = table_parser(__doc__)
-    parser.add_argument("--robot", choices=("panda", "ur5", "fetch"), default="panda")
+    parser = sets_parser(__doc__)
     parser.add_argument("--planner", default="trajopt")
-    parser.add_argument("--sets", nargs="*", help="only these sets, such as box cage")
-    parser.add_argument("--every", type=int, default=1, help="only every so many problems of each set")
-    parser.add_argument("--offset", type=int, default=0, help="index of the first of them")
     parser.add_argument("--count", type=int, help="only the first COUNT of these problems of each set")
-    parser.add_argument("--budget", type=float, default=20.0, help="seconds for each problem")
     parser.add_argument("--within", type=float, default=1.0, help="s, after which answers are compared as well")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--best-known", type=Path, help="table of best known durations (benchmarks/best_known/…)")

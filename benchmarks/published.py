@@ -42,6 +42,17 @@ def table_parser(description: str | None) -> argparse.ArgumentParser:
     return parser
 
 
+def sets_parser(description: str | None) -> argparse.ArgumentParser:
+    """Return the parser of a script that makes a table of MotionBenchMaker's sets: which of them, and for how long."""
+    parser = table_parser(description)
+    parser.add_argument("--robot", choices=("panda", "ur5", "fetch"), default="panda")
+    parser.add_argument("--sets", nargs="*", help="only these sets, such as box cage")
+    parser.add_argument("--every", type=int, default=1, help="only every so many problems of each set")
+    parser.add_argument("--offset", type=int, default=0, help="index of the first of them")
+    parser.add_argument("--budget", type=float, default=20.0, help="seconds for each problem")
+    return parser
+
+
 def command_line() -> str:
     """The command that this process was started with, as one would type it in the checkout, folders left out."""
     script = Path(sys.argv[0]).resolve()

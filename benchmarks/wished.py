@@ -20,7 +20,7 @@ from typing import Any
 
 from clearance import judged
 from mbm import silent, warm_up
-from published import commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
+from published import commit, import_sets, percentiles, print_json, print_table, sets_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -34,20 +34,13 @@ HEADINGS = ("set", "n", "verified", "kept by itself", "kept", "longer 50 / 90 / 
 
 def main() -> None:
     """Answer, judge, print."""
-    parser = table_parser(__doc__)
-    parser.add_argument("--robot", choices=("panda", "ur5", "fetch"), default="panda")
+    parser = sets_parser(__doc__)
     parser.add_argument("--planner", default="trajopt")
-    parser.add_argument("--every", type=int, default=1, help="only every so many problems of each set")
-    parser.add_argument("--offset", type=int, default=0, help="index of the first of them")
-    parser.add_argument("--budget", type=float, default=20.0, help="seconds for each problem")
     options = parser.parse_args()
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
-        files = [
-            file
-            for files in import_sets(options.robot, Path(folder), options.every, options.offset).values()
-            for file in files
-        ]
+        sets = import_sets(options.robot, Path(folder), options.every, options.offset)
+        files = [file for name in options.sets or sets for file in sets[name]]
         warm_up(files, options)
         for file in track(files, "planning", console=Console(stderr=True), transient=True):
             try:

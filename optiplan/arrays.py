@@ -42,6 +42,14 @@ def distinct(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return ordered[np.concatenate([[True], ordered[1:] != ordered[:-1]])] if len(ordered) else ordered
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Vector products (..., 3) along the last axis: `np.cross`, whose checks take ten times longer on a few rows."""
+    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.subtract(a[..., j] * b[..., k], a[..., k] * b[..., j], out=found[..., i])
+    return found
+
+
 def unit_vector(values: Sequence[float]) -> Array:
     """The vector or quaternion, of shape (k,), divided by its length.
 

@@ -20,11 +20,11 @@ from optiplan.errors import (
     whole_argument,
     wrong_argument,
 )
-from optiplan.planners.base import Budget, Progress
+from optiplan.planners.base import Budget, Progress, silent
 from optiplan.planners.registry import make_planner
 from optiplan.problem.problem import Problem
 from optiplan.runs.batches.workers import end_pool, is_dask_client
-from optiplan.runs.pipeline import chosen, plan_and_verify_once
+from optiplan.runs.pipeline import answer, chosen, plan_and_verify_once
 from optiplan.runs.run import Run
 
 
@@ -111,12 +111,8 @@ def _requests(problems: Any, planner: str | None, options: Mapping[str, Any] | N
 
 def _planned(request: _Request) -> Run:
     """Plan one problem, in a worker."""
-    one, budget = request, Budget(request.seconds)
-    return plan_and_verify_once(one.problem, one.planner, one.options, budget, _silent, compared=False)
-
-
-def _silent(stage: str, fraction: float) -> None:
-    """Progress within one problem, which stays in the worker."""
+    budget = Budget(request.seconds)
+    return plan_and_verify_once(request.problem, request.planner, request.options, budget, silent, by=answer)
 
 
 def _one_thread() -> None:

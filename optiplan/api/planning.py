@@ -21,7 +21,7 @@ from optiplan.errors import (
     seed_argument,
     wrong_argument,
 )
-from optiplan.planners.base import Budget, Planner, PlanResult, Progress
+from optiplan.planners.base import Budget, Planner, PlanResult, Progress, silent
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.planners.third_party import planner_object
 from optiplan.problem.problem import JointGoal, Problem, Via
@@ -95,7 +95,7 @@ def plan(  # noqa: PLR0913  # one keyword for each thing that may differ from th
     asked, chosen = _planner(problem, planner, options)
     progress_argument("plan", progress, "a function of a stage's name and a fraction")
     clock = budget if isinstance(budget, Budget) else Budget(checked_seconds("plan", budget))
-    told = progress or _silent
+    told = progress or silent
     if seed is not None:
         problem = problem.with_seed(seed_argument("plan", seed))
     if tracking_error is not None:
@@ -212,7 +212,7 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
         raise _of_waypoints(error, len(points)) from None
     if deviation > 0.0:
         return plan(task, "rounded", {"deviation": float(deviation)})
-    began, proofs = time.perf_counter(), ProofsOnTheWay(task, _silent)
+    began, proofs = time.perf_counter(), ProofsOnTheWay(task, silent)
     fastest = stop_at_corners(_corners(points), task.limits, task.robot.joint_names)
     motion = within_torque(task.robot, task.limits, fastest) or fastest  # which the verifier refuses for its torque
     timings = {"plan": time.perf_counter() - began}
@@ -240,10 +240,6 @@ def _planner(problem: Problem, planner: Any, options: Any) -> tuple[str | Planne
         expected = "none: a planner that is an object is made with its options"
         raise wrong_argument("plan", "options", described(options), expected)
     return found, {}
-
-
-def _silent(stage: str, fraction: float) -> None:
-    """Progress that nobody wants to know."""
 
 
 def checked_seconds(function: str, budget: Any) -> float:

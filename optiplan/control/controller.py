@@ -1,6 +1,5 @@
 """`Controller`: each step, the velocities that do the tasks best within the limits, and from which it can stop."""
 
-import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
@@ -25,7 +24,7 @@ from optiplan.control.limits.clearance import ClearanceLimit
 from optiplan.control.limits.joint_box import JointBox
 from optiplan.control.limits.row_limit import KeptRowLimit, RowLimit
 from optiplan.control.limits.stop_limits import StopLimit
-from optiplan.control.objective import BASE_DAMPING, TaskObjective, singular_values
+from optiplan.control.objective import BASE_DAMPING, TaskObjective
 from optiplan.control.qp.program import Program
 from optiplan.control.qp.qp_sequence import QpSequence
 from optiplan.control.qp.solvers import DEFAULT, NATIVE, ProxQp, QpSolver, make_solver
@@ -357,9 +356,8 @@ class Controller:
         """Least singular value of the first frame task's weighted Jacobian."""
         if level or self._measured is None:
             return None
-        values = singular_values(objective.rows_of(self._measured))
-        outcome.manipulability = math.prod(values)
-        return values[-1]
+        outcome.manipulability, least = objective.dexterity(self._measured)
+        return least
 
     def _accept(self, x: Array, outcome: StepOutcome) -> State | None:
         """The state with velocities x (n,), or half or a quarter of them beyond braking, if the robot can stop clear.
@@ -377,8 +375,9 @@ class Controller:
 
     def _if_clear(self, x: Array, outcome: StepOutcome) -> State | None:
         """The state at the end of the step with velocities x (n,); None where the robot could not stop clear of it."""
-        reached, later = self._next(outcome.state, x, outcome.dt), self.time + outcome.dt
-        clear = self._guard.accepts(reached, outcome.dt, later, outcome.brake, outcome.slack)
+        dt = outcome.dt
+        reached = self._next(outcome.state, x, dt)
+        clear = self._guard.accepts(reached, dt, self.time + dt, outcome.brake, outcome.slack)
         return reached if clear else None
 
     def _way_out(self, outcome: StepOutcome) -> State | None:

@@ -210,9 +210,10 @@ class TaskObjective:
         """The weighted Jacobian (k, n) and rates (k,) of the last demand."""
         return self._A, self._cost * self._rates[0]
 
-    def rows_of(self, index: int) -> Array:
-        """Weighted Jacobian of one task, in what `demand` left."""
-        return self._A[self._slices[index]]
+    def dexterity(self, index: int) -> tuple[float, float]:
+        """Product and least of the singular values of one task's weighted Jacobian, in what `demand` left."""
+        values = _singular_values(self._A[self._slices[index]])
+        return math.prod(values), values[-1]
 
 
 def _as_slice(rows: Index) -> Index | slice:
@@ -220,7 +221,7 @@ def _as_slice(rows: Index) -> Index | slice:
     return slice(int(rows[0]), int(rows[-1]) + 1) if len(rows) and rows[-1] - rows[0] == len(rows) - 1 else rows
 
 
-def singular_values(J: Array) -> list[float]:
+def _singular_values(J: Array) -> list[float]:
     """Singular values of J, falling; NaN where LAPACK does not converge."""
     if core is not None and J.shape[0] <= J.shape[1]:
         return core.singular_values(J)

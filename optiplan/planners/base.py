@@ -190,6 +190,10 @@ def stages_of(progress: Progress) -> Progress:
     return lambda stage, fraction: progress(stage, fraction)
 
 
+def silent(stage: str, fraction: float) -> None:
+    """Progress that nobody wants to know."""
+
+
 OptionsT = TypeVar("OptionsT")
 
 

@@ -3,7 +3,7 @@
 import resource
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +20,7 @@ from optiplan.runs.metrics import measure
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.runs.run import Run
 from optiplan.runs.selection import best_verified
-from optiplan.runs.wished_clearance import can_be_wished, wished
+from optiplan.runs.wished_clearance import wished
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import verify as verifier
 from optiplan.verify.continuous.kept_clearance import kept_clearances
@@ -199,19 +199,16 @@ def plan_and_verify_once(
     progress: Progress,
     earlier: Trajectory | None = None,
     *,
-    compared: bool = True,
+    by: Callable[..., Run] = run,
 ) -> Run:
-    """Plan, and turn an exception of the planner into its failure.
+    """Plan by `run`, as for comparisons, or by `answer`; an exception of the planner becomes its failure.
 
-    Planners that are `compared` show the motions that they find; else the run is an `answer`, from an earlier motion if
-    there is one. Failure kinds besides those of planners: `input`, the options do not fit this problem (witness:
-    `issues`); `bug`, an unexpected exception (witness: `traceback`).
+    Failure kinds besides those of planners: `input`, the options do not fit this problem (witness: `issues`);
+    `bug`, an unexpected exception (witness: `traceback`).
     """
     began = time.perf_counter()
     try:
-        if compared:
-            return run(problem, planner, options, budget, progress)
-        return answer(problem, planner, options, budget, progress, earlier)
+        return by(problem, planner, options, budget, progress, earlier)
     except PlannerAnswerError as error:
         failure = Failure("bug", str(error), {})
     except OptiPlanError as error:
@@ -269,7 +266,7 @@ def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
 
 def _wider(found: Run, planner: str | Planner[Any], budget: Budget, progress: Progress) -> Run:
     """The run, or one of a motion that keeps the wished clearance, where that costs little."""
-    if found.trajectory is None or not found.verified or not can_be_wished(found.problem):
+    if found.trajectory is None or not found.verified:
         return found
     began = clock()
     chosen = make_planner(planner, found.options) if isinstance(planner, str) else planner
@@ -282,6 +279,5 @@ def _wider(found: Run, planner: str | Planner[Any], budget: Budget, progress: Pr
         result = PlanResult(wish.motion, None, found.stages, kept.info, seconds=seconds)
         proofs = ProofsOnTheWay(found.problem, progress)
         wider = proved(found.problem, found.planner, found.options, result, budget, proofs, found.timings)
-        improvements = (*found.improvements, *wider.improvements)
-        kept = replace(wider, plan_cpu=found.plan_cpu, improvements=improvements, timings=found.timings)
-    return replace(kept, timings={**kept.timings, "wish": clock() - began})
+        kept = replace(wider, plan_cpu=found.plan_cpu, improvements=(*found.improvements, *wider.improvements))
+    return replace(kept, timings={**found.timings, "wish": clock() - began})

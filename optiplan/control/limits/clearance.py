@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan._core import core
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Index, cross
 from optiplan.collision.native_model import NativeCollisionModel, planning_model
 from optiplan.control.arguments import checked_number
 from optiplan.control.braking_path import NativeBrakingPath
@@ -234,7 +234,7 @@ class ClearanceLimit(StopLimit):
         normals, moves = vectors[:, 2], self.model.bounds.moves[which]
         forces = np.empty((2, len(which), 6))
         forces[:, :, :3] = normals
-        forces[0, :, 3:], forces[1, :, 3:] = _cross(vectors[:, 0], normals), _cross(vectors[:, 1], normals)
+        forces[0, :, 3:], forces[1, :, 3:] = cross(vectors[:, 0], normals), cross(vectors[:, 1], normals)
         sides = (forces @ J) * moves.transpose(1, 0, 2)
         change = sides[1] - sides[0]
         return np.asarray(change @ self._leaders if self._follows else change)
@@ -255,12 +255,3 @@ class ClearanceLimit(StopLimit):
         shift = np.sqrt(change[:, :, :3, 3].sum(axis=2))
         turn = np.sqrt(0.5 * change[:, :, :3, :3].sum(axis=(2, 3)))
         return np.asarray((shift + turn * self._reaches[which]).sum(axis=1))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Row by row; numpy's own takes ten times longer on a few rows."""
-    result = np.empty_like(a)
-    result[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
-    result[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
-    result[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return result

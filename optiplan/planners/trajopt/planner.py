@@ -12,7 +12,7 @@ from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.native_model import not_in_core
 from optiplan.libraries import clock
-from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, silent
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import out_of_time
@@ -95,7 +95,7 @@ class TrajOpt(Planner[TrajOptOptions]):
     def near(self, problem: Problem, earlier: Trajectory, budget: Budget) -> Trajectory | None:
         """Optimise an earlier motion; see `planners.base.Planner`. Twice the spans are those of a refined curve."""
         finer = replace(self.options, spans=2 * self.options.spans)
-        return WarmStart(problem, earlier, finer, budget, lambda stage, share: None).best
+        return WarmStart(problem, earlier, finer, budget, silent).best
 
 
 class _Run:

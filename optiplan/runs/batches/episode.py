@@ -11,9 +11,9 @@ import numpy as np
 
 from optiplan.errors import InputError, OptiPlanError
 from optiplan.files import read_bytes
-from optiplan.planners.base import Budget
+from optiplan.planners.base import Budget, silent
 from optiplan.problem.load import load_problem
-from optiplan.runs.pipeline import chosen, plan_and_verify_once
+from optiplan.runs.pipeline import answer, chosen, plan_and_verify_once
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import TRAJECTORY, motion_file
 from optiplan.verify.report import jsonable
@@ -109,16 +109,12 @@ def planned_episode(request: EpisodeRequest) -> Episode:
     try:
         problem = load_problem(path) if request.seed is None else load_problem(path, seed=request.seed)
         name, options = chosen(problem, request.planner, request.options)
-        run = plan_and_verify_once(problem, name, options, Budget(request.seconds), _silent, compared=False)
+        run = plan_and_verify_once(problem, name, options, Budget(request.seconds), silent, by=answer)
     except InputError as error:
         return Episode(**start, state=BAD_INPUT, detail=str(error), task=task)
     except OptiPlanError as error:
         return Episode(**start, state=BAD_INPUT, detail=f"{path}: {error}", task=task)
     return Episode(**start, **_content(run, request.rate), task=task)
-
-
-def _silent(stage: str, share: float) -> None:
-    """Progress within one problem, which stays in the worker."""
 
 
 def _content(run: Run, rate: float) -> dict[str, Any]:

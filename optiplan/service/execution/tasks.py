@@ -75,7 +75,7 @@ class Tasks:
         told = stages_of(progress) if request.get("early") else progress
         earlier = Trajectory.from_dict(request["earlier"]) if request.get("earlier") else None
         run = pipeline.plan_and_verify_once(
-            given, choice.planner, choice.options, budget, told, earlier, compared=False
+            given, choice.planner, choice.options, budget, told, earlier, by=pipeline.answer
         )
         about, rate = _about(run) | _identity(problem, choice), request.get("rate")
         if request.get("early"):

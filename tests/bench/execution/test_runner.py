@@ -52,7 +52,7 @@ def test_every_run_is_made_once_whatever_the_number_of_workers(write_suite, run,
     path = write_suite(seeds=[0, 7], repetitions=2)
     done, rows = run(path)
     assert (done.total, done.found, done.made) == (8, 0, 8)
-    assert verdicts(rows) == verdicts(run(path, tmp_path / "again", workers=2)[1])
+    assert verdicts(rows) == verdicts(run(path, tmp_path / "again", workers=3)[1])
     assert all(bool(row["verified"]) == (row["seed"] == 0) for row in rows.values())
     unlucky = rows["plain/p0", "bench_planners:Straight", 7, 1]
     assert (unlucky["failure_kind"], unlucky["witness"]) == ("no-path", '{"q": [0.5, 1.0]}')
@@ -229,7 +229,7 @@ def test_a_full_tmpfs(write_suite, small_disk):
     path, folder = write_suite(count=2, repetitions=40), small_disk / "out"
     filler = small_disk / "filler"
     filler.write_bytes(b"0" * 1_800_000)
-    process = start(path, folder, workers=1)
+    process = start(path, folder)
     _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2, err
     assert "make room and give the same command again" in err
@@ -237,7 +237,7 @@ def test_a_full_tmpfs(write_suite, small_disk):
     there = stored(folder)
     assert 0 < there < 80
     filler.unlink()
-    process = start(path, folder, workers=1)
+    process = start(path, folder)
     out, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, err
     assert "80 of 80 runs" in out
