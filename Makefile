@@ -24,7 +24,7 @@ BUILD_TOOLS := 'cmake>=3.18,<5' 'ninja>=1.11,<2' 'nanobind>=2.4,<4'
 CPP = $(shell find optiplan/_core/src tests/core -name '*.[ch]pp')
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help demo core environment browser compiler test coverage sanitize bench-smoke docs lint format tidy core-tests clean
+.PHONY: help demo core environment browser compiler test test-again coverage sanitize bench-smoke docs lint format tidy core-tests clean
 
 help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
@@ -56,6 +56,9 @@ $(VENV)/.environment-stamp: pyproject.toml constraints.txt | $(TOOLS)
 TESTED = $(BIN)/python -m pytest -n $${TEST_WORKERS:-4} --dist loadfile --no-loadscope-reorder
 test: $(TEST) $(CORE) ## every test
 	$(TESTED)
+
+test-again: ## what failed in the last `make test`, one after another and with nothing beside it
+	$(BIN)/python -m pytest -rA --last-failed --last-failed-no-failures none --maxfail 1 -p no:xdist
 
 coverage: $(TEST) $(CORE) ## every test, a quarter slower, with the gate of 90 % of lines (96 % of them are run)
 	$(TESTED) --cov=optiplan --cov-report=term:skip-covered --cov-fail-under=90

@@ -247,9 +247,8 @@ def test_curves_are_zoomed_and_a_range_is_played_again_and_again(visit, proof_pa
     page = visit(proof_page)
     page.set_viewport_size({"width": 1280, "height": 800})
     page.evaluate("optiplan.pause()")
-    page.wait_for_timeout(500)  # plots take their new size
     over = page.locator(".own .u-over")
-    box = over.bounding_box()
+    box = settled(page, ".own .u-over")
     middle = (box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
     page.mouse.move(*middle)
     page.mouse.wheel(0, -600)
