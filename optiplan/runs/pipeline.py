@@ -4,12 +4,13 @@ import resource
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from optiplan.errors import InputError, OptiPlanError, PlannerAnswerError
 from optiplan.libraries import clock, time_loading
 from optiplan.planners.base import Budget, Candidate, Failure, Planner, PlanResult, Progress
+from optiplan.planners.common.safety_ends import ending_at
 from optiplan.planners.common.tracking_tube import planned_in_tube
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner
@@ -36,6 +37,9 @@ _LATE = 0.05
 
 _KEPT = 20.0
 """s in which an earlier motion that is the answer is proved and measured."""
+
+_ANEW, _LEAST_ANEW = 1.5, 1.0
+"""Time for planning anew with the wished clearance / time that planning and proving the answer took; s at least."""
 
 _PROVING, _MOST_PROVING = 0.05, 0.25
 """Share of the budget, and s at the most, that the planner leaves for the proof."""
@@ -264,13 +268,50 @@ def _better(run: Run, known: Trajectory | None, progress: Progress) -> Run:
     return replace(kept, plan_cpu=run.plan_cpu)
 
 
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Looks for a motion near an answer that holds on a problem which asks for more; see `wished_clearance.Near`.
+
+    A single motion among bodies at rest is optimised once more. All else is planned anew, in about as long as before.
+
+    Attributes:
+        found: the run of the answer.
+        planner: name of its planner, or the planner itself.
+        chosen: the planner itself.
+        progress: called with the stages of planning anew.
+    """
+
+    found: Run
+    planner: str | Planner[Any]
+    chosen: Planner[Any]
+    progress: Progress
+
+    def __call__(self, asking: Problem, budget: Budget) -> Trajectory | None:
+        answer = self.found.trajectory
+        assert answer is not None
+        if asking.task or asking.vias or asking.scene.dynamic_obstacles:
+            took = self.found.timings["plan"] + self.found.timings["verify"]
+            seconds = max(_LEAST_ANEW, _ANEW * took)
+            within = budget.share(min(1.0, seconds / max(budget.remaining, seconds)))
+            again = run(asking, self.planner, self.found.options, within, self._told)
+            return again.trajectory if again.verified else None
+        motion = self.chosen.near(ending_at(asking, asking.start, answer.end), answer, budget)
+        return motion if motion is not None and verifier.holds(asking, motion) else None
+
+    def _told(self, stage: str, share: float) -> None:
+        self.progress(f"{stage} with the wished clearance", share)
+
+
 def _wider(found: Run, planner: str | Planner[Any], budget: Budget, progress: Progress) -> Run:
     """The run, or one of a motion that keeps the wished clearance, where that costs little."""
     if found.trajectory is None or not found.verified:
         return found
     began = clock()
     chosen = make_planner(planner, found.options) if isinstance(planner, str) else planner
-    wish = wished(found.problem, found.trajectory, found.timings.get("verify", 0.0), chosen, budget)
+    if type(chosen).near is Planner.near:
+        return found
+    near = _Near(found, planner, chosen, progress)
+    wish = wished(found.problem, found.trajectory, found.timings.get("verify", 0.0), near, budget)
     if wish is None:
         return found
     kept = replace(found, info={**found.info, "wish": wish.to_dict()})

@@ -1,12 +1,12 @@
 """A clearance that nobody requires: kept where it costs little, since a motion that shaves an edge is of little use."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 from optiplan.collision.floors import with_built
 from optiplan.geometry.safety import Safety
-from optiplan.planners.base import Budget, Planner
-from optiplan.planners.common.safety_ends import ending_at
+from optiplan.planners.base import Budget
 from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
@@ -42,13 +42,12 @@ class Wish:
         return {"clearance": self.clearance, "kept": self.kept, "longer": self.longer}
 
 
-def can_be_wished(problem: Problem) -> bool:
-    """Whether a problem wishes a clearance that a motion can be optimised for: a single one among bodies at rest."""
-    return problem.wished_clearance > 0.0 and not (problem.task or problem.vias or problem.scene.dynamic_obstacles)
+Near = Callable[[Problem, Budget], Trajectory | None]
+"""Looks for a motion of a problem near the answer, verified on that problem."""
 
 
-def wished(problem: Problem, answer: Trajectory, proof: float, planner: Planner[Any], budget: Budget) -> Wish | None:
-    """Return what became of the wish; None without one, or without a planner or the time to see to it.
+def wished(problem: Problem, answer: Trajectory, proof: float, near: Near, budget: Budget) -> Wish | None:
+    """Return what became of the wish; None without one, or without the time to see to it.
 
     Floors are those of a `clearance` of that distance: less about the start and the end, and of links built nearer.
 
@@ -56,20 +55,18 @@ def wished(problem: Problem, answer: Trajectory, proof: float, planner: Planner[
         problem: that wishes it.
         answer: its verified motion.
         proof: seconds that its proof took.
-        planner: that looks for a motion near it.
+        near: looks for a motion that keeps it, where the answer does not.
         budget: what remains of it.
     """
-    searches_near = type(planner).near is not Planner.near
-    if not (searches_near and can_be_wished(problem)) or budget.remaining < _PROOFS * proof:
-        return None
     clearance = problem.wished_clearance
+    if clearance == 0.0 or budget.remaining < _PROOFS * proof:
+        return None
     required = with_built(Safety(clearance, clearance), problem.robot)
     asking = derived(problem, scene=replace(problem.scene, safety=required), wished_clearance=0.0)
     if verify(asking, answer).verified:
         return Wish(clearance, None, 0.0)
-    ends = ending_at(asking, problem.start, answer.end)
-    motion = planner.near(ends, answer, budget.leaving(2.0 * proof))
-    if motion is None or not verify(asking, motion).verified:
+    motion = near(asking, budget.leaving(2.0 * proof))
+    if motion is None:
         return Wish(clearance)
     wish = Wish(clearance, motion, problem.cost(motion) / problem.cost(answer) - 1.0)
     return wish if wish.kept else replace(wish, motion=None)

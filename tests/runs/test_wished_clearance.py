@@ -12,7 +12,7 @@ from optiplan.cli.printing.report import show_run
 from optiplan.geometry.safety import WISHED
 from optiplan.planners.base import Budget
 from optiplan.runs.pipeline import plan_and_verify_once
-from optiplan.runs.wished_clearance import LONGER, can_be_wished
+from optiplan.runs.wished_clearance import LONGER
 from optiplan.trajectory.trajectory import Trajectory
 
 BUDGET = 5.0
@@ -124,11 +124,29 @@ def test_comparisons_do_not_wish(shelf: op.Problem) -> None:
     assert "wish" not in run.info
 
 
-@pytest.mark.parametrize("name", ["41_delbot_fetches", "22_via_spline", "38_falling_ball"])
-def test_nothing_is_wished_of_tasks_vias_and_among_what_moves(name: str) -> None:
-    problem = op.load_problem(name)
-    assert problem.wished_clearance == WISHED
-    assert not can_be_wished(problem)
+@pytest.mark.parametrize("kind", ["task", "vias"])
+def test_tasks_and_motions_past_vias_are_planned_anew(kind: str, shelf: op.Problem, clear: op.Run) -> None:
+    end = clear.trajectory.end
+    if kind == "task":
+        step = {"name": "over", "move": {"joints": end.tolist()}}
+        problem = op.Problem("panda", start=shelf.start, scene=shelf.scene, task=[step])
+    else:
+        problem = shelf.with_parts(goal=op.JointGoal(end), vias=[clear.trajectory(0.1 * clear.duration)])
+    shaves = op.plan(problem.with_parts(clearance=0), budget=BUDGET)
+    told = []
+    keeps = op.plan(problem, budget=BUDGET, progress=lambda stage, share: told.append(stage))
+    assert least(problem, shaves.trajectory) < WISHED <= least(problem, keeps.trajectory)
+    assert op.verify(problem.with_parts(clearance=WISHED), keeps).verified
+    assert keeps.info["wish"]["kept"]
+    assert keeps.duration <= LONGER * shaves.duration
+    assert any(stage.endswith("with the wished clearance") for stage in told)
+
+
+def test_among_what_moves_an_answer_that_is_clear_keeps_the_wish() -> None:
+    problem = op.load_problem("38_falling_ball")
+    run = op.plan(problem, budget=BUDGET)
+    assert run.info["wish"] == {"clearance": WISHED, "kept": True, "longer": 0.0}
+    assert op.verify(problem.with_parts(clearance=WISHED), run).verified
 
 
 def test_who_replans_does_not_wait_for_a_wish(shelf: op.Problem) -> None:
