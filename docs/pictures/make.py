@@ -8,7 +8,7 @@ Nothing in them is drawn by hand.
 * `failure.png`: the straight motion to the same goal, refused, where it touches.
 * `comparison.png`: six planners on the same problem.
 * `two-arms.png`: both arms of `problems/18_baxter_dual.yaml`.
-* `task-cubes.png`, `task-delbot.png`, `task-srra.png`, `task-tray.png`, `task-conveyor.png`: tasks of `problems/`.
+* `task-*.png` and `cell-*.png`: tasks of `problems/`.
 
 Needs chromium and the extra `pictures` (playwright, pillow).
 """
@@ -105,6 +105,12 @@ TASKS = {
     "task-srra": ("42_srra_tends_and_drills", 2.9),
     "task-tray": ("43_baxter_carries_a_tray", 4.7),
     "task-conveyor": ("56_conveyor_pick", 2.2),
+    "cell-bin-picking": ("57_bin_picking", 1.5),
+    "cell-tour": ("45_spot_tour", 2.0),
+    "cell-glue": ("53_glue_line", 4.0),
+    "cell-tending": ("58_machine_tending", 3.0),
+    "cell-two-arms": ("50_arms_sort", 5.0),
+    "cell-polishing": ("54_polishing", 4.0),
 }
 """Pictures of tasks: the problem, and the instant, s."""
 

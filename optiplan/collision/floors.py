@@ -98,8 +98,9 @@ class Floors:
 def floors_of(model: CollisionModel, safety: Safety | None, error: Array | None = None) -> Floors | None:
     """Return the floors of a model's pairs; None where nothing is required.
 
-    Pairs of links that are built nearer are those of the safety, see `with_built`. A link that one joint moves is built
-    nearer to an obstacle where it is so at each of 33 places of the joint; it keeps 0.8 of the least distance.
+    Pairs of links that are built nearer are those of the safety, see `with_built`. A pair that no joint moves keeps 0.8
+    of its distance: what is held, and the tool that holds it. A link that one joint moves is built nearer to an
+    obstacle where it is so at each of 33 places of the joint; it keeps 0.8 of the least distance.
 
     Args:
         model: its exact distances are measured at the ends, with obstacles at their first places.
@@ -210,7 +211,7 @@ def _spread(robot: Robot) -> Array:
 
 
 def _built_nearer(model: CollisionModel, safety: Safety, asked: Array, scene: Array, taken: Array) -> list[NearPair]:
-    """Return the pairs that are nearer than required by structure: links, and what one joint moves over obstacles."""
+    """Return the pairs that are nearer than required by structure: links, what is fixed, what one joint moves."""
     built = {one.links: one for one in safety.built}
     found: list[NearPair] = []
     for pair in model.pairs if built else ():
@@ -218,7 +219,14 @@ def _built_nearer(model: CollisionModel, safety: Safety, asked: Array, scene: Ar
         if one is not None and asked[pair.index] > one.floor:
             base = max(one.floor - KEPT * float(taken[pair.index]), 0.0)
             found.append(NearPair(pair.index, float(asked[pair.index]), one.distance, base, -1))
-    alone = np.flatnonzero((model.bounds.depends.sum(axis=1) == 1) & (asked > 0.0) & scene)
+    moved = model.bounds.depends.sum(axis=1)
+    fixed = np.where(moved == 0, asked, 0.0)
+    fixed[[one.pair for one in found]] = 0.0
+    for pair_index, distance in measured(model, _along(model.robot, 0)[0], fixed, taken) if fixed.any() else ():
+        if distance > 0.0:
+            base = KEPT * distance
+            found.append(NearPair(pair_index, float(asked[pair_index]), distance, base, -1))
+    alone = np.flatnonzero((moved == 1) & (asked > 0.0) & scene)
     joints = np.argmax(model.bounds.depends[alone], axis=1) if len(alone) else np.zeros(0, dtype=int)
     for j in np.unique(joints[joints < model.robot.n]).tolist():
         only = np.zeros(len(asked))

@@ -113,6 +113,20 @@ def test_a_first_link_that_is_near_its_table_wherever_it_turns_needs_no_more(pan
     assert floors.asked[pair.index] == one.base == KEPT * one.distance
 
 
+def test_what_is_held_needs_no_more_from_the_tool_that_holds_it(panda, ready):
+    tool = op.Box("tool", size=(0.02, 0.02, 0.1), position=(0, 0, 0.2)).attached_to("panda_hand")
+    part = op.Box("part", size=(0.04, 0.04, 0.04), position=(0, 0, 0.272)).attached_to("panda_hand")  # 2 mm beyond it
+    model = CollisionModel(panda, Scene([], [tool, part]))
+    (pair,) = (pair for pair in model.pairs if {pair.name_a, pair.name_b} == {"tool", "part"})
+    safety = with_built(op.Safety(0.005, own=0.005), panda)
+    floors = floors_of(model, safety)
+    (one,) = (one for one in floors.near if one.pair == pair.index)
+    assert one.end == -1
+    assert one.distance == pytest.approx(0.002, abs=1e-9)
+    assert floors.asked[pair.index] == one.base == KEPT * one.distance
+    assert all(model.bounds.depends[near.pair].any() for near in floors.near if near is not one)
+
+
 @native
 def test_the_core_tells_what_is_left_above_the_floors(panda, ready, scene):
     safety = op.Safety(0.03, own=0.01, within=0.4).ending_at([ready])
