@@ -37,7 +37,7 @@ HEADINGS = ("cell", "problem", "lines", "verified", "motion, s", "clearance", "p
 
 
 def measured(name: str, budget: float, pages: Path | None) -> dict[str, Any]:
-    """Plan one cell; write its page where that is asked for."""
+    """Plan one cell; write its page into the folder of pages, if there is one."""
     path = PROBLEMS / f"{name}.yaml"
     run = op.plan(op.load_problem(path), budget=budget)
     if pages is not None:
