@@ -176,3 +176,12 @@ def test_a_replaced_tool_frame_stands_in_every_step(tmp_path):
         assert frames | ends == {"panda_link8"}
         assert one.task[0].action.vias[0].at.frame == "panda_link8"
     assert op.Problem(panda, "ready", task=op.Task().line(op.Pose((0.5, 0, 0.4), frame="panda_hand"))).task
+
+
+def test_a_retreat_goes_back_along_the_tool_and_up_in_the_world():
+    steps = [{"retreat": {"distance": 0.1}}, {"retreat": {"distance": 0.1, "in": "world"}}]
+    back, up = (step.action for step in op.Problem("panda", "ready", task=steps).task)
+    assert (back.by.tolist(), back.in_tool) == ([0.0, 0.0, -0.1], True)
+    assert (up.by.tolist(), up.in_tool) == ([0.0, 0.0, 0.1], False)
+    (down,) = op.Problem("panda", "ready", task=op.Task().retreat(0.1, along=(0, 0, -1), within="world")).task
+    assert down.action.by.tolist() == [0.0, 0.0, -0.1]

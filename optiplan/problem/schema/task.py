@@ -121,11 +121,12 @@ class ApproachSpec(Strict):
 class RetreatSpec(Strict):
     """The tool straight by `distance`, m, `along` an axis of the tool, the world or what moves (`in`).
 
-    `blend` is as of a line.
+    Without `along` it goes back along z of the tool, and up along z of the world or of what moves. `blend` is as of a
+    line.
     """
 
     distance: Length
-    along: Direction = (0.0, 0.0, -1.0)
+    along: Direction | None = None
     in_: Annotated[Name, Field(alias="in")] = "tool"
     frame: Name | None = None
     speed: Length | None = None

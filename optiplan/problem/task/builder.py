@@ -174,7 +174,7 @@ class Task:
         self,
         distance: float,
         *,
-        along: Values = (0.0, 0.0, -1.0),
+        along: Values | None = None,
         within: str = "tool",
         speed: float | None = None,
         frame: str | None = None,
@@ -184,7 +184,7 @@ class Task:
     ) -> "Task":
         """Move the tool straight by `distance`, m, `along` an axis of the `tool` or the `world` (`within`).
 
-        `blend` is as of `line`.
+        Without `along` it goes back along z of the tool, and up along z of all else. `blend` is as of `line`.
         """
         said = {"distance": distance, "along": along, "in": within, "speed": speed, "frame": frame}
         return self._with("retreat", _given(**said, blend=blend, group=group), step)

@@ -310,7 +310,7 @@ class TaskReader:
         joints, frame = self._joints(place, spec.group), self._frame(place, spec)
         if joints is not None and frame is not None:
             axes = self.rides.axes(place, spec.in_)
-            by = spec.distance * _unit(spec.along)
+            by = spec.distance * _unit(spec.along or (0.0, 0.0, -1.0 if axes is None else 1.0))
             by = by if axes is None else axes @ by
             yield StraightLine(joints, frame, (), by, axes is None, _speed(spec), spec.blend or 0.0)
 
