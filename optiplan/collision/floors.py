@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.contacts import Pair
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.safety import BuiltNear, SafePairs, Safety
@@ -53,8 +53,9 @@ class Floors:
     Attributes:
         asked: (P,) m, away from the ends.
         near: pairs with a lower floor, and why.
-        ends: (E, n) the ends.
-        within: rad or m, summed over the n joints of the robot.
+        ends: (E, n) the ends; nan for joints on their way, see `Safety.ends`.
+        within: rad or m, summed over the joints that move a pair.
+        moved: (P, n) whether a joint of the robot moves a pair.
         taken: (P,) m, what joints off their place can take of the distance of each pair.
     """
 
@@ -62,6 +63,7 @@ class Floors:
     near: tuple[NearPair, ...]
     ends: Array
     within: float
+    moved: Flags
     taken: Array
 
     @property
@@ -70,10 +72,14 @@ class Floors:
         return [one for one in self.near if one.end >= 0]
 
     def with_ends(self, model: CollisionModel, ends: Sequence[Array]) -> "Floors":
-        """Return the floors about these ends (n,), where the model measures which pairs are nearer."""
+        """Return the floors about these ends (n,), where the model measures which pairs are nearer.
+
+        A pair that a joint on its way moves is not measured: it keeps the whole distance.
+        """
         near = [one for one in self.near if one.end < 0]
         for k, q in enumerate(ends):
-            for pair, distance in measured(model, q, self.asked, self.taken):
+            placed = ~(self.moved & np.isnan(q)).any(axis=1)
+            for pair, distance in measured(model, np.nan_to_num(q), np.where(placed, self.asked, 0.0), self.taken):
                 if distance > 0.0:
                     base = KEPT * max(distance - float(self.taken[pair]), 0.0)
                     near.append(NearPair(pair, float(self.asked[pair]), distance, base, k))
@@ -85,11 +91,11 @@ class Floors:
         Each end gives an upper bound of the floor, the least of them holds: f(q) <= base + rise (|Q - q_e| + reach)_1.
         """
         found = self.asked[pairs]
-        n = self.ends.shape[1]
         for one in self.at_ends:
             rows = np.flatnonzero(pairs == one.pair)
             if len(rows):
-                way = (np.abs(Q[rows, :n] - self.ends[one.end]) + reach[rows, :n]).sum(axis=1)
+                own, moved = rows[:, None], np.flatnonzero(self.moved[one.pair])
+                way = (np.abs(Q[own, moved] - self.ends[one.end, moved]) + reach[own, moved]).sum(axis=1)
                 share = np.minimum(way / self.within, 1.0)
                 found[rows] = np.minimum(found[rows], one.base + (one.asked - one.base) * share)
         return found
@@ -114,7 +120,8 @@ def floors_of(model: CollisionModel, safety: Safety | None, error: Array | None 
     near = _built_nearer(model, safety, asked, scene, taken)
     for one in near:
         asked[one.pair] = one.base
-    built = Floors(asked, tuple(near), np.zeros((0, model.robot.n)), safety.within, taken)
+    n = model.robot.n
+    built = Floors(asked, tuple(near), np.zeros((0, n)), safety.within, model.bounds.depends[:, :n], taken)
     return built.with_ends(model, safety.ends)
 
 

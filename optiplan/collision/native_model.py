@@ -230,14 +230,17 @@ def _world(model: NativeCollisionModel, bodies: "list[Body]", never: frozenset[t
 def _core_floors(model: NativeCollisionModel) -> tuple[list[float], list[tuple[int, float, float, list[float]]]]:
     """Return the floors of all pairs, m, and of those at ends the pair, base, rise and configuration; nothing of none.
 
+    Joints that do not move a pair are nan in its configuration.
+
     Motions are planned a hair above them.
     """
     floors = model.floors
     if floors is None:
         return [], []
     ends = [
-        (one.pair, one.base + _HAIR, (one.asked - one.base) / floors.within, floors.ends[one.end].tolist())
+        (one.pair, one.base + _HAIR, (one.asked - one.base) / floors.within, counted.tolist())
         for one in floors.at_ends
+        for counted in (np.where(floors.moved[one.pair], floors.ends[one.end], np.nan),)
     ]
     return np.where(floors.asked > 0.0, floors.asked + _HAIR, 0.0).tolist(), ends
 

@@ -76,7 +76,9 @@ class Safety:
     The floor of a pair is the distance required. A pair that is nearer at an end of the motion (the start, the goal,
     a via of joint values, the end of a step of a task that states one) has a lower one about that end q_e:
 
-        min(required, base + (required - base) sum_j |q_j - q_e,j| / within),  base = 0.8 d(q_e).
+        min(required, base + (required - base) sum_j |q_j - q_e,j| / within),  base = 0.8 d(q_e),
+
+    the sum over the joints that move the pair.
 
     A joint-off-motion tube takes what it takes of d(q_e) first. See `collision.floors` for pairs that are built nearer.
 
@@ -84,10 +86,11 @@ class Safety:
         scene: of the robot and what it holds from obstacles, m.
         own: of links and held objects from each other, m; `self` in a file.
         pairs: of groups of bodies; the last that holds a pair decides.
-        within: rad or m, summed over the joints.
+        within: rad or m, summed over the joints that move a pair.
 
     Attributes:
-        ends: configurations (n,) at which pairs may be nearer; planners and the verifier put them there.
+        ends: configurations (n,) at which pairs may be nearer; planners and the verifier put them there. A joint on its
+            way there is nan: pairs that it moves keep the whole distance.
         built: pairs of links that are built nearer, see `collision.floors.with_built`; who reads a problem puts them
             there.
 
@@ -150,7 +153,9 @@ class Safety:
         if other is None or len(self.ends) != len(other.ends):
             return False
         mine, others = ((one.scene, one.own, one.pairs, one.within, one.built) for one in (self, other))
-        return mine == others and all(np.array_equal(a, b) for a, b in zip(self.ends, other.ends, strict=True))
+        return mine == others and all(
+            np.array_equal(a, b, equal_nan=True) for a, b in zip(self.ends, other.ends, strict=True)
+        )
 
     def to_data(self) -> dict[str, Any]:
         """`clearance:` of a file."""

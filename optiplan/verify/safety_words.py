@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from optiplan.collision.floors import Floors
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.safety import Safety
@@ -22,7 +24,7 @@ def asked_words(model: CollisionModel, safety: Safety | None, floors: Floors | N
             "distance": one.distance,
             "floor": one.base,
             "built": one.end < 0,
-            **({} if one.end < 0 else {"q": floors.ends[one.end].tolist()}),
+            **({} if one.end < 0 else {"q": [None if np.isnan(x) else float(x) for x in floors.ends[one.end]]}),
         }
         for one in floors.near
     ]
@@ -39,7 +41,7 @@ def safety_scope(witness: Mapping[str, Any]) -> list[str]:
     scene, own = 1e3 * required["scene"], 1e3 * required["self"]
     said = f"clearance required: {scene:g} mm from the scene, {own:g} mm of the robot from itself"
     found = [f"{said}{groups}, of pairs of links that can meet"]
-    way = f"growing to what is required within {required['within']:g} rad or m, summed over the joints"
+    way = f"growing to what is required within {required['within']:g} rad or m, summed over the joints that move a pair"
     for built, where in ((False, f"nearer at an end, with floors of 0.8 of that, {way}"), (True, "built nearer")):
         names: dict[str, dict[str, Any]] = {}
         for one in nearer:

@@ -127,6 +127,27 @@ def test_what_is_held_needs_no_more_from_the_tool_that_holds_it(panda, ready):
     assert all(model.bounds.depends[near.pair].any() for near in floors.near if near is not one)
 
 
+def test_only_joints_that_move_a_pair_count_and_none_that_is_on_its_way(panda, ready, scene):
+    model = CollisionModel(panda, scene)
+    safety = op.Safety(0.3, own=0.004, within=2.0)
+    floors = floors_of(model, safety.ending_at([ready]))
+    fewer = {one.pair: one for one in floors.at_ends if not model.bounds.depends[one.pair].all()}
+    assert fewer
+    rng = np.random.default_rng(3)
+    for pair, one in fewer.items():
+        moved = model.bounds.depends[pair]
+        q = ready + rng.uniform(0.0, 0.05, 7)
+        wanted = one.base + (one.asked - one.base) * np.abs(q - ready)[moved].sum() / 2.0
+        near, far = np.where(moved, q, ready), np.where(moved, q, q + 0.7)
+        for at in (near, far):
+            assert floors.over(np.array([pair]), at[None], np.zeros((1, 7)))[0] == pytest.approx(wanted, rel=1e-9)
+    turning = ready.copy()
+    turning[3] = np.nan
+    kept = {one.pair for one in floors_of(model, safety.ending_at([turning])).at_ends}
+    assert kept == {one.pair for one in floors.at_ends if not model.bounds.depends[one.pair, 3]}
+    assert kept < {one.pair for one in floors.at_ends}
+
+
 @native
 def test_the_core_tells_what_is_left_above_the_floors(panda, ready, scene):
     safety = op.Safety(0.03, own=0.01, within=0.4).ending_at([ready])

@@ -64,7 +64,7 @@ static Body make_body(int joint, const Matrix &placement, std::vector<Shape> sha
     return body;
 }
 
-// A pair's floor about an end: pair, base, m, rise, m/rad or 1, configuration.
+// A pair's floor about an end: pair, base, m, rise, m/rad or 1, configuration, nan for joints that do not count.
 using EndOfPair = std::tuple<int, double, double, std::vector<double>>;
 
 static World make_world(const Tree &tree, const std::vector<Body> &bodies, const IndexPairs &pairs,

@@ -14,16 +14,17 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.native_model import planning_model
+from optiplan.collision.native_model import NativeCollisionModel, planning_model
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.task.planned_steps import PlannedStep, Stretch, TaskPart, object_and_link
 from optiplan.planners.task.via_moves import ViaMoves
 from optiplan.problem.problem import Problem, derived
-from optiplan.problem.task.arms import in_time_order, joints_of_arms, several_arms, steps_of_arms
+from optiplan.problem.task.arms import in_time_order, joints_of_arms, of_one_arm, several_arms, steps_of_arms
 from optiplan.problem.task.scene_change import scene_after
 from optiplan.problem.task.steps import Attach, Detach, TaskStep
+from optiplan.problem.task.timeline import states_its_end
 from optiplan.trajectory.joining import (
     beside_each_other,
     cut_trajectory,
@@ -36,6 +37,9 @@ from optiplan.trajectory.trajectory import Trajectory
 
 _DELAY = 0.1
 """s by which a part that is not free begins later."""
+
+_MEETING = 1e-9
+"""s by which rounding may part the end of a step from the event after it."""
 
 
 def one_after_another(problem: Problem) -> Problem:
@@ -231,11 +235,35 @@ class _Timetable:
             scene = known
         active = [c.planned.step.allowed for c in changes if c.begin < high and c.end > low]
         allowed = frozenset[frozenset[str]]().union(scene.allowed, *active)
-        key = (tuple(numbers), allowed)
+        key: tuple[object, ...] = (tuple(numbers), allowed)
         if key not in self._models:
             own = replace(scene, allowed=allowed)
             self._models[key] = planning_model(self.problem.robot, own, error=self.problem.tracking_error)
+        model = self._models[key]
+        if isinstance(model, NativeCollisionModel) and model.floors is not None:
+            others = [c.begin for c in changes if isinstance(c.planned.step.action, Attach | Detach)]
+            since = max([t for t in others if t <= low], default=0.0)
+            until = min([t for t in others if t >= high], default=np.inf)
+            ended = self._ended(changes, since, until)
+            key = (*key, tuple(ended))
+            if key not in self._models:
+                ends = ([self.problem.start] if since == 0.0 else []) + list(ended.values())
+                floors = model.floors.with_ends(model, ends)
+                near = replace(model.scene, safety=model.scene.safety and model.scene.safety.ending_at(ends))
+                self._models[key] = NativeCollisionModel(model.robot, near, model, error=model.error, floors=floors)
         return key, self._models[key]
+
+    def _ended(self, changes: Sequence[_Change], since: float, until: float) -> dict[int, Array]:
+        """Return where the arms are, (n,), at the ends of steps between two times, s, by the numbers of the steps.
+
+        Pairs that one arm moves may be nearer there than required, whatever the others do: they are nan.
+        """
+        names, found = self.problem.robot.joint_names, {}
+        for change in changes:
+            step = change.planned.step
+            if states_its_end(step.action) and since - _MEETING <= change.end <= until + _MEETING:
+                found[step.number] = of_one_arm(self.problem.task, step.arm, names, change.planned.after.q)
+        return dict(sorted(found.items()))
 
     def _motion(self, begin: float, end: float, other: tuple[str, Trajectory] | None = None) -> Trajectory:
         """Return the motion of all joints between two times, s; that of one arm may be another than it has so far."""

@@ -7,6 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from operator import attrgetter
 
+import numpy as np
+
+from optiplan.arrays import Array
 from optiplan.problem.task.steps import Move, StraightLine, TaskStep
 from optiplan.trajectory.segments import Segment
 
@@ -35,6 +38,15 @@ def joints_of_arms(task: Task, names: Sequence[str]) -> dict[str, list[int]]:
         if isinstance(step.action, Move | StraightLine):
             moved[step.arm] |= set(step.action.joints)
     return {arm: [k for k, name in enumerate(names) if name in joints] for arm, joints in moved.items()}
+
+
+def of_one_arm(task: Task, arm: str, names: Sequence[str], q: Array) -> Array:
+    """Return a configuration (n,) in which joints that other arms move are nan."""
+    known = np.array(q, dtype=float)
+    for other, columns in joints_of_arms(task, names).items():
+        if other != arm:
+            known[columns] = np.nan
+    return known
 
 
 def in_task_order(task: Task, segments: Sequence[Segment]) -> tuple[Segment, ...]:

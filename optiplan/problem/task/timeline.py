@@ -12,9 +12,9 @@ from optiplan.arrays import Array
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.problem.seams.actions import SeamPart
-from optiplan.problem.task.arms import arms_mismatch, in_task_order, in_time_order, several_arms
+from optiplan.problem.task.arms import arms_mismatch, in_task_order, in_time_order, of_one_arm, several_arms
 from optiplan.problem.task.scene_change import carrying, columns, scene_after, scene_during
-from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Event, Move, StraightLine, TaskStep
+from optiplan.problem.task.steps import Action, Attach, ChangeTool, Detach, Event, Move, StraightLine, TaskStep
 from optiplan.problem.task.tour_steps import in_order
 from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.segments import Segment
@@ -183,7 +183,7 @@ def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float
     """Yield when the motion begins and a step ends, s, with the configuration (n,) there; and vias of joint values.
 
     Only steps that say where they end have an end: a motion to a path or away from it ends anywhere, and at an event
-    on a path the tool is on its way. Of several arms, the configuration at an end is known where all others rest.
+    on a path the tool is on its way. Of several arms, the others are on their way unless all of them rest.
     """
     yield 0.0, trajectory.start
     rows = list(steps_in_time(problem, trajectory))
@@ -195,11 +195,12 @@ def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float
         action = step.action
         if isinstance(action, SeamPart) and action.low == 0.0:
             yield begin, trajectory(begin)
-        ends = isinstance(action, Move | StraightLine) or (
-            isinstance(action, SeamPart) and action.high == action.path.curve.length
-        )
-        if ends and resting(end):
+        if not states_its_end(action):
+            continue
+        if resting(end):
             yield end, trajectory(end)
+        else:
+            yield end, of_one_arm(problem.task, step.arm, problem.robot.joint_names, trajectory(end))
         if not isinstance(action, Move) or not resting(begin):
             continue
         for via in action.vias:
@@ -207,6 +208,13 @@ def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float
                 whole = np.array(trajectory(begin))
                 whole[columns(problem.robot, action.joints)] = via.at.q
                 yield begin, whole
+
+
+def states_its_end(action: Action) -> bool:
+    """Whether a step says where it ends: near there pairs may be nearer than a `Safety` asks."""
+    if isinstance(action, SeamPart):
+        return action.high == action.path.curve.length
+    return isinstance(action, Move | StraightLine)
 
 
 def steps_in_time(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[TaskStep, Scene, float, float]]:

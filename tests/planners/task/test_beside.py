@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.collision.model import CollisionModel
 from optiplan.planners.task.beside import one_after_another
 from optiplan.problem.load import load_problem
 from optiplan.problem.task.timeline import scene_parts
@@ -86,6 +88,23 @@ def test_steps_stand_in_a_row_up_to_where_an_arm_waits(run):
         .move([1, 0], arm="a", wait_for="y")
     )
     assert [step.number for step in one_after_another(other).task] == [1, 3, 2, 4]
+
+
+def test_an_arm_comes_nearer_at_its_ends_whatever_the_other_does():
+    """Arm a goes to a ball, 2 mm before it, and back, while arm b moves: as quickly with 10 mm required as without."""
+    there, planar = [0.2, 0.5], op.load_robot("planar2r")
+    x, y, z = planar.fk(there).position
+    balls = (op.Sphere("ball", radius=0.02, position=(x + d, y, z)) for d in np.arange(0.0, 0.2, 5e-4))
+    gaps = ((ball, CollisionModel(planar, op.Scene([ball])).clearance(np.array(there)).distance) for ball in balls)
+    ball = next(ball for ball, gap in gaps if gap > 0.0015)
+    task = op.Task().move(there, arm="a").move([1.5, 0.5], arm="a").move([1.2, -0.5], arm="b").move([0, 0.9], arm="b")
+    problem = op.Problem(op.Robot.side_by_side(ARMS), "ready", task=task, scene=[ball])
+    plain, asked = (op.plan(problem.with_parts(clearance=one), budget=20.0) for one in (0, {"scene": 0.01}))
+    assert plain.verified
+    assert asked.verified
+    assert asked.duration == pytest.approx(plain.duration, rel=0.02)
+    first, other = (next(one for one in asked.trajectory.segments if one.step == k) for k in (1, 3))
+    assert other.begin < first.end < other.end
 
 
 def test_run_and_problem_are_read_again(run, tmp_path):

@@ -62,7 +62,8 @@ double World::floor_near(const Placement &at, int pair) const {
     for (int k : near_ends_[pair]) {
         const EndFloor &end = floors_.ends[k];
         double way = 0.0;
-        for (std::size_t j = 0; j < end.q.size(); ++j) way += std::fabs(at.q[j] - end.q[j]);
+        for (std::size_t j = 0; j < end.q.size(); ++j)
+            if (!std::isnan(end.q[j])) way += std::fabs(at.q[j] - end.q[j]);
         least = std::min(least, end.base + end.rise * way);
     }
     return least;

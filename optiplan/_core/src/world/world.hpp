@@ -60,7 +60,8 @@ struct TubeError {
     std::vector<double> error, most;
 };
 
-// A floor about the configuration q (joints,) of an end: `base`, m, there, growing by `rise`, m/rad or 1, on the way.
+// A floor about the configuration q (joints,) of an end: `base`, m, there, growing by `rise`, m/rad or 1, on the way of
+// the joints that count for its pair; q is nan for the others.
 struct EndFloor {
     int pair;
     double base, rise;
@@ -68,7 +69,7 @@ struct EndFloor {
 };
 
 // The distance that each pair keeps (pairs,), m, and less about ends of the motion: the least of what is asked and
-// base + rise sum_j |q_j - q_e,j|; none where `asked` is empty.
+// base + rise sum_j |q_j - q_e,j| of the joints that count; none where `asked` is empty.
 struct Floors {
     std::vector<double> asked;
     std::vector<EndFloor> ends;
