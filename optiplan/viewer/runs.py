@@ -10,6 +10,7 @@ from optiplan.arrays import Array, is_finite
 from optiplan.errors import InputError
 from optiplan.kinematics.manipulability import ToolKinematics, ellipsoids, scaled
 from optiplan.problem.problem import Problem
+from optiplan.problem.seams.actions import SeamPath
 from optiplan.robot.frames import frame_poses
 from optiplan.runs.common_bound import duration_bound
 from optiplan.runs.run import SMALLEST_BOUND
@@ -211,7 +212,8 @@ def _motion(problem: Problem, poses: Poses, trajectory: Trajectory, detail: Deta
 def _facts(problem: Problem, trajectory: Trajectory, report: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     bound = duration_bound(problem, trajectory)
     facts = [("duration", f"{trajectory.duration:.3f} s")]
-    if bound >= SMALLEST_BOUND:
+    led = any(isinstance(step.action, SeamPath) for step in problem.task)  # at a stated speed, which no bound knows
+    if bound >= SMALLEST_BOUND and not led:
         whole = "× bound of its stops" if problem.task else "× bound of this end configuration"
         name = "× lower bound" if problem.one_end else whole
         facts.append((name, f"{trajectory.duration / bound:.3f}"))

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import optiplan as op
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, derived
 from optiplan.trajectory.trajectory import Trajectory
@@ -129,3 +130,12 @@ def test_witness_of_another_robot_draws_no_robot(shelf):
     failure = {"kind": "collision", "detail": "", "witness": {"q": [0.0, float("nan")], "points": [[0, 0, 0]]}}
     (found,) = run_for_page(shelf, Poses(shelf), ViewedRun("rrt", None, None, failure))["witnesses"]
     assert "poses" not in found
+
+
+def test_no_bound_is_shown_of_a_path_whose_speed_is_stated():
+    path = op.Path([[0.5, 0.1, 0.4], [0.5, -0.1, 0.4]], speed=0.1, axis=[0, 0, -1])
+    for task, shown in ((path, False), (op.Task().move("extended"), True)):
+        run = op.plan(op.Problem("panda", "ready", task=task), budget=5.0)
+        assert run.verified
+        facts = run_for_page(run.problem, Poses(run.problem), ViewedRun("led", run.trajectory, REPORT))["facts"]
+        assert any("bound" in name for name, _ in facts) is shown

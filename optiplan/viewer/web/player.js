@@ -161,7 +161,7 @@
   function fillHead(run) {
     const count = data.runs.filter((one) => one.badge === "verified").length;
     byId("verdict").replaceChildren(several ? make("span", "badge " + (count ? "good" : "bad"), `${count} of ${data.runs.length} verified`) : OptiPlanVerdict.badge(run));
-    const said = several ? run.label + ": " : "", words = (name, value) => (name === "duration" ? value : name.startsWith("×") ? OptiPlanFacts.quality(Number(value)) : `${name} ${value}`);
+    const said = several ? run.label + ": " : "", words = (name, value) => (name === "duration" ? value : name.startsWith("×") ? OptiPlanFacts.quality(Number(value), name.includes("stops")) : `${name} ${value}`);
     const facts = run.facts.map(([name, value]) => words(name, value));
     byId("key").textContent = said + (run.problems.length ? run.problems[0].split(":")[0].replaceAll("-", " ") : facts.slice(0, 3).join(" · ")); // the whole sentence stands below
     byId("key").title = byId("key").textContent;

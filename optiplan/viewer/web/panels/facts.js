@@ -6,10 +6,11 @@ const OptiPlanFacts = (() => {
     return (size >= 100 ? value.toFixed(0) : size >= 10 ? value.toFixed(1) : value.toFixed(2)) + " mm";
   }
 
-  // How good a duration is, in words a person knows; `ratio` to the least possible time for the end that was reached.
-  function quality(ratio) {
-    const more = 100 * (ratio - 1);
-    return more < 0.5 ? "at the least possible time for this end" : `${more < 10 ? more.toFixed(1) : more.toFixed(0)} % above the least possible time for this end`;
+  // How good a duration is, in words a person knows; `ratio` to the least possible time for the end that was reached, or
+  // for the places where a task stops.
+  function quality(ratio, ofStops) {
+    const more = 100 * (ratio - 1), least = `the least possible time ${ofStops ? "from stop to stop" : "for this end"}`;
+    return more < 0.5 ? `at ${least}` : `${more < 10 ? more.toFixed(1) : more.toFixed(0)} % above ${least}`;
   }
 
   // Verified runs first, then refused ones, both by duration; then those without a motion: [run, its index] each.
