@@ -41,10 +41,9 @@ def measured(name: str, budget: float, pages: Path | None) -> dict[str, Any]:
     path = PROBLEMS / f"{name}.yaml"
     run = op.plan(op.load_problem(path), budget=budget)
     if pages is not None:
-        record = run.to_dict()
-        shown = ViewedRun(run.planner, run.trajectory, record["report"], record["failure"], record)
         pages.mkdir(parents=True, exist_ok=True)
-        (pages / f"{name}.html").write_text(render_page(build_scene(run.problem, [shown])), encoding="utf-8")
+        page = render_page(build_scene(run.problem, [ViewedRun.of(run)]))
+        (pages / f"{name}.html").write_text(page, encoding="utf-8")
     return {
         "problem": name,
         "lines": len(path.read_text(encoding="utf-8").splitlines()),

@@ -52,5 +52,4 @@ def _viewed(name: str, planner: str | None) -> ViewedRun:
         run = op.plan(problem, planner, budget=BUDGET)
     except op.InputError as error:
         return ViewedRun(label, None, None, {"kind": "input", "detail": str(error)})
-    record = run.to_dict()
-    return ViewedRun(label, run.trajectory, record["report"], record["failure"], record)
+    return ViewedRun.of(run, label)

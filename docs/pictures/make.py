@@ -43,12 +43,7 @@ def plan(planner: str, problem: str = PROBLEM) -> op.Run:
 
 def page(*runs: op.Run) -> str:
     """The viewer's page of these runs of one problem."""
-    records = [run.to_dict() for run in runs]
-    viewed = [
-        ViewedRun(run.planner, run.trajectory, record["report"], record["failure"], record)
-        for run, record in zip(runs, records, strict=True)
-    ]
-    return render_page(build_scene(runs[0].problem, viewed))
+    return render_page(build_scene(runs[0].problem, [ViewedRun.of(run) for run in runs]))
 
 
 def least(run: op.Run) -> float:

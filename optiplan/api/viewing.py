@@ -126,5 +126,4 @@ def _wait(served: View) -> None:
 
 
 def _viewed(run: Run, several: bool) -> ViewedRun:
-    record, label = run.to_dict(), run.problem.name if several else run.planner
-    return ViewedRun(label, run.trajectory, record["report"], record["failure"], record, None, run.problem)
+    return ViewedRun.of(run, run.problem.name if several else run.planner)

@@ -134,10 +134,8 @@ def _png(run: Run, path: Path) -> bool:
     from optiplan.viewer.runs import ViewedRun
     from optiplan.viewer.scene import build_scene
 
-    record = run.to_dict()
-    viewed = ViewedRun(run.planner, run.trajectory, record["report"], record["failure"], record)
     try:
-        save_picture(render_page(build_scene(run.problem, [viewed])), path, "t=0.5&paused", (960, 640))
+        save_picture(render_page(build_scene(run.problem, [ViewedRun.of(run)])), path, "t=0.5&paused", (960, 640))
     except OptiPlanError:  # no playwright: the drawing does as well
         return False
     return True

@@ -229,10 +229,9 @@ def _built_nearer(model: CollisionModel, safety: Safety, asked: Array, scene: Ar
     moved = model.bounds.depends.sum(axis=1)
     fixed = np.where(moved == 0, asked, 0.0)
     fixed[[one.pair for one in found]] = 0.0
-    for pair_index, distance in measured(model, _along(model.robot, 0)[0], fixed, taken) if fixed.any() else ():
+    for pair_index, distance in measured(model, np.zeros(model.robot.n), fixed, taken):  # anywhere the same
         if distance > 0.0:
-            base = KEPT * distance
-            found.append(NearPair(pair_index, float(asked[pair_index]), distance, base, -1))
+            found.append(NearPair(pair_index, float(asked[pair_index]), distance, KEPT * distance, -1))
     alone = np.flatnonzero((moved == 1) & (asked > 0.0) & scene)
     joints = np.argmax(model.bounds.depends[alone], axis=1) if len(alone) else np.zeros(0, dtype=int)
     for j in np.unique(joints[joints < model.robot.n]).tolist():

@@ -108,6 +108,15 @@ class NativeCollisionModel(CollisionModel):
         self.floors = None if self.unknown else floors or floors_of(self, scene.safety, self.error)
         self.world = None if self.unknown else _world(self, [found for found in bodies if found is not None], never)
 
+    def about_ends(self, *ends: Array) -> "NativeCollisionModel":
+        """Return the model about these ends (n,) of a motion, see `Safety.ends`; itself where no pair is nearer."""
+        if self.floors is None:
+            return self
+        floors = self.floors.with_ends(self, ends)
+        if not (floors.at_ends or self.floors.at_ends):
+            return self
+        return NativeCollisionModel(self.robot, self.scene.ending_at(*ends), self, error=self.error, floors=floors)
+
     def collides(self, q: Array) -> bool:
         """See `CollisionModel.collides`."""
         if self.error is not None and self._leaves_limits(q, self.error):
@@ -230,18 +239,15 @@ def _world(model: NativeCollisionModel, bodies: "list[Body]", never: frozenset[t
 def _core_floors(model: NativeCollisionModel) -> tuple[list[float], list[tuple[int, float, float, list[float]]]]:
     """Return the floors of all pairs, m, and of those at ends the pair, base, rise and configuration; nothing of none.
 
-    Joints that do not move a pair are nan in its configuration.
-
-    Motions are planned a hair above them.
+    Joints that do not move a pair are nan in its configuration. Motions are planned a hair above the floors.
     """
     floors = model.floors
     if floors is None:
         return [], []
-    ends = [
-        (one.pair, one.base + _HAIR, (one.asked - one.base) / floors.within, counted.tolist())
-        for one in floors.at_ends
-        for counted in (np.where(floors.moved[one.pair], floors.ends[one.end], np.nan),)
-    ]
+    ends = []
+    for one in floors.at_ends:
+        counted = np.where(floors.moved[one.pair], floors.ends[one.end], np.nan)
+        ends.append((one.pair, one.base + _HAIR, (one.asked - one.base) / floors.within, counted.tolist()))
     return np.where(floors.asked > 0.0, floors.asked + _HAIR, 0.0).tolist(), ends
 
 

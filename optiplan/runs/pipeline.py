@@ -276,14 +276,12 @@ class _Near:
 
     Attributes:
         found: the run of the answer.
-        planner: name of its planner, or the planner itself.
-        chosen: the planner itself.
+        planner: that found it.
         progress: called with the stages of planning anew.
     """
 
     found: Run
-    planner: str | Planner[Any]
-    chosen: Planner[Any]
+    planner: Planner[Any]
     progress: Progress
 
     def __call__(self, asking: Problem, budget: Budget) -> Trajectory | None:
@@ -292,10 +290,10 @@ class _Near:
         if asking.task or asking.vias or asking.scene.dynamic_obstacles:
             took = self.found.timings["plan"] + self.found.timings["verify"]
             seconds = max(_LEAST_ANEW, _ANEW * took)
-            within = budget.share(min(1.0, seconds / max(budget.remaining, seconds)))
-            again = run(asking, self.planner, self.found.options, within, self._told)
+            within = budget.share(seconds / max(budget.remaining, seconds))
+            again = run(asking, self.planner, {}, within, self._told)
             return again.trajectory if again.verified else None
-        motion = self.chosen.near(ending_at(asking, asking.start, answer.end), answer, budget)
+        motion = self.planner.near(ending_at(asking, asking.start, answer.end), answer, budget)
         return motion if motion is not None and verifier.holds(asking, motion) else None
 
     def _told(self, stage: str, share: float) -> None:
@@ -304,13 +302,13 @@ class _Near:
 
 def _wider(found: Run, planner: str | Planner[Any], budget: Budget, progress: Progress) -> Run:
     """The run, or one of a motion that keeps the wished clearance, where that costs little."""
-    if found.trajectory is None or not found.verified:
+    if found.trajectory is None or not found.verified or found.problem.wished_clearance == 0.0:
         return found
     began = clock()
     chosen = make_planner(planner, found.options) if isinstance(planner, str) else planner
     if type(chosen).near is Planner.near:
         return found
-    near = _Near(found, planner, chosen, progress)
+    near = _Near(found, chosen, progress)
     wish = wished(found.problem, found.trajectory, found.timings.get("verify", 0.0), near, budget)
     if wish is None:
         return found

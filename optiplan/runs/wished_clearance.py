@@ -47,7 +47,7 @@ Near = Callable[[Problem, Budget], Trajectory | None]
 
 
 def wished(problem: Problem, answer: Trajectory, proof: float, near: Near, budget: Budget) -> Wish | None:
-    """Return what became of the wish; None without one, or without the time to see to it.
+    """Return what became of the wish; None without the time to see to it.
 
     Floors are those of a `clearance` of that distance: less about the start and the end, and of links built nearer.
 
@@ -58,9 +58,9 @@ def wished(problem: Problem, answer: Trajectory, proof: float, near: Near, budge
         near: looks for a motion that keeps it, where the answer does not.
         budget: what remains of it.
     """
-    clearance = problem.wished_clearance
-    if clearance == 0.0 or budget.remaining < _PROOFS * proof:
+    if budget.remaining < _PROOFS * proof:
         return None
+    clearance = problem.wished_clearance
     required = with_built(Safety(clearance, clearance), problem.robot)
     asking = derived(problem, scene=replace(problem.scene, safety=required), wished_clearance=0.0)
     if verify(asking, answer).verified:

@@ -13,7 +13,7 @@ from optiplan.problem.problem import Problem
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.robot.frames import frame_poses
 from optiplan.runs.common_bound import duration_bound
-from optiplan.runs.run import SMALLEST_BOUND
+from optiplan.runs.run import SMALLEST_BOUND, Run
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.viewer.goal_marks import targets
 from optiplan.viewer.moving_objects import mounted_tools
@@ -48,6 +48,13 @@ class ViewedRun(NamedTuple):
     record: Mapping[str, Any] | None = None
     log: Arrays | None = None
     problem: Problem | None = None
+
+    @classmethod
+    def of(cls, run: Run, label: str = "") -> "ViewedRun":
+        """Return a run of the page's problem, or of another with the same robot; by default with its planner's name."""
+        record = run.to_dict()
+        motion, problem = run.trajectory, run.problem
+        return cls(label or run.planner, motion, record["report"], record["failure"], record, None, problem)
 
 
 RunLike = ViewedRun | tuple[str, Trajectory | None, Mapping[str, Any] | None]

@@ -24,7 +24,7 @@ from optiplan.problem.problem import Problem, derived
 from optiplan.problem.task.arms import in_time_order, joints_of_arms, of_one_arm, several_arms, steps_of_arms
 from optiplan.problem.task.scene_change import scene_after
 from optiplan.problem.task.steps import Attach, Detach, TaskStep
-from optiplan.problem.task.timeline import states_its_end
+from optiplan.problem.task.timeline import MEETING, states_its_end
 from optiplan.trajectory.joining import (
     beside_each_other,
     cut_trajectory,
@@ -37,9 +37,6 @@ from optiplan.trajectory.trajectory import Trajectory
 
 _DELAY = 0.1
 """s by which a part that is not free begins later."""
-
-_MEETING = 1e-9
-"""s by which rounding may part the end of a step from the event after it."""
 
 
 def one_after_another(problem: Problem) -> Problem:
@@ -240,17 +237,15 @@ class _Timetable:
             own = replace(scene, allowed=allowed)
             self._models[key] = planning_model(self.problem.robot, own, error=self.problem.tracking_error)
         model = self._models[key]
-        if isinstance(model, NativeCollisionModel) and model.floors is not None:
-            others = [c.begin for c in changes if isinstance(c.planned.step.action, Attach | Detach)]
-            since = max([t for t in others if t <= low], default=0.0)
-            until = min([t for t in others if t >= high], default=np.inf)
-            ended = self._ended(changes, since, until)
-            key = (*key, tuple(ended))
-            if key not in self._models:
-                ends = ([self.problem.start] if since == 0.0 else []) + list(ended.values())
-                floors = model.floors.with_ends(model, ends)
-                near = replace(model.scene, safety=model.scene.safety and model.scene.safety.ending_at(ends))
-                self._models[key] = NativeCollisionModel(model.robot, near, model, error=model.error, floors=floors)
+        if not isinstance(model, NativeCollisionModel) or model.floors is None:
+            return key, model
+        times = [c.begin for c in changes if isinstance(c.planned.step.action, Attach | Detach)]
+        since = max((t for t in times if t <= low), default=0.0)
+        ended = self._ended(changes, since, min((t for t in times if t >= high), default=np.inf))
+        key = (*key, since == 0.0, tuple(ended))
+        if key not in self._models:
+            ends = ([self.problem.start] if since == 0.0 else []) + list(ended.values())
+            self._models[key] = model.about_ends(*ends)
         return key, self._models[key]
 
     def _ended(self, changes: Sequence[_Change], since: float, until: float) -> dict[int, Array]:
@@ -258,11 +253,11 @@ class _Timetable:
 
         Pairs that one arm moves may be nearer there than required, whatever the others do: they are nan.
         """
-        names, found = self.problem.robot.joint_names, {}
+        found = {}
         for change in changes:
             step = change.planned.step
-            if states_its_end(step.action) and since - _MEETING <= change.end <= until + _MEETING:
-                found[step.number] = of_one_arm(self.problem.task, step.arm, names, change.planned.after.q)
+            if states_its_end(step.action) and since - MEETING <= change.end <= until + MEETING:
+                found[step.number] = of_one_arm(step.arm, self.columns, change.planned.after.q)
         return dict(sorted(found.items()))
 
     def _motion(self, begin: float, end: float, other: tuple[str, Trajectory] | None = None) -> Trajectory:

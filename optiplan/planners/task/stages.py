@@ -51,10 +51,7 @@ class Stage:
         told, model = ending_at(self.problem, self.problem.start, *ends), self.model
         if told is self.problem or not isinstance(model, NativeCollisionModel) or model.floors is None:
             return self
-        floors = model.floors.with_ends(model, (self.problem.start, *ends))
-        if floors.at_ends or model.floors.at_ends:
-            model = NativeCollisionModel(told.robot, told.scene, model, error=model.error, floors=floors)
-        return replace(self, problem=told, model=model)
+        return replace(self, problem=told, model=model.about_ends(self.problem.start, *ends))
 
     @property
     def touching(self) -> "Stage":

@@ -40,12 +40,10 @@ def joints_of_arms(task: Task, names: Sequence[str]) -> dict[str, list[int]]:
     return {arm: [k for k, name in enumerate(names) if name in joints] for arm, joints in moved.items()}
 
 
-def of_one_arm(task: Task, arm: str, names: Sequence[str], q: Array) -> Array:
-    """Return a configuration (n,) in which joints that other arms move are nan."""
+def of_one_arm(arm: str, columns: Mapping[str, Sequence[int]], q: Array) -> Array:
+    """Return a configuration (n,) in which joints that other arms move are nan; `columns` as of `joints_of_arms`."""
     known = np.array(q, dtype=float)
-    for other, columns in joints_of_arms(task, names).items():
-        if other != arm:
-            known[columns] = np.nan
+    known[[k for other, moved in columns.items() if other != arm for k in moved]] = np.nan
     return known
 
 

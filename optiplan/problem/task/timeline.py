@@ -12,7 +12,14 @@ from optiplan.arrays import Array
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.problem.seams.actions import SeamPart
-from optiplan.problem.task.arms import arms_mismatch, in_task_order, in_time_order, of_one_arm, several_arms
+from optiplan.problem.task.arms import (
+    arms_mismatch,
+    in_task_order,
+    in_time_order,
+    joints_of_arms,
+    of_one_arm,
+    several_arms,
+)
 from optiplan.problem.task.scene_change import carrying, columns, scene_after, scene_during
 from optiplan.problem.task.steps import Action, Attach, ChangeTool, Detach, Event, Move, StraightLine, TaskStep
 from optiplan.problem.task.tour_steps import in_order
@@ -187,6 +194,7 @@ def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float
     """
     yield 0.0, trajectory.start
     rows = list(steps_in_time(problem, trajectory))
+    of_arms = joints_of_arms(problem.task, problem.robot.joint_names)
 
     def resting(t: float) -> bool:
         return not any(since < t < until for _, _, since, until in rows)
@@ -200,7 +208,7 @@ def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float
         if resting(end):
             yield end, trajectory(end)
         else:
-            yield end, of_one_arm(problem.task, step.arm, problem.robot.joint_names, trajectory(end))
+            yield end, of_one_arm(step.arm, of_arms, trajectory(end))
         if not isinstance(action, Move) or not resting(begin):
             continue
         for via in action.vias:
