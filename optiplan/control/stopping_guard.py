@@ -82,11 +82,10 @@ class StoppingGuard:
         if self._limits:
             c = self._configuration
             c.update(candidate.q, candidate.v)
-            way, started = self._longest_way(candidate), False
-            views = []
+            started, views = False, []
             for limit, before, least in zip(self._limits, self._views, self._least, strict=True):
                 view = limit.view(c, before, t)
-                if not limit.is_far(view, way, least):
+                if limit.in_core or not limit.is_far(view, self._longest_way(candidate), least):
                     if not started:
                         self._path.start(candidate.q, candidate.v, candidate.a, self._box, dt)
                         started = True

@@ -89,6 +89,7 @@ class ClearanceLimit(StopLimit):
             effects = np.array([self.turns, self.slides])
             given = arms, reaches.reshape(-1, 2), effects, self.comes_in, KEPT
             self._watch = core.ClearanceWatch(self.model.world, *given)
+        self.in_core = self._watch is not None
 
     def _structure(self, robot: Robot) -> dict[str, float]:
         """Ask no more of a pair than its bodies' places on the robot allow; see `structure`.

@@ -68,8 +68,10 @@ class StopLimit(ControlLimit):
         arms: (P, n), travel of the bodies of each distance against each other at most, per rad or m of each joint.
         turns: (n,), rad that a joint turns what it carries, and slides (n,), m that it slides it, per rad or m.
         labels: (P,), what each is about.
+        in_core: whether the native core looks at its stops, which is quicker than `is_far`.
     """
 
+    in_core = False
     at_least: float
     influence: float
     rate: float
