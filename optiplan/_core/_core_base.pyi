@@ -1,6 +1,7 @@
 """What each build of the core offers; see the C++ sources for formulas."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -220,17 +221,42 @@ class ClearanceWatch:
     def look(self, q: _Array, before: View | None) -> View: ...
     def stop_is_clear(self, path: StopPath, start: View, least: _Array) -> bool: ...
 
+def is_finite(*arrays: _Array) -> bool: ...
+def task_program(
+    parts: Sequence[tuple[Any, ...]],
+    main: _Indices,
+    measured: tuple[int, int],
+    motion: tuple[_Array, _Array],
+    weight: float,
+    rules: _Array,
+    out: tuple[_Array, _Array, _Array, _Array],
+) -> tuple[float, float]: ...
+def undone(A: _Array, wanted: _Array, main: _Indices, x: _Array) -> tuple[float, float]: ...
+def pose_rows(X_WF: _Array, X_WT: _Array, J: _Array) -> tuple[_Array, _Array, _Array]: ...
+def capped(error: _Array, gain: float, limits: _Array) -> _Array: ...
+def curbed(error: _Array, gain: float, brake: _Array, speed: _Array) -> _Array: ...
+def torque_rows(
+    M: _Array, h: _Array, v: _Array, torque: _Array, dt: float
+) -> tuple[_Array, _Array, _Array, _Array]: ...
+def speed_rows(
+    J: _Array, rate: _Array, v: _Array, dt: float, delay: _Array, bounds: _Array, parts: Sequence[int]
+) -> tuple[_Array, _Array, _Array, _Array]: ...
 def stop_rows(
     gradient: _Array,
     distance: _Array,
+    near: _Indices,
     v: _Array,
     delay: _Array,
-    per_acceleration: _Array,
+    brake: _Array,
     least: _Array,
     margin: _Array,
     drift: _Array,
-    rules: _Array,
-) -> tuple[_Array, _Array, _Array]: ...
+    lost: _Array,
+    dt: float,
+    rate: float,
+) -> tuple[_Array, _Array, _Array, _Array]: ...
+def raise_least(least: _Array, asked: _Array, distance: _Array, near: _Indices, slip: float) -> None: ...
+def rows_hold(C: _Array, low: _Array, high: _Array, x: _Array, slack: float) -> bool: ...
 def solve_from(
     H: _Array,
     g: _Array,
@@ -246,9 +272,8 @@ def solve_from(
     rules: _Array,
 ) -> tuple[_Array, list[int], list[int]] | None: ...
 def joint_box(
-    q: _Array, v: _Array, a: _Array, table: _Array, order: Sequence[int], rules: _Array
-) -> tuple[_Array, _Array, _Array, list[int], _Array]: ...
-def singular_values(J: _Array) -> list[float]: ...
+    q: _Array, v: _Array, a: _Array, table: _Array, order: Sequence[int], rules: _Array, out: _Array
+) -> list[int]: ...
 
 class TimeLaw:
     @staticmethod

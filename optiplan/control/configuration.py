@@ -1,4 +1,4 @@
-"""`Configuration`: kinematics and dynamics of a robot at one state, computed once and asked by tasks and limits."""
+"""`Configuration`: kinematics and dynamics of a robot at one state, computed once for tasks and limits."""
 
 import numpy as np
 import pinocchio as pin
@@ -14,7 +14,7 @@ _AHEAD = 1e-6
 class Configuration:
     """A robot at q and v; `update` moves it. Frames are given by their index, `robot.frame_id(name)`.
 
-    Kinematics are computed when they are first asked for: a limit that the native core measures asks for none.
+    Kinematics are computed at their first use: a limit that the native core measures needs none.
 
     Attributes:
         q: (n,), rad or m; `v`: (n,), rad/s or m/s.

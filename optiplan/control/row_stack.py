@@ -1,9 +1,10 @@
-"""`RowStack`: the rows of all limits of a step, in arrays that are allocated once."""
+"""`RowStack`: the rows of all limits of a step."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.row_limit import LimitRows, RowLimit
@@ -25,27 +26,27 @@ class RowStack:
     """
 
     def __init__(self, limits: Sequence[RowLimit], order: Sequence[str], n: int) -> None:
-        self._limits, self._n = tuple(limits), n
+        self._limits = tuple(limits)
         self._rank = {name: rank for rank, name in enumerate(order)}
         self._parts: list[tuple[RowGroup, LimitRows]] = []
-        self._space = np.zeros((32, n)), np.zeros(32), np.zeros(32)
-        self.C, self.low, self.high = (part[:0] for part in self._space)
+        self._none = np.zeros((0, n)), np.zeros(0), np.zeros(0)
+        self.C, self.low, self.high = self._none
 
     def collect(self, c: Configuration, state: State, dt: float, others: Sequence[tuple[str, LimitRows]]) -> None:
         """Take the rows of a step; `others` are those of limits on stopping, by name."""
         parts = [(limit.name, limit.rows(c, state, dt)) for limit in self._limits]
         parts += [(name, rows) for name, rows in others if len(rows.low)]
-        size = sum(len(rows.low) for _, rows in parts)
-        if size > len(self._space[1]):
-            self._space = np.zeros((2 * size, self._n)), np.zeros(2 * size), np.zeros(2 * size)
-        self.C, self.low, self.high = (part[:size] for part in self._space)
-        self._parts = []
-        first = 0
+        self._parts, first = [], 0
         for name, rows in parts:
             last = first + len(rows.low)
-            self.C[first:last], self.low[first:last], self.high[first:last] = rows.G, rows.low, rows.high
             self._parts.append((RowGroup(name, first, last), rows))
             first = last
+        if parts:
+            self.C = np.concatenate([rows.G for _, rows in parts])
+            self.low = np.concatenate([rows.low for _, rows in parts])
+            self.high = np.concatenate([rows.high for _, rows in parts])
+        else:
+            self.C, self.low, self.high = self._none
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -59,6 +60,8 @@ class RowStack:
 
     def holds(self, x: Array) -> bool:
         """Whether velocities x (n,) keep all rows."""
+        if core is not None:
+            return core.rows_hold(self.C, self.low, self.high, x, _HELD)
         y = self.C @ x
         return bool((y >= self.low - _HELD).all() and (y <= self.high + _HELD).all())
 

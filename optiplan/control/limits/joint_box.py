@@ -71,6 +71,8 @@ class JointBox:
         self._intervals: list[tuple[str, Array, Array]] = []
         self._table: Array | None = None if core is None else np.zeros((8, n))
         self._codes = [_CODES.index(name) for name in self._names]
+        self._out = np.zeros((6 + 2 * len(_CODES), n))
+        self._own = [(name, *self._out[6 + 2 * code : 8 + 2 * code]) for code, name in enumerate(_CODES)]
         self._braked: State | None = None
         self.slowing = np.zeros(n)
 
@@ -106,10 +108,10 @@ class JointBox:
         v = state.v
         self._braked = None
         if self._table is not None:
-            found = core.joint_box(state.q, v, state.a, self._table, self._codes, self._rules)
-            self.low, self.high, own, made, brake = found
-            self._intervals = [(_CODES[code], *own[k]) for k, code in enumerate(made)]
-            self._brake, self.slowing = State.of(*brake[:3]), brake[3]
+            out = self._out
+            made = core.joint_box(state.q, v, state.a, self._table, self._codes, self._rules, out)
+            self.low, self.high, self.slowing = out[0], out[1], out[5]
+            self._intervals = [self._own[code] for code in made]
             self._braked = state
             return
         self.slowing = self._slowing(state, dt)
@@ -212,7 +214,7 @@ class JointBox:
         if dt != self._dt:
             self.prepare(dt)
         elif state is self._braked:
-            return self._brake
+            return State.of(*self._out[2:5].copy())
         joints = zip(state.q.tolist(), state.v.tolist(), state.a.tolist(), self._joints, strict=True)
         found = [after(stop_phases(v, a, end.limit, end.jerk), q, v, dt) for q, v, a, end in joints]
         return State.of(*np.array(found).T)

@@ -147,17 +147,15 @@ class StopLimit(ControlLimit):
     def rows(self, view: DistanceView, v: Array, abilities: "Abilities", dt: float, t: float) -> LimitRows:
         """Rows of what is in view at the configuration of this step, in which joints have velocities v (n,)."""
         labels = tuple([self.labels[k] for k in view.near.tolist()])
-        endless = np.full(len(labels), np.inf)
-        least, margin = self.least[view.near], self.margin[view.near]
-        drift = np.zeros(len(labels)) if self.still else self.drift(view, t)
+        drift = lost = np.zeros(len(labels))
         if not self.still:
-            margin = margin + _lost(drift, view.gradient[:, : len(v)], abilities)
+            drift = self.drift(view, t)
+            lost = _lost(drift, view.gradient[:, : len(v)], abilities)
         delay, brake = abilities.delay, abilities.per_acceleration
         if core is not None:
-            rules = np.array([dt, self.rate])
-            given = view.gradient, view.distance, v, delay, brake, least, margin, dt * drift, rules
-            G, low, unit = core.stop_rows(*given)
-            return LimitRows(G, low, endless, unit, labels)
+            seen = view.gradient, view.distance, view.near, v, delay, brake
+            return LimitRows(*core.stop_rows(*seen, self.least, self.margin, dt * drift, lost, dt, self.rate), labels)
+        least, margin = self.least[view.near], self.margin[view.near] + lost
         g = view.gradient[:, : len(v)]
         towards = g * v < 0.0
         slope = delay + towards * (np.abs(v) * brake)
@@ -166,7 +164,7 @@ class StopLimit(ControlLimit):
         b = view.distance - margin + held - 0.5 * ((towards * g) @ (v * np.abs(v) * brake))
         share = min(1.0, self.rate * dt)
         gain = np.where(view.distance < least, np.minimum(b, 0.0), share * b)
-        return LimitRows.normalised(G, held - dt * drift - gain, endless, labels, least=1e-6)
+        return LimitRows.normalised(G, held - dt * drift - gain, np.full(len(labels), np.inf), labels, least=1e-6)
 
     def drift(self, view: DistanceView, t: float) -> Array:
         """How quickly distances in view change at time t where the robot stands, (K,), m/s."""
