@@ -16,6 +16,15 @@ AT_ROW = 1e-7
 _HELD = 1e-9
 
 
+def stack_in_python(parts: Sequence[LimitRows], n: int) -> tuple[Array, Array, Array]:
+    """C (m, n), low and high (m,) of rows of all limits, one below the other."""
+    low, high = (np.concatenate([getattr(rows, name) for rows in parts]) for name in ("low", "high"))
+    return np.concatenate([rows.G for rows in parts]), low, high
+
+
+stack_rows = stack_in_python if core is None else core.stack_rows
+
+
 class RowStack:
     """Rows low <= C x <= high.
 
@@ -34,19 +43,14 @@ class RowStack:
 
     def collect(self, c: Configuration, state: State, dt: float, others: Sequence[tuple[str, LimitRows]]) -> None:
         """Take the rows of a step; `others` are those of limits on stopping, by name."""
-        parts = [(limit.name, limit.rows(c, state, dt)) for limit in self._limits]
-        parts += [(name, rows) for name, rows in others if len(rows.low)]
+        named = [(limit.name, limit.rows(c, state, dt)) for limit in self._limits]
+        named += [(name, rows) for name, rows in others if len(rows)]
         self._parts, first = [], 0
-        for name, rows in parts:
-            last = first + len(rows.low)
+        for name, rows in named:
+            last = first + len(rows)
             self._parts.append((RowGroup(name, first, last), rows))
             first = last
-        if parts:
-            self.C = np.concatenate([rows.G for _, rows in parts])
-            self.low = np.concatenate([rows.low for _, rows in parts])
-            self.high = np.concatenate([rows.high for _, rows in parts])
-        else:
-            self.C, self.low, self.high = self._none
+        self.C, self.low, self.high = stack_rows([rows for _, rows in named], state.n) if named else self._none
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -67,7 +67,7 @@ class StoppingGuard:
         return [
             (limit.name, limit.rows(view, state.v, self._abilities, dt, t))
             for limit, view in zip(self._limits, self._views, strict=True)
-            if len(view.near)
+            if len(view)
         ]
 
     def accepts(
@@ -147,12 +147,11 @@ class StoppingGuard:
         """The least distance in view."""
         best: NearestPair | None = None
         for limit, view in zip(self._limits, self._views, strict=False):
-            if len(view.near):
-                distances = view.distance.tolist()
-                least = min(distances)
-                if best is None or least < best.distance:
-                    a, _, b = limit.labels[int(view.near[distances.index(least)])].partition(" and ")
-                    best = NearestPair(a, b, least)
+            if len(view):
+                pair, distance = view.least
+                if best is None or distance < best.distance:
+                    a, _, b = limit.labels[pair].partition(" and ")
+                    best = NearestPair(a, b, distance)
         return best
 
     def _longest_way(self, state: State) -> Array:
@@ -184,7 +183,7 @@ def _raise(least: Array, limit: StopLimit, view: DistanceView) -> None:
     It never falls from step to step, else distances that are too small could shrink by SLIP in each.
     """
     if core is not None:
-        core.raise_least(least, limit.least, view.distance, view.near, SLIP)
+        core.raise_least(least, limit.least, view, SLIP)
         return
     now = np.maximum(least[view.near], view.distance - SLIP)
     least[:] = limit.least

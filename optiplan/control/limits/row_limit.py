@@ -13,7 +13,7 @@ from optiplan.trajectory.state import State
 
 @dataclass(slots=True, eq=False)
 class LimitRows:
-    """Rows low <= G x <= high of the velocities x (n,) at the end of a step, one limit's.
+    """Rows low <= G x <= high of the velocities x (n,) at the end of a step, one limit's; the core has its own.
 
     Attributes:
         G: (k, n), rows of about unit size.
@@ -27,6 +27,10 @@ class LimitRows:
     high: Array
     unit: Array
     labels: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """K."""
+        return len(self.low)
 
     @classmethod
     def normalised(cls, G: Array, low: Array, high: Array, labels: tuple[str, ...], least: float = 1e-9) -> "LimitRows":

@@ -1,7 +1,6 @@
 """Limits of distances that hold wherever the robot could stop: what clearance and half-spaces share."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ class Abilities:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DistanceView:
-    """Distances at one configuration.
+    """Distances at one configuration; the core has its own, of the same attributes.
 
     Attributes:
         q: (n,).
@@ -36,7 +35,6 @@ class DistanceView:
         near: (K,) indices of the distances in view.
         distance: (K,) m.
         gradient: (K, n), m/rad or m/m.
-        native: the same in the native core; None where that did not make it.
     """
 
     q: Array
@@ -44,7 +42,16 @@ class DistanceView:
     near: Index
     distance: Array
     gradient: Array
-    native: Any = None
+
+    def __len__(self) -> int:
+        """K."""
+        return len(self.near)
+
+    @property
+    def least(self) -> tuple[int, float]:
+        """The nearest of those in view, and its distance, m."""
+        k = int(self.distance.argmin())
+        return int(self.near[k]), float(self.distance[k])
 
 
 class StopLimit(ControlLimit):
@@ -153,8 +160,8 @@ class StopLimit(ControlLimit):
             lost = _lost(drift, view.gradient[:, : len(v)], abilities)
         delay, brake = abilities.delay, abilities.per_acceleration
         if core is not None:
-            seen = view.gradient, view.distance, view.near, v, delay, brake
-            return LimitRows(*core.stop_rows(*seen, self.least, self.margin, dt * drift, lost, dt, self.rate), labels)
+            abilities_and_ends = delay, brake, self.least, self.margin
+            return core.stop_rows(view, v, *abilities_and_ends, dt * drift, lost, dt, self.rate, labels)
         least, margin = self.least[view.near], self.margin[view.near] + lost
         g = view.gradient[:, : len(v)]
         towards = g * v < 0.0

@@ -60,8 +60,7 @@ class ToolSpeedLimit(RowLimit):
         """Three rows for each speed."""
         rate, J = c.jacobian_rate(self._frame), c.jacobian(self._frame)
         if core is not None:
-            found = core.speed_rows(J, rate, state.v, dt, self.delay, self._bounds, self._starts)
-            return LimitRows(*found, self._labels)
+            return core.speed_rows(J, rate, state.v, dt, self.delay, self._bounds, self._starts, self._labels)
         J = J + dt * rate
         moves = J @ state.v
         G = np.empty((len(self._bounds), len(state.v)))

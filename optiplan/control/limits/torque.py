@@ -37,7 +37,7 @@ class TorqueLimit(RowLimit):
         """A row a joint."""
         M, h = c.dynamics()
         if core is not None:
-            return LimitRows(*core.torque_rows(M, h, state.v, self.torque, dt), self._labels)
+            return core.torque_rows(M, h, state.v, self.torque, dt, self._labels)
         unit = np.maximum(M.diagonal(), 1e-9) / dt
         G = M / (dt * unit[:, None])
         still = h - (M @ state.v) / dt

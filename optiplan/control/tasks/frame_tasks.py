@@ -79,7 +79,7 @@ class FrameTask(MovedFrameTask):
 
     def drift(self, c: Configuration) -> Array:
         """J̇ v (k,)."""
-        return self._rows_of(c, c.jacobian_rate(self._frame) @ c.v)
+        return self._rows_of(c, c.jacobian_rate(self._frame).dot(c.v))  # `dot` takes half of the time of @ here
 
     def _turning(self, R_TF: Array, R_WF: Array) -> Array:
         """Jlog(R_TF) R_FW (3, 3), which takes angular velocities to rates of log(R_TF)."""
@@ -146,7 +146,7 @@ class PoseTask(FrameTask):
         return np.append(X_WF.translation - X_WT.translation, pin.log3(R_TF)), self._turn @ J
 
     def _rows_of(self, c: Configuration, motion: Array) -> Array:
-        return np.asarray(self._turn @ motion)
+        return np.asarray(self._turn.dot(motion))
 
     def wanted_rate(self, e: Array) -> Array:
         """See `MovedFrameTask`."""

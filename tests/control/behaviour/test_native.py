@@ -11,7 +11,7 @@ from optiplan.control.braking_path import BrakingPath, NativeBrakingPath
 from optiplan.control.limits import stop_limits, tool_speed
 from optiplan.control.limits import torque as torque_module
 from optiplan.control.limits.joint_box import JointBox
-from optiplan.control.limits.stop_limits import Abilities, StopLimit
+from optiplan.control.limits.stop_limits import Abilities, DistanceView, StopLimit
 from optiplan.control.objective import program_in_python
 from optiplan.control.qp.active_set import ActiveSet, active_at, solve_from, solve_in_python
 from optiplan.control.qp.program import Program
@@ -165,6 +165,9 @@ def test_rows_of_limits_agree(monkeypatch, panda):
         for limit, module in [(torque, torque_module), *[(speed, tool_speed) for speed in speeds]]:
             rows = beside_python(monkeypatch, module, lambda limit=limit, c=c, state=state: limit.rows(c, state, DT))
             agree(*rows)
+            for parts in (list(rows), list(rows[::-1])):  # the core's own rows beside others
+                for native, python in zip(core.stack_rows(parts, 7), row_stack.stack_in_python(parts, 7), strict=True):
+                    np.testing.assert_array_equal(native, python)
         stack.collect(c, state, DT, [])
         x = v + 0.05 * rng.normal(size=7)
         holds = beside_python(monkeypatch, row_stack, lambda x=x: stack.holds(x))
@@ -198,6 +201,9 @@ def test_views_rows_and_stops_agree(monkeypatch, panda, box):
         apart = python.distance > 1e-3
         np.testing.assert_allclose(native.gradient[apart], python.gradient[apart], atol=1e-5)
         v, abilities = rng.normal(size=7), Abilities(box.delay + DT, 1.0 / box.acceleration)
+        if len(native):
+            near = DistanceView(native.q, native.bound, native.near, native.distance, native.gradient)
+            assert (len(near), near.least) == (len(native), native.least)
         given = native, v, abilities, DT, 0.0
         agree(*beside_python(monkeypatch, stop_limits, lambda given=given: limit.rows(*given)))
         before = rng.uniform(0.0, 0.01, len(limit.labels))
