@@ -76,12 +76,15 @@ class RowStack:
 
     def at(self, x: Array) -> list[tuple[str, str]]:
         """Rows that hold velocities x (n,) back: limit, and what the row is about."""
-        found = []
-        for group, rows in self._parts:
-            y = rows.G @ x
-            near = (np.abs(y - rows.low) <= AT_ROW) | (np.abs(y - rows.high) <= AT_ROW)
-            found += [(group.name, rows.labels[k]) for k in np.flatnonzero(near).tolist()]
-        return found
+        y = (self.C @ x).tolist()
+        ends = enumerate(zip(y, self.low.tolist(), self.high.tolist(), strict=True))
+        touched = [k for k, (y_k, low, high) in ends if abs(y_k - low) <= AT_ROW or abs(y_k - high) <= AT_ROW]
+        return [
+            (group.name, rows.labels[k - group.first])
+            for group, rows in self._parts
+            for k in touched
+            if group.first <= k < group.last
+        ]
 
     def violations(self, x: Array) -> dict[str, float]:
         """By how much x (n,) leaves rows, in the limits' own units, by name of the limit."""

@@ -179,8 +179,8 @@ class JointBox:
         """Limits that hold velocities x (n,) back: name, joint, and which end, `upper` or `lower`."""
         found = []
         for end, bound, side in (("upper", self.high, 2), ("lower", self.low, 1)):
-            for j in np.flatnonzero(np.abs(x - bound) <= AT_BOUND).tolist():
-                owner = self._owner(j, side, float(bound[j]))
+            for j, (speed, most) in enumerate(zip(x.tolist(), bound.tolist(), strict=True)):
+                owner = self._owner(j, side, most) if abs(speed - most) <= AT_BOUND else ""
                 if owner:
                     found.append((owner, j, end))
         return found
@@ -202,9 +202,7 @@ class JointBox:
         """By how much limits were given up, by name: of positions q (n,) those themselves, rad or m, else of x (n,)."""
         found = {}
         for name, low, high in self._intervals:
-            excess = float(np.maximum(low - x, x - high).max())
-            if name == "position":
-                excess = float(np.maximum(self.lower - q, q - self.upper).max())
+            excess = _beyond(q, self.lower, self.upper) if name == "position" else _beyond(x, low, high)
             if excess > AT_BOUND:
                 found[name] = excess
         return found
@@ -218,6 +216,13 @@ class JointBox:
         joints = zip(state.q.tolist(), state.v.tolist(), state.a.tolist(), self._joints, strict=True)
         found = [after(stop_phases(v, a, end.limit, end.jerk), q, v, dt) for q, v, a, end in joints]
         return State.of(*np.array(found).T)
+
+
+def _beyond(x: Array, low: Array, high: Array) -> float:
+    """The largest of low - x and x - high; of few numbers Python finds it in a third of numpy's time."""
+    ends = zip(x.tolist(), low.tolist(), high.tolist(), strict=True)
+    found: float = max(max(least - value, value - most) for value, least, most in ends)
+    return found
 
 
 @dataclass(frozen=True, slots=True)
