@@ -66,10 +66,21 @@ class JointBox:
         self._lag = 0.5 * longest if by_acceleration else 0.0
         brakes = zip(self.acceleration.tolist(), self.jerk.tolist(), strict=True)
         self._joints = [JointEnd(limit, jerk, self._lag) for limit, jerk in brakes]
+        # What joints at their limits take to stop, and what full accelerations add until they are turned back.
+        self._halting, self._turning = np.array(
+            [
+                (
+                    farthest(v, end.limit, end.limit, end.jerk) if max(v, end.limit) < math.inf else math.inf,
+                    velocity_to_zero(end.limit, end.jerk, 0.0) if end.limit < math.inf else math.inf,
+                )
+                for v, end in zip(self.velocity.tolist(), self._joints, strict=True)
+            ]
+        ).T
         self._dt = 0.0
         self.low, self.high = -without, without.copy()
         self._intervals: list[tuple[str, Array, Array]] = []
-        self._table: Array | None = None if core is None else np.zeros((8, n))
+        rows = self.velocity, self.acceleration, self.jerk, self.lower, self.upper, without, without, without
+        self._table: Array | None = None if core is None else np.array(rows)  # the last three: in `prepare`
         self._codes = [_CODES.index(name) for name in self._names]
         self._out = np.zeros((6 + 2 * len(_CODES), n))
         self._own = [(name, *self._out[6 + 2 * code : 8 + 2 * code]) for code, name in enumerate(_CODES)]
@@ -81,21 +92,13 @@ class JointBox:
         self._dt = dt
         self._rules = np.array([dt, self._share, self._lag])
         self._change = dt * self.jerk
-        reach = [
-            farthest(v, end.limit, end.limit, end.jerk) + (2.0 * dt + self._lag) * v
-            if math.isfinite(v) and math.isfinite(end.limit)
-            else math.inf
-            for v, end in zip(self.velocity.tolist(), self._joints, strict=True)
-        ]
+        reach = self._halting + (2.0 * dt + self._lag) * self.velocity
         self._safe = self.lower + reach, self.upper - reach  # joints between these need no look at their ends
         self._give = self.acceleration * dt
-        gains = [
-            velocity_to_zero(end.limit, end.jerk, dt) if math.isfinite(end.limit) else math.inf for end in self._joints
-        ]
-        self._slow = self.velocity - gains  # below these no acceleration within limits is too much
+        # Below these no acceleration within limits is too much.
+        self._slow = self.velocity - (self._give + self._turning)
         if self._table is not None:
-            ends = self.lower, self.upper, *self._safe
-            self._table = np.array([self.velocity, self.acceleration, self.jerk, *ends, self._slow])
+            self._table[5:] = *self._safe, self._slow
 
     def brakes_of(self, joints: list[int]) -> JointBrakes:
         """How some joints brake."""
