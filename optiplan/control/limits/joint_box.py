@@ -93,7 +93,8 @@ class JointBox:
         self._rules = np.array([dt, self._share, self._lag])
         self._change = dt * self.jerk
         reach = self._halting + (2.0 * dt + self._lag) * self.velocity
-        self._safe = self.lower + reach, self.upper - reach  # joints between these need no look at their ends
+        with np.errstate(invalid="ignore"):  # joints between these need no look at their ends, nor those without ends
+            self._safe = self.lower + reach, self.upper - reach
         self._give = self.acceleration * dt
         # Below these no acceleration within limits is too much.
         self._slow = self.velocity - (self._give + self._turning)
