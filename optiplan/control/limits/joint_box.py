@@ -89,7 +89,7 @@ class JointBox:
 
     def prepare(self, dt: float) -> None:
         """Everything that depends on dt alone."""
-        self._dt = dt
+        self._dt, self._braked = dt, None
         self._rules = np.array([dt, self._share, self._lag])
         self._change = dt * self.jerk
         reach = self._halting + (2.0 * dt + self._lag) * self.velocity

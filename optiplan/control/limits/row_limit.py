@@ -29,7 +29,7 @@ class LimitRows:
     labels: tuple[str, ...]
 
     def __len__(self) -> int:
-        """K."""
+        """Number of rows."""
         return len(self.low)
 
     @classmethod

@@ -44,7 +44,7 @@ class DistanceView:
     gradient: Array
 
     def __len__(self) -> int:
-        """K."""
+        """Number of distances in view."""
         return len(self.near)
 
     @property
