@@ -51,7 +51,8 @@ static bool stop_is_clear(ClearanceWatch &watch, const StopPath &path, const Vie
 // velocity of the step nearest to it; then lower and upper ends of each limit by its number, of those that are
 // returned. `table` (8, n): see JointTable. `rules`: dt, the share of it by which a new velocity moves a joint, lag.
 static std::vector<std::int64_t> joint_box(const Vector &q, const Vector &v, const Vector &a, const Matrix &table,
-                                           const std::vector<std::int64_t> &order, const Vector &rules, MatrixOut out) {
+                                           const std::vector<std::int64_t> &order, const Vector &rules,
+                                           const MatrixOut &out) {
     const std::size_t n = same_size({&q, &v, &a});
     expect(table.shape(0) == 8 && table.shape(1) == n && out.shape(0) == 14 && out.shape(1) == n, "a table (8, n)");
     expect(rules.size() == 3, "dt, share, lag");

@@ -40,12 +40,18 @@ static std::vector<double> read(const Strided &given, std::size_t rows, std::siz
 
 static Pose pose_of(const Strided &X) { return pose_at(read(X, 4, 4).data()); }
 
+template <typename Array> static Array array_of(nb::handle given) {
+    Array found;
+    expect(nb::try_cast(given, found), "an array of numbers");
+    return found;
+}
+
 // What a task gave, whatever it is; nothing for None.
 static void read_given(nb::handle given, std::size_t rows, std::size_t columns, double *out) {
     if (given.is_none()) return;
     Strided found;
     if (!nb::try_cast(given, found))
-        found = nb::cast<Strided>(nb::module_::import_("numpy").attr("asarray")(given, "float64"));
+        found = array_of<Strided>(nb::module_::import_("numpy").attr("asarray")(given, "float64"));
     read(found, rows, columns, out);
 }
 
@@ -55,7 +61,7 @@ static void check_rows(const Indices &rows, std::size_t count) {
 
 // `parts`: of each task J (r, n), error, wanted, cost, rates that are asked or None, change, drift (r,) or None.
 // `measured`: rows whose singular values count, first and last + 1. Returns the error and the manipulability.
-static std::pair<double, double> fill_program(nb::list parts, const Indices &main, std::pair<int, int> measured,
+static std::pair<double, double> fill_program(const nb::list &parts, const Indices &main, std::pair<int, int> measured,
                                               const std::pair<Vector, Vector> &motion, double weight,
                                               const Vector &rules,
                                               const std::tuple<MatrixOut, MatrixOut, MatrixOut, VectorOut> &out) {
@@ -128,10 +134,10 @@ static std::pair<double, double> undone(const Matrix &A, const Vector &wanted, c
 }
 
 // Whether there is no NaN and no infinity in arrays of one or two axes, and their squares do not overflow.
-static bool is_finite(nb::args arrays) {
+static bool is_finite(const nb::args &arrays) {
     double sum = 0.0;
     for (nb::handle each : arrays) {
-        const Strided array = nb::cast<Strided>(each);
+        const Strided array = array_of<Strided>(each);
         expect(array.ndim() == 1 || array.ndim() == 2, "arrays of one or two axes");
         const bool flat = array.ndim() == 1;
         for (std::size_t i = 0; i < array.shape(0); ++i)
@@ -205,8 +211,8 @@ struct SeenRows {
         if (nb::try_cast(given, view)) {
             rows = {view->gradient.data(), view->distance.data(), view->near.data(), view->near.size(), view->q.size()};
         } else {
-            gradient = nb::cast<Matrix>(given.attr("gradient")), distance = nb::cast<Vector>(given.attr("distance"));
-            near = nb::cast<Indices>(given.attr("near"));
+            gradient = array_of<Matrix>(given.attr("gradient")), distance = array_of<Vector>(given.attr("distance"));
+            near = array_of<Indices>(given.attr("near"));
             expect(near.size() == distance.size() && gradient.shape(0) == near.size(), "gradients (K, n), pairs (K,)");
             rows = {gradient.data(), distance.data(), near.data(), near.size(), gradient.shape(1)};
         }
@@ -226,7 +232,7 @@ static NamedRows rows_of_stops(nb::handle view, const Vector &v, const Vector &d
     return {stop_rows(seen.rows, v.data(), rules, n), std::move(labels)};
 }
 
-static void raise(VectorOut least, const Vector &asked, nb::handle view, double slip) {
+static void raise(const VectorOut &least, const Vector &asked, nb::handle view, double slip) {
     expect(least.size() == asked.size(), "distances (P,)");
     raise_least(least.data(), asked.data(), asked.size(), SeenRows(view, asked.size()).rows, slip);
 }

@@ -38,7 +38,7 @@ View ClearanceWatch::look(const double *q, const View *before) {
     for (std::size_t p = 0; p < count; ++p) {
         const double comes = rules_.influence[p], stays = rules_.kept * comes;
         if (!(view.bound[p] < (seen_[p] ? stays : comes))) continue;
-        Features features = seen_[p] ? before->features[seen_[p] - 1] : Features{};
+        Features features = before && seen_[p] ? before->features[seen_[p] - 1] : Features{};
         const Contact contact{0, static_cast<int>(p), world_.nearest_points(at, static_cast<int>(p), INF, &features)};
         const double distance = view.bound[p] = contact.witness.distance;
         if (!(distance < stays)) continue;
