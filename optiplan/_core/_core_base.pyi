@@ -1,9 +1,12 @@
 """What each build of the core offers; see the C++ sources for formulas."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from optiplan.control.limits import row_limit, stop_limits
 
 _Array = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.int64]
@@ -203,34 +206,59 @@ class StopPath:
     def at(self, step: int) -> _Array: ...
     def motion(self, steps: _Indices) -> tuple[_Array, _Array]: ...
 
-class View:
-    @property
-    def bound(self) -> _Array: ...
-    @property
-    def near(self) -> _Indices: ...
-    @property
-    def distance(self) -> _Array: ...
-    @property
-    def gradient(self) -> _Array: ...
+class View(stop_limits.DistanceView):  # of the same attributes, not derived from it
+    ...
+class LimitRows(row_limit.LimitRows):  # the same
+    ...
 
 class ClearanceWatch:
     def __init__(
         self, world: World, arms: _Array, reaches: _Array, effects: _Array, influence: _Array, kept: float
     ) -> None: ...
-    def look(self, q: _Array, before: View | None) -> View: ...
-    def stop_is_clear(self, path: StopPath, start: View, least: _Array) -> bool: ...
+    def look(self, q: _Array, before: stop_limits.DistanceView | None) -> View: ...
+    def stop_is_clear(self, path: StopPath, start: stop_limits.DistanceView, least: _Array) -> bool: ...
 
+def is_finite(*arrays: _Array) -> bool: ...
+def task_program(
+    parts: Sequence[tuple[Any, ...]],
+    main: _Indices,
+    measured: tuple[int, int],
+    motion: tuple[_Array, _Array],
+    weight: float,
+    rules: _Array,
+    out: tuple[_Array, _Array, _Array, _Array],
+) -> tuple[float, float]: ...
+def undone(A: _Array, wanted: _Array, main: _Indices, x: _Array) -> tuple[float, float]: ...
+def pose_rows(X_WF: _Array, X_WT: _Array, J: _Array) -> tuple[_Array, _Array, _Array]: ...
+def capped(error: _Array, gain: float, limits: _Array) -> _Array: ...
+def curbed(error: _Array, gain: float, brake: _Array, speed: _Array) -> _Array: ...
+def torque_rows(M: _Array, h: _Array, v: _Array, torque: _Array, dt: float, labels: tuple[str, ...]) -> LimitRows: ...
+def speed_rows(
+    J: _Array,
+    rate: _Array,
+    v: _Array,
+    dt: float,
+    delay: _Array,
+    bounds: _Array,
+    parts: Sequence[int],
+    labels: tuple[str, ...],
+) -> LimitRows: ...
 def stop_rows(
-    gradient: _Array,
-    distance: _Array,
+    view: stop_limits.DistanceView,
     v: _Array,
     delay: _Array,
-    per_acceleration: _Array,
+    brake: _Array,
     least: _Array,
     margin: _Array,
     drift: _Array,
-    rules: _Array,
-) -> tuple[_Array, _Array, _Array]: ...
+    lost: _Array,
+    dt: float,
+    rate: float,
+    labels: tuple[str, ...],
+) -> LimitRows: ...
+def stack_rows(parts: Sequence[row_limit.LimitRows], n: int) -> tuple[_Array, _Array, _Array]: ...
+def raise_least(least: _Array, asked: _Array, view: stop_limits.DistanceView, slip: float) -> None: ...
+def rows_hold(C: _Array, low: _Array, high: _Array, x: _Array, slack: float) -> bool: ...
 def solve_from(
     H: _Array,
     g: _Array,
@@ -246,9 +274,8 @@ def solve_from(
     rules: _Array,
 ) -> tuple[_Array, list[int], list[int]] | None: ...
 def joint_box(
-    q: _Array, v: _Array, a: _Array, table: _Array, order: Sequence[int], rules: _Array
-) -> tuple[_Array, _Array, _Array, list[int], _Array]: ...
-def singular_values(J: _Array) -> list[float]: ...
+    q: _Array, v: _Array, a: _Array, table: _Array, order: Sequence[int], rules: _Array, out: _Array
+) -> list[int]: ...
 
 class TimeLaw:
     @staticmethod

@@ -1,10 +1,20 @@
 """Checks of what tasks and limits are given; errors name the class and the argument."""
 
+import math
+
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array, Flags, is_finite
 from optiplan.errors import UnknownChoiceError, described, wrong_argument
 from optiplan.robot.robot import Robot
+
+
+def squares_are_finite(*arrays: Array) -> bool:
+    """Whether there is no NaN and no infinity in arrays, nor a number whose square is none; in every step of a loop."""
+    if core is not None:
+        return core.is_finite(*arrays)
+    return math.isfinite(sum(float(np.vdot(array, array)) for array in arrays))
 
 
 def checked_number(owner: object, argument: str, value: object, least: float) -> float:
@@ -29,7 +39,7 @@ def checked_vector(owner: object, argument: str, value: object, size: int, least
         and value.dtype == np.float64
         and value.shape == (size,)
         and least == -np.inf
-        and np.isfinite(value.sum())  # in every step of a loop: one sum tells of NaN and infinity anywhere
+        and squares_are_finite(value)
     ):
         return value.copy()
     expected = f"{size} finite numbers" + ("" if least == -np.inf else f" >= {least:g}")

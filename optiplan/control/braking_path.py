@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _PHASES = 3
 FINEST = 5e-3
-"""s; steps of the control loop may be longer, but not the parts of a stop that are looked at."""
+"""s; steps of the control loop may be longer, but not the parts of a stop that are checked."""
 
 
 class BrakingPath(StopPath):
@@ -31,12 +31,11 @@ class BrakingPath(StopPath):
     def __init__(self, robot: Robot) -> None:
         self._configuration = Configuration(robot)
         self.dt = 0.0
-        self.end, self.way = np.zeros(robot.n), np.zeros(robot.n)
         self._phases: list[tuple[Phase, ...]] = []
         self._table: tuple[Array, Array, Array, Array] | None = None
 
     def start(self, q: Array, v: Array, a: Array, box: JointBox | JointBrakes, dt: float) -> None:
-        """A stop from q, v, a (n,) at the end of the step, to be looked at every dt seconds, or FINEST."""
+        """A stop from q, v, a (n,) at the end of the step, to be checked every dt seconds, or FINEST."""
         self._q, self._v, self.dt, self._table = q, v, min(dt, FINEST), None
         joints = list(zip(v.tolist(), a.tolist(), box.acceleration.tolist(), box.jerk.tolist(), strict=True))
         self._phases = [stop_phases(*joint) for joint in joints]
@@ -107,7 +106,16 @@ class NativeBrakingPath(BrakingPath):
         """See `BrakingPath.start`."""
         self._q, self._v, self.dt = q, v, min(dt, FINEST)
         self.native = core.StopPath.of(q, v, a, box.acceleration, box.jerk, self.dt)
-        self.end, self.way = self.native.end, self.native.way
+
+    @property
+    def end(self) -> Array:  # type: ignore[override]
+        """See `StopPath`."""
+        return self.native.end
+
+    @property
+    def way(self) -> Array:  # type: ignore[override]
+        """See `StopPath`."""
+        return self.native.way
 
     @property
     def steps(self) -> int:  # type: ignore[override]

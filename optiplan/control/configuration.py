@@ -1,4 +1,4 @@
-"""`Configuration`: kinematics and dynamics of a robot at one state, computed once and asked by tasks and limits."""
+"""`Configuration`: kinematics and dynamics of a robot at one state, computed once for tasks and limits."""
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +13,8 @@ _AHEAD = 1e-6
 
 class Configuration:
     """A robot at q and v; `update` moves it. Frames are given by their index, `robot.frame_id(name)`.
+
+    Kinematics are computed at their first use: a limit that the native core measures needs none.
 
     Attributes:
         q: (n,), rad or m; `v`: (n,), rad/s or m/s.
@@ -29,23 +31,22 @@ class Configuration:
         self._plain = unfold(robot.model)
         self._plain_data = self._data if self._plain.model is self._model else self._plain.model.createData()
         self._ahead: Configuration | None = None
-        self._ahead_is_current = self._rates_are_current = False
-        self.q, self.v = np.zeros(robot.n), np.zeros(robot.n)
+        self.update(np.zeros(robot.n), np.zeros(robot.n))
 
     def update(self, q: Array, v: Array) -> None:
         """Move to q (n,) with velocities v (n,)."""
         self.q, self.v = q, v
-        pin.computeJointJacobians(self._model, self._data, q)
-        self._ahead_is_current = self._rates_are_current = False
+        self._is_placed = self._ahead_is_current = self._rates_are_current = False
 
     def pose(self, frame: int) -> pin.SE3:
         """X_WF; the next update changes it."""
-        pin.updateFramePlacement(self._model, self._data, frame)
-        return self._data.oMf[frame]
+        data = self.data
+        pin.updateFramePlacement(self._model, data, frame)
+        return data.oMf[frame]
 
     def jacobian(self, frame: int) -> Array:
         """J (6, n): velocity, m/s, of the frame's origin and angular velocity, rad/s, along the axes of the world."""
-        J: Array = pin.getFrameJacobian(self._model, self._data, frame, pin.LOCAL_WORLD_ALIGNED)
+        J: Array = pin.getFrameJacobian(self._model, self.data, frame, pin.LOCAL_WORLD_ALIGNED)
         return J if J.ndim == 2 else J.reshape(6, -1)
 
     def jacobian_rate(self, frame: int) -> Array:
@@ -54,19 +55,22 @@ class Configuration:
             return self.rate(self.jacobian(frame).copy(), self.ahead.jacobian(frame))
         if not self._rates_are_current:
             pin.computeJointJacobiansTimeVariation(self._model, self._data, self.q, self.v)
-            self._rates_are_current = True
+            self._is_placed = self._rates_are_current = True
         pin.updateFramePlacement(self._model, self._data, frame)
         dJ: Array = pin.getFrameJacobianTimeVariation(self._model, self._data, frame, pin.LOCAL_WORLD_ALIGNED)
         return dJ if dJ.ndim == 2 else dJ.reshape(6, -1)
 
     def joint_jacobians(self) -> Array:
         """Spatial Jacobians (6, J) of all joints about the origin of the world, followers too: linear part first."""
-        J: Array = self._data.J
+        J: Array = self.data.J
         return J if J.ndim == 2 else J.reshape(6, -1)
 
     @property
     def data(self) -> pin.Data:
-        """Pinocchio's data with the joints placed, to be read."""
+        """Pinocchio's data with the joints placed, and their Jacobians, to be read."""
+        if not self._is_placed:
+            pin.computeJointJacobians(self._model, self._data, self.q)
+            self._is_placed = True
         return self._data
 
     def centre_of_mass(self) -> tuple[Array, Array]:

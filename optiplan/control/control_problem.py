@@ -133,8 +133,8 @@ def control_problem(
     J, rates = objectives[level].weighted
     lower_limits, upper_limits = box.owners()
     return ControlProblem(
-        P=program.H,
-        q=program.g,
+        P=program.H.copy(),
+        q=program.g.copy(),
         J=J.copy(),
         rates=rates.copy(),
         task_names=tasks[level],

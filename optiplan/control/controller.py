@@ -33,7 +33,6 @@ from optiplan.control.step import ControlStep
 from optiplan.control.step_report import StepOutcome, StepReporter
 from optiplan.control.stopping_guard import StoppingGuard
 from optiplan.control.tasks.base import ControlTask
-from optiplan.control.tasks.frame_tasks import FrameTask
 from optiplan.control.tasks.motion_task import FOLLOW_GAIN, MotionTask
 from optiplan.control.tasks.tool_abilities import response_time
 from optiplan.errors import described, wrong_argument
@@ -150,9 +149,8 @@ class Controller:
         """Group the tasks by priority."""
         levels = sorted({task.priority for task in self.tasks})
         groups = [[task for task in self.tasks if task.priority == level] for level in levels] or [[]]
-        made = self.robot.n, self._by_acceleration, self._response
-        self._objectives = [TaskObjective(group, *made) for group in groups]
-        self._measured = next((k for k, t in enumerate(groups[0]) if isinstance(t, FrameTask)), None)
+        made = self.robot.n, self._by_acceleration, self._response, self._damping
+        self._objectives = [TaskObjective(group, *made, first=k == 0) for k, group in enumerate(groups)]
 
     def follow(self, run: object, gain: float = FOLLOW_GAIN) -> MotionTask:
         """Follow the motion of a run from now on, in the place of all tasks: with its velocities as feed-forward.
@@ -229,7 +227,7 @@ class Controller:
         self._programs.solve_seconds = 0.0
         accepted = self._along_motion(c, outcome)
         if accepted is None:
-            x = self._solve(c, state, dt, outcome)
+            x = self._solve(c, state, outcome)
             accepted = None if x is None else self._accept(x, outcome) or self._way_out(outcome)
         outcome.solve_seconds = self._programs.solve_seconds
         if accepted is None:
@@ -270,17 +268,16 @@ class Controller:
         preview._objectives = [objective.copy() for objective in self._objectives]
         c = self.configuration(state)
         outcome = preview._linearise(c, state, dt)
-        preview._solve(c, state, dt, outcome)
+        preview._solve(c, state, outcome)
         return control_problem(outcome, preview._objectives, preview._box, preview._rows, self.robot.joint_names)
 
     def _linearise(self, c: Configuration, state: State, dt: float) -> StepOutcome:
         """Set bounds and rows of a step from a state, at which `c` is; return its empty outcome."""
         self._box.update(state, dt)
-        brake = self._box.brake(state, dt)
         self._rows.collect(c, state, dt, self._guard.rows(c, state, dt, self.time))
         for objective in self._objectives:
             objective.begin_step(state, dt)
-        return StepOutcome(state, dt, brake)
+        return StepOutcome(state, dt)
 
     def stop(self, state: State, dt: float) -> ControlStep:
         """Brake for the next dt seconds, whatever the tasks: as quickly as acceleration and jerk limits let the joints.
@@ -294,11 +291,11 @@ class Controller:
 
     def _braking(self, state: State, dt: float, begin: float, why: str) -> ControlStep:
         """A step along the stop."""
-        return self._brake(StepOutcome(state, dt, self._box.brake(state, dt), why=why), begin)
+        return self._brake(StepOutcome(state, dt, why=why), begin)
 
     def _brake(self, outcome: StepOutcome, begin: float) -> ControlStep:
         """Go along the stop."""
-        brake = outcome.brake
+        brake = self._box.brake(outcome.state, outcome.dt)
         self.time += outcome.dt
         self._guard.keep(outcome.state, brake, outcome.dt, self.time)
         return self._report.step(outcome, brake, self._guard.nearest, begin)
@@ -319,19 +316,18 @@ class Controller:
         x = self._box_clip(self._motion.velocity)
         if (np.abs(x - self._motion.velocity) > ON_MOTION).any():
             return None
-        outcome.demand = self._objectives[0].demand(c, outcome.state, outcome.dt)
+        outcome.demand = self._objectives[0].demand(c, outcome.state)
         return self._if_clear(x, outcome)
 
-    def _solve(self, c: Configuration, state: State, dt: float, outcome: StepOutcome) -> Array | None:
+    def _solve(self, c: Configuration, state: State, outcome: StepOutcome) -> Array | None:
         """The best velocities of all priorities; None where no answer can be accepted."""
         rows, witness = self._rows, self._box_clip(self._box.slowing)
         x: Array | None = None
         equations = self._no_equations
         C, low, high = rows.C, rows.low, rows.high
         for level, objective in enumerate(self._objectives):
-            demand = objective.demand(c, state, dt)
-            H, g = objective.program(demand, state, dt, self._damping, self._singular(level, objective, outcome))
-            program = Program(H, g, C, low, high, (self._box.low, self._box.high), *equations)
+            demand = objective.demand(c, state)
+            program = Program(demand.H, demand.g, C, low, high, (self._box.low, self._box.high), *equations)
             if level == 0:
                 outcome.demand = demand
                 if rows.any and not rows.holds(witness):
@@ -343,7 +339,7 @@ class Controller:
             if found is None:
                 return x
             x = witness = found
-            objective.learn(demand, x, dt)
+            objective.learn(demand, x)
             if level + 1 < len(self._objectives):
                 A = np.vstack([equations[0], demand.A])
                 equations = A, A @ x
@@ -351,13 +347,6 @@ class Controller:
 
     def _box_clip(self, x: Array) -> Array:
         return np.asarray(np.minimum(np.maximum(x, self._box.low), self._box.high))
-
-    def _singular(self, level: int, objective: TaskObjective, outcome: StepOutcome) -> float | None:
-        """Least singular value of the first frame task's weighted Jacobian."""
-        if level or self._measured is None:
-            return None
-        outcome.manipulability, least = objective.dexterity(self._measured)
-        return least
 
     def _accept(self, x: Array, outcome: StepOutcome) -> State | None:
         """The state with velocities x (n,), or half or a quarter of them beyond braking, if the robot can stop clear.
@@ -377,7 +366,7 @@ class Controller:
         """The state at the end of the step with velocities x (n,); None where the robot could not stop clear of it."""
         dt = outcome.dt
         reached = self._next(outcome.state, x, dt)
-        clear = self._guard.accepts(reached, dt, self.time + dt, outcome.brake, outcome.slack)
+        clear = self._guard.accepts(reached, dt, self.time + dt, outcome.state, outcome.slack)
         return reached if clear else None
 
     def _way_out(self, outcome: StepOutcome) -> State | None:

@@ -1,6 +1,5 @@
 """Checks of what a `Controller` is given; errors name the function and the argument."""
 
-import math
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal, get_args
@@ -9,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite
+from optiplan.control.arguments import squares_are_finite
 from optiplan.control.defaults import ORDER
 from optiplan.control.limits.base import ControlLimit
 from optiplan.errors import described, flag_argument, wrong_argument
@@ -31,7 +31,7 @@ def check_step(robot: Robot, state: State, dt: float, function: str) -> None:
     if state.n != robot.n:
         found = f"{state.n} joints"
         raise wrong_argument(function, "state.q", found, f"{robot.n}, those of {robot.name}")
-    if not math.isfinite(state.q @ state.q + state.v @ state.v + state.a @ state.a):
+    if not squares_are_finite(state.q, state.v, state.a):
         raise wrong_argument(function, *_not_finite(state), "finite numbers")
 
 

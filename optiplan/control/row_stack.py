@@ -1,9 +1,10 @@
-"""`RowStack`: the rows of all limits of a step, in arrays that are allocated once."""
+"""`RowStack`: the rows of all limits of a step."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.row_limit import LimitRows, RowLimit
@@ -13,6 +14,15 @@ from optiplan.trajectory.state import State
 AT_ROW = 1e-7
 """rad/s or m/s, of rows of unit size: velocities nearer than this to a row's end are held back by it."""
 _HELD = 1e-9
+
+
+def stack_in_python(parts: Sequence[LimitRows], n: int) -> tuple[Array, Array, Array]:
+    """C (m, n), low and high (m,) of rows of all limits, one below the other."""
+    low, high = (np.concatenate([getattr(rows, name) for rows in parts]) for name in ("low", "high"))
+    return np.concatenate([rows.G for rows in parts]), low, high
+
+
+stack_rows = stack_in_python if core is None else core.stack_rows
 
 
 class RowStack:
@@ -25,27 +35,22 @@ class RowStack:
     """
 
     def __init__(self, limits: Sequence[RowLimit], order: Sequence[str], n: int) -> None:
-        self._limits, self._n = tuple(limits), n
+        self._limits = tuple(limits)
         self._rank = {name: rank for rank, name in enumerate(order)}
         self._parts: list[tuple[RowGroup, LimitRows]] = []
-        self._space = np.zeros((32, n)), np.zeros(32), np.zeros(32)
-        self.C, self.low, self.high = (part[:0] for part in self._space)
+        self._none = np.zeros((0, n)), np.zeros(0), np.zeros(0)
+        self.C, self.low, self.high = self._none
 
     def collect(self, c: Configuration, state: State, dt: float, others: Sequence[tuple[str, LimitRows]]) -> None:
         """Take the rows of a step; `others` are those of limits on stopping, by name."""
-        parts = [(limit.name, limit.rows(c, state, dt)) for limit in self._limits]
-        parts += [(name, rows) for name, rows in others if len(rows.low)]
-        size = sum(len(rows.low) for _, rows in parts)
-        if size > len(self._space[1]):
-            self._space = np.zeros((2 * size, self._n)), np.zeros(2 * size), np.zeros(2 * size)
-        self.C, self.low, self.high = (part[:size] for part in self._space)
-        self._parts = []
-        first = 0
-        for name, rows in parts:
-            last = first + len(rows.low)
-            self.C[first:last], self.low[first:last], self.high[first:last] = rows.G, rows.low, rows.high
+        named = [(limit.name, limit.rows(c, state, dt)) for limit in self._limits]
+        named += [(name, rows) for name, rows in others if len(rows)]
+        self._parts, first = [], 0
+        for name, rows in named:
+            last = first + len(rows)
             self._parts.append((RowGroup(name, first, last), rows))
             first = last
+        self.C, self.low, self.high = stack_rows([rows for _, rows in named], state.n) if named else self._none
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -59,6 +64,8 @@ class RowStack:
 
     def holds(self, x: Array) -> bool:
         """Whether velocities x (n,) keep all rows."""
+        if core is not None:
+            return core.rows_hold(self.C, self.low, self.high, x, _HELD)
         y = self.C @ x
         return bool((y >= self.low - _HELD).all() and (y <= self.high + _HELD).all())
 
@@ -69,12 +76,15 @@ class RowStack:
 
     def at(self, x: Array) -> list[tuple[str, str]]:
         """Rows that hold velocities x (n,) back: limit, and what the row is about."""
-        found = []
-        for group, rows in self._parts:
-            y = rows.G @ x
-            near = (np.abs(y - rows.low) <= AT_ROW) | (np.abs(y - rows.high) <= AT_ROW)
-            found += [(group.name, rows.labels[k]) for k in np.flatnonzero(near).tolist()]
-        return found
+        y = (self.C @ x).tolist()
+        ends = enumerate(zip(y, self.low.tolist(), self.high.tolist(), strict=True))
+        touched = [k for k, (y_k, low, high) in ends if abs(y_k - low) <= AT_ROW or abs(y_k - high) <= AT_ROW]
+        return [
+            (group.name, rows.labels[k - group.first])
+            for group, rows in self._parts
+            for k in touched
+            if group.first <= k < group.last
+        ]
 
     def violations(self, x: Array) -> dict[str, float]:
         """By how much x (n,) leaves rows, in the limits' own units, by name of the limit."""

@@ -1,11 +1,8 @@
 """From what a step did to its record: which limits were active, what was given up, the status in words."""
 
-import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-
-import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.control.limits.joint_box import JointBox
@@ -30,12 +27,10 @@ class StepOutcome:
 
     state: State
     dt: float
-    brake: State
     how: str = "braking"
     demand: Demand | None = None
     program: Program | None = None
     level: int = 0
-    manipulability: float | None = None
     slack: Mapping[str, float] = field(default_factory=dict)
     share: float = 1.0
     why: str = "the solver gave no answer that can be accepted"
@@ -68,7 +63,7 @@ class StepReporter:
             active=active,
             slack=slack,
             error=0.0 if demand is None else demand.error,
-            manipulability=outcome.manipulability,
+            manipulability=None if demand is None else demand.manipulability,
             nearest=nearest,
             solve_seconds=outcome.solve_seconds,
             seconds=time.perf_counter() - begin,
@@ -88,14 +83,13 @@ class StepReporter:
             return "recovering", f"back within limits: {', '.join(slack)}"
         if demand is None or not len(demand.b):
             return "tracking", "no task"
-        if demand.error > OFF and float(np.abs(x).max()) < STANDING:
+        if demand.error > OFF and max(map(abs, x.tolist())) < STANDING:
             if active:
                 return "nearest", f"nearest pose: the target is behind {', '.join(active)}"
             return "nearest", "nearest pose: target out of reach, or tasks against each other"
         if not active and share == 1.0:
             return "tracking", "the tasks are followed"
-        asked = demand.wanted[demand.main]
-        undone = demand.A[demand.main] @ x - asked
-        if math.sqrt(undone @ undone) <= HELD_BACK * math.sqrt(asked @ asked) + 1e-6:
+        undone, wanted = demand.undone(x)
+        if undone <= HELD_BACK * wanted + 1e-6:
             return "tracking", "the tasks are followed"
         return "limited", f"held back by {', '.join(active) or 'what could be stopped clear'}"

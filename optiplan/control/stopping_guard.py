@@ -5,6 +5,7 @@ from copy import copy
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.control.braking_path import make_braking_path
 from optiplan.control.configuration import Configuration
@@ -36,7 +37,6 @@ class StoppingGuard:
         self._last: State | None = None
         self._t, self._timed = 0.0, not all(limit.still for limit in self._limits)
         self._spare = make_braking_path(robot)
-        self._braked: State | None = None
         self._ahead: dict[StopLimit, Array] = {}
 
     def copy(self) -> "StoppingGuard":
@@ -47,13 +47,14 @@ class StoppingGuard:
 
     def forget(self) -> None:
         """Measure everything again in the next step: what was near tells nothing any more."""
-        self._views, self._least, self._ahead, self._braked = [], [], {}, None
+        self._views, self._least = [], []
         self._timed = not all(limit.still for limit in self._limits)
 
     def rows(self, c: Configuration, state: State, dt: float, t: float) -> list[tuple[str, LimitRows]]:
         """Rows of all limits for a step from a state, at which `c` is, at time t, s."""
         if not self._limits:
             return []
+        self._ahead = {}
         if not self._continues(state, t):
             self._look(c, t)
             self._least = []
@@ -66,32 +67,31 @@ class StoppingGuard:
         return [
             (limit.name, limit.rows(view, state.v, self._abilities, dt, t))
             for limit, view in zip(self._limits, self._views, strict=True)
-            if len(view.near)
+            if len(view)
         ]
 
     def accepts(
-        self, candidate: State, dt: float, t: float, brake: State | None = None, relaxed: Container[str] = ()
+        self, candidate: State, dt: float, t: float, start: State | None = None, relaxed: Container[str] = ()
     ) -> bool:
         """Whether the robot stays clear from a state at time t on, if it brakes there; then the next step starts there.
 
         Limits of speeds have to hold until it stands, too, but for those that are `relaxed`. Where moving obstacles
-        come too near also if the robot brakes, to the state `brake` now, they must only not do so sooner.
+        come too near also if the robot brakes from `start` of the step on, they must only not do so sooner.
         """
         if not all(limit.name in relaxed or limit.keeps(candidate, dt) for limit in self._kept):
             return False
         if self._limits:
             c = self._configuration
             c.update(candidate.q, candidate.v)
-            way, started = self._longest_way(candidate), False
-            views = []
+            started, views = False, []
             for limit, before, least in zip(self._limits, self._views, self._least, strict=True):
                 view = limit.view(c, before, t)
-                if not limit.is_far(view, way, least):
+                if limit.in_core or not limit.is_far(view, self._longest_way(candidate), least):
                     if not started:
                         self._path.start(candidate.q, candidate.v, candidate.a, self._box, dt)
                         started = True
                     if not limit.stop_is_clear(self._path, view, least, t):
-                        if limit.still or brake is None or not self._stays_as_far(limit, brake, dt, t):
+                        if limit.still or start is None or not self._stays_as_far(limit, start, dt, t):
                             return False
                         if not limit.stop_is_clear(self._path, view, np.where(limit.moving, -np.inf, least), t):
                             return False
@@ -100,11 +100,10 @@ class StoppingGuard:
         self._last, self._t = candidate, t
         return True
 
-    def _stays_as_far(self, limit: StopLimit, brake: State, dt: float, t: float) -> bool:
+    def _stays_as_far(self, limit: StopLimit, start: State, dt: float, t: float) -> bool:
         """Whether moving obstacles come too near no sooner, and no nearer then, than where the robot brakes now."""
-        if self._braked is not brake:
-            self._braked, self._ahead = brake, {}
         if limit not in self._ahead:
+            brake = self._box.brake(start, dt)
             self._spare.start(brake.q, brake.v, brake.a, self._box, dt)
             self._ahead[limit] = limit.ahead(self._spare, t)
         braking, found = self._ahead[limit], limit.ahead(self._path, t)
@@ -148,11 +147,11 @@ class StoppingGuard:
         """The least distance in view."""
         best: NearestPair | None = None
         for limit, view in zip(self._limits, self._views, strict=False):
-            if len(view.near):
-                k = int(view.distance.argmin())
-                if best is None or view.distance[k] < best.distance:
-                    a, _, b = limit.labels[int(view.near[k])].partition(" and ")
-                    best = NearestPair(a, b, float(view.distance[k]))
+            if len(view):
+                pair, distance = view.least
+                if best is None or distance < best.distance:
+                    a, _, b = limit.labels[pair].partition(" and ")
+                    best = NearestPair(a, b, distance)
         return best
 
     def _longest_way(self, state: State) -> Array:
@@ -183,6 +182,9 @@ def _raise(least: Array, limit: StopLimit, view: DistanceView) -> None:
 
     It never falls from step to step, else distances that are too small could shrink by SLIP in each.
     """
+    if core is not None:
+        core.raise_least(least, limit.least, view, SLIP)
+        return
     now = np.maximum(least[view.near], view.distance - SLIP)
     least[:] = limit.least
     least[view.near] = np.minimum(now, limit.least[view.near])

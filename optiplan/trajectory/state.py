@@ -48,9 +48,8 @@ class State:
     def of(cls, q: Array, v: Array, a: Array) -> "State":
         """A state of arrays (n,) that are known to be good, unchecked."""
         state = object.__new__(cls)
-        object.__setattr__(state, "q", q)
-        object.__setattr__(state, "v", v)
-        object.__setattr__(state, "a", a)
+        fields = state.__dict__  # of a frozen class; this is done in every step of a loop
+        fields["q"], fields["v"], fields["a"] = q, v, a
         return state
 
     @property

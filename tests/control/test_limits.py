@@ -9,6 +9,7 @@ import trimesh
 import optiplan as op
 from optiplan.collision.model import CollisionModel
 from optiplan.control.limits.clearance import SAMPLES
+from optiplan.control.limits.row_limit import LimitRows, RowLimit
 from optiplan.kinematics.mecanum import wheel_matrix
 
 DT = 0.002
@@ -300,3 +301,21 @@ def test_a_pair_that_always_touches_is_an_error(panda):
         op.Controller(panda, [], scene=op.Scene(attached=[held]))
     assert "touch in every configuration" in str(error.value)
     assert "block" in str(error.value)
+
+
+class SlowBase(RowLimit):
+    """The first joint no faster than 0.05 rad/s."""
+
+    name = "slow base"
+
+    def rows(self, c, state, dt):
+        G = np.zeros((1, len(state.v)))
+        G[0, 0] = 1.0
+        return LimitRows.normalised(G, np.array([-0.05]), np.array([0.05]), ("first joint",))
+
+
+def test_a_limit_of_ones_own_is_kept_beside_those_of_the_core(panda):
+    states, steps = chase(panda, [op.VelocityLimit(), SlowBase(), op.TorqueLimit(), op.ToolSpeedLimit(linear=1.0)], 0.6)
+    speeds = np.abs([state.v[0] for state in states])
+    assert 0.049 < speeds.max() < 0.05 + 1e-6
+    assert any("slow base: first joint" in step.active for step in steps)

@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
+from optiplan.control.tasks.base import ControlTask
 
 TARGET = op.Pose(position=(0.4, 0.2, 0.5), rpy=(2.8, 0.3, 0.4))
 
@@ -145,3 +146,30 @@ def test_a_gain_of_ones_own_is_meant(panda):
             task.bind(panda)
         np.testing.assert_allclose(own.wanted_rate(far), -7.0 * far)
         assert np.linalg.norm(free.wanted_rate(far)) < 0.9 * free.gain * np.linalg.norm(far)
+
+
+class Together(ControlTask):
+    """Two joints at the same place, with one row as a vector of whole numbers."""
+
+    def __init__(self):
+        super().__init__(1, 1.0, 10.0, 0)
+
+    def error(self, c):
+        return c.q[:1] - c.q[2:3]
+
+    def jacobian(self, c):
+        return np.array([1, 0, -1, 0, 0, 0, 0])
+
+
+@pytest.mark.parametrize("form", ["velocity", "acceleration"])
+def test_a_task_of_ones_own_gives_the_same_commands(panda, form):
+    coupling = op.JointCouplingTask([1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0])
+    states = []
+    for task in (Together(), coupling):
+        controller = op.Controller(panda, [task, op.PostureTask("ready")], form=form)
+        state = op.State([0.3, -0.8, -0.2, -2.4, 0.0, 1.6, 0.8])
+        for _ in range(200):
+            state = controller.step(state, 0.002).state
+        states.append(state)
+    np.testing.assert_allclose(states[0].q, states[1].q, atol=1e-12)
+    assert abs(states[0].q[0] - states[0].q[2]) < 0.3

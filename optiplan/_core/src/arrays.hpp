@@ -20,6 +20,10 @@ using Stack = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::c
 using Indices = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using IndexPairs = nb::ndarray<const std::int64_t, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
 
+// Arrays that are written to, allocated by the caller.
+using VectorOut = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using MatrixOut = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
 // A NumPy array that owns `values`.
 template <typename T>
 nb::ndarray<nb::numpy, T> to_numpy(std::vector<T> values, std::initializer_list<std::size_t> shape) {
@@ -32,6 +36,12 @@ template <typename A> std::vector<double> to_vector(const A &array) {
     return std::vector<double>(array.data(), array.data() + array.size());
 }
 
+// A part of a view as an array that lives as long as the view.
+template <typename T>
+nb::object part(nb::handle self, const std::vector<T> &values, std::initializer_list<std::size_t> shape) {
+    return nb::cast(nb::ndarray<nb::numpy, T>(const_cast<T *>(values.data()), shape, self));
+}
+
 inline Vec3 vec3_at(const double *p) { return {p[0], p[1], p[2]}; }
 
 // A homogeneous matrix (4, 4), row by row.
@@ -39,6 +49,13 @@ inline Pose pose_at(const double *p) { return {{{vec3_at(p), vec3_at(p + 4), vec
 
 inline void expect(bool holds, const char *what) {
     if (!holds) throw std::invalid_argument(what);
+}
+
+// The size of vectors that must have the same one.
+inline std::size_t same_size(std::initializer_list<const Vector *> vectors) {
+    const std::size_t n = (*vectors.begin())->size();
+    for (const Vector *vector : vectors) expect(vector->size() == n, "vectors (n,)");
+    return n;
 }
 
 }  // namespace optiplan

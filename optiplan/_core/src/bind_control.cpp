@@ -1,6 +1,7 @@
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/vector.h>
 
-#include <optional>
+#include <algorithm>
 
 #include "arrays.hpp"
 #include "control/active_set.hpp"
@@ -11,12 +12,6 @@
 namespace optiplan {
 
 using namespace nb::literals;
-
-static std::size_t same_size(std::initializer_list<const Vector *> vectors) {
-    const std::size_t n = (*vectors.begin())->size();
-    for (const Vector *vector : vectors) expect(vector->size() == n, "vectors (n,)");
-    return n;
-}
 
 static StopPath make_path(const Vector &q, const Vector &v, const Vector &a, const Vector &limit, const Vector &jerk,
                           double dt) {
@@ -52,52 +47,25 @@ static bool stop_is_clear(ClearanceWatch &watch, const StopPath &path, const Vie
     return watch.stop_is_clear(path, start, least.data());
 }
 
-// Rows of `StopLimit.rows`: G (K, n), low (K,), unit (K,). `least`, `margin`, `drift` (K,), the last what distances
-// change by themselves in the step; `rules`: dt, rate.
-static nb::tuple stop_rows(const Matrix &gradient, const Vector &distance, const Vector &v, const Vector &delay,
-                           const Vector &per_acceleration, const Vector &least, const Vector &margin,
-                           const Vector &drift, const Vector &rules) {
-    const std::size_t count = distance.size(), n = same_size({&v, &delay, &per_acceleration});
-    expect(gradient.shape(0) == count && gradient.shape(1) >= n && rules.size() == 2, "gradients (K, n), two rules");
-    expect(least.size() == count && margin.size() == count && drift.size() == count, "least, margin, drift (K,)");
-    const std::size_t all = gradient.shape(1);
-    const double dt = rules.data()[0], share = std::min(1.0, rules.data()[1] * dt);
-    std::vector<double> G(count * n), low(count), unit(count);
-    for (std::size_t k = 0; k < count; ++k) {
-        double squares = 0.0, held = 0.0, stops = 0.0;
-        for (std::size_t j = 0; j < n; ++j) {
-            const double g = gradient.data()[k * all + j], speed = v.data()[j], brake = per_acceleration.data()[j];
-            const bool towards = g * speed < 0.0;
-            const double slope = delay.data()[j] + (towards ? std::fabs(speed) * brake : 0.0);
-            const double row = G[k * n + j] = g * (dt + slope);
-            squares += row * row;
-            held += g * slope * speed;
-            if (towards) stops += g * (speed * std::fabs(speed) * brake);
-        }
-        unit[k] = std::max(std::sqrt(squares), 1e-6);
-        const double d = distance.data()[k], b = d - margin.data()[k] + held - 0.5 * stops;
-        low[k] = (held - drift.data()[k] - (d < least.data()[k] ? std::min(b, 0.0) : share * b)) / unit[k];
-        for (std::size_t j = 0; j < n; ++j) G[k * n + j] /= unit[k];
-    }
-    return nb::make_tuple(to_numpy(std::move(G), {count, n}), to_numpy(std::move(low), {count}),
-                          to_numpy(std::move(unit), {count}));
-}
-
-// low, high (n,), intervals (k, 2, n) with the limits (k,) that made them, brake (4, n). `table` (8, n): see
-// JointTable. `rules`: dt, the share of it by which a new velocity moves a joint, lag.
-static nb::tuple joint_box(const Vector &q, const Vector &v, const Vector &a, const Matrix &table,
-                           const std::vector<std::int64_t> &order, const Vector &rules) {
+// Into `out` (14, n): bounds, lower and upper; position, velocity and acceleration of the quickest stop after dt; the
+// velocity of the step nearest to it; then lower and upper ends of each limit by its number, of those that are
+// returned. `table` (8, n): see JointTable. `rules`: dt, the share of it by which a new velocity moves a joint, lag.
+static std::vector<std::int64_t> joint_box(const Vector &q, const Vector &v, const Vector &a, const Matrix &table,
+                                           const std::vector<std::int64_t> &order, const Vector &rules,
+                                           const MatrixOut &out) {
     const std::size_t n = same_size({&q, &v, &a});
-    expect(table.shape(0) == 8 && table.shape(1) == n, "a table (8, n)");
+    expect(table.shape(0) == 8 && table.shape(1) == n && out.shape(0) == 14 && out.shape(1) == n, "a table (8, n)");
     expect(rules.size() == 3, "dt, share, lag");
     const double *t = table.data(), *r = rules.data();
     const JointTable rows{n, t, t + n, t + 2 * n, t + 3 * n, t + 4 * n, t + 5 * n, t + 6 * n, t + 7 * n};
     for (std::int64_t code : order) expect(code >= 0 && code <= 3, "limits of joints");
     JointBounds found = joint_bounds(q.data(), v.data(), a.data(), rows, order, {r[0], r[1] * r[0], r[2]});
-    const std::size_t k = found.made.size();
-    return nb::make_tuple(to_numpy(std::move(found.low), {n}), to_numpy(std::move(found.high), {n}),
-                          to_numpy(std::move(found.intervals), {k, 2, n}), std::move(found.made),
-                          to_numpy(std::move(found.brake), {4, n}));
+    double *o = out.data();
+    std::copy_n(found.low.data(), n, o), std::copy_n(found.high.data(), n, o + n);
+    std::copy_n(found.brake.data(), 4 * n, o + 2 * n);
+    for (std::size_t k = 0; k < found.made.size(); ++k)
+        std::copy_n(found.intervals.data() + 2 * n * k, 2 * n, o + (6 + 2 * found.made[k]) * n);
+    return std::move(found.made);
 }
 
 using Signed = std::vector<std::int64_t>;
@@ -119,12 +87,6 @@ static nb::object solve_from(const Matrix &H, const Vector &g, const Matrix &C, 
                                A.data(), b.data()};
     if (!active.solve(program, {static_cast<int>(r[0]), r[1], r[2], r[3]})) return nb::none();
     return nb::make_tuple(to_numpy(std::move(active.x), {n}), std::move(active.bounds), std::move(active.rows));
-}
-
-// A part of a view as an array that lives as long as the view.
-template <typename T>
-static nb::object part(nb::handle self, const std::vector<T> &values, std::initializer_list<std::size_t> shape) {
-    return nb::cast(nb::ndarray<nb::numpy, T>(const_cast<T *>(values.data()), shape, self));
 }
 
 // The getter of a member that is such an array.
@@ -182,9 +144,17 @@ void bind_control(nb::module_ &m) {
             },
             "steps"_a);
     nb::class_<View>(m, "View")
+        .def("__len__", [](const View &view) { return view.near.size(); })
+        .def_prop_ro("q", member(&View::q))
         .def_prop_ro("bound", member(&View::bound))
         .def_prop_ro("near", member(&View::near))
         .def_prop_ro("distance", member(&View::distance))
+        .def_prop_ro("least",
+                     [](const View &view) {
+                         const auto least = std::min_element(view.distance.begin(), view.distance.end());
+                         expect(least != view.distance.end(), "something in view");
+                         return std::pair(view.near[least - view.distance.begin()], *least);
+                     })
         .def_prop_ro("gradient", [](nb::handle self) {
             const View &view = nb::cast<const View &>(self);
             return part(self, view.gradient, {view.near.size(), view.q.size()});
@@ -194,16 +164,7 @@ void bind_control(nb::module_ &m) {
              nb::keep_alive<1, 2>())
         .def("look", &look, "q"_a, "before"_a.none())
         .def("stop_is_clear", &stop_is_clear, "path"_a, "start"_a, "least"_a);
-    m.def("joint_box", &joint_box, "q"_a, "v"_a, "a"_a, "table"_a, "order"_a, "rules"_a);
-    m.def(
-        "singular_values",
-        [](const Matrix &J) {
-            expect(J.shape(0) <= J.shape(1), "a matrix with no more rows than columns");
-            return singular_values(J.data(), J.shape(0), J.shape(1));
-        },
-        "J"_a);
-    m.def("stop_rows", &stop_rows, "gradient"_a, "distance"_a, "v"_a, "delay"_a, "per_acceleration"_a, "least"_a,
-          "margin"_a, "drift"_a, "rules"_a);
+    m.def("joint_box", &joint_box, "q"_a, "v"_a, "a"_a, "table"_a, "order"_a, "rules"_a, "out"_a.noconvert());
     m.def("solve_from", &solve_from, "H"_a, "g"_a, "C"_a, "low"_a, "high"_a, "lower"_a, "upper"_a, "A"_a, "b"_a,
           "bounds"_a, "rows"_a, "rules"_a);
 }

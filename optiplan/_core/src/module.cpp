@@ -9,6 +9,7 @@ NB_MODULE(CORE_MODULE, m) {
     optiplan::bind_search(m);
     optiplan::bind_program(m);
     optiplan::bind_control(m);
+    optiplan::bind_step(m);
     optiplan::bind_execution(m);
     optiplan::bind_chunks(m);
     optiplan::bind_verify(m);

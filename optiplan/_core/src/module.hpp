@@ -10,6 +10,7 @@ void bind_world(nanobind::module_ &m);
 void bind_search(nanobind::module_ &m);
 void bind_program(nanobind::module_ &m);
 void bind_control(nanobind::module_ &m);
+void bind_step(nanobind::module_ &m);
 void bind_execution(nanobind::module_ &m);
 void bind_chunks(nanobind::module_ &m);
 void bind_verify(nanobind::module_ &m);

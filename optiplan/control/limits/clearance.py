@@ -89,6 +89,7 @@ class ClearanceLimit(StopLimit):
             effects = np.array([self.turns, self.slides])
             given = arms, reaches.reshape(-1, 2), effects, self.comes_in, KEPT
             self._watch = core.ClearanceWatch(self.model.world, *given)
+        self.in_core = self._watch is not None
 
     def _structure(self, robot: Robot) -> dict[str, float]:
         """Ask no more of a pair than its bodies' places on the robot allow; see `structure`.
@@ -193,8 +194,7 @@ class ClearanceLimit(StopLimit):
             q = c.q
         if self._watch is None:
             return super().view(c, before, t)
-        found = self._watch.look(q, None if before is None else before.native)
-        return DistanceView(q, found.bound, found.near, found.distance, found.gradient, found)
+        return self._watch.look(q, before)
 
     def drift(self, view: DistanceView, t: float) -> Array:
         """See `StopLimit.drift`: gradients with respect to where obstacles are, times their velocities."""
@@ -213,7 +213,7 @@ class ClearanceLimit(StopLimit):
             return super().stop_is_clear(path, start, least, t)
         if not self.still:
             path.native.carry(*self._obstacles.coefficients(t), HORIZON)
-        return self._watch.stop_is_clear(path.native, start.native, least)
+        return self._watch.stop_is_clear(path.native, start, least)
 
     def ahead(self, path: StopPath, t: float) -> Array:
         """See `StopLimit.ahead`; every EVERY s for HORIZON."""

@@ -11,9 +11,9 @@ from optiplan.control.limits.joint_box import JointBox
 from optiplan.trajectory.state import State
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class LimitRows:
-    """Rows low <= G x <= high of the velocities x (n,) at the end of a step, one limit's.
+    """Rows low <= G x <= high of the velocities x (n,) at the end of a step, one limit's; the core has its own.
 
     Attributes:
         G: (k, n), rows of about unit size.
@@ -27,6 +27,10 @@ class LimitRows:
     high: Array
     unit: Array
     labels: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.low)
 
     @classmethod
     def normalised(cls, G: Array, low: Array, high: Array, labels: tuple[str, ...], least: float = 1e-9) -> "LimitRows":
@@ -43,13 +47,10 @@ class RowLimit(ControlLimit):
     """
 
     delay: Array
-    _dt = 0.0
-    _late: Array
-    _more: Array
 
     def meet(self, box: JointBox, by_acceleration: bool) -> None:
         """Take from the controller how the joints brake, and whether its form is `acceleration`."""
-        self.delay, self._dt = box.delay, 0.0
+        self.delay = box.delay
 
     def rows(self, c: Configuration, state: State, dt: float) -> LimitRows:
         """The rows at a configuration; as many in every step."""
@@ -57,11 +58,9 @@ class RowLimit(ControlLimit):
 
     def speed_rows(self, G: Array, high: Array, state: State, dt: float, labels: tuple[str, ...]) -> LimitRows:
         """Rows |G (x + delay · a)| <= high, a = (x - v) / dt: speeds approached so slowly that they can be kept."""
-        if dt != self._dt:
-            self._dt, self._late = dt, self.delay / dt
-            self._more = 1.0 + self._late
-        held = G @ (self._late * state.v)
-        return LimitRows.normalised(G * self._more, held - high, held + high, labels)
+        late = self.delay / dt
+        held = G @ (late * state.v)
+        return LimitRows.normalised(G * (1.0 + late), held - high, held + high, labels)
 
 
 class KeptRowLimit(RowLimit):

@@ -1,7 +1,6 @@
 """Limits of distances that hold wherever the robot could stop: what clearance and half-spaces share."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ class Abilities:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DistanceView:
-    """Distances at one configuration.
+    """Distances at one configuration; the core has its own, of the same attributes.
 
     Attributes:
         q: (n,).
@@ -36,7 +35,6 @@ class DistanceView:
         near: (K,) indices of the distances in view.
         distance: (K,) m.
         gradient: (K, n), m/rad or m/m.
-        native: the same in the native core; None where that did not make it.
     """
 
     q: Array
@@ -44,7 +42,16 @@ class DistanceView:
     near: Index
     distance: Array
     gradient: Array
-    native: Any = None
+
+    def __len__(self) -> int:
+        """Number of distances in view."""
+        return len(self.near)
+
+    @property
+    def least(self) -> tuple[int, float]:
+        """The nearest of those in view, and its distance, m."""
+        k = int(self.distance.argmin())
+        return int(self.near[k]), float(self.distance[k])
 
 
 class StopLimit(ControlLimit):
@@ -68,8 +75,10 @@ class StopLimit(ControlLimit):
         arms: (P, n), travel of the bodies of each distance against each other at most, per rad or m of each joint.
         turns: (n,), rad that a joint turns what it carries, and slides (n,), m that it slides it, per rad or m.
         labels: (P,), what each is about.
+        in_core: whether the native core looks at its stops, which is quicker than `is_far`.
     """
 
+    in_core = False
     at_least: float
     influence: float
     rate: float
@@ -145,17 +154,15 @@ class StopLimit(ControlLimit):
     def rows(self, view: DistanceView, v: Array, abilities: "Abilities", dt: float, t: float) -> LimitRows:
         """Rows of what is in view at the configuration of this step, in which joints have velocities v (n,)."""
         labels = tuple([self.labels[k] for k in view.near.tolist()])
-        endless = np.full(len(labels), np.inf)
-        least, margin = self.least[view.near], self.margin[view.near]
-        drift = np.zeros(len(labels)) if self.still else self.drift(view, t)
+        drift = lost = np.zeros(len(labels))
         if not self.still:
-            margin = margin + _lost(drift, view.gradient[:, : len(v)], abilities)
+            drift = self.drift(view, t)
+            lost = _lost(drift, view.gradient[:, : len(v)], abilities)
         delay, brake = abilities.delay, abilities.per_acceleration
         if core is not None:
-            rules = np.array([dt, self.rate])
-            given = view.gradient, view.distance, v, delay, brake, least, margin, dt * drift, rules
-            G, low, unit = core.stop_rows(*given)
-            return LimitRows(G, low, endless, unit, labels)
+            abilities_and_ends = delay, brake, self.least, self.margin
+            return core.stop_rows(view, v, *abilities_and_ends, dt * drift, lost, dt, self.rate, labels)
+        least, margin = self.least[view.near], self.margin[view.near] + lost
         g = view.gradient[:, : len(v)]
         towards = g * v < 0.0
         slope = delay + towards * (np.abs(v) * brake)
@@ -164,7 +171,7 @@ class StopLimit(ControlLimit):
         b = view.distance - margin + held - 0.5 * ((towards * g) @ (v * np.abs(v) * brake))
         share = min(1.0, self.rate * dt)
         gain = np.where(view.distance < least, np.minimum(b, 0.0), share * b)
-        return LimitRows.normalised(G, held - dt * drift - gain, endless, labels, least=1e-6)
+        return LimitRows.normalised(G, held - dt * drift - gain, np.full(len(labels), np.inf), labels, least=1e-6)
 
     def drift(self, view: DistanceView, t: float) -> Array:
         """How quickly distances in view change at time t where the robot stands, (K,), m/s."""

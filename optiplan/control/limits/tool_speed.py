@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.control.arguments import frame_index, positive_vector
 from optiplan.control.configuration import Configuration
@@ -38,13 +39,13 @@ class ToolSpeedLimit(RowLimit):
         self.frame = frame
         if linear is None and angular is None:
             raise wrong_argument("ToolSpeedLimit", "linear", "None", "a speed, linear or angular")
-        self._parts: list[slice] = []
+        self._starts: list[int] = []
         self._kinds: list[str] = []
         bounds: list[float] = []
-        for argument, value, part in (("linear", linear, slice(0, 3)), ("angular", angular, slice(3, 6))):
+        for argument, value, first in (("linear", linear, 0), ("angular", angular, 3)):
             if value is not None:
                 speed = float(positive_vector(self, argument, value, 1)[0])
-                self._parts.append(part)
+                self._starts.append(first)
                 self._kinds += [argument] * 3
                 bounds += [speed * _AHEAD, speed * _ACROSS, speed * _ACROSS]
         self._bounds = np.array(bounds)
@@ -57,11 +58,14 @@ class ToolSpeedLimit(RowLimit):
 
     def rows(self, c: Configuration, state: State, dt: float) -> LimitRows:
         """Three rows for each speed."""
-        J = c.jacobian_rate(self._frame) * dt
-        J += c.jacobian(self._frame)
+        rate, J = c.jacobian_rate(self._frame), c.jacobian(self._frame)
+        if core is not None:
+            return core.speed_rows(J, rate, state.v, dt, self.delay, self._bounds, self._starts, self._labels)
+        J = J + dt * rate
         moves = J @ state.v
         G = np.empty((len(self._bounds), len(state.v)))
-        for k, part in enumerate(self._parts):
+        for k, first in enumerate(self._starts):
+            part = slice(first, first + 3)
             np.dot(_frame_along(moves[part]), J[part], out=G[3 * k : 3 * k + 3])
         return self.speed_rows(G, self._bounds, state, dt, self._labels)
 

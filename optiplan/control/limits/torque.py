@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.control.arguments import positive_vector, robot_with_masses
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.row_limit import LimitRows, RowLimit
@@ -35,6 +36,8 @@ class TorqueLimit(RowLimit):
     def rows(self, c: Configuration, state: State, dt: float) -> LimitRows:
         """A row a joint."""
         M, h = c.dynamics()
+        if core is not None:
+            return core.torque_rows(M, h, state.v, self.torque, dt, self._labels)
         unit = np.maximum(M.diagonal(), 1e-9) / dt
         G = M / (dt * unit[:, None])
         still = h - (M @ state.v) / dt

@@ -1,6 +1,6 @@
 """An exact answer from a guess of which limits are active: a few linear equations instead of a solver's iterations."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dposv, dpotrs
@@ -17,8 +17,7 @@ _TOUCHES = 1e-9
 """rad/s or m/s: rows nearer than this to their bound are as good as active."""
 
 
-@dataclass(frozen=True, slots=True)
-class ActiveSet:
+class ActiveSet(NamedTuple):
     """Active bounds, as ±(joint + 1), and active rows, as ±(row + 1): plus for the upper end, minus for the lower."""
 
     bounds: tuple[int, ...] = ()

@@ -2,7 +2,8 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,7 @@ _TOUCHES = 1e-6
 """rad/s or m/s: constraints that a solver's answer is nearer to than this are taken for active."""
 
 
-@dataclass(frozen=True, slots=True)
-class RowGroup:
+class RowGroup(NamedTuple):
     """Rows first … last - 1 of a program, which one limit of that name made."""
 
     name: str

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.control.arguments import checked_number, checked_vector, frame_index
 from optiplan.control.configuration import Configuration
@@ -120,17 +121,22 @@ class MovedFrameTask(ControlTask):
         super().__init__(size, cost, 0.0 if gain is None else gain, priority)
         self._has_gain = gain is not None
         self.frame, self._frame = frame, -1
-        self._moves, self._turns = Ability(), Ability()
+        self._take_abilities(Ability(), Ability())
 
     def bind(self, robot: Robot) -> None:
         """Find F, and how quickly the robot moves it."""
         self._frame = frame_index(self, "frame", robot, self.frame)
         if not self._has_gain:
             self.gain = default_gain(robot)
-            self._moves, self._turns = tool_abilities(robot, self.frame)
+            self._take_abilities(*tool_abilities(robot, self.frame))
+
+    def _take_abilities(self, moves: Ability, turns: Ability) -> None:
+        self._moves, self._turns, self._abilities = moves, turns, np.array([*moves, *turns])
 
     def _pose_rate(self, e: Array) -> Array:
         """Rates (6,) for the error of a pose: metres and radians each within what the robot's joints give."""
+        if core is not None:
+            return core.capped(e, self.gain, self._abilities)
         rates = np.empty(6)
         rates[:3] = capped(e[:3], self.gain, *self._moves)
         rates[3:] = capped(e[3:], self.gain, *self._turns)

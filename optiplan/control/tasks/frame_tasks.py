@@ -5,6 +5,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.control.arguments import checked_vector, pose_cost
 from optiplan.control.configuration import Configuration
@@ -78,7 +79,7 @@ class FrameTask(MovedFrameTask):
 
     def drift(self, c: Configuration) -> Array:
         """J̇ v (k,)."""
-        return self._rows_of(c, c.jacobian_rate(self._frame) @ c.v)
+        return self._rows_of(c, c.jacobian_rate(self._frame).dot(c.v))  # `dot` takes half of the time of @ here
 
     def _turning(self, R_TF: Array, R_WF: Array) -> Array:
         """Jlog(R_TF) R_FW (3, 3), which takes angular velocities to rates of log(R_TF)."""
@@ -134,19 +135,18 @@ class PoseTask(FrameTask):
     def evaluate(self, c: Configuration) -> tuple[Array, Array]:
         """Error and Jacobian."""
         X_WF, X_WT = self._poses(c)
-        e, R_WF = np.empty(6), X_WF.rotation
+        J = c.jacobian(self._frame)
+        if core is not None:
+            e, J, self._turn = core.pose_rows(X_WF.homogeneous, X_WT.homogeneous, J)
+            return e, J
+        R_WF = X_WF.rotation
         R_TF = X_WT.rotation.T @ R_WF
-        np.subtract(X_WF.translation, X_WT.translation, out=e[:3])
-        e[3:] = pin.log3(R_TF)
-        J = c.jacobian(self._frame).copy()
-        self._turn = self._turning(R_TF, R_WF)
-        J[3:] = self._turn @ J[3:]
-        return e, J
+        self._turn = np.eye(6)  # takes twists along the axes of the world to rates of the error
+        self._turn[3:, 3:] = self._turning(R_TF, R_WF)
+        return np.append(X_WF.translation - X_WT.translation, pin.log3(R_TF)), self._turn @ J
 
     def _rows_of(self, c: Configuration, motion: Array) -> Array:
-        rows = motion.copy()
-        rows[3:] = self._turn @ motion[3:]
-        return rows
+        return np.asarray(self._turn.dot(motion))
 
     def wanted_rate(self, e: Array) -> Array:
         """See `MovedFrameTask`."""

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
+from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.control.arguments import checked_vector
 from optiplan.control.configuration import Configuration
@@ -89,8 +90,10 @@ class PostureTask(_EachJoint):
 
     def wanted_rate(self, e: Array) -> Array:
         """Each joint within half of its acceleration, so that it can slow down in time."""
+        if core is not None:
+            return core.curbed(e, self.gain, self._brake, self._speed)
         rate = -self.gain * e
-        if not np.count_nonzero(np.abs(rate) * self.gain > self._brake):  # in a third of the time of `any`
+        if not (np.abs(rate) * self.gain > self._brake).any():
             return rate
         size = np.abs(e)
         slower = np.sqrt(2.0 * self._brake * np.maximum(size - 0.5 * self._brake / self.gain**2, 0.0))

@@ -1,11 +1,11 @@
 """Targets of tasks from what users have: poses of pinocchio, `op.Pose`, matrices, points, angles."""
 
-import math
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from optiplan.control.arguments import squares_are_finite
 from optiplan.errors import InputError, described, wrong_argument
 from optiplan.geometry.pose import Pose
 from optiplan.geometry.poses import check_angles, pose_from_data, pose_from_matrix
@@ -23,9 +23,7 @@ def as_pose(owner: object, value: Target, expected: str = _EXPECTED) -> pin.SE3:
         InputError: it is no pose, or holds NaN.
     """
     if isinstance(value, pin.SE3):
-        # Squares tell of NaN and infinity anywhere, without making arrays of truth values.
-        p, R = value.translation, value.rotation
-        if math.isfinite(p @ p + np.vdot(R, R)):
+        if squares_are_finite(value.homogeneous):
             return value
         raise wrong_argument(type(owner).__name__, "target", "a pose with NaN or infinity in it", expected)
     try:

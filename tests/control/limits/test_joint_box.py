@@ -53,3 +53,13 @@ def test_both_twins_give_the_same_bounds_and_brakes(names, by_acceleration):
         for part in ("q", "v", "a"):
             np.testing.assert_allclose(*(getattr(brake, part) for brake in brakes), rtol=0.0, atol=1e-9)
         assert [name for name, *_ in native._intervals] == [name for name, *_ in python._intervals]
+
+
+def test_the_brake_is_of_the_length_of_the_step(panda):
+    """Also of a state whose bounds were found for a step of another length."""
+    native, _ = boxes(panda, ["jerk", "acceleration"], False)
+    state = op.State(np.zeros(7), 0.5 * np.ones(7))
+    native.update(state, DT)
+    first, second = native.brake(state, 5.0 * DT), native.brake(state, 5.0 * DT)
+    np.testing.assert_array_equal(first.v, second.v)
+    assert (first.v < native.brake(state, DT).v).all()

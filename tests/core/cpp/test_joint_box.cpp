@@ -24,16 +24,3 @@ TEST(velocities_within_the_box_keep_every_limit) {
         CHECK(q[0] > 0.9);
     }
 }
-
-TEST(singular_values_of_known_matrices) {
-    const double diagonal[9] = {0, 3, 0, 1, 0, 0, 0, 0, -2}, row[3] = {3.0, 0.0, 4.0};
-    const std::vector<double> found = singular_values(diagonal, 3, 3);
-    NEAR(found[0], 3.0, 1e-12);
-    NEAR(found[1], 2.0, 1e-12);
-    NEAR(found[2], 1.0, 1e-12);
-    NEAR(singular_values(row, 1, 3)[0], 5.0, 1e-12);
-    const double skewed[4] = {1.0, 2.0, 0.5, 3.0};  // s t = |det|, s² + t² = the sum of squares
-    const std::vector<double> two = singular_values(skewed, 2, 2);
-    NEAR(two[0] * two[1], 2.0, 1e-12);
-    NEAR(two[0] * two[0] + two[1] * two[1], 14.25, 1e-12);
-}

@@ -32,17 +32,19 @@ View ClearanceWatch::look(const double *q, const View *before) {
             for (std::size_t j = 0; j < n; ++j) travel += arm[j] * q_[j];
             view.bound[p] = before->bound[p] - travel;
         }
-        for (std::int64_t p : before->near) seen_[p] = 1;
+        for (std::size_t k = 0; k < before->near.size(); ++k) seen_[before->near[k]] = static_cast<int>(k) + 1;
     }
     const Placement at = placed(q);
     for (std::size_t p = 0; p < count; ++p) {
         const double comes = rules_.influence[p], stays = rules_.kept * comes;
         if (!(view.bound[p] < (seen_[p] ? stays : comes))) continue;
-        const Contact contact{0, static_cast<int>(p), world_.nearest_points(at, static_cast<int>(p), INF)};
+        Features features = before && seen_[p] ? before->features[seen_[p] - 1] : Features{};
+        const Contact contact{0, static_cast<int>(p), world_.nearest_points(at, static_cast<int>(p), INF, &features)};
         const double distance = view.bound[p] = contact.witness.distance;
         if (!(distance < stays)) continue;
         view.near.push_back(contact.pair);
         view.distance.push_back(distance);
+        view.features.push_back(features);
         view.gradient.resize(view.gradient.size() + n);
         world_.gradient(at.joints.data(), contact, view.gradient.data() + view.gradient.size() - n);
     }

@@ -28,6 +28,7 @@ struct View {
     std::vector<double> q, bound;       // bound (P,): lower bounds of all distances; those in view are exact
     std::vector<std::int64_t> near;     // (K,) pairs in view
     std::vector<double> distance, gradient;  // (K,) and (K, n)
+    std::vector<Features> features;          // (K,), where the next view begins to look for nearest points
 };
 
 // Not for two threads at once.
@@ -68,7 +69,7 @@ class ClearanceWatch {
     std::vector<double> arms_, reaches_;
     JointEffects effects_;
     WatchRules rules_;
-    std::vector<char> seen_;
+    std::vector<int> seen_;  // of each pair: its place in the view before, from 1
     std::vector<double> q_;
 };
 

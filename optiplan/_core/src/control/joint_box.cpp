@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 
 #include "control/braking.hpp"
@@ -91,42 +90,6 @@ JointBounds joint_bounds(const double *q, const double *v, const double *a, cons
         found.brake[3 * n + j] = v[j] + step.dt * clamped(wanted, low, high);
     }
     return found;
-}
-
-std::vector<double> singular_values(const double *J, std::size_t rows, std::size_t columns) {
-    const std::size_t m = rows;
-    std::vector<double> S(m * m);
-    for (std::size_t i = 0; i < m; ++i)
-        for (std::size_t k = 0; k < m; ++k)
-            for (std::size_t c = 0; c < columns; ++c) S[i * m + k] += J[i * columns + c] * J[k * columns + c];
-    double scale = 0.0;
-    for (std::size_t i = 0; i < m; ++i) scale = std::max(scale, S[i * m + i]);
-    for (int sweep = 0; sweep < 30; ++sweep) {
-        double off = 0.0;
-        for (std::size_t i = 0; i < m; ++i)
-            for (std::size_t k = 0; k < i; ++k) off = std::max(off, std::fabs(S[i * m + k]));
-        if (!(off > 1e-17 * scale)) break;
-        for (std::size_t i = 1; i < m; ++i)
-            for (std::size_t k = 0; k < i; ++k) {
-                const double s_ik = S[i * m + k];
-                if (s_ik == 0.0) continue;
-                const double theta = 0.5 * (S[i * m + i] - S[k * m + k]) / s_ik;
-                const double t = std::copysign(1.0, theta) / (std::fabs(theta) + std::sqrt(1.0 + theta * theta));
-                const double c = 1.0 / std::sqrt(1.0 + t * t), s = t * c;
-                for (std::size_t r = 0; r < m; ++r) {  // columns
-                    const double x = S[r * m + k], y = S[r * m + i];
-                    S[r * m + k] = c * x - s * y, S[r * m + i] = s * x + c * y;
-                }
-                for (std::size_t r = 0; r < m; ++r) {  // rows
-                    const double x = S[k * m + r], y = S[i * m + r];
-                    S[k * m + r] = c * x - s * y, S[i * m + r] = s * x + c * y;
-                }
-            }
-    }
-    std::vector<double> values(m);
-    for (std::size_t i = 0; i < m; ++i) values[i] = std::sqrt(std::max(S[i * m + i], 0.0));
-    std::sort(values.begin(), values.end(), std::greater<double>());
-    return values;
 }
 
 }  // namespace optiplan

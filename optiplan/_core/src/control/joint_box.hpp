@@ -29,7 +29,4 @@ struct JointBounds {
 JointBounds joint_bounds(const double *q, const double *v, const double *a, const JointTable &table,
                          const std::vector<std::int64_t> &order, const StepRule &step);
 
-// Singular values of J (rows, columns), rows <= columns, falling: roots of the eigenvalues of J J', by Jacobi's method.
-std::vector<double> singular_values(const double *J, std::size_t rows, std::size_t columns);
-
 }  // namespace optiplan
