@@ -15,8 +15,9 @@ struct EdgeRules {
     double least;       // of travel; a part not proved free by then counts as blocked
     int most;           // configurations looked at; a motion that takes more counts as blocked
     double heavy_step;  // largest joint, between checks of gravity
-    double spacing;     // m; 0: segments are proved. Else they are looked at in configurations between which no body
-                     // travels farther, four at a time, which takes a fifth of the time: for worlds of `ManyChecks`
+    double spacing =
+        0.0;  // m; 0: segments are proved. Else they are looked at in configurations between which no body
+              // travels farther, four at a time, which takes a fifth of the time: for worlds of `ManyChecks`
 };
 
 // Half a part of a motion, of length |d_j| in each joint, moves the bodies of pair p against each other by at most
