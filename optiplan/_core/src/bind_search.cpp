@@ -19,9 +19,10 @@ static void make_checker(EdgeChecker *self, const World &world, const Matrix &ar
     expect(arms.shape(0) == world.pairs().size() && arms.shape(1) == static_cast<std::size_t>(world.tree().planned),
            "moment arms (P, n)");
     expect(torque.size() == 0 || torque.size() == arms.shape(1), "torques (n,) or none");
-    expect(rules.size() == 5, "first, margin, least, most, heavy step");
+    expect(rules.size() == 6, "first, margin, least, most, heavy step, spacing");
     const double *r = rules.data();
-    new (self) EdgeChecker(world, to_vector(arms), to_vector(torque), {r[0], r[1], r[2], static_cast<int>(r[3]), r[4]});
+    const EdgeRules given{r[0], r[1], r[2], static_cast<int>(r[3]), r[4], r[5]};
+    new (self) EdgeChecker(world, to_vector(arms), to_vector(torque), given);
 }
 
 // `rows` (5, m): box, units, limits of velocity and acceleration.

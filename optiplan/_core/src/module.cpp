@@ -6,6 +6,7 @@ NB_MODULE(CORE_MODULE, m) {
     nanobind::set_leak_warnings(false);  // objects may live as long as the process
     optiplan::bind_convex(m);
     optiplan::bind_world(m);
+    optiplan::bind_kinematics(m);
     optiplan::bind_search(m);
     optiplan::bind_program(m);
     optiplan::bind_control(m);

@@ -7,6 +7,7 @@ namespace optiplan {
 
 void bind_convex(nanobind::module_ &m);
 void bind_world(nanobind::module_ &m);
+void bind_kinematics(nanobind::module_ &m);
 void bind_search(nanobind::module_ &m);
 void bind_program(nanobind::module_ &m);
 void bind_control(nanobind::module_ &m);

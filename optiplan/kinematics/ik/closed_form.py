@@ -14,6 +14,7 @@ UR-5/UR-10 arms", 2013.
 
 from dataclasses import dataclass
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
@@ -142,6 +143,10 @@ class ClosedForm:
         return np.asarray(self._kinematics.poses(Q)[:, 6] @ self._X_6T)
 
 
+_known: "WeakKeyDictionary[pin.Model, dict[str, ClosedForm | None]]" = WeakKeyDictionary()
+"""By frame, of each model in use: models of robots never change."""
+
+
 def closed_form(robot: Robot, frame: str | None = None) -> ClosedForm | None:
     """Return the closed form of a frame, by default the tool; None for an arm without a closed form."""
     return closed_form_of(robot.model, frame or robot.tool_frame)
@@ -149,8 +154,11 @@ def closed_form(robot: Robot, frame: str | None = None) -> ClosedForm | None:
 
 def closed_form_of(model: pin.Model, frame: str) -> ClosedForm | None:
     """Return the closed form of a pinocchio model alone."""
-    geometry = recognise(model, frame)
-    return None if geometry is None else ClosedForm(model, frame, geometry)
+    known = _known.setdefault(model, {})
+    if frame not in known:
+        geometry = recognise(model, frame)
+        known[frame] = None if geometry is None else ClosedForm(model, frame, geometry)
+    return known[frame]
 
 
 def _inverse(X: Array) -> Array:

@@ -45,6 +45,10 @@ def whole_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:
 
     Each joint takes its two images nearest to `near`; a joint without images keeps its value in q.
     """
+    turning, limits = robot.whole_turns, robot.limits
+    low, high = np.ceil((limits.lower - q) / _TURN), np.floor((limits.upper - q) / _TURN)
+    if not (turning & (low < high)).any():  # most arms: no joint has a choice
+        return [np.where(turning & (low == high), q + _TURN * low, q)][:count]
     every = [values[:2] if len(values) else q[j : j + 1] for j, values in enumerate(images(robot, q, near))]
     return _soonest(robot, every, near)[:count]
 

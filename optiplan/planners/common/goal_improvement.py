@@ -93,17 +93,20 @@ class NearerEnds:
 
         n, offset = len(q), q - self._start
         scale = np.array([np.interp(bound, times, self._distances) for times in self._times.T])
-        own = self._set.rows(q)
-        to_start = np.hstack([np.eye(n), -scale[:, None]]), np.hstack([-np.eye(n), -scale[:, None]])
+        own, (apart, clearance) = self._set.rows(q), near
         reach = np.minimum(radius * scale, _LONGEST)
         low = np.append(np.maximum(self._limits.lower - q, -reach), 0.0)
         high = np.append(np.minimum(self._limits.upper - q, reach), 2.0)
         weights, cost = np.diag(np.append(_SMOOTH / scale**2, 1e-9)), np.append(np.zeros(n), 1.0)
-        solver = piqp.DenseSolver()
-        A = np.hstack([own.A, np.zeros((len(own.b), 1))])
-        apart, clearance = near
-        G = np.vstack([*to_start, np.pad(np.vstack([own.G, -apart]), ((0, 0), (0, 1)))])
+        A = np.zeros((len(own.b), n + 1))
+        A[:, :n] = own.A
+        G = np.zeros((2 * n + len(own.h) + len(clearance), n + 1))
+        np.fill_diagonal(G[:n], 1.0)
+        np.fill_diagonal(G[n : 2 * n], -1.0)
+        G[:n, n] = G[n : 2 * n, n] = -scale
+        G[2 * n :, :n] = np.concatenate([own.G, -apart])
         h = np.concatenate([-offset, offset, own.h, clearance - np.minimum(clearance, _APART)])
+        solver = piqp.DenseSolver()
         solver.setup(weights, cost, A, own.b, G, np.full(len(h), -np.inf), h, low, high)
         solved = solver.solve() == piqp.PIQP_SOLVED
         return np.where(self._moving, solver.result.x[:n], 0.0) if solved else None

@@ -57,11 +57,12 @@ def ranked_goals(
 
 
 def goal_sampler(
-    problem: Problem, model: CollisionModel, budget: Budget, count: int = 8, *, nearer: bool = True
+    problem: Problem, model: CollisionModel, budget: Budget, count: int = 8, *, nearer: bool = True, moved: int = 8
 ) -> "GoalSampler | Failure":
     """Return a source of goal configurations that has found at least one, or a Failure; see `ranked_goals`.
 
-    It fails when all goal configurations collide and the list is complete or a quarter of the budget is used up.
+    It fails when all goal configurations collide and the list is complete or a quarter of the budget is used up. The
+    `moved` best are moved towards the start now, the others of the first `count` when more are wanted.
     """
     gravity = Gravity(problem.robot, problem.limits.torque)
     if model.collides(problem.start):
@@ -69,7 +70,7 @@ def goal_sampler(
     if gravity.too_much(problem.start):
         return end_too_heavy(gravity, problem.start[None], "start")
     options = GoalOptions(count, stop=lambda: budget.over)
-    sampler = GoalSampler(problem, model, problem.seed, options, nearer, gravity)
+    sampler = GoalSampler(problem, model, problem.seed, options, nearer, gravity, moved)
     looking = budget.share(_LOOKING)
     while not sampler.configurations and sampler.reachable and not sampler.complete and not looking.over:
         sampler.more(1, lambda: looking.over)
@@ -99,8 +100,9 @@ class GoalSampler:
         options: GoalOptions | None = None,
         nearer: bool = True,
         gravity: Gravity | None = None,
+        moved: int = 8,
     ) -> None:
-        """Find the first configurations; with `nearer` also those moved towards the start."""
+        """Find the first configurations; with `nearer` also those moved towards the start, at first of `moved`."""
         options = options or GoalOptions()
         self._problem, self._model = problem, model
         self._gravity = gravity or Gravity(problem.robot, problem.limits.torque)
@@ -122,11 +124,17 @@ class GoalSampler:
         self._drawn += held
         ranked = self._ranked(held)
         self.configurations = ranked
-        self._add([end for q in ranked[: options.count] if not options.stop() for end in self._sooner(q)])
+        self._unmoved = ranked[: options.count]
+        self.move(options.stop, moved)
         draws = [_draw(problem, goal, self._rng) for goal in poses]
         self._draws = (draw() for draw in cycle(draws))
         systematic = np.random.default_rng(0)
         self._within = [_draw(problem, goal, systematic) for goal in poses]
+
+    def move(self, stop: Callable[[], bool] = lambda: False, count: int = 1000) -> None:
+        """Add those moved towards the start from `count` of the first configurations, in turn; until `stop`."""
+        now, self._unmoved = self._unmoved[:count], self._unmoved[count:]
+        self._add([end for q in now if not stop() for end in self._sooner(q)])
 
     def more(self, count: int, stop: Callable[[], bool] = lambda: False) -> list[Array]:
         """Return up to `count` new configurations, with those moved from them towards the start.
@@ -134,6 +142,7 @@ class GoalSampler:
         They are added to `configurations`; ends early, perhaps with none, when `stop` returns True or after 40
         failed runs of the inverse kinematics for each.
         """
+        self.move(stop)
         new: list[Array] = []
         for _ in range(0 if self.complete else _STARTS * count):
             if len(new) >= count or stop():

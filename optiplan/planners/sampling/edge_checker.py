@@ -26,6 +26,7 @@ _MARGIN = 4 * DISTANCE_ERROR  # m; added to the travel of a part
 _LEAST = 1e-6  # m of travel; a part not proved free by then counts as blocked
 _MOST = 1000  # queries, some 20 ms; a motion that takes more slides along an obstacle and counts as blocked
 _HEAVY_STEP = 0.05  # rad or m, largest joint, between gravity checks, whose reserve covers the rest
+_SPACING = 0.05  # m; travel of bodies between two configurations of a segment that is not proved, at most
 _UNIT, _SHORT_LEVER = 1.5, 0.1  # m; unit of `by_moment_arms`, and least moment arm assumed there
 _UNBOUNDED = 1e6  # m, the stroke of a prismatic joint without bounds
 
@@ -108,6 +109,20 @@ class MotionCheck:
         twin.units = 0.25 * self.units
         return twin
 
+    def here_and_there(self) -> "MotionCheck":
+        """Return a check of configurations every few centimetres, in a third of the time; or this one.
+
+        What it calls free is a guess for the optimiser, and no motion. There is none without the core, with a tracking
+        error or with clearances to keep.
+        """
+        model = self.model
+        plain = isinstance(model, NativeCollisionModel) and model.error is None and model.floors is None
+        if self.native is None or not plain:
+            return self
+        twin = copy(self)
+        twin.native = _native(model, self._moment_arms, self._gravity, _SPACING)
+        return twin
+
     def among(self, model: CollisionModel) -> "MotionCheck":
         """Return a check of the same motions among other obstacles."""
         other = MotionCheck(model, self.limits, self._gravity)
@@ -181,11 +196,13 @@ class PartialCheck(MotionCheck):
         return self._whole.free(self.lift(a), self.lift(b))
 
 
-def _native(model: CollisionModel, moment_arms: Array, gravity: Gravity | None) -> "EdgeChecker | None":
+def _native(
+    model: CollisionModel, moment_arms: Array, gravity: Gravity | None, spacing: float = 0.0
+) -> "EdgeChecker | None":
     if not isinstance(model, NativeCollisionModel) or model.world is None:
         return None
     torque = np.zeros(0) if gravity is None or gravity.allowed is None else gravity.allowed
-    rules = np.array([_FIRST, _MARGIN, _LEAST, _MOST, _HEAVY_STEP])
+    rules = np.array([_FIRST, _MARGIN, _LEAST, _MOST, _HEAVY_STEP, spacing])
     return core.EdgeChecker(model.world, np.ascontiguousarray(moment_arms), torque, rules)
 
 

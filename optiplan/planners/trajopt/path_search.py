@@ -100,14 +100,25 @@ class PathSearch:
         return [q for q, cost in zip(goals, costs, strict=True) if cost < incumbent.cost]
 
     def at_once(self, sampler: GoalSampler) -> None:
-        """Search briefly for a path if there is no motion, and offer a curve from it or it with its stops."""
+        """Search briefly for a path if there is no motion, and offer a curve from it or it with its stops.
+
+        A path that is checked here and there is found soonest, and mostly does: it is the curve that has to be free.
+        Where that is not, a path that is proved is searched; where there is no path, one between thinner obstacles.
+        """
         if self.incumbent.candidates or self.searches or self._on_constraints.apply:
             return
-        path = self._sample(sampler, self._check(), self.patience.seconds + _QUICK, None)
-        if isinstance(path, SampledPath):
-            self.found = path
-        else:
+        path = self._briefly(sampler, self._check().here_and_there())
+        if isinstance(path, Failure):
+            path = self._briefly(sampler, self._check(_DEPTHS[0]))
             self.begun = _ROUNDS
+            if isinstance(path, SampledPath):
+                self._first(path.waypoints)
+        elif not self.incumbent.candidates and not self.free(path):
+            path = self._briefly(sampler, self._check())
+        self.found = path if isinstance(path, SampledPath) else None
+
+    def _briefly(self, sampler: GoalSampler, check: MotionCheck) -> SampledPath | Failure:
+        return self._sample(sampler, check, self.patience.seconds + _QUICK, None)
 
     def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> GuessPath | Failure:
         """Return the next guess to optimise; `repair` as in `through_thinner`.
@@ -152,10 +163,12 @@ class PathSearch:
         for _ in range(count):
             if len(self._waiting) >= enough:
                 break
-            path, found = found or self._another(sampler), None
+            path, known, found = found or self._another(sampler), found is not None, None
             if isinstance(path, Failure):
                 failure, self.depth, self.in_vain = path, 0, self.in_vain + 1
                 break
+            if not (known or self.incumbent.candidates):
+                self._first(path.waypoints)
             curve = self.coarse.descend(self._check(_DEPTHS[self.depth]).model, path, best)
             if curve is not None:
                 self._waiting.append((path, curve))
@@ -203,11 +216,12 @@ class PathSearch:
         return self.patience.worth(incumbent.cost, incumbent.bound) if incumbent.candidates else np.inf
 
     def _check(self, depth: float = 0.0) -> MotionCheck:
-        """Return the path check between obstacles thinner by `depth`, m."""
+        """Return the path check between obstacles thinner by `depth`, m; there a path is only a guess."""
         if depth not in self._checks:
             robot, scene = self.problem.robot, self.problem.scene
             model = planning_model(robot, thinned(scene, depth), error=self.model.error) if depth else self.model
-            self._checks[depth] = path_check(model, self.problem.limits)
+            check = path_check(model, self.problem.limits)
+            self._checks[depth] = check.here_and_there() if depth else check
         return self._checks[depth]
 
     def _sample(
@@ -223,7 +237,7 @@ class PathSearch:
         Searches between thinner obstacles omit the short first rounds: a long round finds a path sooner.
         """
         number, begun = self.searches, _ROUNDS
-        if real := check is self._check():
+        if real := check.model is self.model:
             begun, self.begun = self.begun, 0
         self.searches = number + 1
         share = _SEARCH if self.incumbent.candidates else _FIRST_SEARCH
@@ -277,6 +291,8 @@ class PathSearch:
 
     def _stopping(self, waypoints: Array) -> Failure | None:
         """Offer the motion along a path with a stop at every corner; paths on constraints have too many corners."""
+        if not self._check().polyline_free(waypoints):
+            return None
         with self.watch.stage("timing of sampled paths"):
             timed = stopping(self.problem.robot, self.problem.limits, waypoints)
         return self._offer(waypoints, timed)

@@ -42,6 +42,9 @@ from optiplan.trajectory.trajectory import Trajectory
 _EARLY = 1.0 / 3.0
 """Share of the budget for straight lines before the first motion; the rest is for sampled paths."""
 
+_MOVED = 2
+"""Ends of a goal that are moved towards the start before a first motion is searched; the others are after it."""
+
 _SEEN = 0.5, 0.3, 0.7, 0.15, 0.85
 """Places on a straight line, as shares of it, where bodies must not touch for it to be timed and proved."""
 
@@ -136,22 +139,41 @@ class _Run:
         return self.incumbent.result(self.info, failure)
 
     def _search(self) -> Failure | None:
-        problem, start = self.problem, self.problem.start
         with self.watch.stage("goals"):
-            sampler = goal_sampler(problem, self.model, self.budget)
+            sampler = goal_sampler(self.problem, self.model, self.budget, moved=_MOVED)
         if isinstance(sampler, Failure):
             return sampler
-        goals = hold_goals(problem, self.model, sampler, self.optimiser.constraints, lambda: self.budget.over)
+        goals = hold_goals(self.problem, self.model, sampler, self.optimiser.constraints, lambda: self.budget.over)
         if not goals:
             return self.optimiser.constraints.no_end(sampler.configurations)
-        bounds = lower_bounds(start, np.array(goals), problem.limits)
-        if bounds[0] == 0.0:
-            at_rest = stop_at_corners(np.array([start, goals[0]]), problem.limits, problem.robot.joint_names)
-            self.incumbent.offer(at_rest)
+        first = goals[0]
+        if self._stands_in(goals):
             return None
-        self.incumbent.bounded(float(bounds[0]))
-        early = self.budget.share(_EARLY)
+        if self.options.straight_goals:
+            self._straight(first)
+            self.paths.at_once(sampler)
+        with self.watch.stage("goals"):
+            sampler.move(lambda: self.budget.over)
+        goals = [q for q in sampler.configurations if self.optimiser.constraints.end_holds(q)]
+        if self._stands_in(goals):
+            return None
+        self._along_lines(goals, first)
+        return self._further(sampler)
+
+    def _stands_in(self, goals: list[Array]) -> bool:
+        """Take the bound of ends (n,), the soonest first; offer rest, and return True, where that is the start."""
+        soonest = float(lower_bounds(self.problem.start, np.array(goals[:1]), self.problem.limits)[0])
+        self.incumbent.bounded(soonest)
+        if soonest == 0.0:
+            ends, limits = np.array([self.problem.start, goals[0]]), self.problem.limits
+            self.incumbent.offer(stop_at_corners(ends, limits, self.problem.robot.joint_names))
+        return soonest == 0.0
+
+    def _along_lines(self, goals: list[Array], known: Array) -> None:
+        """Optimise from straight lines to ends (n,), the soonest first; that to the `known` one has been offered."""
+        start, early = self.problem.start, self.budget.share(_EARLY)
         tried = goals[: self.options.straight_goals]
+        bounds = lower_bounds(start, np.array(goals), self.problem.limits)
         for k, (goal, bound) in enumerate(zip(tried, bounds, strict=False)):
             if (
                 early.over
@@ -161,18 +183,17 @@ class _Run:
                 break
             if len(tried) > 1:
                 self._precompute(self.optimiser.along(np.array([start, other])) for other in tried[k:])
-            self._straight(np.array([start, goal]))
-            self.paths.at_once(sampler)
+            if not np.array_equal(goal, known):
+                self._straight(goal)
             if self._should_continue():
                 within = self.budget if self.incumbent.candidates else early
                 control = self.optimiser.along(np.array([start, goal]))
-                first = self.incumbent.cost
+                before = self.incumbent.cost
                 straight = self.attempts.attempt("straight", control, within)
                 self.direct = straight is not None
-                if self.direct and first > _BEATEN * self.incumbent.cost:
+                if self.direct and before > _BEATEN * self.incumbent.cost:
                     self.paths.found = None
         self.info["cut_short"] = early.over and not self.incumbent.candidates
-        return self._further(sampler)
 
     def _further(self, sampler: GoalSampler) -> Failure | None:
         """Try sampled paths, lines with a bump and the best curve with a bump in turn, while `Patience` allows.
@@ -275,10 +296,10 @@ class _Run:
         self.repaired = attempt, float(path_time(dense, self.problem.limits.velocity).sum())
         return dense
 
-    def _straight(self, ends: Array) -> None:
-        """Offer the straight line between ends (2, n), timed exactly, if it is free."""
+    def _straight(self, goal: Array) -> None:
+        """Offer the straight line to an end (n,), timed exactly, if it is free."""
         with self.watch.stage("straight line"):
-            problem = self.problem
+            problem, ends = self.problem, np.array([self.problem.start, goal])
             if any(self.model.collides((1.0 - share) * ends[0] + share * ends[1]) for share in _SEEN):
                 return
             line = stop_at_corners(ends, problem.limits, problem.robot.joint_names)

@@ -27,7 +27,7 @@ from optiplan.verify.continuous.motion_tools import MotionTools
 from optiplan.verify.report import VerifyPolicy
 
 if TYPE_CHECKING:
-    from optiplan._core._core_base import PlaneProof, ProvedShape
+    from optiplan._core._core_base import PlaneProof, ProvedMotion, ProvedShape
 
 PROVED_SHARE = 0.8
 """Of the smallest distance measured that is proved as clearance."""
@@ -105,51 +105,63 @@ class PlaneSearch:
             twin._core = self._core.placed(self._poses(tools))
         return twin
 
-    def begin(self, trajectory: Trajectory, jump: Array, items: Intervals) -> "PlanesAsked | None":
-        """Return the items in the form of the core; None where its buffers or bounds do not suffice."""
+    def begin(
+        self, trajectory: Trajectory, jump: Array, intervals: Intervals, pairs: Index, some: tuple[Index, Index]
+    ) -> "PlanesAsked | None":
+        """Return the intervals in the form of the core; None where its buffers or bounds do not suffice.
+
+        Args:
+            trajectory: the motion.
+            jump: (m, n) steps of position at the ends of its pieces.
+            intervals: of time.
+            pairs: (T,) to prove on all of them.
+            some: rows (K,) of intervals, and further pairs (K,) to prove there.
+        """
         few = trajectory.coefficients.shape[1] <= _MOST_DEGREE + 1 and jump.max(initial=0.0) <= _MOST_STEP
-        return PlanesAsked(self._core, self._top, trajectory, jump, items) if self.known and few else None
+        if not (self.known and few):
+            return None
+        count, (rows, others) = len(intervals.piece), some
+        first = np.concatenate([[0], np.cumsum(len(pairs) + np.bincount(rows, minlength=count))])
+        asked = np.tile(pairs, count)
+        if len(rows):
+            each = np.concatenate([np.repeat(np.arange(count), len(pairs)), rows])
+            asked = np.concatenate([asked, others])[np.argsort(each, kind="stable")]
+        widths = intervals.widths(trajectory)
+        motion = self._core.motion(
+            np.ascontiguousarray(trajectory.breakpoints),
+            np.ascontiguousarray(trajectory.coefficients),
+            np.ascontiguousarray(jump),
+            intervals.piece.astype(np.int64),
+            np.ascontiguousarray((intervals.index + 0.5) * widths),
+            0.5 * widths,
+            first.astype(np.int64),
+            asked.astype(np.int64),
+        )
+        return PlanesAsked(self._core, self._top, motion, intervals)
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class PlanesAsked:
-    """Items of a motion before the core.
+    """Intervals of a motion before the core.
 
     Attributes:
         core: proves.
         top: the pair of the model, or of hulls, that each pair of the core belongs to.
-        trajectory: the motion.
-        jump: (m, n) steps of position at the ends of its pieces.
-        items: asked about.
+        motion: with its intervals and their pairs, in the form of the core.
+        intervals: of time.
     """
 
     core: "PlaneProof"
     top: Index
-    trajectory: Trajectory
-    jump: Array
-    items: Intervals
-
-    def __post_init__(self) -> None:
-        self._items, self._unique, rows = self.items.grouped()
-        widths = self._unique.widths(self.trajectory)
-        self._first = np.searchsorted(rows, np.arange(len(widths) + 1))
-        self._asked = self.core.motion(
-            np.ascontiguousarray(self.trajectory.breakpoints),
-            np.ascontiguousarray(self.trajectory.coefficients),
-            np.ascontiguousarray(self.jump),
-            self._unique.piece.astype(np.int64),
-            np.ascontiguousarray((self._unique.index + 0.5) * widths),
-            0.5 * widths,
-            self._first.astype(np.int64),
-            self._items.pair.astype(np.int64),
-        )
+    motion: "ProvedMotion"
+    intervals: Intervals
 
     def nearest(self, clearance: float) -> list[Gap] | None:
         """Return where pairs are nearest in the middles of intervals; None where bodies touch there.
 
         Those between outlines that hold bodies are among them, where no bodies are known to be nearer.
         """
-        given_up, _, nearest, hulls, *_ = self.core.scan(self._asked, clearance)
+        given_up, _, nearest, hulls, *_ = self.core.scan(self.motion, clearance)
         if given_up:
             return None
         found = [*nearest, *(hull for hull, one in zip(hulls, nearest, strict=True) if hull[0] < one[0])]
@@ -165,11 +177,11 @@ class PlanesAsked:
         """
         asked = np.array([policy.clearance, PROVED_SHARE, FAR, *cap, policy.min_interval])
         given_up, least, nearest, _, rows, pairs, intervals, queries = self.core.prove(
-            self._asked, asked, np.ascontiguousarray(measured), min(_MOST, policy.max_queries)
+            self.motion, asked, np.ascontiguousarray(measured), min(_MOST, policy.max_queries)
         )
         if given_up:
             return None
-        left = self._unique.take(rows.astype(np.intp))
+        left = self.intervals.take(rows.astype(np.intp))
         left = Intervals(left.piece, left.level, left.index, pairs.astype(np.intp))
         own, scene = (self._named(one) for one in nearest)
         return PlanesFound(np.array(least), (own, scene), left, intervals, queries)

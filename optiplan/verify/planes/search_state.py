@@ -68,12 +68,9 @@ class SearchState:
         if planes is None or self.error.any() or self.asked.floors is not None:
             return None
         tops = self.bodies.tree.tops
-        kept = tops[self.is_kept[tops]]
-        items = intervals.each_with(tops[~self.is_kept[tops]])
-        if len(kept):
-            own, unique, rows = intervals.each_with(kept).grouped()
-            items = Intervals.join([items, self.without_kept(own, rows, self.middles(unique))[0]])
-        asked = planes.begin(self.trajectory, self.jump, items)
+        kept, rows = tops[self.is_kept[tops]], np.repeat(np.arange(len(intervals.piece)), self.is_kept[tops].sum())
+        some, rows = self.without_kept(intervals.each_with(kept), rows, self.middles(intervals))
+        asked = planes.begin(self.trajectory, self.jump, intervals, tops[~self.is_kept[tops]], (rows, some.pair))
         met = None if asked is None else asked.nearest(self.policy.clearance)
         if asked is None or met is None:
             return None

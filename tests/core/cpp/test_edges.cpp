@@ -37,3 +37,37 @@ TEST(torque_limits_block) {
     const double polyline[6] = {-M_PI / 2, 0.0, 0.0, 0.0, 1.5, 0.0};
     CHECK(strong.polyline_free(polyline, 2) && !strong.polyline_free(polyline, 3));
 }
+
+TEST(what_is_looked_at_here_and_there_is_free_at_these_places) {
+    const World world = arm_and_box();
+    EdgeRules rules = RULES;
+    rules.spacing = 0.05;
+    EdgeChecker proof(world, arms(), {}, RULES), looks(world, arms(), {}, rules);
+    int proved = 0, seen = 0;
+    for (int k = 0; k < 300; ++k) {
+        const double a[2] = {uniform(-1, 2), uniform(-2, 2)}, b[2] = {uniform(-1, 2), uniform(-2, 2)};
+        if (collides(world, a)) continue;
+        const bool free = looks.free(a, b);
+        CHECK(free || !proof.free(a, b));
+        proved += proof.free(a, b), seen += free;
+        const double way = 2.1 * std::fabs(b[0] - a[0]) + 1.1 * std::fabs(b[1] - a[1]);
+        const int count = 4 * std::max(1, static_cast<int>(std::ceil(way / 0.2)));
+        bool touches = false;
+        for (int i = 1; i <= count; ++i) {
+            const double s = i / (1.0 * count), q[2] = {a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])};
+            touches |= collides(world, q);
+        }
+        CHECK(free == !touches);
+    }
+    CHECK(proved > 20 && seen >= proved && seen < 280);
+}
+
+TEST(a_look_sees_what_is_too_heavy) {
+    const World world = arm_and_box();
+    EdgeRules rules = RULES;
+    rules.spacing = 0.05;
+    EdgeChecker weak(world, arms(), {5.0, 5.0}, rules), strong(world, arms(), {500.0, 500.0}, rules);
+    const double up[2] = {M_PI / 2, 0.0}, hanging[2] = {-M_PI / 2, 0.0}, near[2] = {-M_PI / 2, 0.01};
+    CHECK(!weak.free(hanging, up) && weak.free(hanging, near));
+    CHECK(strong.free(hanging, near));
+}

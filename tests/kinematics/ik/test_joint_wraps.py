@@ -5,7 +5,7 @@ import pytest
 
 import optiplan as op
 from optiplan.kinematics.ik.closed_form import closed_form
-from optiplan.kinematics.ik.joint_wraps import images_within
+from optiplan.kinematics.ik.joint_wraps import images, images_within, whole_turns
 from optiplan.robot.frames import frame_poses
 
 
@@ -30,6 +30,17 @@ def test_joints_of_wide_ranges_have_images_a_turn_farther():
         (0,) * 6,
         *(tuple(-2 * (np.arange(6) == j).astype(int)) for j in (0, 1, 3, 4, 5)),  # the elbow has half the range
     }
+
+
+@pytest.mark.parametrize("name", ["panda", "puma560", "ur5", "delbot", "baxter"])
+def test_where_no_joint_has_a_choice_there_is_one_configuration(name):
+    robot, rng = op.load_robot(name), np.random.default_rng(1)
+    for q in rng.uniform(-4.0, 4.0, (40, robot.n)):
+        each = images(robot, q, np.zeros(robot.n))
+        count = np.prod([max(1, len(values[:2])) for values in each])
+        found = whole_turns(robot, q, np.zeros(robot.n), 1000)
+        assert len(found) == count
+        assert np.array_equal(found[0], [values[0] if len(values) else q[j] for j, values in enumerate(each)])
 
 
 def plain(robot, q):

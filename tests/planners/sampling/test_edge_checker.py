@@ -6,6 +6,7 @@ import pytest
 
 from optiplan.collision.clearance_test import PairMargins
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import NativeCollisionModel, planning_model
 from optiplan.geometry.scene import Capsule, Cylinder, HalfSpace, Obstacle, Scene, Sphere
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck
@@ -117,3 +118,42 @@ def test_a_pose_too_heavy_on_the_way_is_refused():
     assert not check.blocked(b)
     assert not check.free(a, b)
     assert MotionCheck(model, arm.limits).free(a, b)
+
+
+def test_a_look_here_and_there_misses_only_what_is_between():
+    """What is proved free is seen free; what is seen free may touch, but at none of the configurations looked at."""
+    model = planning_model(cases.robot("panda"), scene())
+    check = MotionCheck(model, model.robot.limits)
+    looks = check.here_and_there()
+    lever = model.bounds.moment_arms(np.maximum(np.abs(check.limits.lower), np.abs(check.limits.upper))).max(axis=0)
+    seen, proved, coarse = 0, 0, 0
+    for a, b in motions(model, 300):
+        if check.free(a, b):
+            proved += 1
+            assert looks.free(a, b)
+        if not looks.free(a, b):
+            continue
+        seen += 1
+        looked_at = 4 * max(1, int(np.ceil(lever @ np.abs(b - a) / 0.2)))
+        coarse += looked_at < 40
+        assert not any(model.collides(a + k / looked_at * (b - a)) for k in range(1, looked_at + 1))
+    assert 40 < proved <= seen < 290
+    assert coarse > 20
+
+
+def test_a_look_finds_what_is_too_heavy():
+    arm = cases.robot("panda")
+    model = planning_model(arm, Scene())
+    a, level, b = (np.array([0.0, shoulder, 0.0, -0.1, 0.0, 1.5, 0.0]) for shoulder in (1.35, 1.5, 1.75))
+    _, less, most = sorted(Gravity(arm, np.full(7, np.inf)).torque(q).max() for q in (a, level, b))
+    check = MotionCheck(model, arm.limits, Gravity(arm, np.full(7, 0.5 * (less + most))))
+    assert not check.here_and_there().free(a, b)
+    assert check.here_and_there().free(a, a + 0.01)
+
+
+@pytest.mark.parametrize("error", [None, np.full(7, 1e-3)])
+def test_only_a_plain_model_is_looked_at_here_and_there(error):
+    model = planning_model(cases.robot("panda"), scene(), error=error)
+    check = MotionCheck(model, model.robot.limits)
+    plain = isinstance(model, NativeCollisionModel) and error is None
+    assert (check.here_and_there() is check) == (not plain)

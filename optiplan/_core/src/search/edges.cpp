@@ -14,6 +14,11 @@ EdgeChecker::EdgeChecker(const World &world, std::vector<double> arms, std::vect
     together_.resize(world.groups().size());
     q_.resize(n), d_.resize(n), held_.resize(n), travel_.resize(world.pairs().size());
     half_d_.resize(n), reaches_.resize(world.bodies().size() * world.tree().joints.size());
+    if (rules.spacing == 0.0) return;
+    looks_ = std::make_unique<ManyChecks>(world);
+    four_.resize(LANES * n);
+    for (std::size_t j = 0; j < n; ++j)
+        most_.push_back(count ? *std::max_element(&arms_[j * count], &arms_[j * count] + count) : 0.0);
 }
 
 bool EdgeChecker::too_heavy() {
@@ -45,7 +50,29 @@ bool EdgeChecker::heavy_along(const double *a, const double *d) {
 
 bool EdgeChecker::free(const double *a, const double *b) {
     for (int j = 0; j < joints(); ++j) d_[j] = b[j] - a[j];
+    if (looks_) return apart_here_and_there(a, d_.data());
     return !blocked(b) && !heavy_along(a, d_.data()) && apart(a, d_.data());
+}
+
+// Along the segment four by four, far apart, first those with its end.
+bool EdgeChecker::apart_here_and_there(const double *a, const double *d) {
+    const int n = joints();
+    double way = 0.0;
+    for (int j = 0; j < n; ++j) way += most_[j] * std::fabs(d[j]);
+    const double wanted = std::ceil(way / (LANES * rules_.spacing));
+    if (wanted * LANES > rules_.most) return false;
+    const int fours = std::max(1, static_cast<int>(wanted));
+    for (int k = fours; k > 0; --k) {
+        for (int lane = 0; lane < LANES; ++lane)
+            for (int j = 0; j < n; ++j)
+                four_[lane * n + j] = a[j] + d[j] * ((k + lane * fours) / (1.0 * LANES * fours));
+        if (looks_->any_touches(four_.data())) return false;
+        for (int lane = 0; lane < LANES && !torque_.empty(); ++lane) {
+            looks_->joints(lane, at_.joints.data());
+            if (too_heavy()) return false;
+        }
+    }
+    return true;
 }
 
 bool EdgeChecker::polyline_free(const double *waypoints, int count) {

@@ -22,7 +22,8 @@ Pose turned(const Vec3 &u, double q) {
 
 PlaneProof::PlaneProof(ProvedTree tree, std::vector<ProvedBody> bodies, std::vector<ProvedPair> pairs)
     : tree_(std::move(tree)), bodies_(std::move(bodies)), pairs_(std::move(pairs)), normals_(pairs_.size()),
-      features_(pairs_.size()), placed_(bodies_.size()), posed_(bodies_.size()), laid_(bodies_.size()) {
+      features_(pairs_.size()), placed_(bodies_.size()), centres_(bodies_.size()), posed_(bodies_.size()),
+      laid_(bodies_.size()) {
     const std::size_t joints = tree_.parents.size();
     std::vector<char> carries(joints);
     for (const ProvedPair &pair : pairs_) {
@@ -83,8 +84,21 @@ void PlaneProof::stand(const Span &span) {
 }
 
 const Pose &PlaneProof::pose(int body) {
-    if (!posed_[body]) placed_[body] = joints_[bodies_[body].joint] * bodies_[body].X_JB, posed_[body] = 1;
+    if (!posed_[body]) {
+        placed_[body] = joints_[bodies_[body].joint] * bodies_[body].X_JB;
+        centres_[body] = placed_[body] * bodies_[body].centre;
+        posed_[body] = 1;
+    }
     return placed_[body];
+}
+
+// Whether the balls about two bodies are farther apart than `gap`, m: the cheapest test, which most pairs pass.
+bool PlaneProof::balls_apart(int pair, double gap) {
+    const int a = pairs_[pair].a, b = pairs_[pair].b;
+    if (bodies_[a].shape->half_space || bodies_[b].shape->half_space) return false;
+    pose(a), pose(b);
+    const double reach = gap + bodies_[a].radius + bodies_[b].radius;
+    return reach < 0.0 || squared_norm(centres_[b] - centres_[a]) > reach * reach;
 }
 
 // The farthest that a point of a body gets from each axis, and how far it travels with the joints from there to its
@@ -93,7 +107,8 @@ void PlaneProof::lay(int body) {
     if (laid_[body]) return;
     laid_[body] = 1;
     double *lever = lever_.data() + body * joints_.size(), *travelled = travelled_.data() + body * joints_.size();
-    const Vec3 centre = pose(body) * bodies_[body].centre;
+    pose(body);
+    const Vec3 &centre = centres_[body];
     double own = 0.0;
     for (int j = bodies_[body].joint; j > 0; j = tree_.parents[j]) {
         lever[j] = 1.0;
@@ -127,7 +142,7 @@ double PlaneProof::volumes(int pair) {
     const ProvedBody *both[2] = {&bodies_[pairs_[pair].a], &bodies_[pairs_[pair].b]};
     if (both[0]->shape->half_space || both[1]->shape->half_space) return -HUGE_VAL;
     const Pose *X[2] = {&pose(pairs_[pair].a), &pose(pairs_[pair].b)};
-    const Vec3 apart = *X[1] * both[1]->centre - *X[0] * both[0]->centre;
+    const Vec3 apart = centres_[pairs_[pair].b] - centres_[pairs_[pair].a];
     double found = -HUGE_VAL;
     for (int box = 0; box < 2; ++box) {
         const Vec3 local = transposed(X[box]->R, apart), &half = both[box]->half;
@@ -207,7 +222,7 @@ void PlaneProof::meet(NearestGap &known, int pair, double gap, const Span &span)
 void PlaneProof::probe(int pair, const Span &span) {
     const ProvedPair &both = pairs_[pair];
     const double known = verdict_.nearest[both.kind].gap;
-    if (volumes(pair) >= known) return;
+    if (balls_apart(pair, known) || volumes(pair) >= known) return;
     const Vec3 last = normals_[pair];
     if (squared_norm(last) > 0.0 && gap(pair, last) >= known) return;
     const double found = propose(pair);
@@ -246,7 +261,9 @@ bool PlaneProof::proved(int pair, double margin) {
 PlaneProof::Answer PlaneProof::settle(int pair, const Span &span) {
     const ProvedPair &both = pairs_[pair];
     double wanted = std::max(target(both.kind), rules_.asked);
-    const double moved = travel(pair) + ROUNDING, boxes = volumes(pair) - moved;
+    const double moved = travel(pair) + ROUNDING;
+    if (balls_apart(pair, std::max(wanted, verdict_.least[both.kind]) + moved)) return Answer::proved;
+    const double boxes = volumes(pair) - moved;
     if (boxes > wanted && proved(pair, boxes)) return Answer::proved;
     double bound = -HUGE_VAL;
     if (squared_norm(normals_[pair]) > 0.0) {

@@ -117,6 +117,7 @@ class PlaneProof {
     void lay(int body);
     double support(int body, const Vec3 &n);
     double gap(int pair, const Vec3 &n);
+    bool balls_apart(int pair, double gap);
     double volumes(int pair);
     double travel(int pair);
     double linear(int pair, const Vec3 &n, double half);
@@ -139,6 +140,7 @@ class PlaneProof {
     PlaneVerdict verdict_;
     double measured_[2] = {HUGE_VAL, HUGE_VAL};
     std::vector<Pose> joints_, placed_;
+    std::vector<Vec3> centres_;
     std::vector<char> posed_, laid_;
     std::vector<Vec3> axis_;
     std::vector<double> reach_, rate_, speed_, acceleration_, jump_;  // (J + 1,)

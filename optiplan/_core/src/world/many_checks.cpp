@@ -62,35 +62,51 @@ void ManyChecks::touching(const double *Q, std::size_t count, std::uint8_t *out)
             for (std::size_t k = 0; k < last.size(); ++k) last[k] = q[std::min(k / n, lanes - 1) * n + k % n];
             q = last.data();
         }
-        poses_in_lanes(world_.tree(), q, joints_.data());
-        for (int body : moving_) {
-            turned_[body] = 0;
-            const Body &of = world_.bodies()[body];
-            centres_[body] = moved(joints_[of.joint], of.X_JB * of.centre);
-        }
-        std::size_t bit = 0;
-        std::fill(near_.begin(), near_.end(), LaneBits{});
-        const auto mark = [&](const LaneBits &near) {
-            near_[bit / 64] |= near & (LaneBits{} + static_cast<std::int64_t>(std::uint64_t{1} << (bit % 64)));
-            ++bit;
-        };
-        for (const Balls &pair : balls_) {
-            const Vec3Lanes &a = centres_[pair.a], &b = centres_[pair.b];
-            const Lanes x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
-            LaneBits near = ~(x * x + y * y + z * z > pair.squared);
-            if (any(near)) {
-                LaneBits apart{};
-                add_apart_from_box(pair.a, pair.ball_a, pair.b, apart);
-                add_apart_from_box(pair.b, pair.ball_b, pair.a, apart);
-                near &= ~apart;
-            }
-            mark(near);
-        }
-        for (const Plane &plane : planes_) {
-            const Vec3Lanes &c = centres_[plane.body];
-            mark(~(c.x * plane.normal.x + c.y * plane.normal.y + c.z * plane.normal.z > plane.offset));
-        }
+        compare_balls(q);
         for (std::size_t lane = 0; lane < lanes; ++lane) out[row + lane] = touches(static_cast<int>(lane));
+    }
+}
+
+bool ManyChecks::any_touches(const double *Q) {
+    compare_balls(Q);
+    for (int lane = LANES; lane-- > 0;)
+        if (touches(lane)) return true;
+    return false;
+}
+
+void ManyChecks::joints(int lane, Pose *out) const {
+    for (std::size_t j = 0; j < joints_.size(); ++j) out[j] = lane_of(joints_[j], lane);
+}
+
+// Sets `near_` at four configurations (4, n).
+void ManyChecks::compare_balls(const double *q) {
+    poses_in_lanes(world_.tree(), q, joints_.data());
+    for (int body : moving_) {
+        turned_[body] = 0;
+        const Body &of = world_.bodies()[body];
+        centres_[body] = moved(joints_[of.joint], of.X_JB * of.centre);
+    }
+    std::size_t bit = 0;
+    std::fill(near_.begin(), near_.end(), LaneBits{});
+    const auto mark = [&](const LaneBits &near) {
+        near_[bit / 64] |= near & (LaneBits{} + static_cast<std::int64_t>(std::uint64_t{1} << (bit % 64)));
+        ++bit;
+    };
+    for (const Balls &pair : balls_) {
+        const Vec3Lanes &a = centres_[pair.a], &b = centres_[pair.b];
+        const Lanes x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
+        LaneBits near = ~(x * x + y * y + z * z > pair.squared);
+        if (any(near)) {
+            LaneBits apart{};
+            add_apart_from_box(pair.a, pair.ball_a, pair.b, apart);
+            add_apart_from_box(pair.b, pair.ball_b, pair.a, apart);
+            near &= ~apart;
+        }
+        mark(near);
+    }
+    for (const Plane &plane : planes_) {
+        const Vec3Lanes &c = centres_[plane.body];
+        mark(~(c.x * plane.normal.x + c.y * plane.normal.y + c.z * plane.normal.z > plane.offset));
     }
 }
 
@@ -120,7 +136,7 @@ void ManyChecks::add_apart_from_box(int ball, double squared, int box, LaneBits 
 
 bool ManyChecks::touches(int lane) {
     if (std::all_of(near_.begin(), near_.end(), [&](const LaneBits &bits) { return bits[lane] == 0; })) return false;
-    for (std::size_t j = 0; j < joints_.size(); ++j) at_.joints[j] = lane_of(joints_[j], lane);
+    joints(lane, at_.joints.data());
     world_.forget(at_);
     for (std::size_t word = 0; word < near_.size(); ++word)
         for (std::uint64_t bits = static_cast<std::uint64_t>(near_[word][lane]); bits; bits &= bits - 1) {

@@ -18,6 +18,12 @@ class ManyChecks {
     // Whether pairs touch at configurations (count, n), row after row: 1 or 0 each.
     void touching(const double *Q, std::size_t count, std::uint8_t *out);
 
+    // Whether pairs touch at one of four configurations (4, n), the last of which is asked first.
+    bool any_touches(const double *Q);
+
+    // Poses of the joints at configuration `lane` of the four that were asked last.
+    void joints(int lane, Pose *out) const;
+
   private:
     struct Balls {
         int a, b;        // bodies
@@ -31,6 +37,7 @@ class ManyChecks {
         double offset;  // of its surface from the origin, and the radius of the body, a hair more
     };
 
+    void compare_balls(const double *q);
     bool touches(int lane);
     bool asked_apart(int asked);
     void add_apart_from_box(int ball, double squared, int box, LaneBits &apart);

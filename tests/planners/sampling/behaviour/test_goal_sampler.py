@@ -53,6 +53,18 @@ def test_more_are_new_free_in_the_goal_and_ranked():
     assert not np.array_equal(new, sampler(problem, seed=1).more(5))
 
 
+def test_ends_moved_later_are_those_moved_at_once():
+    problem = loose(0.03)
+    model = CollisionModel(problem.robot, problem.scene)
+    at_once = GoalSampler(problem, model, 0, GoalOptions())
+    later = GoalSampler(problem, model, 0, GoalOptions(), moved=1)
+    assert len(later.configurations) < len(at_once.configurations)
+    later.move(lambda: True, count=0)
+    later.move()
+    assert np.array_equal(later.configurations, at_once.configurations)
+    assert np.array_equal(GoalSampler(problem, model, 0, GoalOptions(), moved=1).more(2), at_once.more(2))
+
+
 def test_lists_of_joint_goals_and_of_closed_forms_are_complete():
     assert sampler(cases.any_of()).complete
     assert sampler(cases.any_of()).more(3) == []

@@ -1,0 +1,75 @@
+"""Paths that are looked at here and there lead to curves; only what is proved is offered as a motion."""
+
+import numpy as np
+import pytest
+
+from optiplan.planners.base import Budget, Failure
+from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
+from optiplan.planners.sampling.edge_checker import MotionCheck
+from optiplan.planners.sampling.sample_path import SampledPath
+from optiplan.planners.trajopt import planner
+from optiplan.planners.trajopt.coarse_descents import CoarseDescents
+from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.problem.problem import Problem
+from optiplan.verify.verify import verify
+from tests.planners import cases
+
+
+def _run(problem: Problem) -> planner._Run:
+    return planner._Run(problem, Budget(20.0), lambda stage, fraction: None, TrajOptOptions())
+
+
+def _sampler(run: planner._Run) -> GoalSampler:
+    sampler = goal_sampler(run.problem, run.model, run.budget)
+    assert isinstance(sampler, GoalSampler)
+    return sampler
+
+
+def test_a_path_that_touches_is_not_offered() -> None:
+    run = _run(cases.wall())
+    assert run.paths._stopping(np.array([run.problem.start, run.problem.goal[0].q])) is None
+    assert not run.incumbent.candidates
+
+
+@pytest.mark.parametrize("is_free", [True, False])
+def test_without_a_free_curve_a_proved_path_is_the_motion(is_free: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(CoarseDescents, "at_once", lambda self, waypoints: None)
+    run = _run(cases.wall())
+    real, searched = run.paths._briefly, []
+
+    def noted(sampler: GoalSampler, check: MotionCheck) -> SampledPath | Failure:
+        searched.append(check is run.paths._check())
+        return real(sampler, check)
+
+    monkeypatch.setattr(run.paths, "_briefly", noted)
+    if not is_free:
+        monkeypatch.setattr(run.paths, "free", lambda path: False)
+        monkeypatch.setattr(run.paths, "_stopping", lambda waypoints: None)
+    run.paths.at_once(_sampler(run))
+    proved = run.paths._check().here_and_there() is run.paths._check()
+    assert searched == [proved, *([] if is_free else [True])]
+    assert run.paths.found is not None
+    assert len(run.incumbent.candidates) == is_free
+    for found in run.incumbent.candidates:
+        assert verify(run.problem, found.trajectory).verified
+
+
+def test_where_no_path_is_seen_one_between_thinner_obstacles_may_lead_to_a_curve(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = _run(cases.wall())
+    real, blocked = run.paths._briefly, []
+
+    def none_between_real_obstacles(sampler: GoalSampler, check: MotionCheck) -> SampledPath | Failure:
+        if check.model is run.model:
+            blocked.append(check)
+            return Failure("no-path", "made up")
+        return real(sampler, check)
+
+    monkeypatch.setattr(run.paths, "_briefly", none_between_real_obstacles)
+    run.paths.at_once(_sampler(run))
+    assert len(blocked) == 1
+    assert run.paths.found is not None
+    assert run.paths.found.goal_index == 0
+    for candidate in run.incumbent.candidates:
+        assert verify(run.problem, candidate.trajectory).verified
