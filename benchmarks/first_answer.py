@@ -1,12 +1,13 @@
 """Seconds by the clock until somebody who asks for a motion has a verified one in hands.
 
-    python benchmarks/first_answer.py --every 5 --markdown first-answer.md   # three robots, about six minutes
+    python benchmarks/first_answer.py --every 5 --markdown first-answer.md   # four robots, about six minutes
+    python benchmarks/first_answer.py --every 5 --pose                       # the tool's pose is the goal
 
-Problems: every k-th of MotionBenchMaker's sets of a robot, each loaded anew for each way, since a scene's first proof
-sets things up. Ways: *recorded* is the first of `run.improvements` of a call with the whole budget; *told* is when a
-progress with a method `proved` heard of it; *returned* is a whole call that such a progress ends then, from `op.plan`
-to its run, metrics included. Durations are those of *returned* over those of the whole call. The last line printed is
-JSON.
+Problems: every k-th of MotionBenchMaker's sets of a robot, for Baxter's both arms those of `both_arms.py`, each loaded
+anew for each way, since a scene's first proof sets things up. Ways: *recorded* is the first of `run.improvements` of a
+call with the whole budget; *told* is when a progress with a method `proved` heard of it; *returned* is a whole call
+that such a progress ends then, from `op.plan` to its run, metrics included. Durations are those of *returned* over
+those of the whole call. The last line printed is JSON.
 """
 
 import os
@@ -18,16 +19,19 @@ import gc
 import tempfile
 import threading
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from both_arms import both_arms
+from pose_goals import pose_problem
 from published import commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
 import optiplan as op
 
-ROBOTS = ("panda", "ur5", "fetch")
+ROBOTS = ("panda", "ur5", "fetch", "baxter")
 WAYS = ("recorded", "told", "returned")
 HEADINGS = ("robot", "problems", "way", "s: 50 %", "90 %", "95 %", "verified", "duration over the last: 50 %", "90 %")
 
@@ -56,6 +60,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--every", type=int, default=5, help="every k-th problem of each set")
     parser.add_argument("--offset", type=int, default=0, help="index of the first of them")
     parser.add_argument("--budget", type=float, default=1.0, help="seconds of each call")
+    parser.add_argument("--pose", action="store_true", help="goals are poses of the tool, in place of configurations")
     return parser.parse_args()
 
 
@@ -65,13 +70,12 @@ def main() -> None:
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
         for robot in options.robots:
-            sets = import_sets(robot, Path(folder), options.every, options.offset)
+            of_robot = both_arms if robot == "baxter" else partial(import_sets, robot)
+            sets = of_robot(Path(folder) / robot, options.every, options.offset)
             files = [file for files in sets.values() for file in files if readable(file)]
             op.plan(op.load_problem(files[0]), budget=options.budget)  # pays for imports
             for file in track(files, robot, console=Console(stderr=True), transient=True):
-                rows.append(
-                    {"robot": robot, "problem": f"{file.parent.name}/{file.stem}", **solve(file, options.budget)}
-                )
+                rows.append({"robot": robot, "problem": f"{file.parent.name}/{file.stem}", **solve(file, options)})
     table = [line(rows, robot, way) for robot in options.robots for way in WAYS]
     print_table(HEADINGS, table)
     write_markdown(options.markdown, HEADINGS, table, [f"Budget {options.budget:g} s."])
@@ -87,22 +91,23 @@ def readable(file: Path) -> bool:
     return True
 
 
-def solve(file: Path, budget: float) -> dict[str, Any]:
+def solve(file: Path, options: argparse.Namespace) -> dict[str, Any]:
     """Seconds of the three ways, None without a verified motion, and durations of the first and the last answer."""
-    problem, told = fresh(file), Told()
+    budget = options.budget
+    problem, told = fresh(file, options.pose), Told()
     whole = op.plan(problem, budget=budget, progress=told)
     recorded = whole.improvements[0][0] if whole.improvements else None
 
-    problem, first = fresh(file), Told()
+    problem, first = fresh(file, options.pose), Told()
     run = op.plan(problem, budget=op.Budget(budget, cancel=first.enough), progress=first)
     returned = time.perf_counter() - first.began if run.verified else None
     durations = [found.duration if found.verified else None for found in (run, whole)]
     return {"recorded": recorded, "told": told.seconds, "returned": returned, "durations": durations}
 
 
-def fresh(file: Path) -> op.Problem:
+def fresh(file: Path, pose: bool = False) -> op.Problem:
     """The problem, loaded anew, without a wished clearance, and no garbage of what came before it."""
-    problem = op.load_problem(file).with_parts(clearance=0)
+    problem = (pose_problem(file) if pose else op.load_problem(file)).with_parts(clearance=0)
     gc.collect()
     return problem
 
