@@ -2,16 +2,18 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.named_pairs import NamedPairs
-from optiplan.kinematics.symbolic.state import BatchedExpression, SymbolicState
-from optiplan.problem.constraints.motions import PairClearance
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Limits, Robot
+
+if TYPE_CHECKING:
+    from optiplan.kinematics.symbolic.state import SymbolicState
+    from optiplan.problem.constraints.motions import PairClearance
+
 
 KEPT = 0.6
 """Share of g, or of a clearance, at an end of a motion that is the aim near this end, if that is below the reserve."""
@@ -47,7 +49,7 @@ class Inequality:
     """
 
     name: str
-    build: Callable[[SymbolicState], Any]
+    build: "Callable[[SymbolicState], Any]"
     unit: float
     reserve: float
     rate: Rate = 0
@@ -65,6 +67,8 @@ class CompiledInequality:
     """
 
     def __init__(self, robot: Robot, stated: Inequality) -> None:
+        from optiplan.kinematics.symbolic.state import BatchedExpression
+
         self.stated = stated
         self._expression = BatchedExpression(robot, "inequality", stated.build)
         self.size = self._expression.size
@@ -125,7 +129,9 @@ class PairsApart:
 
     depends_on_rates = False
 
-    def __init__(self, problem: Problem, wanted: PairClearance) -> None:
+    def __init__(self, problem: Problem, wanted: "PairClearance") -> None:
+        from optiplan.collision.named_pairs import NamedPairs
+
         self.wanted = wanted
         self.model = NamedPairs(problem.robot, problem.scene, wanted.pairs)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,13 +33,16 @@ from optiplan.planners.trajopt.program.sqp import (
 )
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
-from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.planners.trajopt.terms.integrals import integral_costs
 from optiplan.planners.trajopt.terms.path_constraints import ConstraintTerms
 from optiplan.planners.trajopt.terms.term import Term
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from optiplan.planners.trajopt.terms.free_end import FreeEnd
+
 
 SPACING = 0.025
 """Initial bound on the motion of a body between two samples, m, roughly: no edge may pass between them."""
@@ -115,7 +118,7 @@ class Optimiser:
         problem: Problem,
         model: CollisionModel,
         options: TrajOptOptions,
-        end: FreeEnd | None = None,
+        end: "FreeEnd | None" = None,
         basis: SplineBasis | None = None,
     ) -> None:
         self.problem, self.model, self.options, self.end = problem, model, options, end

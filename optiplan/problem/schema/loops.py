@@ -25,7 +25,6 @@ from itertools import product
 from typing import Any
 
 from optiplan.config.document import Document
-from optiplan.config.expressions import FUNCTIONS, NO_ARITHMETIC, arithmetic
 from optiplan.config.messages import choices, describe
 from optiplan.errors import Issue
 from optiplan.problem.partial import mapping
@@ -143,6 +142,8 @@ class LoopReader:
 
     def _filled(self, data: Any, place: Place, values: Values) -> Any:
         """Return data with values in place of their names."""
+        from optiplan.config.expressions import FUNCTIONS, NO_ARITHMETIC, arithmetic
+
         if isinstance(data, Mapping):
             return {key: self._filled(value, (*place, key), values) for key, value in data.items()}
         if isinstance(data, list):
