@@ -90,7 +90,7 @@ def load_run(folder: Path | str) -> Run:
         >>> op.load_run("runs/reach").verified
         True
     """
-    from optiplan.runs.run_folder import read_run
+    from optiplan.runs.run_folder import load_run as read_run
     from optiplan.runs.stored_runs import run_of_record
 
     if not isinstance(folder, str | Path):

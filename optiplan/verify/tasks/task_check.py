@@ -17,8 +17,9 @@ from optiplan.problem.seams.actions import SeamPart, Transit
 from optiplan.problem.task.arms import joints_of_arms
 from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.scene_change import columns
+from optiplan.problem.task.scene_part import ScenePart
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Event, Move, StraightLine, TaskStep
-from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts, steps_in_time
+from optiplan.problem.task.timeline import mismatch, scene_parts, steps_in_time
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot

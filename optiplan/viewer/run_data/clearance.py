@@ -11,7 +11,8 @@ from optiplan.collision.floors import floors_of
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
+from optiplan.problem.task.scene_part import ScenePart
+from optiplan.problem.task.timeline import mismatch, scene_parts
 from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.collision_check import checked_robot
