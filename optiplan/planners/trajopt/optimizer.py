@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array
+from optiplan.arrays import Array, distinct
 from optiplan.collision.model import CollisionModel
 from optiplan.libraries import loading
 from optiplan.planners.base import Budget
@@ -210,7 +210,7 @@ class Optimiser:
         self.constraint_terms.raise_prices(attempt.broken)
         shares = [touch.t / attempt.trajectory.duration for touch in attempt.touches]
         shares += [one.share for one in attempt.broken]
-        return np.concatenate([u, *(around(np.unique(u), share) for share in shares)])
+        return np.concatenate([u, *(around(distinct(u), share) for share in shares)])
 
     def instants(self, control: Array, spacing: float = SPACING) -> Array:
         """Return the samples of a curve to begin with, at most about `spacing`, m, from one to the next."""

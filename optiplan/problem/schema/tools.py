@@ -10,9 +10,6 @@ from optiplan.geometry.pose import PoseSpec
 from optiplan.geometry.shapes import ShapeSpec
 from optiplan.problem.schema.scene import LARGEST_MASS, bounded, check_weight
 
-NONE = "none"
-"""Name of no tool: a step `tool: none` leaves the one that is mounted."""
-
 LONGEST = 3.0
 """m from the link to the TCP; a longer tool was meant in mm."""
 

@@ -31,7 +31,6 @@ from optiplan.problem.schema.task import (
     StraightLineSpec,
     TaskStepSpec,
 )
-from optiplan.problem.schema.tools import NONE
 from optiplan.problem.schema.tour import TourSpec
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.seams.reading import read_path
@@ -55,7 +54,7 @@ from optiplan.problem.task.steps import (
 )
 from optiplan.problem.task.tour_reading import read_tour
 from optiplan.problem.tools.reading import ToolsInUse
-from optiplan.problem.tools.tool import stated_alone
+from optiplan.problem.tools.tool import NONE, stated_alone
 from optiplan.robot.robot import Robot
 
 Located = LocatedValue[TaskStepSpec]

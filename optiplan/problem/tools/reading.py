@@ -12,7 +12,7 @@ from optiplan.geometry.pose import pose_of
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.builder import Compiler, frame_names, link_names
-from optiplan.problem.tools.tool import MountedTool, ToolBody, at_first
+from optiplan.problem.tools.tool import NONE, MountedTool, ToolBody, at_first
 from optiplan.robot.mounting import FixedFrame
 from optiplan.robot.robot import Robot
 
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 def read_tools(compiler: Compiler, robot: Robot, scene: Scene) -> tuple[MountedTool, ...]:
     """Return the valid tools, whose names and those of their bodies are unlike all others."""
-    from optiplan.problem.schema.tools import NONE
-
     taken = dict.fromkeys(link_names(robot), "a link of the robot")
     taken |= dict.fromkeys(frame_names(robot), "a frame of the robot") | dict.fromkeys(scene.names, "a body")
     found = []

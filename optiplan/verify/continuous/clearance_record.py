@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Index, distinct
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class ClearanceRecord:
         Edges nearer than 1e-12 s are one. Its least is that of all that was added.
         """
         begin, end, pair, clearance = self.proved()
-        edges = np.unique(np.concatenate([[0.0, duration], begin, end]))
+        edges = distinct(np.concatenate([[0.0, duration], begin, end]))
         edges = edges[np.append(np.diff(edges) > 1e-12, True)]
         edges[0] = 0.0
         first, last = (np.searchsorted(edges, times - 1e-12) for times in (begin, end))
