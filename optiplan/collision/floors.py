@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +34,7 @@ _PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53],
 """Of their square roots no two have a rational ratio."""
 
 
-@dataclass(frozen=True)
-class NearPair:
+class NearPair(NamedTuple):
     """A pair that is nearer than required at an end of the motion, or wherever its joint stands.
 
     Attributes:

@@ -1,9 +1,8 @@
 """Valid parts of a problem file, each read by itself, so that they can be checked although another part is invalid."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
@@ -18,8 +17,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class LocatedValue(Generic[T]):
+class LocatedValue(NamedTuple, Generic[T]):
     """A value and its place in the file."""
 
     place: Place

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -20,8 +21,7 @@ TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
 MOVABLE = (*TURNING, *SLIDING)
 
 
-@dataclass(frozen=True)
-class Reduced:
+class Reduced(NamedTuple):
     """The robot with all joints fixed except the planned ones and their followers.
 
     `model` has the planned joints as its degrees of freedom, `plain` the followers as well. `followers` gives the

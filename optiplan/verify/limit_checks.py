@@ -1,7 +1,7 @@
 """Checks other than collision: each function takes (problem, trajectory, policy) and returns a `Check`."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -246,8 +246,7 @@ def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: 
     return found if found.passed or found.detail or order < 3 else replace(found, detail=_LIFTED.removeprefix("; "))
 
 
-@dataclass(frozen=True, eq=False)
-class _Between:
+class _Between(NamedTuple):
     """Bounds of the derivative of this order, and the largest rounding of a sum of its terms that is let pass: (n,)."""
 
     order: int

@@ -1,8 +1,7 @@
 """Inequalities of the robot's state that hold a constraint: CasADi expressions, and clearances of named pairs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -33,8 +32,7 @@ _LONGEST = 0.3
 Rate = Literal[0, 1, 2]
 
 
-@dataclass(frozen=True, eq=False)
-class Inequality:
+class Inequality(NamedTuple):
     """Rows g(q, v, a) >= 0 that hold a constraint, as an expression, and what a violation of them means.
 
     Attributes:

@@ -1,7 +1,6 @@
 """Whether a motion holds a problem's path constraints."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,8 +19,7 @@ _INSTANTS = 400
 """Number of instants at which a motion is checked; the proof is the verifier's."""
 
 
-@dataclass(frozen=True, eq=False)
-class Broken:
+class Broken(NamedTuple):
     """A path constraint that a motion violates.
 
     Attributes:

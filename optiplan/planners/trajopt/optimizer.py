@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -80,8 +80,7 @@ class Attempt:
         return not (self.touches or self.broken)
 
 
-@dataclass(frozen=True)
-class AttemptOptions:
+class AttemptOptions(NamedTuple):
     """Options of one attempt.
 
     Attributes:

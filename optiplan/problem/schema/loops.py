@@ -20,9 +20,9 @@ written out, each with the line that it has in the file, before anything else is
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 from optiplan.config.document import Document
 from optiplan.config.messages import choices, describe
@@ -41,8 +41,7 @@ Place = tuple[str | int, ...]
 Values = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class _Written:
+class _Written(NamedTuple):
     """A step as it is written out, and where it stands in the file."""
 
     step: Any
@@ -96,7 +95,7 @@ class LoopReader:
                     self.report(inner, "alternatives within alternatives", "a list for each way through them")
                     return
                 told = {**one.step, "option": [choice, k]} if isinstance(one.step, dict) else one.step
-                yield replace(one, step=told)
+                yield one._replace(step=told)
 
     def _repeated(self, step: Values, place: Place, values: Values, way: tuple[str, ...]) -> Iterator[_Written]:
         self._check_keys(step, place, ("for", "steps"))

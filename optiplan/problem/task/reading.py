@@ -113,7 +113,7 @@ class TaskReader:
             for k, after in zip_longest(places, places[1:]):
                 alike = after is not None and found[after].value.option == found[k].value.option
                 self._corner(found[k], found[after].value.action if alike and after is not None else None)
-        return [replace(one, value=self._with_frame(one.value)) for one in found]
+        return [one._replace(value=self._with_frame(one.value)) for one in found]
 
     def _whole_path(self, action: Action, constraints: Sequence[LocatedValue[PathConstraint]]) -> None:
         """Report constraints on a part of a path with events: it is several motions, each of which has parts."""

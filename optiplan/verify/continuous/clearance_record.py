@@ -1,14 +1,13 @@
 """Record of a certificate: which clearance was proved of which pair of bodies, and when."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from optiplan.arrays import Array, Index, distinct
 
 
-@dataclass(frozen=True, eq=False)
-class ClearanceBound:
+class ClearanceBound(NamedTuple):
     """The clearance proved of all pairs together, constant on K intervals of time that follow each other.
 
     Attributes:

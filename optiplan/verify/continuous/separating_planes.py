@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -53,8 +54,7 @@ class Distances:
         return Distances(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
 
-@dataclass(frozen=True, eq=False)
-class Witness:
+class Witness(NamedTuple):
     """Distance, m, of a pair of the model and its nearest points (2, 3) on a and b, m, world."""
 
     distance: float

@@ -45,8 +45,7 @@ Gap = tuple[float, float, int]
 """The smallest gap of a kind, m, its time, s, and the pair; -1 where there is none."""
 
 
-@dataclass(frozen=True, eq=False)
-class PlanesFound:
+class PlanesFound(NamedTuple):
     """What planes prove.
 
     Attributes:

@@ -1,6 +1,6 @@
 """Clearance of one run for the page: what the certificate proved at each time, and the distance measured there."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -122,7 +122,7 @@ def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -
     near = [_nearest(model, motion, time) for time in t]
     contacts = _contacts(model, motion, t, np.array([one.distance for one in near]))
     if bound is not None:
-        bound = replace(bound, edges=bound.edges + part.begin)
+        bound = bound._replace(edges=bound.edges + part.begin)
     later = [[begin + part.begin, end + part.begin] for begin, end in contacts]
     return _Measured(
         model,
