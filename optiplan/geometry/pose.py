@@ -59,7 +59,7 @@ class PoseGoalSpec(PoseSpec):
 
     frame: Name | None = None
     position: Vector
-    tolerance: ToleranceSpec = ToleranceSpec()
+    tolerance: ToleranceSpec = ToleranceSpec.model_construct()
 
 
 Values = Sequence[float] | Array

@@ -199,7 +199,7 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     issues += compiler.issues + (unsafe if robot is not None else [])
     limits = error = None
     if parts is not None:
-        limits = parts.robot.limits.scaled(**({} if spec is None else spec.limits.model_dump()))
+        limits = parts.robot.limits.scaled(**({} if spec is None else dict(spec.limits)))
         issues += _moving_first(document, parts)
         issues += _constraints(document, parts, len(compiler.goal_specs))
         error, wrong = error_of_joints(document, parts.robot, None if spec is None else spec.tracking_error)
@@ -224,7 +224,7 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
         "wished_clearance": WISHED if clearance is None else 0.0,
         "vias": tuple(part.value for part in parts.vias),
         "task": tuple(part.value for part in parts.task),
-        "objective": Objective(**spec.objective.model_dump(exclude_none=True)),
+        "objective": Objective(**{part: weight for part, weight in spec.objective if weight is not None}),
         "path_constraints": tuple(part.value for part in parts.constraints),
         "planner": spec.planner.name,
         "options": dict(spec.planner.model_extra or {}),

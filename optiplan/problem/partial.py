@@ -31,7 +31,7 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
 
 def fit(kind: Any, raw: Any) -> Any:
     """Return data as a type of pydantic's; None where it does not fit; values of that class as they are."""
-    if isinstance(kind, type) and isinstance(raw, kind) and issubclass(kind, BaseModel):
+    if raw is None or (isinstance(kind, type) and isinstance(raw, kind) and issubclass(kind, BaseModel)):
         return raw
     try:
         return _adapter(kind).validate_python(raw)

@@ -53,7 +53,7 @@ class ArmSpec(Strict):
     """One of several robots: `use`, as `robot` of a problem, and the pose of its root in the frame of the whole."""
 
     use: FileName | dict[str, Any]
-    base: PoseSpec = PoseSpec()
+    base: PoseSpec = PoseSpec.model_construct()
 
 
 class SideBySideSpec(Strict):

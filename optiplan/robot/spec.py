@@ -74,7 +74,7 @@ class RobotSpec(Strict):
     configurations: dict[Name, list[Number] | dict[Name, Number]] = Field(default={})
     configurations_deg: dict[Name, list[Number] | dict[Name, Number]] = Field(default={})
     mecanum: MecanumSpec | None = None
-    limits: LimitsSpec = LimitsSpec()
+    limits: LimitsSpec = LimitsSpec.model_construct()
     collision: Treatment | Literal["none"] | CollisionSpec = "auto"
     allowed_collisions: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = Field(default=[])
 

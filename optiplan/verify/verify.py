@@ -1,11 +1,11 @@
 """`verify`: check a trajectory against its problem."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_part import whole_motion
 from optiplan.robot.self_collision.pairs import count_reasons
-from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import checked_robot, collision
@@ -13,11 +13,15 @@ from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.scope import scope
 from optiplan.verify.statements import complete, covering
 
+if TYPE_CHECKING:
+    from optiplan.trajectory.given_files import GivenFiles
+
+
 _DEFAULT = VerifyPolicy()
 
 
 def verify(
-    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: GivenFiles | None = None
+    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: "GivenFiles | None" = None
 ) -> Report:
     """Check a trajectory against every requirement of its problem; a bad trajectory is refused, never an exception.
 

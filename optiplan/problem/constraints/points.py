@@ -32,7 +32,7 @@ class BoxSpec(Strict):
     """A box of edge lengths `size`, m, at `pose` in the world."""
 
     size: Size
-    pose: PoseSpec = PoseSpec()
+    pose: PoseSpec = PoseSpec.model_construct()
 
 
 @dataclass(frozen=True, eq=False)

@@ -51,7 +51,7 @@ class ObjectiveSpec(Strict):
 
     @model_validator(mode="after")
     def _something(self) -> Self:
-        if not any(self.model_dump().values()):
+        if not any(dict(self).values()):
             raise ValueError("found all weights 0; expected at least one weight > 0")
         return self
 
@@ -118,7 +118,7 @@ class ProblemSpec(Strict):
     start: StartSpec
     goal: GoalSpec | None = None
     task: Annotated[Any, BuiltLater(_steps)] = None
-    scene: SceneSpec = SceneSpec()
+    scene: SceneSpec = SceneSpec.model_construct()
     frames: Annotated[dict[Name, MovingFrameSpec] | None, BuiltLater()] = None
     tools: Annotated[Any, BuiltLater(_tools)] = None
     tool: Annotated[Any, BuiltLater(_tool)] = None
@@ -126,9 +126,11 @@ class ProblemSpec(Strict):
     path_constraints: Annotated[Any, BuiltLater(_constraints)] = ()
     tracking_error: NotNegative | tuple[NotNegative, ...] | dict[Name, NotNegative] | None = None
     clearance: ClearanceSpec | None = None
-    limits: LimitScalesSpec = LimitScalesSpec()
-    objective: ObjectiveSpec = ObjectiveSpec()
-    planner: Annotated[PlannerSpec, BeforeValidator(_named, json_schema_input_type=str | PlannerSpec)] = PlannerSpec()
+    limits: LimitScalesSpec = LimitScalesSpec.model_construct()
+    objective: ObjectiveSpec = ObjectiveSpec.model_construct()
+    planner: Annotated[PlannerSpec, BeforeValidator(_named, json_schema_input_type=str | PlannerSpec)] = (
+        PlannerSpec.model_construct()
+    )
     seed: Annotated[Whole, Field(ge=0)] = 0
 
 

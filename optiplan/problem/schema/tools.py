@@ -19,7 +19,7 @@ class ToolShapeSpec(Strict):
 
     name: Name | None = None
     shape: Annotated[ShapeSpec, AfterValidator(bounded)]
-    pose: PoseSpec = PoseSpec()
+    pose: PoseSpec = PoseSpec.model_construct()
 
 
 def _near(pose: PoseSpec) -> PoseSpec:
@@ -39,7 +39,7 @@ class ToolSpec(Strict):
     """
 
     link: Name
-    tcp: Annotated[PoseSpec, AfterValidator(_near)] = PoseSpec()
+    tcp: Annotated[PoseSpec, AfterValidator(_near)] = PoseSpec.model_construct()
     shapes: tuple[ToolShapeSpec, ...] = ()
     touch: tuple[Name, ...] = ()
     mass: Annotated[Length, Field(le=LARGEST_MASS)] | None = None
