@@ -141,11 +141,10 @@ class Problem(FreeSpace):
         start_acceleration: Values | None = None,
     ) -> None:
         from optiplan.problem import from_python, to_data
-        from optiplan.problem.constraints.expression import split_expressions
 
         if start_velocity is not None or start_acceleration is not None:
             start = to_data.moving_start(start, start_velocity, start_acceleration)
-        in_file, expressions = split_expressions(path_constraints)
+        in_file, expressions = from_python.split_expressions(path_constraints)
         given = {"start": start, "goal": goal, "task": task, "scene": scene, "vias": vias, "limits": limits}
         given |= {"objective": objective, "path_constraints": in_file, "base": base, "gravity": gravity}
         given |= {"tracking_error": tracking_error, "tools": tools, "tool": tool, "frames": frames}
@@ -346,8 +345,7 @@ class Problem(FreeSpace):
             raise wrong_argument("Problem.save", "path", found, "a file that can be written") from None
 
     def _with(self, **changes: Any) -> "Problem":
-        from optiplan.problem.constraints.expression import split_expressions
-        from optiplan.problem.from_python import ARGUMENT_WRITERS, arguments_data, read_data
+        from optiplan.problem.from_python import ARGUMENT_WRITERS, arguments_data, read_data, split_expressions
 
         if unknown := changes.keys() - ARGUMENT_WRITERS.keys():
             expected = f"one of: {', '.join(ARGUMENT_WRITERS)}"
