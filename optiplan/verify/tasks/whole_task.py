@@ -1,4 +1,4 @@
-"""All that is checked and said of a motion that does a task: its alternatives, its tours and its steps."""
+"""Checks and scope of a motion that does a task: its alternatives, its tours and its steps."""
 
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.tour_steps import chosen, in_order
