@@ -16,7 +16,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 MOST = 256 * 2**20
 """Largest file that is read, bytes."""
@@ -108,8 +108,7 @@ def read_bytes(path: Path, most: int = MOST) -> bytes:
     return content
 
 
-@dataclass(frozen=True)
-class Signature:
+class Signature(NamedTuple):
     """What tells one version of a file from another, without reading it.
 
     Attributes:

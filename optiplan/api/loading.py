@@ -14,8 +14,6 @@ from optiplan.problem.problem import Problem
 from optiplan.robot import robot
 from optiplan.robot.robot import Robot
 from optiplan.runs.run import Run
-from optiplan.runs.run_folder import load_run as read_run
-from optiplan.runs.stored_runs import run_of_record
 
 
 def load_problem(source: Path | str | Mapping[str, Any], **overrides: Any) -> Problem:
@@ -92,6 +90,9 @@ def load_run(folder: Path | str) -> Run:
         >>> op.load_run("runs/reach").verified
         True
     """
+    from optiplan.runs.run_folder import load_run as read_run
+    from optiplan.runs.stored_runs import run_of_record
+
     if not isinstance(folder, str | Path):
         raise wrong_argument("load_run", "folder", described(folder), "the folder of a run")
     stored = read_run(folder)

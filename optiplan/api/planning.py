@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,11 +30,14 @@ from optiplan.robot.given_configurations import configuration, is_by_name
 from optiplan.runs import pipeline
 from optiplan.runs.proofs_on_the_way import ProofsOnTheWay
 from optiplan.runs.run import Run
-from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import verify as verifier
 from optiplan.verify.report import Report
+
+if TYPE_CHECKING:
+    from optiplan.trajectory.sample_file import Samples
+
 
 BUDGET = 20.0
 """Seconds of planning and proof, when none are given."""
@@ -122,7 +125,7 @@ def with_tracking_error(problem: Problem, error: TrackingError | Array) -> Probl
         raise issue.about("op.Problem", "op.plan") from None
 
 
-def verify(problem: Problem, motion: Trajectory | Samples | Run | Path | str | Sequence[Array]) -> Report:
+def verify(problem: Problem, motion: "Trajectory | Samples | Run | Path | str | Sequence[Array]") -> Report:
     """Hold a motion, whoever made it, against everything that its problem demands.
 
     Args:
@@ -144,6 +147,8 @@ def verify(problem: Problem, motion: Trajectory | Samples | Run | Path | str | S
         >>> op.verify(problem, op.plan(problem).trajectory).verified
         True
     """
+    from optiplan.trajectory.sample_file import Samples
+
     checked_problem(problem, "verify")
     names = problem.robot.joint_names
     if isinstance(motion, Trajectory):

@@ -1,7 +1,7 @@
 """Clusters of bodies that move together: the hull around a cluster bounds the distances of all its bodies."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -20,8 +20,7 @@ _SEVERAL = 4
 """Least number of bodies of one link for a cluster within such a joint."""
 
 
-@dataclass(frozen=True, eq=False)
-class Cluster:
+class Cluster(NamedTuple):
     """Bodies on a joint, by index, and a hull that contains them, in the joint's frame."""
 
     joint: int
@@ -29,8 +28,7 @@ class Cluster:
     hull: Hull
 
 
-@dataclass(frozen=True, eq=False)
-class Clusters:
+class Clusters(NamedTuple):
     """Clusters of a robot, each of its bodies in at most one of each kind.
 
     Attributes:

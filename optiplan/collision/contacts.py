@@ -1,6 +1,7 @@
 """Results of queries: pairs of bodies, their nearest points and the normals between these."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -59,8 +60,7 @@ class Contact:
         return f"{names} overlap by {1e3 * max(0.0, -self.bodies_apart):.3g} mm"
 
 
-@dataclass(frozen=True, eq=False)
-class Contacts:
+class Contacts(NamedTuple):
     """K near pairs at N configurations, as arrays.
 
     Attributes:

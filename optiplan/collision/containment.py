@@ -1,7 +1,6 @@
 """Bodies inside a mesh: a mesh is a surface, so the distance to it is positive inside and outside."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,8 +18,7 @@ _POINTS_PER_PART = 16
 """Points of one part of a body that are tried."""
 
 
-@dataclass(frozen=True, eq=False)
-class Contained:
+class Contained(NamedTuple):
     """A body inside a mesh: the pair, the two bodies, and a point (3,) of the inner one, world, m."""
 
     pair: int

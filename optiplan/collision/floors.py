@@ -1,11 +1,14 @@
 """The distance that each pair of a model keeps: what a scene's `Safety` asks, and less of pairs that stand nearer."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index
+from optiplan import cache
+from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.contacts import Pair
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.safety import BuiltNear, SafePairs, Safety
@@ -13,6 +16,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.robot.limits import UNBOUNDED
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
+from optiplan.robot.self_collision.pair_survey import content_digest
 
 KEPT = 0.8
 """Share of its own distance that a pair keeps where it stands nearer than required."""
@@ -23,12 +27,14 @@ _ALONG = 33
 _SPREAD, _OFTEN = 128, 0.2
 """Configurations at which pairs of links are measured, and the share of those without contact that is often."""
 
+_VERSION = 1
+"""Counted up when links that are built nearer are found in another way, so that what is kept is made again."""
+
 _PRIMES = np.array([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53], dtype=float)
 """Of their square roots no two have a rational ratio."""
 
 
-@dataclass(frozen=True)
-class NearPair:
+class NearPair(NamedTuple):
     """A pair that is nearer than required at an end of the motion, or wherever its joint stands.
 
     Attributes:
@@ -177,7 +183,7 @@ def with_built(safety: Safety | None, robot: Robot) -> Safety | None:
         return safety
     known, asked = _known_built(robot), (safety.own, safety.pairs)
     if asked not in known:
-        known[asked] = _built(safety, robot)
+        known[asked] = _kept_built(safety, robot)
     return replace(safety, built=known[asked])
 
 
@@ -185,6 +191,20 @@ def with_built(safety: Safety | None, robot: Robot) -> Safety | None:
 def _known_built(robot: Robot) -> dict[tuple[float, tuple[SafePairs, ...]], tuple[BuiltNear, ...]]:
     """Return what was found of a robot, by the distances required: a file is read more often than it is changed."""
     return {}
+
+
+def _kept_built(safety: Safety, robot: Robot) -> tuple[BuiltNear, ...]:
+    """Return the same as `_built`, kept on disk by the content of the robot, its checked pairs and what is required."""
+    limits, checked = (robot.limits.lower, robot.limits.upper), robot.geometry.collisionPairs
+    stated = [safety.own, [[pair.of, pair.others, pair.at_least] for pair in safety.pairs]]
+    asked = json.dumps([*stated, [[pair.first, pair.second] for pair in checked]])
+    name = cache.digest([content_digest(robot.model, robot.geometry, limits, _VERSION).encode(), asked.encode()])
+
+    def make() -> bytes:
+        return json.dumps([[one.links, one.distance, one.floor] for one in _built(safety, robot)]).encode()
+
+    found = json.loads(cache.kept(f"built/{name}.json", make))
+    return tuple(BuiltNear((first, second), distance, floor) for (first, second), distance, floor in found)
 
 
 def _built(safety: Safety, robot: Robot) -> tuple[BuiltNear, ...]:
@@ -234,7 +254,7 @@ def _built_nearer(model: CollisionModel, safety: Safety, asked: Array, scene: Ar
             found.append(NearPair(pair_index, float(asked[pair_index]), distance, KEPT * distance, -1))
     alone = np.flatnonzero((moved == 1) & (asked > 0.0) & scene)
     joints = np.argmax(model.bounds.depends[alone], axis=1) if len(alone) else np.zeros(0, dtype=int)
-    for j in np.unique(joints[joints < model.robot.n]).tolist():
+    for j in distinct(joints[joints < model.robot.n]).tolist():
         only = np.zeros(len(asked))
         only[alone[joints == j]] = asked[alone[joints == j]]
         rows = [dict(measured(model, q, only, taken * (only > 0.0))) for q in _along(model.robot, j)]

@@ -6,7 +6,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Index, distinct
 from optiplan.geometry.coal_queries import DISTANCE_ERROR, exact_collision_request, exact_distance_request, make_exact
 from optiplan.geometry.convex import hull_of_mesh
 
@@ -118,7 +118,7 @@ class Outline:
         asked = np.flatnonzero(meshes[pairs].any(axis=1) & ~planes[pairs].any(axis=1))
         self.pairs = frozenset(asked.tolist())
         self.geometry = geometry.copy() if len(asked) else geometry
-        bodies = np.unique(pairs[asked])
+        bodies = distinct(pairs[asked])
         for body in bodies[meshes[bodies]].tolist():
             item = self.geometry.geometryObjects[body]
             item.geometry = hull_of_mesh(item.geometry)

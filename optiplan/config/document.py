@@ -50,7 +50,10 @@ HUGE = float(2**64)
 
 
 class Strict(BaseModel):
-    """Base of every schema class: unknown keys are refused, the value cannot be changed."""
+    """Base of every schema class: unknown keys are refused, the value cannot be changed.
+
+    Defaults of such a class are made by `model_construct()`, which builds no validator.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)  # built by the first value
 

@@ -10,6 +10,8 @@ from typing import Any, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
+from optiplan.config.built_later import BuiltLater
+
 EXPECTED = {
     "missing": "this key, which is required",
     "extra_forbidden": "no such key",
@@ -144,7 +146,8 @@ def _keys_at(model_class: type[BaseModel], loc: Iterable[str | int]) -> list[str
 def _annotation(model: type[BaseModel], key: str | int) -> Any:
     for name, field in model.model_fields.items():
         if key in (name, field.alias):
-            return field.annotation
+            later = [mark.kind for mark in field.metadata if isinstance(mark, BuiltLater) and mark.kind is not None]
+            return later[0]() if later else field.annotation
     return None
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
-from optiplan.problem.task.timeline import ScenePart
+from optiplan.problem.task.scene_part import ScenePart
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.collision_check import checked_robot
 from optiplan.verify.continuous.certificate import certify

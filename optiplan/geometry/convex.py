@@ -5,7 +5,7 @@ import json
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
@@ -48,8 +48,7 @@ class CoacdOptions:
     enough: float = 0.88
 
 
-@dataclass(frozen=True)
-class CoacdPieces:
+class CoacdPieces(NamedTuple):
     """Convex pieces by their vertices, each (k, 3) in m; `growth` (m): how far they were grown to contain the mesh."""
 
     vertices: tuple[Array, ...]
@@ -115,8 +114,7 @@ def body_of(points: Array) -> Hull:
     return kept_hull(points)
 
 
-@dataclass(frozen=True)
-class Cover:
+class Cover(NamedTuple):
     """Default cover of a mesh: its hull, convex pieces, or the mesh itself.
 
     Attributes:

@@ -15,7 +15,6 @@ from optiplan.config.document import Strict, plain
 from optiplan.config.values import LARGEST_COORDINATE, FileName, Length, Scale
 from optiplan.geometry.coal_queries import coal_mesh
 from optiplan.geometry.convex_hulls import convex_hull
-from optiplan.geometry.meshes.box_surfaces import surface_of_boxes
 from optiplan.geometry.meshes.reading import KINDS, Kind, known, open_mesh, read_mesh
 from optiplan.geometry.meshes.triangles import MOST_TRIANGLES, Soup, Triangles
 from optiplan.geometry.shape import Shape
@@ -23,6 +22,8 @@ from optiplan.geometry.shape import Shape
 
 @lru_cache(maxsize=64)
 def _cloud_body(soup: Soup, radius: float) -> coal.CollisionGeometry:
+    from optiplan.geometry.meshes.box_surfaces import surface_of_boxes
+
     points = soup.vertices
     check_reach(points)
     cells = np.floor(points / radius)

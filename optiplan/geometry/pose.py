@@ -42,6 +42,11 @@ class PoseSpec(Strict):
         return self
 
 
+def pose_of(spec: PoseSpec) -> pin.SE3:
+    """Return the pose of what a file says."""
+    return pose_from_data(dict(spec))
+
+
 class ToleranceSpec(Strict):
     """Tolerance of a pose: `position` in m, `orientation` in rad."""
 
@@ -54,7 +59,7 @@ class PoseGoalSpec(PoseSpec):
 
     frame: Name | None = None
     position: Vector
-    tolerance: ToleranceSpec = ToleranceSpec()
+    tolerance: ToleranceSpec = ToleranceSpec.model_construct()
 
 
 Values = Sequence[float] | Array

@@ -10,7 +10,6 @@ import pinocchio as pin
 from optiplan.arrays import Array, is_finite
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
-from optiplan.geometry.mass_properties import mass_properties
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.geometry.safety import Safety
 from optiplan.geometry.shape import Shape
@@ -140,6 +139,8 @@ class Attachment:
         Raises:
             ValueError: the shape encloses no volume, or is an open mesh.
         """
+        from optiplan.geometry.mass_properties import mass_properties
+
         if not self.mass:
             return pin.Inertia.Zero()
         centre, moments = self.centre, None if self.inertia is None else np.diag(self.inertia)

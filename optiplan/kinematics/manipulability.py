@@ -1,7 +1,7 @@
 """Manipulability measures of the tool's Jacobian, their gradients, and ellipsoids."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -144,8 +144,7 @@ def measure_gradients(J: Array, H: Array) -> Measures:
     return Measures(yoshikawa, asada, ds[:, -1])
 
 
-@dataclass(frozen=True, eq=False)
-class Ellipsoids:
+class Ellipsoids(NamedTuple):
     """Ellipsoids of N Jacobians of three rows, around the tool point, in world axes.
 
     The velocity ellipsoid {J dq : |dq| <= 1} has the semi-axes s_k u_k, the force ellipsoid {f : |J^T f| <= 1} the

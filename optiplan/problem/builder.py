@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,24 +17,32 @@ from optiplan.errors import InputError, Issue, UnknownChoiceError
 from optiplan.files import is_file
 from optiplan.geometry.file_shapes import FileShape
 from optiplan.geometry.meshes.reading import open_mesh
-from optiplan.geometry.pose import PoseGoalSpec, PoseSpec, ToleranceSpec
+from optiplan.geometry.pose import PoseGoalSpec, PoseSpec, ToleranceSpec, pose_of
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import ShapeSpec, build_geometry, shape_from_spec
-from optiplan.problem.constraints.base import pose_of
-from optiplan.problem.constraints.motions import WheelSpeed
-from optiplan.problem.constraints.statements import KINDS, PathConstraint, PathConstraintSpec
 from optiplan.problem.goals_and_vias import AllOfGoal, GoalEnd, JointGoal, PoseGoal, Via
-from optiplan.problem.partial import LocatedValue, alternatives, fit, fits, mapping
+from optiplan.problem.partial import (
+    LocatedValue,
+    alternatives,
+    fit,
+    fits,
+    mapping,
+    stated_constraints,
+    stated_steps,
+    stated_tools,
+)
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import RegionSpec
 from optiplan.problem.schema.ends import AlternativeSpec, ConfigurationSpec, PlacedFrameSpec, StartSpec, ViaSpec
 from optiplan.problem.schema.scene import AttachedSpec, ObstacleSpec
-from optiplan.problem.schema.task import TaskStepSpec
-from optiplan.problem.schema.tools import FirstToolSpec, ToolSpec
 from optiplan.robot.mounting import GRAVITY, Mounting
+from optiplan.robot.reference import ROBOTS
 from optiplan.robot.robot import DESCRIPTION, Robot, load_robot, robot_file
-from optiplan.robot.side_by_side import KEY
+
+if TYPE_CHECKING:
+    from optiplan.problem.constraints.statements import PathConstraint, PathConstraintSpec
+
 
 RobotLoader = Callable[[str | Mapping[str, Any], Path | None, Mapping[str, float] | None, str | None], Robot]
 """`load_robot`, or what stands in for it: reference, folder it is relative to, locked joints, group."""
@@ -65,9 +73,9 @@ class Compiler:
         self._base, self._gravity = fit(PoseSpec, root.get("base")), fit(Vector, root.get("gravity"))
         self.start_spec: StartSpec | None = fit(StartSpec, root.get("start"))
         self.goal_specs = alternatives(root.get("goal"))
-        self.task = fits(("task",), TaskStepSpec, root.get("task"))
+        self.task = stated_steps(root.get("task"))
         self._vias = fits(("via",), ViaSpec, root.get("via"))
-        self._constraints = fits(("path_constraints",), PathConstraintSpec, root.get("path_constraints"))
+        self._constraints = stated_constraints(root.get("path_constraints"))
         self._obstacles = fits(("scene", "obstacles"), ObstacleSpec, scene.get("obstacles"))
         self._attached = fits(("scene", "attached"), AttachedSpec, scene.get("attached"))
         self.tools = stated_tools(root)
@@ -136,7 +144,7 @@ class Compiler:
     def _relocated(self, issue: Issue) -> Issue:
         """Attribute the robot reader's issues about locked joints or an inline robot to the problem file."""
         inline = isinstance(self._robot, Mapping) and Path(issue.file).name == DESCRIPTION
-        of_arms = isinstance(self._robot, Mapping) and KEY in self._robot and issue.path[:1] == ("locked",)
+        of_arms = isinstance(self._robot, Mapping) and ROBOTS in self._robot and issue.path[:1] == ("locked",)
         if inline and not of_arms:
             return self.document.issue(("robot", *issue.path), issue.found, issue.expected)
         if issue.path not in [("locked", name) for name in self._locked]:
@@ -162,16 +170,21 @@ class Compiler:
         return vias
 
     def constraints(
-        self, robot: Robot, scene: Scene, parts: Sequence[LocatedValue[PathConstraintSpec]] | None = None
-    ) -> list[LocatedValue[PathConstraint]]:
+        self, robot: Robot, scene: Scene, parts: "Sequence[LocatedValue[PathConstraintSpec]] | None" = None
+    ) -> "list[LocatedValue[PathConstraint]]":
         """Return the valid path constraints: those of the whole motion, or `parts`."""
+        if not (parts := self._constraints if parts is None else parts):
+            return []
+        from optiplan.problem.constraints.motions import WheelSpeed
+        from optiplan.problem.constraints.statements import KINDS
+
         found: list[LocatedValue[PathConstraint]] = []
         valid = {
             "frame": {*frame_names(robot), robot.tool_frame},
             "body": {*link_names(robot), *scene.names},
             "joint": set(robot.joint_names),
         }
-        for part in self._constraints if parts is None else parts:
+        for part in parts:
             place = (*part.place, part.value.kind)
             one = KINDS[part.value.kind].of(part.value.value, robot.tool_frame)
             wrong = [mention for mention in one.mentioned() if mention.name not in valid[mention.kind]]
@@ -384,16 +397,6 @@ class Compiler:
     def unknown(self, place: Place, kind: str, found: str, valid: Iterable[str]) -> None:
         """Record a name that is not among the valid ones."""
         self.report(place, f"unknown {kind} '{found}'", choices(found, sorted(valid)))
-
-
-def stated_tools(root: Mapping[Any, Any]) -> list[tuple[Place, str, ToolSpec]]:
-    """Return the valid tools of `tools`, and the one that `tool` states itself: place, name and content."""
-    named = mapping(root.get("tools")).items()
-    stated: list[tuple[Place, str, ToolSpec | None]]
-    stated = [(("tools", name), str(name), fit(ToolSpec, one)) for name, one in named]
-    first = None if isinstance(root.get("tool"), str) else fit(FirstToolSpec, root.get("tool"))
-    stated += [] if first is None else [(("tool",), first.name, first)]
-    return [(place, name, spec) for place, name, spec in stated if spec is not None]
 
 
 def _joints(robot: Robot, groups: Iterable[str]) -> set[str]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 
@@ -10,12 +10,17 @@ from optiplan.arrays import Array, Flags
 from optiplan.collision.contacts import Contact
 from optiplan.collision.kept_models import collision_model, touching_model
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.pose import Values
 from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Scene
-from optiplan.problem.constraints.states import TOUCHING
 from optiplan.robot.given_configurations import configurations
 from optiplan.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from optiplan.geometry.pose import Values
+
+
+TOUCHING = 1e-12
+"""Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,7 @@ class FreeSpace:
         """How far bodies stay apart; None: they do not touch."""
         return self.scene.safety
 
-    def is_free(self, q: Values | Mapping[str, float] | str) -> FreeCheck | FreeChecks:
+    def is_free(self, q: "Values | Mapping[str, float] | str") -> FreeCheck | FreeChecks:
         """Say whether the robot, with what it holds, touches neither itself nor an obstacle.
 
         Checked are the pairs of bodies that the robot and the scene do not allow to touch; limits are not. Obstacles
@@ -122,7 +127,7 @@ class FreeSpace:
         found = FreeChecks(self.robot, self.scene, np.atleast_2d(Q))
         return found[0] if Q.ndim == 1 else found
 
-    def clearance(self, q: Values | Mapping[str, float] | str) -> float | Array:
+    def clearance(self, q: "Values | Mapping[str, float] | str") -> float | Array:
         """Return the least distance of all pairs of bodies that are checked, m.
 
         min over the pairs (A, B) of d(A, B), where d < 0 is the depth of penetration of bodies that overlap; infinite

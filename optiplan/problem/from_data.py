@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from optiplan.arrays import Array
 from optiplan.collision.floors import with_built
@@ -14,32 +14,30 @@ from optiplan.errors import InputError, Issue
 from optiplan.geometry.safety import WISHED
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader, link_names
-from optiplan.problem.constraints.statements import PathConstraint
-from optiplan.problem.constraints.states import BrokenConstraint
 from optiplan.problem.free_space import free_check
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.nonzero_ends import StatedState, impossible_states
 from optiplan.problem.objectives.objective import Objective
-from optiplan.problem.partial import LocatedValue
+from optiplan.problem.partial import LocatedValue, mapping
 from optiplan.problem.schema.frames import in_world
 from optiplan.problem.schema.joint_names import Orders, joint_orders, with_lists, with_names
 from optiplan.problem.schema.loops import written_out
-from optiplan.problem.schema.picks import with_picks
 from optiplan.problem.schema.problem import ProblemSpec
 from optiplan.problem.schema.safety import safety_of
 from optiplan.problem.schema.scene import MotionSpec
 from optiplan.problem.schema.side_by_side import in_words_of, with_groups_of_arms, with_one_robot
-from optiplan.problem.seams.reading import with_points
-from optiplan.problem.task.reading import TaskReader
-from optiplan.problem.task.steps import Move, TaskStep
-from optiplan.problem.task.target_files import targets_data
 from optiplan.problem.tools.reading import ToolsInUse, as_frames, read_tools, without_tools
 from optiplan.problem.tools.tool import MountedTool
 from optiplan.problem.tracking_error import error_of_joints, nearer_than_error
 from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot, load_robot, robot_names
+
+if TYPE_CHECKING:
+    from optiplan.problem.constraints.statements import PathConstraint
+    from optiplan.problem.task.steps import TaskStep
+
 
 DECIDES_COLLISIONS = (("robot",), ("group",), ("locked",), ("scene", "allowed_collisions"), ("scene", "attached"))
 """Where an issue stands in these fields, collisions found would be no news about the file."""
@@ -54,8 +52,8 @@ class _ProblemParts:
     start: JointGoal | None
     goal: Sequence[LocatedValue[GoalEnd]]
     vias: Sequence[LocatedValue[Via]]
-    task: Sequence[LocatedValue[TaskStep]]
-    constraints: Sequence[LocatedValue[PathConstraint]]
+    task: "Sequence[LocatedValue[TaskStep]]"
+    constraints: "Sequence[LocatedValue[PathConstraint]]"
     tools: tuple[MountedTool, ...] = ()
 
     @property
@@ -101,6 +99,10 @@ def _without_frames(document: Document, base: Path, robots: RobotLoader) -> tupl
 
 def _without_picks(document: Document, base: Path, robots: RobotLoader) -> tuple[Document, list[Issue]]:
     """Return a problem file in which picks and places are plain steps, and what is wrong with them."""
+    if not mapping(document.data).get("task"):
+        return document, []
+    from optiplan.problem.schema.picks import with_picks
+
     return with_picks(document, lambda: _robot_of(document, base, robots))
 
 
@@ -140,7 +142,7 @@ def in_one_form(document: Document, base: Path, robots: RobotLoader = load_robot
     return with_lists(document, wanted) if given else document
 
 
-def _orders(document: Document, base: Path, robots: RobotLoader) -> tuple[Orders, Orders, list[Issue]]:
+def _orders(document: Document, base: Path, robots: RobotLoader) -> "tuple[Orders, Orders, list[Issue]]":
     """Return the orders of joint values by name as written and as the robot has them; and wrong names."""
     given = joint_orders(document.data)
     if not given:
@@ -167,7 +169,7 @@ def _read_named(document: Document, base: Path, robots: RobotLoader) -> Mapping[
         raise _error(with_names(document, error.issues, wanted)) from None
 
 
-def _wrong_names(document: Document, given: Orders, wanted: Orders) -> list[Issue]:
+def _wrong_names(document: Document, given: "Orders", wanted: "Orders") -> list[Issue]:
     """Report joints that are unknown at their place, and values that do not name every joint."""
     issues = []
     for place, names in given.items():
@@ -197,7 +199,7 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     issues += compiler.issues + (unsafe if robot is not None else [])
     limits = error = None
     if parts is not None:
-        limits = parts.robot.limits.scaled(**({} if spec is None else spec.limits.model_dump()))
+        limits = parts.robot.limits.scaled(**({} if spec is None else dict(spec.limits)))
         issues += _moving_first(document, parts)
         issues += _constraints(document, parts, len(compiler.goal_specs))
         error, wrong = error_of_joints(document, parts.robot, None if spec is None else spec.tracking_error)
@@ -222,7 +224,7 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
         "wished_clearance": WISHED if clearance is None else 0.0,
         "vias": tuple(part.value for part in parts.vias),
         "task": tuple(part.value for part in parts.task),
-        "objective": Objective(**spec.objective.model_dump(exclude_none=True)),
+        "objective": Objective(**{part: weight for part, weight in spec.objective if weight is not None}),
         "path_constraints": tuple(part.value for part in parts.constraints),
         "planner": spec.planner.name,
         "options": dict(spec.planner.model_extra or {}),
@@ -239,12 +241,25 @@ def _parts(compiler: Compiler, bare: Robot, stated: Scene) -> _ProblemParts:
     seen = tools.seen(mounted)
     ends = compiler.start(seen), compiler.goal(seen), compiler.vias(seen)
     constraints = compiler.constraints(seen, scene)
-    reader = TaskReader(compiler, mounted, scene, tools)
-    steps = reader.steps()
-    reader.check_whole(constraints)
+    steps = _steps(compiler, mounted, scene, tools, constraints) if compiler.task else []
     scene = as_frames(scene, compiler.followed)
     robot = tools.all_tools(mounted, scene)
     return _ProblemParts(robot, scene, *ends, steps, constraints, tuple(tools.by_name.values()))
+
+
+def _steps(
+    compiler: Compiler,
+    robot: Robot,
+    scene: Scene,
+    tools: ToolsInUse,
+    constraints: "Sequence[LocatedValue[PathConstraint]]",
+) -> "list[LocatedValue[TaskStep]]":
+    from optiplan.problem.task.reading import TaskReader
+
+    reader = TaskReader(compiler, robot, scene, tools)
+    steps = reader.steps()
+    reader.check_whole(constraints)
+    return steps
 
 
 def _schema(document: Document) -> tuple[ProblemSpec | None, list[Issue]]:
@@ -272,6 +287,8 @@ def _moving_first(document: Document, parts: _ProblemParts) -> list[Issue]:
     """Report joints that move at the start of a task and that its first step does not move."""
     if parts.start is None or not parts.task:
         return []
+    from optiplan.problem.task.steps import Move
+
     state, first = parts.start.state, parts.task[0].value
     moved = first.action.joints if isinstance(first.action, Move) else ()
     issues = []
@@ -298,8 +315,12 @@ def source_of(spec: ProblemSpec, name: str, base: Path, robot: Robot) -> tuple[d
     _in_one_form(source["scene"])
     for step in source.get("task", ()):
         if "tour" in step:
+            from optiplan.problem.task.target_files import targets_data
+
             step["tour"]["targets"] = targets_data(step["tour"]["targets"], base)
         if "path" in step:
+            from optiplan.problem.seams.reading import with_points
+
             step["path"] = with_points(step["path"], base)
     digest = problem_hash(source, base, robot)
     source["robot"] = _named(spec, robot)
@@ -323,7 +344,7 @@ def _named(spec: ProblemSpec, robot: Robot) -> Any:
     return robot.reference.robot
 
 
-def _states(parts: _ProblemParts) -> list[StatedState]:
+def _states(parts: _ProblemParts) -> "list[StatedState]":
     """The start and the goals of joint values, with what each is."""
     start = [] if parts.start is None else [StatedState(("start",), parts.start, True)]
     return [*start, *(StatedState(end.place, end.value, False) for end in parts.joint_goals)]
@@ -331,7 +352,11 @@ def _states(parts: _ProblemParts) -> list[StatedState]:
 
 def _constraints(document: Document, parts: _ProblemParts, alternatives: int) -> list[Issue]:
     """Report constraints that the start, or every goal of joint values, violates, and pairs that none can hold."""
-    issues = []
+    issues: list[Issue] = []
+    if not parts.constraints:
+        return issues
+    from optiplan.problem.constraints.states import BrokenConstraint
+
     for part in parts.constraints:
         low, high = part.value.during
         kept = BrokenConstraint(part.value, parts.robot, parts.scene)

@@ -1,9 +1,9 @@
 """Read a problem from the arguments of `op.Problem`, by way of the data that a file would hold."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from optiplan.config.document import Document, plain
 from optiplan.errors import InputError, described, wrong_argument
@@ -12,20 +12,40 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem import to_data
 from optiplan.problem.builder import RobotLoader
 from optiplan.problem.from_data import read_problem
-from optiplan.problem.task.builder import task_data
-from optiplan.problem.tools.statement import tool_data, tools_data
 from optiplan.robot.reference import UNKNOWN
 from optiplan.robot.robot import Robot, load_robot
+
+if TYPE_CHECKING:
+    from optiplan.problem.constraints.expression import Expression
 
 _HERE = "<problem>"
 """Stands for the file of a problem that has none."""
 
+
+def _task(task: Any) -> Any:
+    from optiplan.problem.task.builder import task_data
+
+    return task_data(task)
+
+
+def _tools(tools: Any) -> Any:
+    from optiplan.problem.tools.statement import tools_data
+
+    return tools_data(tools)
+
+
+def _tool(tool: Any) -> Any:
+    from optiplan.problem.tools.statement import tool_data
+
+    return tool_data(tool)
+
+
 ARGUMENT_WRITERS = {
     "start": ("start", to_data.start_data),
     "goal": ("goal", to_data.goal_data),
-    "task": ("task", task_data),
-    "tools": ("tools", tools_data),
-    "tool": ("tool", tool_data),
+    "task": ("task", _task),
+    "tools": ("tools", _tools),
+    "tool": ("tool", _tool),
     "frames": ("frames", to_data.frames_data),
     "vias": ("via", to_data.via_data),
     "scene": ("scene", to_data.scene_data),
@@ -72,6 +92,16 @@ def read_arguments(robot: Any, arguments: Mapping[str, Any], labels: Mapping[str
         for statement in to_data.tool_statements(data, robot.tool_frames):
             statement.setdefault("frame", robot.tool_frame)
     return read_data(data, robot)
+
+
+def split_expressions(constraints: Any) -> "tuple[Any, list[Expression]]":
+    """Return the constraints that a file can state, and the users' own."""
+    if not isinstance(constraints, Sequence) or not constraints:
+        return constraints, []  # not a list at all is told by the reader of arguments
+    from optiplan.problem.constraints.expression import Expression
+
+    own = [one for one in constraints if isinstance(one, Expression)]
+    return ([one for one in constraints if not isinstance(one, Expression)] if own else constraints), own
 
 
 def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Mapping[str, Any]:

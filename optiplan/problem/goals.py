@@ -2,20 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.kinematics.ik.joint_wraps import endless_turns, whole_turns
-from optiplan.kinematics.ik.numeric import IkOptions, IkResult, random_seeds
-from optiplan.kinematics.ik.solve import inverse_kinematics
 from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.regions.together import joints_of, sampler_of
 from optiplan.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from optiplan.kinematics.ik.numeric import IkResult
+
 
 NoGoal = Literal["goal-unreachable", "goal-in-collision"]
 """Why no configuration is in the goal: none reaches it, or all that do are in collision."""
@@ -95,6 +96,9 @@ def _candidates(
 ) -> list[Array] | GoalSet:
     if isinstance(goal, JointGoal):
         return endless_turns(problem.robot, goal.q, problem.start)
+    from optiplan.kinematics.ik.numeric import random_seeds
+    from optiplan.problem.regions.together import joints_of
+
     robot = problem.robot
     moving = joints_of(robot, goal)
     named = [np.where(moving, q, problem.start) for q in (problem.start, *robot.configurations.values())]
@@ -113,6 +117,9 @@ def _in_region(
     options: GoalOptions,
 ) -> list[Array] | GoalSet:
     """Named configurations brought into the region, then random ones to poses drawn from it."""
+    from optiplan.kinematics.ik.numeric import IkResult
+    from optiplan.problem.regions.together import sampler_of
+
     sampler, named = sampler_of(robot, goal), seeds[0]
     found: list[Array] = []
     least = IkResult(found, named[0], np.inf, np.inf)
@@ -129,6 +136,9 @@ def _in_region(
 
 
 def _solve(robot: Robot, goal: PoseGoal, seeds: list[Array], options: GoalOptions) -> list[Array] | GoalSet:
+    from optiplan.kinematics.ik.numeric import IkOptions
+    from optiplan.kinematics.ik.solve import inverse_kinematics
+
     tolerance = IkOptions(goal.position * SHARE, goal.orientation * SHARE, options.solutions, stop=options.stop)
     if goal.orientation >= np.pi:
         tolerance = replace(tolerance, orientation=goal.orientation)
@@ -136,7 +146,7 @@ def _solve(robot: Robot, goal: PoseGoal, seeds: list[Array], options: GoalOption
     return found.solutions or _unreachable(goal, found)
 
 
-def _unreachable(goal: PoseGoal | RegionGoal | AllOfGoal, found: IkResult) -> GoalSet:
+def _unreachable(goal: PoseGoal | RegionGoal | AllOfGoal, found: "IkResult") -> GoalSet:
     where = "at the goal pose" if isinstance(goal, PoseGoal) else "in the goal region"
     if isinstance(goal, AllOfGoal):
         puts = f"puts {' and '.join(repr(part.frame) for part in goal.parts)} in their places at once"

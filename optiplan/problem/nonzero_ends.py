@@ -11,7 +11,6 @@ from optiplan.errors import Issue
 from optiplan.problem.goals_and_vias import JointGoal
 from optiplan.robot.limits import ORDERS, Limits
 from optiplan.robot.robot import Robot
-from optiplan.trajectory.timing.stopping import fastest_reached, furthest
 
 _ROUNDING = 1e-9
 """Share of a limit, and rad or m: a state that was computed may be so far beyond."""
@@ -46,6 +45,8 @@ def _beyond(document: Document, robot: Robot, limits: Limits, one: StatedState) 
 
 def _unstoppable(document: Document, robot: Robot, limits: Limits, one: StatedState) -> list[Issue]:
     """States that lead beyond a limit of velocity or position, whatever is done; of a goal, backwards in time."""
+    from optiplan.trajectory.timing.stopping import fastest_reached, furthest
+
     state = one.value.state
     forward = 1.0 if one.start else -1.0
     v = forward * state.v

@@ -14,16 +14,11 @@ from optiplan.files import write_text
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.kinematics.ik.joint_wraps import endless_turns
-from optiplan.problem import to_data
-from optiplan.problem.constraints.expression import Expression, split_expressions
-from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.free_space import FreeSpace
-from optiplan.problem.from_python import ARGUMENT_WRITERS, arguments_data, read_arguments, read_data
 from optiplan.problem.goals_and_vias import Goal, GoalEnd, JointGoal, PoseGoal, Via
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.objectives.parts import ObjectiveParts
 from optiplan.problem.regions.region import RegionGoal
-from optiplan.problem.task.steps import TaskStep
 from optiplan.problem.tools.tool import MountedTool
 from optiplan.problem.tracking_error import TrackingError, error_argument
 from optiplan.problem.write import end_words, problem_table, problem_text
@@ -33,8 +28,11 @@ from optiplan.trajectory.timing.lower_bound import lower_bounds, moving_bounds
 from optiplan.trajectory.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from optiplan.problem.constraints.expression import Expression
+    from optiplan.problem.constraints.statements import PathConstraint
     from optiplan.problem.statement import End, ViaPoint
     from optiplan.problem.task.builder import Task
+    from optiplan.problem.task.steps import TaskStep
     from optiplan.problem.tools.statement import Tool
 
 __all__ = ["Goal", "GoalEnd", "JointGoal", "Objective", "Pose", "PoseGoal", "Problem", "RegionGoal", "Via", "ViaPoint"]
@@ -107,10 +105,10 @@ class Problem(FreeSpace):
     tracking_error: Array
     wished_clearance: float
     vias: tuple[Via, ...]
-    task: tuple[TaskStep, ...]
+    task: "tuple[TaskStep, ...]"
     tools: tuple[MountedTool, ...]
     objective: Objective
-    path_constraints: tuple[PathConstraint, ...]
+    path_constraints: "tuple[PathConstraint, ...]"
     planner: str
     options: Mapping[str, Any]
     seed: int
@@ -131,7 +129,7 @@ class Problem(FreeSpace):
         vias: "Sequence[ViaPoint | Via | End]" = (),
         limits: Mapping[str, float | str] | None = None,
         objective: Objective | Mapping[str, float] | None = None,
-        path_constraints: Sequence[PathConstraint | Mapping[str, Any]] = (),
+        path_constraints: "Sequence[PathConstraint | Mapping[str, Any]]" = (),
         base: Pose | Mapping[str, Any] | None = None,
         gravity: Values | None = None,
         tracking_error: TrackingError | Array | None = None,
@@ -142,9 +140,11 @@ class Problem(FreeSpace):
         start_velocity: Values | None = None,
         start_acceleration: Values | None = None,
     ) -> None:
+        from optiplan.problem import from_python, to_data
+
         if start_velocity is not None or start_acceleration is not None:
             start = to_data.moving_start(start, start_velocity, start_acceleration)
-        in_file, expressions = split_expressions(path_constraints)
+        in_file, expressions = from_python.split_expressions(path_constraints)
         given = {"start": start, "goal": goal, "task": task, "scene": scene, "vias": vias, "limits": limits}
         given |= {"objective": objective, "path_constraints": in_file, "base": base, "gravity": gravity}
         given |= {"tracking_error": tracking_error, "tools": tools, "tool": tool, "frames": frames}
@@ -152,7 +152,7 @@ class Problem(FreeSpace):
         chosen = to_data.planner_data("trajopt" if planner is None else planner, options)
         labels = {"name": name, "seed": seed, "planner": chosen}
         stated = {key: value for key, value in given.items() if value is not None or key in needed}
-        self._set(read_arguments(robot, stated, labels))
+        self._set(from_python.read_arguments(robot, stated, labels))
         self._add_expressions(expressions)
 
     def _set(self, parts: Mapping[str, Any]) -> None:
@@ -263,11 +263,11 @@ class Problem(FreeSpace):
         """
         return self._with(scene=scene)
 
-    def with_constraint(self, constraint: PathConstraint | Mapping[str, Any]) -> "Problem":
+    def with_constraint(self, constraint: "PathConstraint | Mapping[str, Any]") -> "Problem":
         """Return the problem with one more path constraint; raises what `with_constraints` does."""
         return self.with_constraints(*self.path_constraints, constraint)
 
-    def with_constraints(self, *constraints: PathConstraint | Mapping[str, Any]) -> "Problem":
+    def with_constraints(self, *constraints: "PathConstraint | Mapping[str, Any]") -> "Problem":
         """Return the problem with these path constraints, or none: `op.OrientationCone(…)`, `op.Expression(…)`, ….
 
         Raises:
@@ -319,11 +319,6 @@ class Problem(FreeSpace):
 
     def with_parts(self, **parts: Any) -> "Problem":
         """Return the problem with several parts changed at once: `start`, `goal`, `scene` …; checked as a file is."""
-        unknown = parts.keys() - ARGUMENT_WRITERS.keys()
-        if unknown:
-            raise wrong_argument(
-                "Problem.with_parts", "part", f"'{min(unknown)}'", f"one of: {', '.join(ARGUMENT_WRITERS)}"
-            )
         return self._with(**parts)
 
     def save(self, path: Path | str) -> None:
@@ -334,6 +329,8 @@ class Problem(FreeSpace):
         Raises:
             InputError: the file cannot be written, or the problem was put together by hand.
         """
+        from optiplan.problem.constraints.expression import Expression
+
         if not self.source:
             found = "a problem that was put together by hand"
             raise wrong_argument("Problem.save", "problem", found, "one that was read, or made by op.Problem(…)")
@@ -341,14 +338,18 @@ class Problem(FreeSpace):
         if names:
             found = f"a problem with the expression '{names[0]}'"
             raise wrong_argument("Problem.save", "problem", found, "constraints that a file can hold")
-        file = path_argument("Problem.save", "path", path, "the path of a file")
         try:
-            write_text(file, problem_text(self.source))
+            write_text(path_argument("Problem.save", "path", path, "the path of a file"), problem_text(self.source))
         except OSError as error:
             found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
             raise wrong_argument("Problem.save", "path", found, "a file that can be written") from None
 
     def _with(self, **changes: Any) -> "Problem":
+        from optiplan.problem.from_python import ARGUMENT_WRITERS, arguments_data, read_data, split_expressions
+
+        if unknown := changes.keys() - ARGUMENT_WRITERS.keys():
+            expected = f"one of: {', '.join(ARGUMENT_WRITERS)}"
+            raise wrong_argument("Problem.with_parts", "part", f"'{min(unknown)}'", expected)
         if self.source:
             constraints, expressions = split_expressions(changes.get("path_constraints", self.path_constraints))
             if "path_constraints" in changes:
@@ -360,9 +361,8 @@ class Problem(FreeSpace):
         if {"base", "gravity"} & changes.keys():
             raise wrong_argument("Problem", "problem", "a problem that was put together by hand", "one with a source")
         if "start" in changes:
-            start = (
-                changes["start"] if isinstance(changes["start"], State) else State(changes["start"], robot=self.robot)
-            )
+            said = changes["start"]
+            start = said if isinstance(said, State) else State(said, robot=self.robot)
             changes |= {"start": start.q, "start_velocity": start.v, "start_acceleration": start.a}
         if "limits" in changes:
             changes["limits"] = self.robot.limits.scaled(**changes["limits"])
@@ -372,7 +372,7 @@ class Problem(FreeSpace):
             changes["tracking_error"] = error_argument("Problem", self.robot, changes["tracking_error"])
         return derived(self, **changes)
 
-    def _add_expressions(self, expressions: Sequence[Expression]) -> None:
+    def _add_expressions(self, expressions: "Sequence[Expression]") -> None:
         """Add users' constraints, which no file holds: they are part of the hash, and `source` does not show them."""
         if not expressions:
             return

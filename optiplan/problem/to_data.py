@@ -14,7 +14,6 @@ from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import shape_data
-from optiplan.problem.constraints.statements import KINDS
 from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.schema.joint_names import ends_of
 from optiplan.problem.statement import end_data, is_configuration, via_point_data
@@ -113,6 +112,8 @@ def _one_constraint_data(one: Any, function: str, argument: str) -> dict[str, An
     Raises:
         InputError: no constraint, or one of values of other types, about this argument of a function.
     """
+    from optiplan.problem.constraints.statements import KINDS
+
     if isinstance(one, Mapping):
         return dict(plain(one))
     kinds = tuple(KINDS.values())

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +12,6 @@ from optiplan.config.document import Document
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue, UnknownChoiceError
-from optiplan.robot.default_group import longest_chain
 from optiplan.robot.mimic_joints import Mimic, MimicError, fold
 from optiplan.robot.spec import MecanumSpec, RobotSpec
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies
@@ -21,8 +21,7 @@ TURNING, SLIDING = ("revolute", "continuous"), ("prismatic",)
 MOVABLE = (*TURNING, *SLIDING)
 
 
-@dataclass(frozen=True)
-class Reduced:
+class Reduced(NamedTuple):
     """The robot with all joints fixed except the planned ones and their followers.
 
     `model` has the planned joints as its degrees of freedom, `plain` the followers as well. `followers` gives the
@@ -76,7 +75,7 @@ def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: 
     if spec.group is None and not spec.groups:
         if not movable:
             raise InputError([document.issue((), f"a robot without movable joints in {urdf.path}", "at least one")])
-        chosen_joints = tuple(movable if spec.dh is not None else longest_chain(model, urdf, movable))
+        chosen_joints = tuple(movable if spec.dh is not None else _longest_chain(model, urdf, movable))
         return Group(None, chosen_joints, chosen_joints, chosen_joints != tuple(movable))
     unnamed = spec.group if isinstance(spec.group, list) else None
     lists: list[tuple[Place, list[str]]] = [] if unnamed is None else [(("group",), unnamed)]
@@ -90,6 +89,12 @@ def planned_joints(spec: RobotSpec, document: Document, urdf: UrdfSource, name: 
     chosen = name or (spec.group if isinstance(spec.group, str) else next(iter(spec.groups)))
     joints = {joint for one in names or [chosen] for joint in spec.groups[one]}
     return Group(chosen, tuple(joint for joint in movable if joint in joints), listed)
+
+
+def _longest_chain(model: pin.Model, urdf: UrdfSource, movable: list[str]) -> list[str]:
+    from optiplan.robot.default_group import longest_chain
+
+    return longest_chain(model, urdf, movable)
 
 
 def mecanum_base(spec: RobotSpec, document: Document, planned: Sequence[str], urdf: UrdfSource) -> MecanumSpec | None:

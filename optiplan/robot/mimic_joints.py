@@ -6,6 +6,7 @@ Pinocchio's derivatives of inverse dynamics do not support such joints; `unfold`
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -123,8 +124,7 @@ def turning(model: pin.Model) -> Flags:
     return np.asarray(np.linalg.norm(screws(model)[:, 3:], axis=1) > 0.5)
 
 
-@dataclass(frozen=True, eq=False)
-class Unfolded:
+class Unfolded(NamedTuple):
     """A model without followers, of J joints, behind one of n: q_J = A q + b, v_J = A v, and tau = A^T tau_J.
 
     Its joints are in depth-first order, which pinocchio's derivatives and mass matrices require.

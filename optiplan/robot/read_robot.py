@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +17,6 @@ from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError
 from optiplan.files import bound, read_bytes
 from optiplan.robot.description_files import read_sources
-from optiplan.robot.dh.table import DhTable
 from optiplan.robot.given_configurations import wrong_names
 from optiplan.robot.joint_groups import Group, Reduced, mecanum_base, planned_joints, reduce_to
 from optiplan.robot.limits import Limits, build_limits
@@ -28,6 +27,10 @@ from optiplan.robot.self_collision.pairs import Locked, declared_pairs, set_pair
 from optiplan.robot.spec import MecanumSpec, RobotSpec
 from optiplan.robot.urdf.reader import UrdfSource
 from optiplan.robot.urdf.srdf import LinkPair, Srdf
+
+if TYPE_CHECKING:
+    from optiplan.robot.dh.table import DhTable
+
 
 _TOOL = re.compile(
     r"(^|_)(tcp|tool0|grasp(ing)?(_frame|_link)?|end_effector|eef?|attachment|pinch)($|_)", re.IGNORECASE
@@ -54,7 +57,7 @@ class RobotParts:
     allowed: Mapping[LinkPair, str] = field(default_factory=dict)
     files: tuple[Path, ...] = ()
     fingerprint: str = ""
-    dh: DhTable | None = None
+    dh: "DhTable | None" = None
     group: str | None = None
     groups: Mapping[str, Sequence[str]] = field(default_factory=dict)
     tool_frames: Mapping[str, str] = field(default_factory=dict)

@@ -3,16 +3,19 @@
 import functools
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from optiplan.config.document import Document
+from optiplan.config.document import Document, read_yaml
 from optiplan.errors import UnknownChoiceError
 from optiplan.resources import robots_dir
 
 DESCRIPTION = "<robot>"
 """Stands for the robot.yaml of a robot that has none."""
+
+ROBOTS = "robots"
+"""Key of several robots side by side."""
 
 
 @dataclass(frozen=True)
@@ -88,3 +91,12 @@ def referred(document: Document, ref: str | Mapping[str, Any]) -> str | Mapping[
     if isinstance(ref, Mapping):
         return dict(document.data)
     return ref if ref in robot_names() else str(document.path)
+
+
+def several_robots(ref: str | Mapping[str, Any], base: Path | None) -> Document | None:
+    """Return the robot.yaml of `ref` if it has several robots; None for one robot."""
+    if isinstance(ref, Mapping):
+        made = description(ref, base)  # which gives it the name that an inline robot has
+        return replace(made, data={"version": 1, **ref}) if ROBOTS in ref else None
+    document = read_yaml(robot_file(ref, base).resolve())
+    return document if isinstance(document.data, dict) and ROBOTS in document.data else None

@@ -26,14 +26,12 @@ from optiplan.robot.loaded_robots import LoadedRobots
 from optiplan.robot.mimic_joints import held_model, turning
 from optiplan.robot.mounting import Mounting
 from optiplan.robot.read_robot import RobotParts, read_robot
-from optiplan.robot.reference import DESCRIPTION, Reference, robot_file, robot_names
+from optiplan.robot.reference import DESCRIPTION, Reference, robot_file, robot_names, several_robots
 from optiplan.robot.self_collision.pair_bounds import LocalBox, local_box
 from optiplan.robot.self_collision.pair_survey import PairSurvey, survey_pairs
 from optiplan.robot.self_collision.pairs import PROVED, set_pairs
-from optiplan.robot.side_by_side import load_arms, read_side_by_side, several_robots
 
 __all__ = ["DESCRIPTION", "Limits", "Reference", "Robot", "load_robot", "robot_file", "robot_names"]
-
 
 _MOST_MOUNTED = 4
 """Bases and loads for which one robot is kept."""
@@ -129,6 +127,8 @@ class Robot(RobotParts):
             >>> op.Robot.side_by_side(arms).n
             12
         """
+        from optiplan.robot.side_by_side import load_arms
+
         return load_arms(robots, keys, load_robot)
 
     @property
@@ -150,13 +150,10 @@ class Robot(RobotParts):
     @cached_property
     def whole_turns(self) -> npt.NDArray[np.bool_]:
         """Which planned joints, (n,), return every link to its place after a whole turn: followers turn wholly too."""
-        names = self.model.names[1:]
-        sliding = {name for name, revolute in zip(names, turning(self.model), strict=True) if not revolute}
-        broken = {
-            mimic.source
-            for name, mimic in self.followers.items()
-            if name in sliding or not float(mimic.multiplier).is_integer()
-        }
+        turns = zip(self.model.names[1:], turning(self.model), strict=True)
+        sliding = {name for name, revolute in turns if not revolute}
+        follow = self.followers.items()
+        broken = {one.source for name, one in follow if name in sliding or not float(one.multiplier).is_integer()}
         return np.asarray(self.revolute & np.array([name not in broken for name in self.joint_names]))
 
     @cached_property
@@ -411,9 +408,12 @@ def load_robot(
     key, began = _loaded.key(ref, base, locked, group), _loaded.now()
     robot = _loaded.get(key)
     if robot is None:
-        arms = several_robots(ref, base)
-        given = (ref, base, locked, group)
-        parts = read_robot(*given) if arms is None else read_side_by_side(arms, locked, group, load_robot)
+        if (arms := several_robots(ref, base)) is None:
+            parts = read_robot(ref, base, locked, group)
+        else:
+            from optiplan.robot.side_by_side import read_side_by_side
+
+            parts = read_side_by_side(arms, locked, group, load_robot)
         robot = Robot(**vars(parts))
         _loaded.keep(key, robot, began)
     return robot

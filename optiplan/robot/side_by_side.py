@@ -7,7 +7,7 @@ arms are checked like any others.
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
@@ -18,7 +18,7 @@ import pinocchio as pin
 from pydantic import Field
 
 from optiplan import cache
-from optiplan.config.document import Document, Strict, plain, read_yaml, validate
+from optiplan.config.document import Document, Strict, plain, validate
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.config.values import FileName, FileVersion, Name
@@ -28,7 +28,7 @@ from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.robot.limits import Limits
 from optiplan.robot.mimic_joints import Mimic
 from optiplan.robot.read_robot import RobotParts
-from optiplan.robot.reference import DESCRIPTION, Reference, description, robot_file
+from optiplan.robot.reference import DESCRIPTION, ROBOTS, Reference
 from optiplan.robot.self_collision.pair_survey import survey_pairs
 from optiplan.robot.self_collision.pairs import PROVED, fixed_pairs, set_pairs
 from optiplan.robot.spec import MecanumSpec
@@ -38,7 +38,6 @@ from optiplan.robot.urdf.srdf import LinkPair, link_pair
 if TYPE_CHECKING:
     from optiplan.robot.robot import Robot
 
-KEY = "robots"
 ALL = "all"
 """The group of the joints of all arms."""
 ROOT = "common_base"
@@ -54,7 +53,7 @@ class ArmSpec(Strict):
     """One of several robots: `use`, as `robot` of a problem, and the pose of its root in the frame of the whole."""
 
     use: FileName | dict[str, Any]
-    base: PoseSpec = PoseSpec()
+    base: PoseSpec = PoseSpec.model_construct()
 
 
 class SideBySideSpec(Strict):
@@ -82,15 +81,6 @@ class _Arm(NamedTuple):
         return f"{self.name}/{name}"
 
 
-def several_robots(ref: str | Mapping[str, Any], base: Path | None) -> Document | None:
-    """Return the robot.yaml of `ref` if it has several robots; None for one robot."""
-    if isinstance(ref, Mapping):
-        made = description(ref, base)  # which gives it the name that an inline robot has
-        return replace(made, data={"version": 1, **ref}) if KEY in ref else None
-    document = read_yaml(robot_file(ref, base).resolve())
-    return document if isinstance(document.data, dict) and KEY in document.data else None
-
-
 def load_arms(robots: Any, keys: Mapping[str, Any], load: "Callable[..., Robot]") -> "Robot":
     """Load the robots of `Robot.side_by_side`; errors are about its arguments.
 
@@ -100,11 +90,11 @@ def load_arms(robots: Any, keys: Mapping[str, Any], load: "Callable[..., Robot]"
     function = "Robot.side_by_side"
     if not isinstance(robots, Mapping):
         expected = "arms by name, such as {'left': {'use': 'panda', 'base': op.Pose(…)}, 'right': …}"
-        raise wrong_argument(function, KEY, described(robots), expected)
+        raise wrong_argument(function, ROBOTS, described(robots), expected)
     if unknown := [key for key in keys if key not in ("group", "locked")]:
         raise wrong_argument(function, unknown[0], "an argument that there is not", "`group` or `locked`")
     try:
-        return load({KEY: {str(name): _arm_data(str(name), arm, function) for name, arm in robots.items()}}, **keys)
+        return load({ROBOTS: {str(name): _arm_data(str(name), arm, function) for name, arm in robots.items()}}, **keys)
     except UnknownChoiceError as error:
         raise wrong_argument(function, error.kind, f"'{error.found}'", choices(error.found, error.choices)) from None
     except InputError as error:
@@ -118,13 +108,15 @@ def _arm_data(name: str, arm: Any, function: str) -> dict[str, Any]:
     if isinstance(ref, Reference):
         if ref.robot == "" or ref.group is not None or ref.locked or use.tool_frame != ref.tool_frame:
             found = f"a robot {use.name} with a group, locked joints or tool of its own"
-            raise wrong_argument(function, f"{KEY}[{name!r}]", found, "one as its files say; `group` is of the whole")
+            raise wrong_argument(
+                function, f"{ROBOTS}[{name!r}]", found, "one as its files say; `group` is of the whole"
+            )
         said["use"] = ref.robot
     elif isinstance(use, str | Path) and Path(use).suffix.lower() == ".urdf":
         said["use"] = {"urdf": use}
     elif not isinstance(use, str | Path | Mapping):
         expected = "op.load_robot(…), the name of a robot or the path of a robot.yaml"
-        raise wrong_argument(function, f"{KEY}[{name!r}]", described(use), expected)
+        raise wrong_argument(function, f"{ROBOTS}[{name!r}]", described(use), expected)
     if isinstance(base, pin.SE3):
         said["base"] = pose_to_data(base)
     elif isinstance(base, Pose):
@@ -200,7 +192,7 @@ def read_side_by_side(
         },
         over_cover=_merged(arms, lambda robot: robot.over_cover),
         mecanum=_mecanum(document, arms),
-        reference=Reference({KEY: entries} if inline else str(document.path), group, wanted, tool),
+        reference=Reference({ROBOTS: entries} if inline else str(document.path), group, wanted, tool),
     )
 
 
@@ -215,7 +207,7 @@ def _loaded(document: Document, name: str, spec: SideBySideSpec, load: "Callable
 
 def _about(document: Document, name: str, made: Callable[[], T]) -> T:
     """Return what is made of an arm; what is wrong with it is reported at its place in the document."""
-    place: Place = (KEY, name, "use")
+    place: Place = (ROBOTS, name, "use")
     try:
         return made()
     except UnknownChoiceError as error:
@@ -233,7 +225,7 @@ def _placed(document: Document, name: str, issue: Issue) -> Issue:
     if issue.path[:1] == ("locked",) and len(issue.path) == 2:
         return document.issue(("locked", f"{name}/{issue.path[1]}"), issue.found, issue.expected)
     if Path(issue.file).name == DESCRIPTION:
-        return document.issue((KEY, name, "use", *issue.path), issue.found, issue.expected)
+        return document.issue((ROBOTS, name, "use", *issue.path), issue.found, issue.expected)
     return issue
 
 
@@ -347,7 +339,7 @@ def _refuse_meeting_bases(document: Document, arms: Sequence[_Arm]) -> None:
         if meeting:
             a, b = meeting[0]
             found = f"a base that collides with that of {one.name}: {one.of(a.name)} and {other.of(b.name)}"
-            issues.append(document.issue((KEY, other.name, "base"), found, "bases that are apart"))
+            issues.append(document.issue((ROBOTS, other.name, "base"), found, "bases that are apart"))
     if issues:
         raise InputError(issues)
 
@@ -374,7 +366,7 @@ def _mecanum(document: Document, arms: Sequence[_Arm]) -> MecanumSpec | None:
     wheeled = [arm for arm in arms if arm.robot.mecanum is not None]
     if len(wheeled) > 1:
         found = f"{' and '.join(arm.name for arm in wheeled)}, which both have mecanum wheels"
-        raise InputError([document.issue((KEY,), found, "at most one robot with `mecanum`")])
+        raise InputError([document.issue((ROBOTS,), found, "at most one robot with `mecanum`")])
     specs = [(arm, arm.robot.mecanum) for arm in wheeled if arm.robot.mecanum is not None]
     return next(
         (spec.model_copy(update={"joints": [arm.of(joint) for joint in spec.joints]}) for arm, spec in specs), None

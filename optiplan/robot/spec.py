@@ -1,13 +1,13 @@
 """The keys of a `robot.yaml`."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
 from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Number, Strict
 from optiplan.config.values import FileVersion
-from optiplan.robot.dh.spec import DhSpec, Length, Name
+from optiplan.robot.values import Length, Name
 
 Treatment = Literal["auto", "hull", "mesh", "convex_pieces"]
 PerJoint = Number | list[Number] | dict[Name, Number]
@@ -52,13 +52,19 @@ class MecanumSpec(Strict):
     half_track: Length
 
 
+def _dh() -> Any:
+    from optiplan.robot.dh.spec import DhSpec
+
+    return DhSpec | None
+
+
 class RobotSpec(Strict):
     """A robot.yaml: required are the first two keys, and one of `urdf` and `dh`."""
 
     version: FileVersion
     name: Name
     urdf: Name | PackageSource | None = None
-    dh: Annotated[DhSpec | None, BuiltLater()] = None
+    dh: Annotated[Any, BuiltLater(_dh)] = None
     srdf: Name | None = None
     group: list[Name] | Name | None = None
     groups: dict[Name, list[Name]] = Field(default={})
@@ -68,7 +74,7 @@ class RobotSpec(Strict):
     configurations: dict[Name, list[Number] | dict[Name, Number]] = Field(default={})
     configurations_deg: dict[Name, list[Number] | dict[Name, Number]] = Field(default={})
     mecanum: MecanumSpec | None = None
-    limits: LimitsSpec = LimitsSpec()
+    limits: LimitsSpec = LimitsSpec.model_construct()
     collision: Treatment | Literal["none"] | CollisionSpec = "auto"
     allowed_collisions: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = Field(default=[])
 

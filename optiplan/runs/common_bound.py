@@ -8,8 +8,6 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.problem.goals import listed_ends
 from optiplan.problem.problem import JointGoal, Problem
-from optiplan.problem.task.arms import in_task_order, joints_of_arms, several_arms, steps_of_arms
-from optiplan.problem.task.tour_steps import in_order
 from optiplan.runs.run import SMALLEST_BOUND
 from optiplan.trajectory.segments import RESTING, TOUR, Segment
 from optiplan.trajectory.state import State
@@ -60,6 +58,9 @@ def duration_bound(problem: Problem, trajectory: Trajectory) -> float:
     """
     if not problem.task:
         return float(problem.lower_bounds([trajectory.end])[0])
+    from optiplan.problem.task.arms import in_task_order, joints_of_arms, several_arms, steps_of_arms
+    from optiplan.problem.task.tour_steps import in_order
+
     segments, of_arms = in_task_order(problem.task, trajectory.segments), steps_of_arms(problem.task)
     columns = joints_of_arms(problem.task, problem.robot.joint_names)
     if not several_arms(problem.task):

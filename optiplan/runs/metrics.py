@@ -11,10 +11,9 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ROWS, ToolKinematics, yoshikawa
-from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.objectives.objective import part_unit
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.timeline import mismatch, scene_parts
+from optiplan.problem.task.scene_part import whole_motion
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
@@ -79,9 +78,16 @@ class Metrics:
 def measure(problem: Problem, trajectory: Trajectory, report: Report) -> Metrics | None:
     """Measure a trajectory; None when it does not move the joints of the problem's robot, or not as its task says."""
     robot = problem.robot
-    if trajectory.joint_names != robot.joint_names or (problem.task and mismatch(problem, trajectory)):
+    if trajectory.joint_names != robot.joint_names:
         return None
-    motions = [(part.problem.robot, part.motion(trajectory)) for part in scene_parts(problem, trajectory)]
+    scenes = [whole_motion(problem, trajectory)]
+    if problem.task:
+        from optiplan.problem.task.timeline import mismatch, scene_parts
+
+        if mismatch(problem, trajectory):
+            return None
+        scenes = scene_parts(problem, trajectory)
+    motions = [(part.problem.robot, part.motion(trajectory)) for part in scenes]
     parts = [_Instant(loaded, motion) for loaded, motion in motions]
     integrals = sum((integral(part, motion) for part, (_, motion) in zip(parts, motions, strict=True)), np.zeros(1))
     squared = integrals[3:] / trajectory.duration
@@ -228,6 +234,8 @@ def peak_wheel_rates(robot: Robot, trajectory: Trajectory) -> dict[str, float] |
 
     Holds at: 8 samples a panel, at whose ends the pieces begin and end.
     """
+    from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
+
     if robot.mecanum is None:
         return None
     a, b = panels(trajectory)

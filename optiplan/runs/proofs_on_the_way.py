@@ -1,7 +1,7 @@
 """Motions that a planner finds, proved before the planner goes on."""
 
 import time
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from optiplan.libraries import clock
 from optiplan.planners.base import Budget, Progress, announce
@@ -14,8 +14,7 @@ SHARE = 0.1
 """Of the time since the first proof, that further ones may take on the way."""
 
 
-@dataclass(frozen=True, eq=False)
-class Verdict:
+class Verdict(NamedTuple):
     """The report on a motion.
 
     Attributes:

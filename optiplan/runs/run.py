@@ -12,18 +12,17 @@ from typing import TYPE_CHECKING, Any
 import optiplan
 from optiplan._core import variant
 from optiplan.errors import path_argument, wrong_argument
-from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.planners.base import Failure
 from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import Metrics
 from optiplan.trajectory.segments import segment_data
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.bounds.duration_bound import DurationBound
 from optiplan.verify.report import Report
 from optiplan.verify.verify import verify
 
 if TYPE_CHECKING:
     from optiplan.runs.export import Exported
+    from optiplan.verify.bounds.duration_bound import DurationBound
 
 LIBRARIES = ("numpy", "scipy", "pin", "coal", "ompl", "piqp", "qpsolvers", "ruckig", "trimesh", "coacd")
 """Distributions whose version can change a result; recorded with every run."""
@@ -71,7 +70,7 @@ class Run:
     info: Mapping[str, Any] = field(default_factory=dict)
     improvements: tuple[tuple[float, float], ...] = ()
     plan_cpu: float | None = None
-    proved_bound: DurationBound | None = None
+    proved_bound: "DurationBound | None" = None
 
     @property
     def verified(self) -> bool:
@@ -196,6 +195,8 @@ class Run:
 
     def more_samples(self, rate: float) -> dict[str, Any]:
         """Return the rates of mecanum wheels, `wheels` (k, 4), rad/s, at the times of `trajectory.json`."""
+        from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
+
         if self.trajectory is None or self.problem.robot.mecanum is None:
             return {}
         t = self.trajectory.sample_times(rate)

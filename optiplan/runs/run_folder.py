@@ -14,7 +14,6 @@ from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue
 from optiplan.files import flush, read_bytes, replacing
 from optiplan.trajectory.given_files import SAMPLES, GivenFiles
-from optiplan.trajectory.sample_file import read_samples, samples_from_dict
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
 
@@ -134,6 +133,8 @@ def load_run(place: Path | str, joint_names: Sequence[str] | None = None) -> Sto
 
 def _with_motion(run: StoredRun, file: Path, joint_names: Sequence[str] | None) -> StoredRun:
     """Return the run with the motion of a trajectory file: its pieces, else its interpolated samples."""
+    from optiplan.trajectory.sample_file import read_samples, samples_from_dict
+
     if file.suffix.lower() == ".csv":
         samples = read_samples(file, joint_names)
     else:

@@ -115,9 +115,9 @@ class StudySpec(Strict):
     changes: Annotated[dict[Name, Change], Field(min_length=1)]
     support: SupportSpec | None = None
     tasks: list[FileName | dict[str, Any]] = Field(default=[])
-    states: StatesSpec = StatesSpec()
+    states: StatesSpec = StatesSpec.model_construct()
     maximise: list[Name] = Field(default=[])
     minimise: list[Name] = Field(default=[])
     require: dict[Name, RequiredSpec] = Field(default={})
-    search: SearchSpec = SearchSpec()
-    proof: ProofSpec = ProofSpec()
+    search: SearchSpec = SearchSpec.model_construct()
+    proof: ProofSpec = ProofSpec.model_construct()

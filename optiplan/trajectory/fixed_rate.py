@@ -4,7 +4,7 @@ from math import ceil, factorial
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, distinct
 from optiplan.trajectory.from_samples import from_samples
 from optiplan.trajectory.paths.hermite import hermite_trajectory
 from optiplan.trajectory.tolerances import SAME_TIME
@@ -48,7 +48,7 @@ def interpolation_errors(trajectory: Trajectory, t: Array) -> dict[str, Array]:
 
 def difference(a: Trajectory, b: Trajectory) -> Trajectory:
     """Return a - b, motions of the same joints and duration, on the breakpoints of both."""
-    merged = np.union1d(a.breakpoints, b.breakpoints[:-1])
+    merged = distinct(np.append(a.breakpoints, b.breakpoints[:-1]))
     apart = np.diff(merged, prepend=-np.inf) > SAME_TIME * a.duration
     breakpoints = merged[apart]
     size = max(a.coefficients.shape[1], b.coefficients.shape[1])

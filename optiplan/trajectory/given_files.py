@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from optiplan.trajectory.sample_file import Samples, samples_from_dict
+if TYPE_CHECKING:
+    from optiplan.trajectory.sample_file import Samples
+
 
 SAMPLES = frozenset({"t", "q", "v", "a"})
 """Keys of `trajectory.json` that are compared with the pieces; they are the motion only where it has none."""
@@ -23,7 +25,7 @@ class GivenFiles:
         record: `run.json` as parsed; empty where there is none.
     """
 
-    samples: Samples | None = None
+    samples: "Samples | None" = None
     motion: Mapping[str, Any] = field(default_factory=dict)
     record: Mapping[str, Any] = field(default_factory=dict)
 
@@ -34,5 +36,7 @@ class GivenFiles:
         Raises:
             InputError: samples that cannot be read, naming `file`.
         """
+        from optiplan.trajectory.sample_file import samples_from_dict
+
         samples = samples_from_dict(motion, file) if SAMPLES & motion.keys() else None
         return cls(samples, motion, record)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, distinct
 from optiplan.geometry.obstacle_motion import ObstacleMotion
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
@@ -47,7 +47,7 @@ def with_obstacles(trajectory: Trajectory, motions: Sequence[ObstacleMotion]) ->
     if not motions:
         return trajectory
     stops = {motion.until for motion in motions if 0.0 < motion.until < trajectory.duration}
-    breakpoints = np.union1d(trajectory.breakpoints, sorted(stops))
+    breakpoints = distinct(np.append(trajectory.breakpoints, sorted(stops)))
     columns = [_coefficients_between(trajectory, breakpoints)]
     columns += [np.swapaxes(motion.from_times(breakpoints[:-1]), 1, 2) for motion in motions]
     names = [f"obstacle {k} row {row}" for k, motion in enumerate(motions) for row in range(motion.size)]
@@ -69,7 +69,7 @@ def beside_each_other(motions: Sequence[tuple[Sequence[int], Trajectory]], joint
     """Return the motion of all joints of motions that last equally long, each of some columns of its own; exact."""
     breakpoints = motions[0][1].breakpoints
     for _, motion in motions[1:]:
-        breakpoints = np.union1d(breakpoints, motion.breakpoints)
+        breakpoints = distinct(np.append(breakpoints, motion.breakpoints))
     pieces = _of_one_degree([_coefficients_between(motion, breakpoints) for _, motion in motions])
     coefficients = np.zeros((*pieces[0].shape[:2], len(joint_names)))
     for (columns, _), own in zip(motions, pieces, strict=True):

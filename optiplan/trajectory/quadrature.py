@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, distinct
 from optiplan.trajectory.trajectory import Trajectory
 
 _NODES, _WEIGHTS = np.array(  # of nine points on [0, 1] (Kronrod); every second node is one of the four of Gauss
@@ -30,8 +30,10 @@ _PANELS = 22  # least number per motion: a kink between their points is negligib
 _HALVINGS = 14  # at most, of a panel: speed has kinks where the tool stands still
 _MOST_PANELS = 20_000  # panels at a time; beyond that the integral is not refined further
 
-_FIVE, _FIVE_WEIGHTS = np.polynomial.legendre.leggauss(5)  # on [-1, 1]
-_FIVE, _FIVE_WEIGHTS = 0.5 * (_FIVE + 1.0), 0.5 * _FIVE_WEIGHTS  # on [0, 1]
+_OUTER, _INNER = 0.906179845938664, 0.5384693101056831  # what `leggauss(5)` of NumPy returns, on [-1, 1]
+_OUTER_WEIGHT, _INNER_WEIGHT, _MIDDLE_WEIGHT = 0.23692688505618928, 0.4786286704993663, 0.5688888888888887
+_FIVE = 0.5 * (np.array([-_OUTER, -_INNER, 0.0, _INNER, _OUTER]) + 1.0)  # on [0, 1]
+_FIVE_WEIGHTS = 0.5 * np.array([_OUTER_WEIGHT, _INNER_WEIGHT, _MIDDLE_WEIGHT, _INNER_WEIGHT, _OUTER_WEIGHT])
 _FIXED_PANELS = 64  # least number per motion, of five points each
 
 
@@ -44,7 +46,7 @@ class Points(NamedTuple):
 
 def gauss_points(trajectory: Trajectory) -> Points:
     """Return five points of Gauss and Legendre in each of at least 64 panels, which end at breakpoints."""
-    edges = np.union1d(trajectory.breakpoints, np.linspace(0.0, trajectory.duration, _FIXED_PANELS + 1))
+    edges = distinct(np.append(trajectory.breakpoints, np.linspace(0.0, trajectory.duration, _FIXED_PANELS + 1)))
     width = np.diff(edges)
     return Points((edges[:-1, None] + width[:, None] * _FIVE).ravel(), (width[:, None] * _FIVE_WEIGHTS).ravel())
 

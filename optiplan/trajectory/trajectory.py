@@ -10,7 +10,6 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array, Index
 from optiplan.errors import InputError, Issue, described
-from optiplan.figure_style import element_of, line_style, sheet, styled
 from optiplan.trajectory import bspline, polynomial
 from optiplan.trajectory.pieces import defect, read_pieces
 from optiplan.trajectory.segments import Segment, read_segments, segment_data
@@ -104,6 +103,8 @@ class Trajectory:
 
     def _repr_html_(self) -> str:
         """The curves of the joints, for notebooks."""
+        from optiplan.figure_style import element_of, line_style, sheet, styled
+
         t = np.linspace(0.0, self.duration, _CURVE)
         with styled():
             figure = sheet(2.6)

@@ -95,7 +95,7 @@ def _deepest(model: CollisionModel, met: Moment) -> Moment:
     names = met.pair if found is None else (found.pair.name_a, found.pair.name_b)
     if found is None or names == met.pair or found.distance >= met.distance:
         return met
-    return replace(met, distance=found.distance, pair=names, points=np.array([found.point_a, found.point_b]))
+    return met._replace(distance=found.distance, pair=names, points=np.array([found.point_a, found.point_b]))
 
 
 def _finite(value: float) -> float | None:

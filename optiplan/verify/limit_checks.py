@@ -1,7 +1,7 @@
 """Checks other than collision: each function takes (problem, trajectory, policy) and returns a `Check`."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,8 +14,9 @@ from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.pieces import Defect, defect
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.polynomial_bounds import prove_bounds
+from optiplan.verify.continuous.torque import torque
 from optiplan.verify.report import Check, VerifyPolicy
-from optiplan.verify.statements import covering, tube
+from optiplan.verify.statements import covering, masses, tube
 from optiplan.verify.tolerances import POSITION_ROUNDING
 
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
@@ -245,8 +246,7 @@ def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: 
     return found if found.passed or found.detail or order < 3 else replace(found, detail=_LIFTED.removeprefix("; "))
 
 
-@dataclass(frozen=True, eq=False)
-class _Between:
+class _Between(NamedTuple):
     """Bounds of the derivative of this order, and the largest rounding of a sum of its terms that is let pass: (n,)."""
 
     order: int
@@ -294,3 +294,8 @@ def _worst(value: Array, allowed: Array) -> tuple[int, ...]:
         ratio = value / allowed
     ratio[np.isnan(ratio)] = 0.0
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(ratio)), value.shape))
+
+
+def loaded_torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
+    """Check torques, of the masses too that the robot of the problem carries."""
+    return covering(torque(problem, trajectory, policy), "limits.torque", *masses(problem.scene, problem.robot))

@@ -12,8 +12,6 @@ from optiplan.problem.problem import Problem
 from optiplan.robot.mounting import GRAVITY
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import FILE, count_reasons, reasons_in_words
-from optiplan.verify.constraint_check import in_tube
-from optiplan.verify.joint_constraint_check import title
 from optiplan.verify.report import Check
 from optiplan.verify.safety_words import safety_scope
 
@@ -49,6 +47,9 @@ def _tube(problem: Problem, checks: Sequence[Check]) -> list[str]:
     error, revolute = problem.tracking_error, problem.robot.revolute
     if not error.any():
         return []
+    from optiplan.verify.constraint_check import in_tube
+    from optiplan.verify.joint_constraint_check import title
+
     sizes = [
         f"{values.min():.4g}{'' if values.min() == values.max() else f' to {values.max():.4g}'} {unit}"
         for unit, values in (("rad", error[revolute]), ("m", error[~revolute]))

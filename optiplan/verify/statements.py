@@ -2,18 +2,18 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 from optiplan.geometry.scene import Attachment, Scene
 from optiplan.problem.problem import Problem
-from optiplan.problem.seams.actions import Passing, SeamPart, Transit
-from optiplan.problem.task.arms import several_arms
-from optiplan.problem.task.choices import choices_of
-from optiplan.problem.task.rides import WaitUntil
-from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Dwell, Move, StraightLine, TargetTour, TaskStep
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 from optiplan.verify.report import Check
+
+if TYPE_CHECKING:
+    from optiplan.problem.task.steps import Move, StraightLine, TaskStep
+
 
 MOST_NAMED = 6
 """Statements without a check that a report names."""
@@ -47,10 +47,10 @@ def statements(problem: Problem) -> Iterator[str]:
             yield name
 
 
-def steps(k: int, step: TaskStep) -> list[str]:
+def steps(k: int, step: "TaskStep") -> list[str]:
     """Return the statements of step k of a task."""
-    kind = type(step.action)
-    own = _OF_ACTIONS[kind](step.action) if kind in _OF_ACTIONS else [kind.__name__]
+    kind, known = type(step.action), _of_actions()
+    own = known[kind](step.action) if kind in known else [kind.__name__]
     constraints = [constraint(i, step_place(k)) for i in range(len(step.constraints))]
     waits = [f"wait[{number}]" for number in step.waits]
     rides = [] if step.ride is None else ["ride"]
@@ -59,21 +59,27 @@ def steps(k: int, step: TaskStep) -> list[str]:
 
 def arms(problem: Problem) -> list[str]:
     """Return the statement that arms beside each other stand still between their steps."""
+    from optiplan.problem.task.arms import several_arms
+
     return ["task.arms"] if several_arms(problem.task) else []
 
 
 def tours(problem: Problem) -> list[str]:
     """Return the statements of the orders of tours, by the numbers of their steps."""
+    from optiplan.problem.task.steps import TargetTour
+
     return [tour(step) for step in problem.task if isinstance(step.action, TargetTour)]
 
 
-def tour(step: TaskStep) -> str:
+def tour(step: "TaskStep") -> str:
     """Return the statement that the targets of a tour are visited in an order as stated."""
     return f"tour of step {step.number}"
 
 
 def choices(problem: Problem) -> list[str]:
     """Return the statements that of the alternatives of each choice one is done."""
+    from optiplan.problem.task.choices import choices_of
+
     return [choice(number) for number in choices_of(problem.task)]
 
 
@@ -140,6 +146,10 @@ def _scene(problem: Problem) -> list[str]:
     return bodies + moving + heavy + safety(scene) + unknown
 
 
+def _task(problem: Problem) -> list[str]:
+    return [*(one for k, step in enumerate(problem.task) for one in steps(k, step)), *arms(problem)]
+
+
 _OF_SCENE = frozenset({"obstacles", "attached", "allowed", "safety"})
 """Fields of a scene that are known; what may touch is no requirement."""
 
@@ -157,31 +167,37 @@ _OF_PROBLEM: Mapping[str, Callable[[Problem], Iterable[str]]] = {
     "limits": lambda problem: [f"limits.{field.name}" for field in fields(Limits)],
     "tools": lambda problem: [tool(one.name) for one in problem.tools],
     "vias": lambda problem: [f"vias[{k}]" for k in range(len(problem.vias))],
-    "task": lambda problem: [*(one for k, step in enumerate(problem.task) for one in steps(k, step)), *arms(problem)],
+    "task": lambda problem: _task(problem) if problem.task else [],
     "path_constraints": lambda problem: [constraint(k) for k in range(len(problem.path_constraints))],
 }
 
 
-def _move(action: Move) -> list[str]:
+def _move(action: "Move") -> list[str]:
     rest = ["rest"] if action.rests else []
     return ["end", *rest, *(f"via[{k}]" for k in range(len(action.vias)))]
 
 
-def _line(action: StraightLine) -> list[str]:
+def _line(action: "StraightLine") -> list[str]:
     """A corner that may be rounded off is no end."""
     speed = ["speed"] if action.speed < float("inf") else []
     return ["line", *speed, *([] if action.blend > 0.0 else ["end"])]
 
 
-_OF_ACTIONS: Mapping[type, Callable[[Any], list[str]]] = {
-    Move: _move,
-    StraightLine: _line,
-    Attach: lambda _: ["event"],
-    Detach: lambda _: ["event"],
-    ChangeTool: lambda _: ["event", "tool"],
-    Dwell: lambda _: ["dwell"],
-    WaitUntil: lambda _: ["wait_until"],
-    Transit: lambda _: [],
-    SeamPart: lambda _: ["path", "axis", "speed"],
-    Passing: lambda _: ["event"],
-}
+@cache
+def _of_actions() -> Mapping[type, Callable[[Any], list[str]]]:
+    from optiplan.problem.seams.actions import Passing, SeamPart, Transit
+    from optiplan.problem.task.rides import WaitUntil
+    from optiplan.problem.task.steps import Attach, ChangeTool, Detach, Dwell, Move, StraightLine
+
+    return {
+        Move: _move,
+        StraightLine: _line,
+        Attach: lambda _: ["event"],
+        Detach: lambda _: ["event"],
+        ChangeTool: lambda _: ["event", "tool"],
+        Dwell: lambda _: ["dwell"],
+        WaitUntil: lambda _: ["wait_until"],
+        Transit: lambda _: [],
+        SeamPart: lambda _: ["path", "axis", "speed"],
+        Passing: lambda _: ["event"],
+    }

@@ -1,31 +1,27 @@
 """`verify`: check a trajectory against its problem."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.timeline import scene_parts
-from optiplan.problem.task.tour_steps import chosen, in_order
+from optiplan.problem.task.scene_part import whole_motion
 from optiplan.robot.self_collision.pairs import count_reasons
-from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import checked_robot, collision
-from optiplan.verify.constraint_check import path_constraints
-from optiplan.verify.file_checks import file_checks, names, unread_keys
 from optiplan.verify.report import Check, Report, VerifyPolicy
 from optiplan.verify.scope import scope
-from optiplan.verify.statements import choices, complete, covering, tours
-from optiplan.verify.tasks.choice_check import choice_checks, choice_scope
-from optiplan.verify.tasks.task_check import loaded_torque, task_checks, task_scope
-from optiplan.verify.tasks.tool_check import tool_checks, tool_scope
-from optiplan.verify.tasks.tour_check import tour_checks, tour_scope
-from optiplan.verify.via_check import vias
+from optiplan.verify.statements import complete, covering
+
+if TYPE_CHECKING:
+    from optiplan.trajectory.given_files import GivenFiles
+
 
 _DEFAULT = VerifyPolicy()
 
 
 def verify(
-    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: GivenFiles | None = None
+    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy = _DEFAULT, given: "GivenFiles | None" = None
 ) -> Report:
     """Check a trajectory against every requirement of its problem; a bad trajectory is refused, never an exception.
 
@@ -56,26 +52,33 @@ def verify(
     if not all(check.passed for check in found):
         nothing = "nothing else was checked: the trajectory cannot be read as a motion of this robot"
         return replace(report, notes=(*robot.notes, nothing))
-    whole, stated, problem = problem, chosen(problem, trajectory), in_order(problem, trajectory)
-    found += [*choice_checks(whole, trajectory), *tour_checks(stated, trajectory)]
-    found += task_checks(problem, trajectory, policy) if problem.task else _motion(problem, trajectory, policy)
-    if problem.task or trajectory.segments:
+    task = None
+    if problem.task:
+        from optiplan.verify.tasks.whole_task import WholeTask
+
+        task = WholeTask(problem, trajectory)
+        problem = task.in_order
+    found += _motion(problem, trajectory, policy) if task is None else task.checks(policy)
+    about: tuple[str, ...] = ()
+    if task is not None or trajectory.segments:
+        from optiplan.verify.file_checks import names
+
         found.append(names(problem, trajectory))
     if given is not None:
+        from optiplan.verify.file_checks import file_checks, unread_keys
+
         found += file_checks(problem, trajectory, policy, given)
-    found += tool_checks(problem, trajectory)
-    if not problem.task:
-        found += [collision(part.problem, trajectory, policy) for part in scene_parts(problem, trajectory)]
+        about = unread_keys(given)
+    if problem.tools:
+        from optiplan.verify.tasks.tool_check import tool_checks, tool_scope
+
+        found += tool_checks(problem, trajectory)
+        about = (*about, *tool_scope(problem, trajectory))
+    if task is None:
+        found.append(collision(whole_motion(problem, trajectory).problem, trajectory, policy))
     if all(check.passed for check in found):
-        found.append(complete(problem, found, [*choices(whole), *tours(stated)]))
-    about = (
-        *scope(problem, robot, found),
-        *(() if given is None else unread_keys(given)),
-        *tool_scope(problem, trajectory),
-    )
-    if problem.task:
-        about = (*about, *choice_scope(whole, trajectory), *tour_scope(stated, trajectory))
-        about = (*about, *task_scope(problem, trajectory))
+        found.append(complete(problem, found, () if task is None else task.statements()))
+    about = (*scope(problem, robot, found), *about, *(() if task is None else task.scope()))
     return replace(report, checks=tuple(found), scope=about)
 
 
@@ -90,12 +93,23 @@ def holds(problem: Problem, trajectory: Trajectory) -> bool:
 
 
 def _motion(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
-    passed = [f"vias[{k}]" for k in range(len(problem.vias))]
     return [
         limit_checks.start_position(problem, trajectory, policy),
         covering(limit_checks.goal(problem, trajectory), "goal"),
-        *([covering(vias(problem, trajectory), *passed)] if problem.vias else []),
-        *path_constraints(problem, trajectory, policy),
+        *(_vias(problem, trajectory) if problem.vias else []),
+        *(_path_constraints(problem, trajectory, policy) if problem.path_constraints else []),
         *limit_checks.of_the_whole(problem, trajectory, policy),
-        loaded_torque(problem, trajectory, policy),
+        limit_checks.loaded_torque(problem, trajectory, policy),
     ]
+
+
+def _vias(problem: Problem, trajectory: Trajectory) -> list[Check]:
+    from optiplan.verify.via_check import vias
+
+    return [covering(vias(problem, trajectory), *(f"vias[{k}]" for k in range(len(problem.vias))))]
+
+
+def _path_constraints(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
+    from optiplan.verify.constraint_check import path_constraints
+
+    return path_constraints(problem, trajectory, policy)

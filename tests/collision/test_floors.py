@@ -6,6 +6,7 @@ import pytest
 
 import optiplan as op
 from optiplan._core import variants
+from optiplan.collision import floors
 from optiplan.collision.floors import KEPT, floors_of, with_built
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
@@ -44,6 +45,18 @@ def scene(panda, ready):
 def _apart(model, box, q, dz):
     moved = model.with_obstacles_moved(Scene([box]).moved("box", z=-float(dz)))
     return moved.clearance(q).distance
+
+
+def test_links_that_are_built_nearer_are_kept_on_disk_to_the_last_bit(panda, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    safety, robot = op.Safety(own=0.005), panda.with_proved_checked()
+    made = floors._kept_built(safety, robot)
+    assert made == floors._built(safety, robot) != ()
+    monkeypatch.setattr(floors, "_built", None)
+    assert floors._kept_built(safety, robot) == made
+    for other in ((op.Safety(own=0.006), robot), (safety, panda)):  # of which nothing is kept
+        with pytest.raises(TypeError):
+            floors._kept_built(*other)
 
 
 def test_a_nearer_pair_begins_at_a_share_of_its_distance_and_grows(panda, ready, scene):

@@ -18,8 +18,8 @@ from optiplan.planners.tours.placing import PlaceRange, PlaceScores, moved_base,
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
 from optiplan.problem.write import problem_text
+from optiplan.robot.reference import several_robots
 from optiplan.robot.robot import Robot, load_robot
-from optiplan.robot.side_by_side import several_robots
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import check_folder
 from optiplan.viewer.plots.place_map import draw_map, place_page

@@ -144,7 +144,7 @@ class SuiteSpec(Strict):
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1), _each_once(lambda seed: f"the seed {seed}")] = (0,)
     repetitions: Count = 1
     budget: Positive
-    limits: RunLimitsSpec = RunLimitsSpec()
+    limits: RunLimitsSpec = RunLimitsSpec.model_construct()
     metrics: tuple[Name, ...] | None = None
     difficulty: dict[Name, tuple[Name, ...]] = Field(default_factory=dict)
 

@@ -12,7 +12,7 @@ from optiplan.execution.paths.path_laws import Load, PathLaws, SetPoint
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath, Turned
 from optiplan.execution.scene.seen_scene import SeenScene
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
-from optiplan.problem.task.timeline import ScenePart
+from optiplan.problem.task.scene_part import ScenePart
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import VerifyPolicy

@@ -5,8 +5,7 @@ ends. Otherwise the interval is subdivided into as many parts as the ratio of th
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -31,8 +30,7 @@ _CHUNK = 256  # intervals proved together: bounds the memory
 _LOOK = 24  # intervals checked together: few, so that the first contact is found soon
 
 
-@dataclass(frozen=True, eq=False)
-class Touch:
+class Touch(NamedTuple):
     """Contact along a curve: the parameter `t` (s, or fraction of a path), the configuration and the bodies."""
 
     t: float
@@ -67,7 +65,7 @@ def contacts_along(
     callers check their budget before they rely on a contact.
     """
     for touch in _contacts(model, with_obstacles(trajectory, model.motions), stop):
-        yield replace(touch, q=touch.q[: trajectory.n])
+        yield touch._replace(q=touch.q[: trajectory.n])
 
 
 def _contacts(model: CollisionModel, trajectory: Trajectory, stop: Callable[[], bool]) -> Iterator[Touch]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import cycle
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -11,19 +11,19 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.kinematics.ik.closed_form import closed_form
-from optiplan.kinematics.ik.levenberg_marquardt import Descent
-from optiplan.kinematics.ik.numeric import pose_error, random_seeds
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import end_collides, end_too_heavy, out_of_time
-from optiplan.planners.common.goal_improvement import NearerEnds
 from optiplan.planners.common.gravity import Gravity
 from optiplan.problem.goals import SHARE, GoalOptions, goal_configurations
 from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal
-from optiplan.problem.regions.together import joints_of, sampler_of
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.timing.lower_bound import joint_times
+
+if TYPE_CHECKING:
+    from optiplan.planners.common.goal_improvement import NearerEnds
+
+# Inverse kinematics is imported by the first goal of a pose: many problems go from joints to joints.
 
 _LOOKING = 0.25  # share of the budget after which it is a failure that all goal configurations collide
 _STARTS = 40  # inverse kinematics runs for each configuration requested of `more`, at most
@@ -109,7 +109,7 @@ class GoalSampler:
         self._rng = np.random.default_rng(seed)
         poses = [goal for goal in problem.goal if not isinstance(goal, JointGoal)]
         single = [goal for goal in poses if not isinstance(goal, AllOfGoal)]
-        self._nearer = [NearerEnds(problem, goal) for goal in single] if nearer else []
+        self._nearer = [_nearer(problem, goal) for goal in single] if nearer else []
         self._drawn: list[Array] = []
         self._slid: list[Array] = []
         self._nearest: list[Array] = []
@@ -247,6 +247,13 @@ class GoalSampler:
                 yield from [end for end in passed[::-1] if self._good(end)][:1]
 
 
+def _nearer(problem: Problem, goal: PoseGoal | RegionGoal) -> "NearerEnds":
+    """Return what moves configurations in a goal towards the start."""
+    from optiplan.planners.common.goal_improvement import NearerEnds
+
+    return NearerEnds(problem, goal)
+
+
 def _draw(problem: Problem, goal: PoseGoal | RegionGoal | AllOfGoal, rng: np.random.Generator) -> "_Draw | _RegionDraw":
     """Return what gives a random configuration (n,) in a goal, or None if its initial guess does not converge."""
     return _Draw(problem, goal, rng) if isinstance(goal, PoseGoal) else _RegionDraw(problem, goal, rng)
@@ -254,6 +261,8 @@ def _draw(problem: Problem, goal: PoseGoal | RegionGoal | AllOfGoal, rng: np.ran
 
 def _guess(problem: Problem, moving: npt.NDArray[np.bool_], rng: np.random.Generator, box: Box | None) -> Array:
     """Return a random configuration (n,) within a box, by default the limits; joints that are not `moving` stay."""
+    from optiplan.kinematics.ik.numeric import random_seeds
+
     q = random_seeds(problem.robot, problem.start, rng, 1)[0] if box is None else rng.uniform(*box)
     return np.where(moving, q, problem.start)
 
@@ -262,6 +271,8 @@ class _RegionDraw:
     """Random configurations in a region, or in the places of several frames, from random initial guesses."""
 
     def __init__(self, problem: Problem, goal: RegionGoal | AllOfGoal, rng: np.random.Generator) -> None:
+        from optiplan.problem.regions.together import joints_of, sampler_of
+
         self._problem, self._moving, self._rng = problem, joints_of(problem.robot, goal), rng
         self._sampler = sampler_of(problem.robot, goal)
 
@@ -275,12 +286,17 @@ class _Draw:
     """Random configurations that reach a pose, from random initial guesses and random targets within the tolerance."""
 
     def __init__(self, problem: Problem, goal: PoseGoal, rng: np.random.Generator) -> None:
+        from optiplan.kinematics.ik.levenberg_marquardt import Descent
+        from optiplan.problem.regions.together import joints_of
+
         self._problem, self._goal, self._rng = problem, goal, rng
         self._moving = joints_of(problem.robot, goal)
         self._descent = Descent(problem.robot, goal.frame, goal.orientation < np.pi)
 
     def __call__(self, box: Box | None = None) -> Array | None:
         """Return a configuration (n,) within half the tolerance, in a box; None if this guess does not converge."""
+        from optiplan.kinematics.ik.numeric import pose_error
+
         goal, seed = self._goal, _guess(self._problem, self._moving, self._rng, box)
         if box is not None:
             self._descent.hold_within(*box)
@@ -318,6 +334,8 @@ def _complete(problem: Problem, goal: GoalEnd) -> bool:
         return True
     if isinstance(goal, RegionGoal | AllOfGoal):
         return False
+    from optiplan.kinematics.ik.closed_form import closed_form
+
     fine = goal.position <= _FINE[0] and goal.orientation <= _FINE[1]
     closed = closed_form(problem.robot, goal.frame) if fine else None
     if closed is None:

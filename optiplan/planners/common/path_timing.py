@@ -7,9 +7,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.robot.robot import Limits, Robot
-from optiplan.trajectory.paths.corner_blends import blend_path
 from optiplan.trajectory.timing.stops import stop_at_corners
-from optiplan.trajectory.timing.time_path import TimingOptions, time_path
 from optiplan.trajectory.timing.torque_scaling import torque_scale
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -53,6 +51,9 @@ def within_torque(robot: Robot, limits: Limits, trajectory: Trajectory) -> Traje
 
 
 def _blend(model: CollisionModel, waypoints: Array, limits: Limits, budget: Budget) -> Trajectory | None:
+    from optiplan.trajectory.paths.corner_blends import blend_path
+    from optiplan.trajectory.timing.time_path import TimingOptions, time_path
+
     fractions = np.ones(len(waypoints) - 2)
     while not budget.over and fractions.min(initial=1.0) > _SHARPEST:
         path = blend_path(waypoints, fractions, limits, model.robot.joint_names)

@@ -2,18 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.named_pairs import NamedPairs
-from optiplan.problem.constraints.motions import JointCoupling, PairClearance
-from optiplan.problem.constraints.points import OnArc, OnCircle, OnLine, OnPlane, PositionBox
-from optiplan.problem.constraints.poses import FixedOrientation, LookAt, OnScrew, OrientationCone, RelativePose
-from optiplan.problem.constraints.statements import PathConstraint, frame_of
 from optiplan.problem.problem import Problem, derived
 from optiplan.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from optiplan.problem.constraints.statements import PathConstraint
+
 
 _LEFT = 0.2
 """Share of a tolerance that planners have at least: the bounds here hold anywhere, the verifier's where the arm is."""
@@ -39,11 +38,17 @@ def planned_in_tube(problem: Problem) -> Problem:
     return derived(problem, limits=narrower, task=tuple(steps), path_constraints=constraints)
 
 
-def _narrower(problem: Problem, constraints: tuple[PathConstraint, ...]) -> tuple[PathConstraint, ...]:
+def _narrower(problem: Problem, constraints: "tuple[PathConstraint, ...]") -> "tuple[PathConstraint, ...]":
     return tuple(_narrowed(problem, one) for one in constraints)
 
 
-def _narrowed(problem: Problem, one: PathConstraint) -> PathConstraint:
+def _narrowed(problem: Problem, one: "PathConstraint") -> "PathConstraint":
+    from optiplan.collision.named_pairs import NamedPairs
+    from optiplan.problem.constraints.motions import JointCoupling, PairClearance
+    from optiplan.problem.constraints.points import OnArc, OnCircle, OnLine, OnPlane, PositionBox
+    from optiplan.problem.constraints.poses import FixedOrientation, LookAt, OnScrew, OrientationCone, RelativePose
+    from optiplan.problem.constraints.statements import frame_of
+
     robot, error = problem.robot, problem.tracking_error
     frame = frame_of(one)
     travel, turn = (0.0, 0.0) if frame is None else _of_frame(robot, frame, error)

@@ -6,7 +6,6 @@ from typing import Any
 
 from optiplan.errors import Issue, PlannerAnswerError, described
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
-from optiplan.planners.common.dynamic_obstacles import wait_for_obstacles
 from optiplan.planners.common.safety_ends import with_ends
 from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.trajectory.joining import join_trajectories
@@ -33,6 +32,8 @@ def plan_through(
         return PlanResult(None, refused)
     problem = with_ends(problem, budget)
     if problem.scene.dynamic_obstacles and not planner.times_obstacles:
+        from optiplan.planners.common.dynamic_obstacles import wait_for_obstacles
+
         return wait_for_obstacles(planner, problem, budget, progress)
     if not problem.vias or planner.passes_vias:
         return _answer(planner, problem, budget, progress, earlier)

@@ -1,6 +1,5 @@
 """Goals as inequalities, for a motion whose end is anywhere in one."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ _OF_GOAL = 0.9
 def goal_inequalities(goal: PoseGoal | RegionGoal) -> list[Inequality]:
     """Return the expressions that hold a goal at the end of a motion: position, and orientation where that counts."""
     found = _region(goal.inner(_OF_GOAL)) if isinstance(goal, RegionGoal) else _pose(goal)
-    return [replace(one, during=(1.0, 1.0), reserve=0.0) for one in found]
+    return [one._replace(during=(1.0, 1.0), reserve=0.0) for one in found]
 
 
 def in_goal(goal: PoseGoal | RegionGoal, X_WF: pin.SE3) -> bool:

@@ -1,7 +1,6 @@
 """The inequalities that hold a path constraint."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ _OWN_UNIT, _OWN_RESERVE = 0.05, 1e-3
 def inequalities(one: PathConstraint) -> list[Inequality]:
     """Return the inequalities of a path constraint; none for clearance, which is no expression."""
     make = _KINDS.get(type(one))
-    return [] if make is None else [replace(found, during=one.during) for found in make(one)]
+    return [] if make is None else [found._replace(during=one.during) for found in make(one)]
 
 
 def _expression(one: Expression) -> list[Inequality]:

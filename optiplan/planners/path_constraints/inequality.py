@@ -1,17 +1,18 @@
 """Inequalities of the robot's state that hold a constraint: CasADi expressions, and clearances of named pairs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.collision.named_pairs import NamedPairs
-from optiplan.kinematics.symbolic.state import BatchedExpression, SymbolicState
-from optiplan.problem.constraints.motions import PairClearance
 from optiplan.problem.problem import Problem
 from optiplan.robot.robot import Limits, Robot
+
+if TYPE_CHECKING:
+    from optiplan.kinematics.symbolic.state import SymbolicState
+    from optiplan.problem.constraints.motions import PairClearance
+
 
 KEPT = 0.6
 """Share of g, or of a clearance, at an end of a motion that is the aim near this end, if that is below the reserve."""
@@ -31,8 +32,7 @@ _LONGEST = 0.3
 Rate = Literal[0, 1, 2]
 
 
-@dataclass(frozen=True, eq=False)
-class Inequality:
+class Inequality(NamedTuple):
     """Rows g(q, v, a) >= 0 that hold a constraint, as an expression, and what a violation of them means.
 
     Attributes:
@@ -47,7 +47,7 @@ class Inequality:
     """
 
     name: str
-    build: Callable[[SymbolicState], Any]
+    build: "Callable[[SymbolicState], Any]"
     unit: float
     reserve: float
     rate: Rate = 0
@@ -65,6 +65,8 @@ class CompiledInequality:
     """
 
     def __init__(self, robot: Robot, stated: Inequality) -> None:
+        from optiplan.kinematics.symbolic.state import BatchedExpression
+
         self.stated = stated
         self._expression = BatchedExpression(robot, "inequality", stated.build)
         self.size = self._expression.size
@@ -125,7 +127,9 @@ class PairsApart:
 
     depends_on_rates = False
 
-    def __init__(self, problem: Problem, wanted: PairClearance) -> None:
+    def __init__(self, problem: Problem, wanted: "PairClearance") -> None:
+        from optiplan.collision.named_pairs import NamedPairs
+
         self.wanted = wanted
         self.model = NamedPairs(problem.robot, problem.scene, wanted.pairs)
 

@@ -1,29 +1,25 @@
 """Whether a motion holds a problem's path constraints."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Failure
-from optiplan.planners.path_constraints.inequalities import inequalities
-from optiplan.planners.path_constraints.inequality import CompiledInequality, PairsApart
-from optiplan.problem.constraints.base import WHOLE
-from optiplan.problem.constraints.expression import Expression
-from optiplan.problem.constraints.measures import ROUNDING, FramePoses, Measure, measures
-from optiplan.problem.constraints.motions import PairClearance
-from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from optiplan.problem.constraints.measures import Measure
+    from optiplan.problem.constraints.statements import PathConstraint
+
 
 _INSTANTS = 400
 """Number of instants at which a motion is checked; the proof is the verifier's."""
 
 
-@dataclass(frozen=True, eq=False)
-class Broken:
+class Broken(NamedTuple):
     """A path constraint that a motion violates.
 
     Attributes:
@@ -63,7 +59,12 @@ class Kept:
     The rows of the inequalities are nearly linear and stricter than the constraint; the measures are exact.
     """
 
-    def __init__(self, problem: Problem, one: PathConstraint) -> None:
+    def __init__(self, problem: Problem, one: "PathConstraint") -> None:
+        from optiplan.planners.path_constraints.inequalities import inequalities
+        from optiplan.planners.path_constraints.inequality import CompiledInequality, PairsApart
+        from optiplan.problem.constraints.measures import FramePoses, measures
+        from optiplan.problem.constraints.motions import PairClearance
+
         self.one = one
         self.inequalities: tuple[CompiledInequality | PairsApart, ...] = (
             (PairsApart(problem, one),)
@@ -105,10 +106,14 @@ class PathConstraints:
 
     def __init__(self, problem: Problem) -> None:
         self.all = tuple(Kept(problem, one) for one in problem.path_constraints)
-        self.instants = np.array(sorted({u for one in problem.path_constraints for u in one.during} - set(WHOLE)))
+        self.instants = np.array(sorted({u for kept in self.all for u in kept.one.during if 0.0 < u < 1.0}))
 
     def end_holds(self, q: Array) -> bool:
         """Return whether a motion can end, at rest, in a configuration (n,)."""
+        if not self.all:
+            return True
+        from optiplan.problem.constraints.measures import ROUNDING
+
         return all(found.by <= ROUNDING for found in self._at_the_end(q))
 
     def no_end(self, goals: Sequence[Array]) -> Failure:
@@ -135,6 +140,10 @@ class PathConstraints:
 
     def broken(self, trajectory: Trajectory) -> list[Broken]:
         """Return the constraints that a motion violates at one of 400 instants, with the largest violation of each."""
+        if not self.all:
+            return []
+        from optiplan.problem.constraints.measures import ROUNDING
+
         found = []
         for kept in self.all:
             u, motion = _states(trajectory, kept.one)
@@ -145,8 +154,10 @@ class PathConstraints:
         return found
 
 
-def constraint_name(one: PathConstraint) -> str:
+def constraint_name(one: "PathConstraint") -> str:
     """Return the name of a constraint, for people: a user's own, or the key in a problem file."""
+    from optiplan.problem.constraints.expression import Expression
+
     return one.name if isinstance(one, Expression) else one.KEY
 
 
@@ -157,7 +168,7 @@ def broken_constraint(one: Broken, trajectory: Trajectory, detail: str) -> Failu
     return Failure("constraint", detail, witness)
 
 
-def _states(trajectory: Trajectory, one: PathConstraint) -> tuple[Array, list[Array]]:
+def _states(trajectory: Trajectory, one: "PathConstraint") -> tuple[Array, list[Array]]:
     """Return fractions of the duration (N,) in a constraint's part of it, and position, velocity and acceleration."""
     low, high = one.during
     knots = trajectory.breakpoints / trajectory.duration

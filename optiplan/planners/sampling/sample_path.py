@@ -71,8 +71,7 @@ class SamplingOptions:
     early: Callable[[Array], object] | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class SampledPath:
+class SampledPath(NamedTuple):
     """Straight joint-space segments, each proved free at all its points.
 
     Attributes:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from math import ceil, inf
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -42,8 +42,7 @@ class Search:
     impatient: bool = False
 
 
-@dataclass(frozen=True)
-class SearchOptions:
+class SearchOptions(NamedTuple):
     """Options of a search.
 
     Attributes:

@@ -14,7 +14,6 @@ from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser, attempt_record
 from optiplan.planners.trajopt.speculative_attempts import SpeculativeAttempts
 from optiplan.planners.trajopt.stopping_rule import Patience
-from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.problem.problem import JointGoal
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -118,9 +117,11 @@ class Attempts:
     def freed(self, curve: Attempt) -> None:
         """Optimise a curve once more with its end free in the goal that it is in; keep it where it is the best."""
         problem, options = self.optimiser.problem, self.optimiser.options
-        if self.budget.over:
-            return
         poses = [goal for goal in problem.goal if not isinstance(goal, JointGoal)]
+        if self.budget.over or not poses:
+            return
+        from optiplan.planners.trajopt.terms.free_end import FreeEnd
+
         ends = [end for end in (FreeEnd(problem, goal) for goal in poses) if end.holds(curve.control[-1])]
         if ends:
             few = replace(options, iterations=min(_END_STEPS, options.iterations))

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array
+from optiplan.arrays import Array, distinct
 from optiplan.collision.model import CollisionModel
 from optiplan.libraries import loading
 from optiplan.planners.base import Budget
@@ -33,13 +33,16 @@ from optiplan.planners.trajopt.program.sqp import (
 )
 from optiplan.planners.trajopt.program.transcription import Transcription
 from optiplan.planners.trajopt.terms.contacts import Margins
-from optiplan.planners.trajopt.terms.free_end import FreeEnd
 from optiplan.planners.trajopt.terms.integrals import integral_costs
 from optiplan.planners.trajopt.terms.path_constraints import ConstraintTerms
 from optiplan.planners.trajopt.terms.term import Term
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_scaling import scale_to_limits
 from optiplan.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from optiplan.planners.trajopt.terms.free_end import FreeEnd
+
 
 SPACING = 0.025
 """Initial bound on the motion of a body between two samples, m, roughly: no edge may pass between them."""
@@ -77,8 +80,7 @@ class Attempt:
         return not (self.touches or self.broken)
 
 
-@dataclass(frozen=True)
-class AttemptOptions:
+class AttemptOptions(NamedTuple):
     """Options of one attempt.
 
     Attributes:
@@ -115,7 +117,7 @@ class Optimiser:
         problem: Problem,
         model: CollisionModel,
         options: TrajOptOptions,
-        end: FreeEnd | None = None,
+        end: "FreeEnd | None" = None,
         basis: SplineBasis | None = None,
     ) -> None:
         self.problem, self.model, self.options, self.end = problem, model, options, end
@@ -207,7 +209,7 @@ class Optimiser:
         self.constraint_terms.raise_prices(attempt.broken)
         shares = [touch.t / attempt.trajectory.duration for touch in attempt.touches]
         shares += [one.share for one in attempt.broken]
-        return np.concatenate([u, *(around(np.unique(u), share) for share in shares)])
+        return np.concatenate([u, *(around(distinct(u), share) for share in shares)])
 
     def instants(self, control: Array, spacing: float = SPACING) -> Array:
         """Return the samples of a curve to begin with, at most about `spacing`, m, from one to the next."""

@@ -18,22 +18,18 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.path_timing import within_torque
-from optiplan.planners.path_constraints.goal_projection import hold_goals
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
 from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.end_search import EndSearch
 from optiplan.planners.trajopt.initial_guess import with_bump
-from optiplan.planners.trajopt.nonzero_ends import plan_nonzero_ends
-from optiplan.planners.trajopt.optimise_in_time import optimise_in_time
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.program.sqp import WORSE
 from optiplan.planners.trajopt.seedless_search import SeedlessSearch
 from optiplan.planners.trajopt.stopping_rule import Patience
-from optiplan.planners.trajopt.warm import WarmStart
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.timing.stops import stop_at_corners
@@ -83,13 +79,19 @@ class TrajOpt(Planner[TrajOptOptions]):
     def plan(self, problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
         """Plan within the budget; see `planners.base.Planner`."""
         if problem.scene.dynamic_obstacles:
+            from optiplan.planners.trajopt.optimise_in_time import optimise_in_time
+
             return optimise_in_time(self, problem, budget, progress)
         if problem.nonzero_ends:
+            from optiplan.planners.trajopt.nonzero_ends import plan_nonzero_ends
+
             return plan_nonzero_ends(self, problem, budget, progress)
         return _Run(problem, budget, progress, self.options).result()
 
     def replan(self, problem: Problem, earlier: Trajectory, budget: Budget, progress: Progress) -> PlanResult:
         """Plan from an earlier motion; search for another way where the result is worse. See `warm`."""
+        from optiplan.planners.trajopt.warm import WarmStart
+
         warm = WarmStart(problem, earlier, self.options, budget, progress)
         if warm.good or (warm.best is not None and budget.over):
             return warm.result()
@@ -97,6 +99,8 @@ class TrajOpt(Planner[TrajOptOptions]):
 
     def near(self, problem: Problem, earlier: Trajectory, budget: Budget) -> Trajectory | None:
         """Optimise an earlier motion; see `planners.base.Planner`. Twice the spans are those of a refined curve."""
+        from optiplan.planners.trajopt.warm import WarmStart
+
         finer = replace(self.options, spans=2 * self.options.spans)
         return WarmStart(problem, earlier, finer, budget, silent).best
 
@@ -143,7 +147,11 @@ class _Run:
             sampler = goal_sampler(self.problem, self.model, self.budget, moved=_MOVED)
         if isinstance(sampler, Failure):
             return sampler
-        goals = hold_goals(self.problem, self.model, sampler, self.optimiser.constraints, lambda: self.budget.over)
+        goals = list(sampler.configurations)
+        if self.problem.path_constraints:
+            from optiplan.planners.path_constraints.goal_projection import hold_goals
+
+            goals = hold_goals(self.problem, self.model, sampler, self.optimiser.constraints, lambda: self.budget.over)
         if not goals:
             return self.optimiser.constraints.no_end(sampler.configurations)
         first = goals[0]

@@ -8,15 +8,12 @@ from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
-import pinocchio as pin
 from pydantic import AfterValidator, BaseModel, Field, create_model
 
 from optiplan.arrays import Array
 from optiplan.config.document import Number, Strict
 from optiplan.config.simple_yaml import Place
 from optiplan.config.values import Direction, Length, Name, Vector
-from optiplan.geometry.pose import PoseSpec
-from optiplan.geometry.poses import pose_from_data
 
 WHOLE = (0.0, 1.0)
 
@@ -50,11 +47,6 @@ class Key:
     part: str | None = None
     beside: bool = False
     default: Any = ...
-
-
-def pose_of(spec: PoseSpec) -> pin.SE3:
-    """Return the pose of what a file says."""
-    return pose_from_data(dict(spec))
 
 
 def array(values: Any) -> Array:

@@ -158,11 +158,3 @@ def _reason(error: Exception) -> str:
 
 def _number(values: Array) -> str:
     return ", ".join(f"{value:.6g}" for value in values)
-
-
-def split_expressions(constraints: Any) -> tuple[Any, list[Expression]]:
-    """Return the constraints that a file can state, and the users' own."""
-    if not isinstance(constraints, Sequence):
-        return constraints, []  # not a list at all, which the reader of arguments tells
-    own = [one for one in constraints if isinstance(one, Expression)]
-    return ([one for one in constraints if not isinstance(one, Expression)] if own else constraints), own

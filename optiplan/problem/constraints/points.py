@@ -10,7 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.config.document import Strict
 from optiplan.config.values import Coordinate, Size, Vector
-from optiplan.geometry.pose import PoseSpec
+from optiplan.geometry.pose import PoseSpec, pose_of
 from optiplan.geometry.poses import pose_to_data
 from optiplan.problem.constraints.base import (
     WHOLE,
@@ -22,7 +22,6 @@ from optiplan.problem.constraints.base import (
     Statement,
     UnitVector,
     array,
-    pose_of,
 )
 
 From: TypeAlias = Annotated[Array, Key(Vector, array, name="from")]
@@ -33,7 +32,7 @@ class BoxSpec(Strict):
     """A box of edge lengths `size`, m, at `pose` in the world."""
 
     size: Size
-    pose: PoseSpec = PoseSpec()
+    pose: PoseSpec = PoseSpec.model_construct()
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from optiplan.arrays import Array
 from optiplan.config.values import Coordinate, Length, Name, Quaternion, Vector
-from optiplan.geometry.pose import Angles, PoseSpec, ToleranceSpec
+from optiplan.geometry.pose import Angles, PoseSpec, ToleranceSpec, pose_of
 from optiplan.geometry.poses import in_radians, pose_from_data, pose_to_data
 from optiplan.problem.constraints.base import (
     WHOLE,
@@ -23,7 +23,6 @@ from optiplan.problem.constraints.base import (
     Point,
     Statement,
     UnitVector,
-    pose_of,
 )
 
 WithinMetres: TypeAlias = Annotated[

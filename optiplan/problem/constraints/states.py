@@ -20,13 +20,11 @@ from optiplan.problem.constraints.motions import (
     WheelSpeed,
 )
 from optiplan.problem.constraints.statements import PathConstraint
+from optiplan.problem.free_space import TOUCHING
 from optiplan.robot.batched.base_reaction import base_reaction
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import WORDS
 from optiplan.trajectory.state import State
-
-TOUCHING = 1e-12
-"""Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""
 
 _RATE_SHARE = 1e-3
 """Share of a limit of speed or acceleration by which the verifier lets it be passed."""

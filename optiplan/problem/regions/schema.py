@@ -80,7 +80,7 @@ class RegionSpec(PoseSpec):
     """
 
     frame: Name | None = None
-    offset: PoseSpec = PoseSpec()
+    offset: PoseSpec = PoseSpec.model_construct()
     along: _Axes = Field(default_factory=AxesSpec)
     about: _Axes = Field(default_factory=AxesSpec)
 

@@ -20,7 +20,6 @@ from optiplan.config.messages import choices, describe
 from optiplan.errors import Issue
 from optiplan.geometry.poses import pose_from_data, pose_to_data
 from optiplan.problem.partial import mapping
-from optiplan.problem.schema.fixed_links import fixed_links
 from optiplan.robot.robot import Robot
 
 WORLD = "world"
@@ -68,6 +67,8 @@ class FrameReader:
     @cached_property
     def _links(self) -> Mapping[str, pin.SE3]:
         """Poses X_BL of the links that no joint moves; the robot is loaded where a pose names what is no frame."""
+        from optiplan.problem.schema.fixed_links import fixed_links
+
         robot = self._robot()
         return {} if robot is None else fixed_links(robot)
 

@@ -20,12 +20,11 @@ written out, each with the line that it has in the file, before anything else is
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 from optiplan.config.document import Document
-from optiplan.config.expressions import FUNCTIONS, NO_ARITHMETIC, arithmetic
 from optiplan.config.messages import choices, describe
 from optiplan.errors import Issue
 from optiplan.problem.partial import mapping
@@ -42,8 +41,7 @@ Place = tuple[str | int, ...]
 Values = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class _Written:
+class _Written(NamedTuple):
     """A step as it is written out, and where it stands in the file."""
 
     step: Any
@@ -97,7 +95,7 @@ class LoopReader:
                     self.report(inner, "alternatives within alternatives", "a list for each way through them")
                     return
                 told = {**one.step, "option": [choice, k]} if isinstance(one.step, dict) else one.step
-                yield replace(one, step=told)
+                yield one._replace(step=told)
 
     def _repeated(self, step: Values, place: Place, values: Values, way: tuple[str, ...]) -> Iterator[_Written]:
         self._check_keys(step, place, ("for", "steps"))
@@ -143,6 +141,8 @@ class LoopReader:
 
     def _filled(self, data: Any, place: Place, values: Values) -> Any:
         """Return data with values in place of their names."""
+        from optiplan.config.expressions import FUNCTIONS, NO_ARITHMETIC, arithmetic
+
         if isinstance(data, Mapping):
             return {key: self._filled(value, (*place, key), values) for key, value in data.items()}
         if isinstance(data, list):

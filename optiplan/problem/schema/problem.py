@@ -22,15 +22,9 @@ from optiplan.config.values import (
     Vector,
 )
 from optiplan.geometry.pose import PoseSpec
-from optiplan.problem.constraints.statements import PathConstraintSpec
 from optiplan.problem.schema.ends import GoalSpec, StartSpec, ViaSpec, timed
-from optiplan.problem.schema.meanings import with_meanings
-from optiplan.problem.schema.picks import KINDS
 from optiplan.problem.schema.safety import ClearanceSpec
 from optiplan.problem.schema.scene import MovingFrameSpec, SceneSpec
-from optiplan.problem.schema.task import TaskStepSpec
-from optiplan.problem.schema.tools import FirstToolSpec, Tools
-from optiplan.robot.side_by_side import ArmSpec
 
 
 class LimitScalesSpec(Strict):
@@ -57,7 +51,7 @@ class ObjectiveSpec(Strict):
 
     @model_validator(mode="after")
     def _something(self) -> Self:
-        if not any(self.model_dump().values()):
+        if not any(dict(self).values()):
             raise ValueError("found all weights 0; expected at least one weight > 0")
         return self
 
@@ -74,6 +68,30 @@ class PlannerSpec(Strict):
     model_config = ConfigDict(extra="allow", frozen=True)
 
     name: Name = "trajopt"
+
+
+def _steps() -> Any:
+    from optiplan.problem.schema.task import TaskStepSpec
+
+    return Annotated[tuple[TaskStepSpec, ...], Field(min_length=1)] | None
+
+
+def _tools() -> Any:
+    from optiplan.problem.schema.tools import Tools
+
+    return Tools | None
+
+
+def _tool() -> Any:
+    from optiplan.problem.schema.tools import FirstToolSpec
+
+    return Name | FirstToolSpec | None
+
+
+def _constraints() -> Any:
+    from optiplan.problem.constraints.statements import PathConstraintSpec
+
+    return tuple[PathConstraintSpec, ...]
 
 
 class ProblemSpec(Strict):
@@ -99,18 +117,20 @@ class ProblemSpec(Strict):
     gravity: Vector | None = None
     start: StartSpec
     goal: GoalSpec | None = None
-    task: Annotated[Annotated[tuple[TaskStepSpec, ...], Field(min_length=1)] | None, BuiltLater()] = None
-    scene: SceneSpec = SceneSpec()
+    task: Annotated[Any, BuiltLater(_steps)] = None
+    scene: SceneSpec = SceneSpec.model_construct()
     frames: Annotated[dict[Name, MovingFrameSpec] | None, BuiltLater()] = None
-    tools: Annotated[Tools | None, BuiltLater()] = None
-    tool: Annotated[Name | FirstToolSpec | None, BuiltLater()] = None
+    tools: Annotated[Any, BuiltLater(_tools)] = None
+    tool: Annotated[Any, BuiltLater(_tool)] = None
     via: Annotated[tuple[ViaSpec, ...], BuiltLater(), AfterValidator(timed)] = ()
-    path_constraints: Annotated[tuple[PathConstraintSpec, ...], BuiltLater()] = ()
+    path_constraints: Annotated[Any, BuiltLater(_constraints)] = ()
     tracking_error: NotNegative | tuple[NotNegative, ...] | dict[Name, NotNegative] | None = None
     clearance: ClearanceSpec | None = None
-    limits: LimitScalesSpec = LimitScalesSpec()
-    objective: ObjectiveSpec = ObjectiveSpec()
-    planner: Annotated[PlannerSpec, BeforeValidator(_named, json_schema_input_type=str | PlannerSpec)] = PlannerSpec()
+    limits: LimitScalesSpec = LimitScalesSpec.model_construct()
+    objective: ObjectiveSpec = ObjectiveSpec.model_construct()
+    planner: Annotated[PlannerSpec, BeforeValidator(_named, json_schema_input_type=str | PlannerSpec)] = (
+        PlannerSpec.model_construct()
+    )
     seed: Annotated[Whole, Field(ge=0)] = 0
 
 
@@ -120,6 +140,9 @@ EXPRESSION = {"type": "string", "pattern": "^=", "description": "Arithmetic of v
 
 def as_written(schema: dict[str, Any]) -> dict[str, Any]:
     """Return the schema with what files have and what is read has not: frames, and steps that are written once."""
+    from optiplan.problem.schema.picks import KINDS
+    from optiplan.robot.side_by_side import ArmSpec
+
     own = {
         "type": "string",
         "description": "The frame, obstacle or fixed link that the pose is said in; the world without it.",
@@ -194,5 +217,7 @@ def _calculated(schema: Any) -> Any:
 
 def problem_schema() -> dict[str, Any]:
     """JSON schema of a problem file, for editors that complete, explain and check YAML."""
+    from optiplan.problem.schema.meanings import with_meanings
+
     schema = as_written(ProblemSpec.model_json_schema(mode="validation"))
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **with_meanings(schema)}

@@ -72,7 +72,7 @@ class ObstacleSpec(Strict):
 
     name: Name
     shape: ShapeSpec
-    pose: PoseSpec = PoseSpec()
+    pose: PoseSpec = PoseSpec.model_construct()
     motion: MotionSpec | None = None
 
     @model_validator(mode="after")
@@ -118,7 +118,7 @@ class AttachedSpec(Strict):
     name: Name
     shape: Annotated[ShapeSpec, AfterValidator(bounded)]
     link: Name
-    pose: PoseSpec = PoseSpec()
+    pose: PoseSpec = PoseSpec.model_construct()
     touch: tuple[Name, ...] = ()
     mass: Annotated[NotNegative, Field(le=LARGEST_MASS)] | None = None
     centre: Vector | None = None

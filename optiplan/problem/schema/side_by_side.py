@@ -6,21 +6,21 @@ from typing import Any
 
 from optiplan.config.document import Document
 from optiplan.errors import Issue
-from optiplan.robot.side_by_side import KEY
+from optiplan.robot.reference import ROBOTS
 
-OWN = ("robot", KEY)
+OWN = ("robot", ROBOTS)
 """Where the arms stand when they are read."""
 
 
 def with_one_robot(document: Document) -> tuple[Document, list[Issue]]:
     """Return a problem file with the key `robot` in place of `robots`; and what is wrong if it has both."""
     data = document.data
-    if not isinstance(data, dict) or KEY not in data:
+    if not isinstance(data, dict) or ROBOTS not in data:
         return document, []
-    wrong = [document.issue((KEY,), "`robots` beside `robot`", "one of them")] if "robot" in data else []
-    rest = {key: value for key, value in data.items() if key != KEY}
-    lines = {("robot", *place) if place[:1] == (KEY,) else place: line for place, line in document.lines.items()}
-    return replace(document, data={**rest, "robot": {KEY: data[KEY]}}, lines=lines), wrong
+    wrong = [document.issue((ROBOTS,), "`robots` beside `robot`", "one of them")] if "robot" in data else []
+    rest = {key: value for key, value in data.items() if key != ROBOTS}
+    lines = {("robot", *place) if place[:1] == (ROBOTS,) else place: line for place, line in document.lines.items()}
+    return replace(document, data={**rest, "robot": {ROBOTS: data[ROBOTS]}}, lines=lines), wrong
 
 
 GROUPED = ("move", "line", "approach", "retreat")

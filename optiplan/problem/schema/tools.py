@@ -10,9 +10,6 @@ from optiplan.geometry.pose import PoseSpec
 from optiplan.geometry.shapes import ShapeSpec
 from optiplan.problem.schema.scene import LARGEST_MASS, bounded, check_weight
 
-NONE = "none"
-"""Name of no tool: a step `tool: none` leaves the one that is mounted."""
-
 LONGEST = 3.0
 """m from the link to the TCP; a longer tool was meant in mm."""
 
@@ -22,7 +19,7 @@ class ToolShapeSpec(Strict):
 
     name: Name | None = None
     shape: Annotated[ShapeSpec, AfterValidator(bounded)]
-    pose: PoseSpec = PoseSpec()
+    pose: PoseSpec = PoseSpec.model_construct()
 
 
 def _near(pose: PoseSpec) -> PoseSpec:
@@ -42,7 +39,7 @@ class ToolSpec(Strict):
     """
 
     link: Name
-    tcp: Annotated[PoseSpec, AfterValidator(_near)] = PoseSpec()
+    tcp: Annotated[PoseSpec, AfterValidator(_near)] = PoseSpec.model_construct()
     shapes: tuple[ToolShapeSpec, ...] = ()
     touch: tuple[Name, ...] = ()
     mass: Annotated[Length, Field(le=LARGEST_MASS)] | None = None

@@ -54,7 +54,7 @@ class TourSpec(Strict):
     order: Literal["free", "given"] = "free"
     free_axis: Axis | None = None
     standoff: NotNegative = 0.0
-    tolerance: ToleranceSpec = ToleranceSpec()
+    tolerance: ToleranceSpec = ToleranceSpec.model_construct()
     first: Name | None = None
     last: Name | None = None
     closed: bool = False

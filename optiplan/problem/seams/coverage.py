@@ -46,7 +46,7 @@ class CoverSpec(Strict):
 
     mesh: FileName
     scale: Scale = (1.0, 1.0, 1.0)
-    pose: PoseSpec = PoseSpec()
+    pose: PoseSpec = PoseSpec.model_construct()
     pattern: Literal["raster", "spiral"] = "raster"
     spacing: Length
     along: Direction | None = None

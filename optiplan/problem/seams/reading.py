@@ -9,8 +9,8 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue
+from optiplan.geometry.pose import pose_of
 from optiplan.problem.builder import Compiler
-from optiplan.problem.constraints.base import pose_of
 from optiplan.problem.schema.seam import POINT_COLUMNS, SeamPointSpec, SeamSpec
 from optiplan.problem.seams.actions import PathEvent, SeamPath
 from optiplan.problem.seams.building import OPPOSITE, SeamShape

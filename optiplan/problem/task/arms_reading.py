@@ -27,9 +27,9 @@ def with_arms(compiler: Compiler, robot: Robot, scene: Scene, steps: Steps) -> l
     which all steps could be done one after another, so a step waits for earlier ones only.
     """
     if not several_arms([step.value for step in steps]):
-        for part in compiler.task:
-            if part.value.wait_for:
-                compiler.report((*part.place, "wait_for"), "a step without `arm`", "`arm` in every step of the task")
+        for said in compiler.task:
+            if said.value.wait_for:
+                compiler.report((*said.place, "wait_for"), "a step without `arm`", "`arm` in every step of the task")
         return list(steps)
     _check(compiler, robot, scene, steps)
     stated = dict(_stated(compiler))

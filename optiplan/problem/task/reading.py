@@ -31,7 +31,6 @@ from optiplan.problem.schema.task import (
     StraightLineSpec,
     TaskStepSpec,
 )
-from optiplan.problem.schema.tools import NONE
 from optiplan.problem.schema.tour import TourSpec
 from optiplan.problem.seams.actions import SeamPath
 from optiplan.problem.seams.reading import read_path
@@ -55,7 +54,7 @@ from optiplan.problem.task.steps import (
 )
 from optiplan.problem.task.tour_reading import read_tour
 from optiplan.problem.tools.reading import ToolsInUse
-from optiplan.problem.tools.tool import stated_alone
+from optiplan.problem.tools.tool import NONE, stated_alone
 from optiplan.robot.robot import Robot
 
 Located = LocatedValue[TaskStepSpec]
@@ -114,7 +113,7 @@ class TaskReader:
             for k, after in zip_longest(places, places[1:]):
                 alike = after is not None and found[after].value.option == found[k].value.option
                 self._corner(found[k], found[after].value.action if alike and after is not None else None)
-        return [replace(one, value=self._with_frame(one.value)) for one in found]
+        return [one._replace(value=self._with_frame(one.value)) for one in found]
 
     def _whole_path(self, action: Action, constraints: Sequence[LocatedValue[PathConstraint]]) -> None:
         """Report constraints on a part of a path with events: it is several motions, each of which has parts."""

@@ -10,10 +10,10 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.config.simple_yaml import Place
 from optiplan.geometry.obstacle_motion import ObstacleMotion
+from optiplan.geometry.pose import pose_of
 from optiplan.geometry.scene import Scene
 from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.problem.builder import Compiler
-from optiplan.problem.constraints.base import pose_of
 from optiplan.problem.goals_and_vias import PoseGoal
 from optiplan.problem.partial import fit, mapping
 from optiplan.problem.regions.region import RegionGoal

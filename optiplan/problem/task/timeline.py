@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -21,9 +20,9 @@ from optiplan.problem.task.arms import (
     several_arms,
 )
 from optiplan.problem.task.scene_change import carrying, columns, scene_after, scene_during
+from optiplan.problem.task.scene_part import ScenePart, whole_motion
 from optiplan.problem.task.steps import Action, Attach, ChangeTool, Detach, Event, Move, StraightLine, TaskStep
 from optiplan.problem.task.tour_steps import in_order
-from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -33,28 +32,6 @@ MEETING = 1e-9
 
 _Stretch: TypeAlias = tuple[Scene, Scene, float, float, list[TaskStep]]
 """The scene, the same with what may touch, begin and end, s, and what is done."""
-
-
-@dataclass(frozen=True, eq=False)
-class ScenePart:
-    """A part of a motion in which bodies and what may touch stay the same.
-
-    Attributes:
-        problem: the task's own, with the scene and the payload of this part, and without a task.
-        begin: s.
-        end: s.
-        steps: what is done in it, in words; empty for a motion to one goal.
-    """
-
-    problem: Problem
-    begin: float
-    end: float
-    steps: str = ""
-
-    def motion(self, trajectory: Trajectory) -> Trajectory:
-        """Return this part of the motion."""
-        whole = self.begin == 0.0 and self.end == trajectory.duration
-        return trajectory if whole else cut_trajectory(trajectory, self.begin, self.end)
 
 
 def mismatch(problem: Problem, trajectory: Trajectory) -> str:
@@ -146,8 +123,7 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
         ValueError: they are not.
     """
     if not problem.task:
-        whole = problem if problem.scene.safety is None else derived(problem, scene=ending(problem, trajectory))
-        return [ScenePart(whole, 0.0, trajectory.duration)]
+        return [whole_motion(problem, trajectory)]
     words = mismatch(problem, trajectory)
     if words:
         raise ValueError(words)
@@ -173,17 +149,6 @@ def _parts_with_ends(
     for _, during, begin, end, steps in found:
         scene = during.later(begin).ending_at(*(q for t, q in known if begin <= t <= end))
         yield ScenePart(part_problem(problem, scene), begin, end, _words(steps))
-
-
-def ending(problem: Problem, motion: Trajectory) -> Scene:
-    """Return the scene of a problem without a task, about whose ends pairs may be nearer than its `Safety` asks.
-
-    They are the ends of the motion and vias of joint values.
-    """
-    if problem.scene.safety is None:
-        return problem.scene
-    vias = [via.at.q for via in problem.vias if isinstance(via.at, JointGoal)]
-    return problem.scene.ending_at(motion.start, motion.end, *vias)
 
 
 def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float, Array]]:

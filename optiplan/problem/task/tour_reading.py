@@ -9,9 +9,9 @@ from optiplan.arrays import Array
 from optiplan.config.messages import choices
 from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue
+from optiplan.geometry.pose import pose_of
 from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.problem.builder import Compiler, link_names
-from optiplan.problem.constraints.base import pose_of
 from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.schema.tour import TargetSpec, TourSpec
 from optiplan.problem.task.steps import Process, Target, TargetTour

@@ -2,21 +2,23 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.config.simple_yaml import Place
-from optiplan.geometry.mass_properties import mass_properties
+from optiplan.geometry.pose import pose_of
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shapes import build_geometry
 from optiplan.problem.builder import Compiler, frame_names, link_names
-from optiplan.problem.constraints.base import pose_of
-from optiplan.problem.schema.tools import NONE, ToolSpec
-from optiplan.problem.task.steps import ChangeTool
-from optiplan.problem.tools.tool import MountedTool, ToolBody, at_first
+from optiplan.problem.tools.tool import NONE, MountedTool, ToolBody, at_first
 from optiplan.robot.mounting import FixedFrame
 from optiplan.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from optiplan.problem.schema.tools import ToolSpec
+    from optiplan.problem.task.steps import ChangeTool
 
 
 def read_tools(compiler: Compiler, robot: Robot, scene: Scene) -> tuple[MountedTool, ...]:
@@ -47,7 +49,7 @@ def read_tools(compiler: Compiler, robot: Robot, scene: Scene) -> tuple[MountedT
 
 
 def _bodies(
-    compiler: Compiler, stated: tuple[Place, str, ToolSpec], taken: dict[str, str]
+    compiler: Compiler, stated: "tuple[Place, str, ToolSpec]", taken: dict[str, str]
 ) -> tuple[ToolBody, ...] | None:
     place, name, spec = stated
     bodies: list[ToolBody] = []
@@ -72,12 +74,14 @@ def _bodies(
     return (replace(bodies[0], mass=spec.mass, weight=weight), *bodies[1:])
 
 
-def _weight(spec: ToolSpec, mass: float, bodies: list[ToolBody]) -> pin.Inertia:
+def _weight(spec: "ToolSpec", mass: float, bodies: list[ToolBody]) -> pin.Inertia:
     """Return the spatial inertia in the frame of the link: as stated, or of the bodies filled with one density.
 
     Raises:
         ValueError: a shape encloses no volume, or is an open mesh.
     """
+    from optiplan.geometry.mass_properties import mass_properties
+
     if spec.centre is not None and spec.inertia is not None:
         return pin.Inertia(mass, np.array(spec.centre), np.diag(spec.inertia))
     filled = pin.Inertia.Zero()
@@ -104,8 +108,10 @@ class ToolsInUse:
         self.now = self.first = next((tool for tool in tools if tool.mounted), None)
         self.held = {one.name: FixedFrame(one.name, one.link, one.X_LO, True) for one in scene.attached}
 
-    def change(self, name: str) -> ChangeTool:
+    def change(self, name: str) -> "ChangeTool":
         """Change to a tool, or to `none`."""
+        from optiplan.problem.task.steps import ChangeTool
+
         before, self.now = self.now, self.by_name.get(name)
         return ChangeTool(before, self.now)
 

@@ -9,6 +9,9 @@ import pinocchio as pin
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
 from optiplan.robot.mounting import FixedFrame
 
+NONE = "none"
+"""Name of no tool: a step `tool: none` leaves the one that is mounted."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ToolBody(Attachment):

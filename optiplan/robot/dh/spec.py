@@ -8,9 +8,8 @@ from pydantic import Field, model_validator
 from optiplan.config.document import Number, Strict
 from optiplan.geometry.poses import check_angles
 from optiplan.robot.dh.table import DhRow, DhTable
+from optiplan.robot.values import Length, Name
 
-Name = Annotated[str, Field(min_length=1)]
-Length = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Range = Annotated[list[Number], Field(min_length=2, max_length=2)]
 

@@ -8,7 +8,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, Flags, Index
+from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.geometry.meshes.box_surfaces import BOX_CORNERS
 from optiplan.robot.batched.kinematics import BatchKinematics
 
@@ -242,7 +242,7 @@ class PairBounds:
         """
         corners = (self.placement @ self._corners)[:, :3].swapaxes(1, 2)
         bodies = np.zeros((len(corners), len(self.kinematics.revolute)))
-        for joint in np.unique(self.joint).tolist():
+        for joint in distinct(self.joint).tolist():
             own = self.joint == joint
             bodies[own] = self.kinematics.moment_arms(joint, corners[own], stroke)
         both = bodies[self.pairs] * self.moves  # (P, 2, J)

@@ -2,8 +2,8 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from optiplan.errors import InputError, Issue
 from optiplan.files import read_bytes
@@ -12,8 +12,7 @@ LinkPair = tuple[str, str]
 """Two link names in alphabetical order."""
 
 
-@dataclass(frozen=True)
-class Srdf:
+class Srdf(NamedTuple):
     """Content of an SRDF: reasons of disabled pairs by (sorted) link names, states by name."""
 
     disabled: Mapping[LinkPair, str]

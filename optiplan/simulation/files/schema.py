@@ -254,12 +254,12 @@ class PlantSpec(Strict):
 
     engine: Literal["own", "mujoco", "ideal"] = "own"
     step: Seconds = 2.5e-4
-    friction: FrictionSpec = FrictionSpec()
+    friction: FrictionSpec = FrictionSpec.model_construct()
     rotor_inertia: PerJoint = 0.0
     payload: PayloadSpec | None = None
     delay: NotNegative = 0.0
     encoder: NotNegative = 0.0
-    noise: NoiseSpec = NoiseSpec()
+    noise: NoiseSpec = NoiseSpec.model_construct()
     velocity_filter: Hertz = 100.0
 
 
@@ -296,7 +296,7 @@ class ControlSpec(Strict):
     limits: Any = None
     reference: ReferenceSpec
     controller: ControllerSpec
-    plant: PlantSpec = PlantSpec()
+    plant: PlantSpec = PlantSpec.model_construct()
     rate: Hertz = 1000.0
     settle: NotNegative = 0.2
     disturbances: tuple[PushSpec, ...] = ()

@@ -8,7 +8,7 @@ min(f, g) |w - u|. It is largest in the middle, where f = g.
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags
+from optiplan.arrays import Array, Flags, distinct
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.corner_blends import blend_path
 from optiplan.trajectory.trajectory import Trajectory
@@ -45,7 +45,7 @@ def bspline_corners(waypoints: Array, deviation: Array, limits: Limits, joint_na
     length, turn = _legs(waypoints, limits)
     s = np.concatenate([[0.0], np.cumsum(length)])
     d = _size(0.5 * np.minimum(length[:-1], length[1:]), turn, deviation, BSPLINE)
-    inner = np.unique(np.concatenate([s[1:-1] - d, s[1:-1], s[1:-1] + d, s[[0, -1]]]))
+    inner = distinct(np.concatenate([s[1:-1] - d, s[1:-1], s[1:-1] + d, s[[0, -1]]]))
     apart = np.diff(inner) > 1e-9 * s[-1]
     inner = np.concatenate([inner[:-1][apart], s[-1:]])  # two blends that meet share a knot
     knots = np.concatenate([np.zeros(3), inner, np.full(3, s[-1])])

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, distinct
 from optiplan.libraries import loading
 from optiplan.robot.robot import Limits
 from optiplan.trajectory.paths.hermite import hermite_trajectory
@@ -116,7 +116,7 @@ def smooth_spline(
     if degree == 3 and still:
         part = 0.5 if len(times) > 2 else 1.0 / 3.0
         extra = [times[0] + part * (times[1] - times[0]), times[-1] - part * (times[-1] - times[-2])]
-        breaks = np.union1d(times, extra)
+        breaks = distinct(np.append(times, extra))
     elif degree == 3:
         ends = ends[:1]
     knots = np.concatenate([np.full(degree, breaks[0]), breaks, np.full(degree, breaks[-1])])

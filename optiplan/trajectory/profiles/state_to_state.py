@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, distinct
 from optiplan.robot.limits import Limits
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.paths.hermite import Hermite
@@ -135,7 +135,7 @@ def _solved(start: State, end: State | None, limits: Limits, *, together: bool, 
 def _trajectory(start: State, answer: Any, limits: Limits, joint_names: Sequence[str]) -> Trajectory:
     """Pieces of Ruckig's phases, integrated anew from the start so that positions and velocities do not jump."""
     phases = [_phases(profile, np.isinf(limit)) for profile, limit in zip(answer.profiles[0], limits.jerk, strict=True)]
-    edges = np.unique(np.concatenate([[0.0], *(np.cumsum([h for h, _ in joint]) for joint in phases)]))
+    edges = distinct(np.concatenate([[0.0], *(np.cumsum([h for h, _ in joint]) for joint in phases)]))
     edges = edges[np.concatenate([[True], np.diff(edges) > _SHORT])]
     h, n = np.diff(edges), start.n
     coefficients = np.zeros((len(h), 4, n))

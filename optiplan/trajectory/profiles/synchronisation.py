@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, distinct
 from optiplan.robot.robot import Limits
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.profiles.laws import Bounds, Law, LawPieces
@@ -95,7 +95,7 @@ class RestToRest:
         parts = self.parts(duration)
         T = max((part.begin + part.duration for part in parts), default=duration or SHORTEST_DURATION)
         curves = [_within(part.law.pieces(part.duration, part.bounds), part.begin, T) for part in parts]
-        edges = np.unique(np.concatenate([[0.0, T], *(curve.breakpoints for curve in curves)]))
+        edges = distinct(np.concatenate([[0.0, T], *(curve.breakpoints for curve in curves)]))
         edges = edges[np.concatenate([[True], np.diff(edges) > SAME_TIME * T])]
         edges[-1] = T
         size = max((curve.coefficients.shape[1] for curve in curves), default=1)

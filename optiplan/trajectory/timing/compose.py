@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, distinct
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.tolerances import SAME_TIME
 from optiplan.trajectory.trajectory import Trajectory
@@ -25,7 +25,7 @@ def compose(path: Trajectory, law: Trajectory) -> Trajectory:
         ValueError: the law is not one, decreases or leaves [0, S]; the product of the degrees exceeds 31.
     """
     _check(path, law)
-    t = np.union1d(law.breakpoints, _crossings(path, law))
+    t = distinct(np.append(law.breakpoints, _crossings(path, law)))
     t = t[np.concatenate([[True], np.diff(t) > SAME_TIME * law.duration])]
     t[-1] = law.duration
     middle = 0.5 * (t[:-1] + t[1:])

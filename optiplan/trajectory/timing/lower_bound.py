@@ -6,7 +6,6 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.robot.limits import Limits
-from optiplan.trajectory.profiles.state_to_state import joint_times_between
 from optiplan.trajectory.state import State
 from optiplan.trajectory.timing.s_curve import phases
 
@@ -38,6 +37,8 @@ def moving_bounds(start: State, ends: Sequence[State], limits: Limits) -> Array:
 
 
 def _moving_bound(start: State, end: State, limits: Limits) -> float:
+    from optiplan.trajectory.profiles.state_to_state import joint_times_between
+
     moving = (start.v != 0.0) | (start.a != 0.0) | (end.v != 0.0) | (end.a != 0.0)
     rest = np.where(moving, 0.0, joint_times(np.abs(end.q - start.q)[None], limits)[0])
     times = [rest.max(initial=0.0)]

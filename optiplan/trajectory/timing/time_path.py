@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, distinct
 from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.timing.compose import compose
@@ -190,7 +190,7 @@ def _grid(path: Trajectory, least_parts: int) -> Array:
     least = max(1, min(_PARTS_OF_PIECE, _MOST_PARTS // len(h)))
     parts = np.maximum(least, np.ceil(h * (least_parts / path.duration))).astype(int)
     ends = zip(path.breakpoints[:-1], path.breakpoints[1:], parts, strict=True)
-    return np.unique(np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in ends)]))  # of tiny pieces too
+    return distinct(np.concatenate([[0.0], *(np.linspace(a, b, k + 1)[1:] for a, b, k in ends)]))  # of tiny pieces too
 
 
 def _held(path: Trajectory, law: Trajectory, robot: Robot, limits: Limits, options: TimingOptions) -> Trajectory | None:

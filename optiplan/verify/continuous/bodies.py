@@ -5,6 +5,7 @@ from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import coal
@@ -78,8 +79,7 @@ _CORNERS_VERSION = b"1"
 """Change it when `_outer` returns something else, so that cached corners are found again."""
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedBody:
+class PlacedBody(NamedTuple):
     """Poses of K bodies or pairs, world frame: X_WB of shape (K, 2, 4, 4), sides a and b."""
 
     bodies: Index

@@ -1,14 +1,13 @@
 """Record of a certificate: which clearance was proved of which pair of bodies, and when."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Index, distinct
 
 
-@dataclass(frozen=True, eq=False)
-class ClearanceBound:
+class ClearanceBound(NamedTuple):
     """The clearance proved of all pairs together, constant on K intervals of time that follow each other.
 
     Attributes:
@@ -66,7 +65,7 @@ class ClearanceRecord:
         Edges nearer than 1e-12 s are one. Its least is that of all that was added.
         """
         begin, end, pair, clearance = self.proved()
-        edges = np.unique(np.concatenate([[0.0, duration], begin, end]))
+        edges = distinct(np.concatenate([[0.0, duration], begin, end]))
         edges = edges[np.append(np.diff(edges) > 1e-12, True)]
         edges[0] = 0.0
         first, last = (np.searchsorted(edges, times - 1e-12) for times in (begin, end))

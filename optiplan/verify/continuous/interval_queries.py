@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +18,7 @@ from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
 
-@dataclass(frozen=True, eq=False)
-class Middles:
+class Middles(NamedTuple):
     """N intervals: times (N,), s, configurations q (N, n) and poses of the joints (N, J + 1, 4, 4) in their middles.
 
     Axes of the joints there, `direction` and `point` (N, J, 3), and `joints`, bounds of all joints' motion; `reach`

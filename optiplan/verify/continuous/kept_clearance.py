@@ -26,7 +26,6 @@ from optiplan.robot.self_collision.pair_proof import joint_box
 from optiplan.robot.self_collision.pair_survey import content_digest
 from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.motion_bounds import Boxes, Motion, MotionQuery
-from optiplan.verify.continuous.rings import near_rings
 from optiplan.verify.continuous.separating_planes import PairDistances, unconfirmed
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
@@ -173,6 +172,8 @@ class _Maker:
 
     def _of_one(self, pair: int, joints: Index) -> KeptClearance:
         """Prove a pair that one joint moves: by rings about its axis where both are polyhedra, else by division."""
+        from optiplan.verify.continuous.rings import near_rings
+
         whole = self._middle[joints][None], self._half[joints][None]
         surfaces = self._surfaces(pair, int(joints[0]))
         if surfaces is None:

@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,8 +10,7 @@ from optiplan.arrays import Array, Flags, Index
 from optiplan.verify.continuous.bodies import Bodies, PlacedBody
 
 
-@dataclass(frozen=True, eq=False)
-class Boxes:
+class Boxes(NamedTuple):
     """Bounds of joint motions on N intervals of half width `half` (N,), s, about their middles; the rest is (N, n).
 
     Attributes:
@@ -29,8 +29,7 @@ class Boxes:
     jump: Array
 
 
-@dataclass(frozen=True, eq=False)
-class MotionQuery:
+class MotionQuery(NamedTuple):
     """K queries: pair pairs[k] on interval rows[k], where `placed` has its bodies.
 
     `direction` and `point`, both (N, J, 3), are all joints' axes in the world at the middles of all N intervals.
@@ -43,8 +42,7 @@ class MotionQuery:
     point: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Travel:
+class Travel(NamedTuple):
     """How far the bodies of K pairs can move against each other on their intervals.
 
     Of a pair's two sides only those are looked at that some joint moves against the other: M of all.
@@ -63,8 +61,7 @@ class Travel:
     middle: Array
 
 
-@dataclass(frozen=True, eq=False)
-class GapMotion:
+class GapMotion(NamedTuple):
     """Bounds for C pairs on their intervals, (C,) each, m.
 
     Attributes:

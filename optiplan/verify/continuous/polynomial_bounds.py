@@ -1,8 +1,8 @@
 """Polynomials stay between bounds on [0, 1]: proved by Bernstein coefficients, with the rounding counted."""
 
-from dataclasses import dataclass
 from functools import cache
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ _MOST_HALVINGS = 40
 _MOST_OPEN = 100_000  # parts of polynomials looked at together, to bound memory
 
 
-@dataclass(frozen=True, eq=False)
-class Bounded:
+class Bounded(NamedTuple):
     """Bounds of N polynomials, (N,) each.
 
     Attributes:

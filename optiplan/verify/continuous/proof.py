@@ -1,7 +1,7 @@
 """Result of the certificate: what was proved, what was measured, and where."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,8 +11,7 @@ SELF, SCENE = 0, 1
 """Kinds of pairs: of links and what they hold, and of either with an obstacle."""
 
 
-@dataclass(frozen=True)
-class Moment:
+class Moment(NamedTuple):
     """A pair at a time: distance in m, names, nearest points (2, 3) in the world, configuration (n,)."""
 
     distance: float

@@ -4,11 +4,12 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import NamedTuple
 
 import coal
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index
+from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.verify.continuous.bodies import Bodies, BodyShape, PlacedBody, support
@@ -53,8 +54,7 @@ class Distances:
         return Distances(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
 
-@dataclass(frozen=True, eq=False)
-class Witness:
+class Witness(NamedTuple):
     """Distance, m, of a pair of the model and its nearest points (2, 3) on a and b, m, world."""
 
     distance: float
@@ -151,7 +151,7 @@ class PairDistances:
         raised = np.zeros(len(pairs), dtype=bool)
         for side in (0, 1):
             near = np.flatnonzero(self.link_meshes[pairs, side] & (bound <= enough))
-            for body in np.unique(placed.bodies[near, side]).tolist():
+            for body in distinct(placed.bodies[near, side]).tolist():
                 items = near[placed.bodies[near, side] == body]
                 mesh_first = [side, 1 - side]
                 asked = PlacedBody(placed.bodies[items][:, mesh_first], placed.poses[items][:, mesh_first])

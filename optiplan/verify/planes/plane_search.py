@@ -15,7 +15,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan._core import core
-from optiplan.arrays import Array, Flags, Index
+from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel, SameBodies
 from optiplan.collision.native_model import native_shape
 from optiplan.robot.mimic_joints import coupling, screws
@@ -45,8 +45,7 @@ Gap = tuple[float, float, int]
 """The smallest gap of a kind, m, its time, s, and the pair; -1 where there is none."""
 
 
-@dataclass(frozen=True, eq=False)
-class PlanesFound:
+class PlanesFound(NamedTuple):
     """What planes prove.
 
     Attributes:
@@ -219,7 +218,7 @@ class _EveryPair(NamedTuple):
         count, cut = len(pairs[0]), np.zeros(len(pairs[0]), dtype=bool)
         cut[tree.count :] = True  # those of hulls have parts
         for side in (0, 1):
-            for mesh in np.unique(tree.pairs[: tree.count][meshes[: tree.count, side], side]).tolist():
+            for mesh in distinct(tree.pairs[: tree.count][meshes[: tree.count, side], side]).tolist():
                 own = np.flatnonzero(meshes[:, side] & (tree.pairs[:, side] == mesh) & ~cut)
                 cut[own] = True
                 made = parts_of_link(model.robot, mesh)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index
+from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.clearance_record import ClearanceRecord
@@ -105,7 +105,7 @@ class SearchState:
         """Return the items of which what is kept does not prove the clearance asked for."""
         clear: Flags = np.zeros(len(rows), dtype=bool)
         found = self.is_kept[items.pair]
-        for pair in np.unique(items.pair[found]).tolist():
+        for pair in distinct(items.pair[found]).tolist():
             own = np.flatnonzero(items.pair == pair)
             least = self.kept[pair].least(at.q[rows[own]], at.reach[rows[own]])
             proved = least > self.asked.over(items.pair[own], rows[own], at) + CLEARANCE_ROUNDING

@@ -17,8 +17,9 @@ from optiplan.problem.seams.actions import SeamPart, Transit
 from optiplan.problem.task.arms import joints_of_arms
 from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.scene_change import columns
+from optiplan.problem.task.scene_part import ScenePart
 from optiplan.problem.task.steps import Attach, Detach, Dwell, Event, Move, StraightLine, TaskStep
-from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts, steps_in_time
+from optiplan.problem.task.timeline import mismatch, scene_parts, steps_in_time
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
@@ -26,10 +27,9 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import collision
 from optiplan.verify.constraint_check import path_constraints
-from optiplan.verify.continuous.torque import torque
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.seams.seam_check import seam_checks
-from optiplan.verify.statements import constraint, covering, masses, step_place
+from optiplan.verify.statements import constraint, covering, step_place
 from optiplan.verify.tasks.arms_check import arms_check
 from optiplan.verify.tasks.line_ways import LineSpeed, line_constraints, line_speed
 from optiplan.verify.tasks.ride_check import ride_checks, wait_failures
@@ -62,14 +62,9 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
         *arms_check(problem, trajectory, policy),
         *_constraints(problem, trajectory, parts, scenes, policy),
         *limit_checks.of_the_whole(problem, trajectory, policy),
-        *_worst_of(_in_scenes(loaded_torque, scenes, trajectory, policy), "torque"),
+        *_worst_of(_in_scenes(limit_checks.loaded_torque, scenes, trajectory, policy), "torque"),
         _collision(_in_scenes(collision, scenes, trajectory, policy)),
     ]
-
-
-def loaded_torque(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
-    """Check torques, of the masses too that the robot of the problem carries."""
-    return covering(torque(problem, trajectory, policy), "limits.torque", *masses(problem.scene, problem.robot))
 
 
 def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:

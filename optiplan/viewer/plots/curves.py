@@ -7,7 +7,8 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
+from optiplan.problem.task.scene_part import ScenePart
+from optiplan.problem.task.timeline import mismatch, scene_parts
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.trajectory.trajectory import Extrema, Trajectory
 from optiplan.viewer.plots.refined_extrema import PieceSamples, refined_extrema

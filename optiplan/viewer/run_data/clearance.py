@@ -1,6 +1,6 @@
 """Clearance of one run for the page: what the certificate proved at each time, and the distance measured there."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,8 @@ from optiplan.collision.floors import floors_of
 from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
-from optiplan.problem.task.timeline import ScenePart, mismatch, scene_parts
+from optiplan.problem.task.scene_part import ScenePart
+from optiplan.problem.task.timeline import mismatch, scene_parts
 from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.collision_check import checked_robot
@@ -121,7 +122,7 @@ def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -
     near = [_nearest(model, motion, time) for time in t]
     contacts = _contacts(model, motion, t, np.array([one.distance for one in near]))
     if bound is not None:
-        bound = replace(bound, edges=bound.edges + part.begin)
+        bound = bound._replace(edges=bound.edges + part.begin)
     later = [[begin + part.begin, end + part.begin] for begin, end in contacts]
     return _Measured(
         model,

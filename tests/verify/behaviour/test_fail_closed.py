@@ -39,11 +39,11 @@ from optiplan.problem.tools.tool import MountedTool, ToolBody
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify import statements
+from optiplan.verify import constraint_check, limit_checks, statements, via_check
 from optiplan.verify import verify as verifier
 from optiplan.verify.constraint_check import _checks_of, _poses, path_constraints
 from optiplan.verify.report import VerifyPolicy
-from optiplan.verify.tasks import task_check
+from optiplan.verify.tasks import tool_check
 from optiplan.verify.verify import verify
 from tests.verify.motions import problem_of, quintic, within_limits
 
@@ -229,8 +229,17 @@ def test_a_mass_that_the_robot_does_not_carry_is_not_checked(planar, problem, sw
     assert verify(carried, swing).verified
 
 
-@pytest.mark.parametrize("lost", ["collision", "loaded_torque", "path_constraints", "vias", "tool_checks"])
-def test_a_check_that_is_left_out_is_missed(planar, problem, swing, monkeypatch, lost):
+@pytest.mark.parametrize(
+    ("module", "lost"),
+    [
+        (verifier, "collision"),
+        (limit_checks, "loaded_torque"),
+        (constraint_check, "path_constraints"),
+        (via_check, "vias"),
+        (tool_check, "tool_checks"),
+    ],
+)
+def test_a_check_that_is_left_out_is_missed(planar, problem, swing, monkeypatch, module, lost):
     """Whatever part of the verifier returns a check of nothing, or none, the verdict is not `verified`."""
     crate = Obstacle("crate", Box((0.1, 0.1, 0.1)), pin.SE3(np.eye(3), np.array([3.0, 0, 0])))
     cart = crate.moving([[0.0], [0.1], [0.0]])
@@ -246,13 +255,13 @@ def test_a_check_that_is_left_out_is_missed(planar, problem, swing, monkeypatch,
         vias=(Via(JointGoal(np.array(swing(0.5 * swing.duration)))),),
     )
     assert verify(whole, swing).verified
-    original = getattr(verifier, lost)
+    original = getattr(module, lost)
 
     def bare(*given):
         found = original(*given)
         return [] if isinstance(found, list) else replace(found, covers=())
 
-    monkeypatch.setattr(verifier, lost, bare)
+    monkeypatch.setattr(module, lost, bare)
     if lost == "vias":
         monkeypatch.setattr(verifier, "covering", lambda check, *_: check)
     report = verify(whole, swing)
@@ -315,4 +324,3 @@ def test_an_empty_list_of_checks_never_stands_for_a_constraint(problem, swing):
         found = path_constraints(derived(problem, path_constraints=(one,)), swing, VerifyPolicy())
         assert found
         assert all(check.covers == ("path_constraints[0]",) for check in found)
-    assert task_check.loaded_torque is verifier.loaded_torque

@@ -1,6 +1,7 @@
 """Paths on the constraints as initial guesses of an optimiser, and the motions along them."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,12 +9,14 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.path_constraints.motion_check import PathConstraints
-from optiplan.planners.sampling.constrained.manifold import in_part_only
-from optiplan.planners.sampling.constrained.planner import ConstrainedPath, ConstrainedSearch, constrained_path, timed
 from optiplan.planners.sampling.sample_path import SampledPath
 from optiplan.planners.sampling.shortcutting import path_cost
 from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from optiplan.planners.sampling.constrained.planner import ConstrainedPath
+
 
 _SHORTCUTS = 60
 
@@ -24,16 +27,22 @@ class ConstrainedSeeds:
 
     problem: Problem
     model: CollisionModel
-    last: ConstrainedPath | None = None
+    last: "ConstrainedPath | None" = None
     timed: Trajectory | Failure | None = None
 
     @property
     def apply(self) -> bool:
         """Whether there are constraints, all of the whole motion."""
-        return bool(self.problem.path_constraints) and not in_part_only(self.problem)
+        if not self.problem.path_constraints:
+            return False
+        from optiplan.planners.sampling.constrained.manifold import in_part_only
+
+        return not in_part_only(self.problem)
 
     def path(self, goals: list[Array], budget: Budget, number: int) -> SampledPath | Failure:
         """Return a path to one of the goals (n,), another for each number."""
+        from optiplan.planners.sampling.constrained.planner import ConstrainedSearch, constrained_path
+
         problem = derived(self.problem, seed=self.problem.seed + 1000 * number)
         goals = goals[number % len(goals) :] + goals[: number % len(goals)]
         found = constrained_path(self.model, problem, goals, budget, ConstrainedSearch(attempts=_SHORTCUTS))
@@ -45,6 +54,8 @@ class ConstrainedSeeds:
 
     def motion(self, path: SampledPath, constraints: PathConstraints, budget: Budget) -> Trajectory | Failure | None:
         """Return the motion along a path that `path` gave; None of any other."""
+        from optiplan.planners.sampling.constrained.planner import timed
+
         if self.last is None or not np.array_equal(self.last.waypoints, path.waypoints):
             return None
         if self.timed is None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -66,7 +65,7 @@ class NlpDescent(Sqp):
     def optimise(self, control: Array, options: DescentOptions) -> Descended:
         """Descend from control points (K, n); see `sqp.descend`."""
         self._nlp.stop = options.stop
-        return super().optimise(control, replace(options, slow=SLOW))
+        return super().optimise(control, options._replace(slow=SLOW))
 
 
 class _Kept:

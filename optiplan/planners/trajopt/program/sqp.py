@@ -46,8 +46,7 @@ Called once, and only if the initial curve violates a row.
 """
 
 
-@dataclass(frozen=True)
-class DescentOptions:
+class DescentOptions(NamedTuple):
     """Limits that end a descent before it converges.
 
     Attributes:

@@ -1,6 +1,6 @@
 """Clearance of all pairs of bodies."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -140,4 +140,4 @@ def _pushed_one_way(contacts: Contacts) -> Contacts:
         length = float(np.linalg.norm(mean))
         if length > 0.0:
             normals[run] = mean / length
-    return replace(contacts, normals=normals)
+    return contacts._replace(normals=normals)

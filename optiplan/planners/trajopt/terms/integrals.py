@@ -1,13 +1,12 @@
 """Costs that are integrals over the motion: sums of squares of residuals, with Gauss-Newton second derivatives."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.kinematics.symbolic.state import BatchedExpression, SymbolicState
 from optiplan.planners.trajopt.bspline_basis import REACH
 from optiplan.planners.trajopt.terms.term import Cost, CostModel, Curve
 from optiplan.planners.trajopt.terms.torques import TorqueTerm
@@ -15,13 +14,17 @@ from optiplan.problem.objectives.objective import PLAIN
 from optiplan.problem.objectives.parts import CLEAR, SINGULAR, of_obstacles
 from optiplan.problem.problem import Problem
 
+if TYPE_CHECKING:
+    from optiplan.kinematics.symbolic.state import SymbolicState
+
+
 _STILL = 1e-2
 """Speed, rad/s or m/s, below which path length is smoothed: it has no derivative at rest."""
 
 Residuals = Callable[[Curve], tuple[Array, tuple[Array, Array, Array]]]
 """r (N, m) at the samples of a curve, and their derivatives (N, m, n) by q, v and a."""
 
-Build = Callable[[SymbolicState], Any]
+Build = Callable[["SymbolicState"], Any]
 """Makes an expression (m,) from the robot's state."""
 
 
@@ -76,6 +79,10 @@ class IntegralCost:
 
 def integral_costs(problem: Problem, model: CollisionModel) -> tuple[Cost, ...]:
     """Return the costs of a problem's objective beside time and jerk."""
+    if not problem.objective.weights.keys() - PLAIN:
+        return ()
+    from optiplan.kinematics.symbolic.state import BatchedExpression, SymbolicState
+
     robot, weights = problem.robot, problem.objective.weights
     limits = robot.limits
 
@@ -88,10 +95,10 @@ def integral_costs(problem: Problem, model: CollisionModel) -> tuple[Cost, ...]:
 
         return residuals, build
 
-    def length(k: SymbolicState, rate: Any) -> Any:
+    def length(k: "SymbolicState", rate: Any) -> Any:
         return (rate.T @ rate + _STILL**2) ** 0.25
 
-    def centring(k: SymbolicState) -> Any:
+    def centring(k: "SymbolicState") -> Any:
         limited = np.isfinite(limits.lower) & np.isfinite(limits.upper)
         half = np.where(limited, 0.5 * (limits.upper - limits.lower), np.inf)
         middle = np.where(limited, 0.5 * (limits.upper + limits.lower), 0.0)

@@ -147,8 +147,7 @@ class SoftRows:
         return float(worst.sum())
 
 
-@dataclass(frozen=True, eq=False)
-class Expressed:
+class Expressed(NamedTuple):
     """Rows of a term as expressions of the state at samples.
 
     Attributes:

@@ -7,7 +7,6 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.planners.path_constraints.parts import stacked
 from optiplan.planners.trajopt.terms.term import Curve, Expressed, Instants, Mask, SoftRows
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.mimic_joints import Unfolded, unfold
@@ -83,6 +82,7 @@ class TorqueTerm:
 
     def expressed(self) -> Expressed:
         """Return 1 - tau / limit and 1 + tau / limit of the limited joints, at all samples."""
+        from optiplan.planners.path_constraints.parts import stacked
 
         def build(k: "SymbolicState") -> Any:
             if not len(self._limited):
