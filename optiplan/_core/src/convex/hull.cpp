@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <limits>
+#include <map>
 #include <stdexcept>
 
 namespace optiplan {
 
 namespace {
 
+constexpr std::uint32_t kBlock = 4;  // cells along an edge of a block
 constexpr double kRounding =
     1e-13;  // of a dot product, as a part of the extent: a vertex is left out by more than that
 
@@ -40,24 +42,35 @@ Hull::Hull(std::vector<Vec3> points) : points_(std::move(points)), edge_cells_(c
     for (const Vec3 &p : points_) radius_ = std::max(radius_, norm(p - centre_));
 }
 
-void Hull::list() const {
+// Lists the block of cells that holds the cell asked for.
+const Hull::Cell *Hull::list(std::uint32_t asked) const {
     const std::lock_guard<std::mutex> one(listing_);
-    if (listed_.load(std::memory_order_relaxed)) return;
+    const std::uint32_t in_face = edge_cells_ * edge_cells_, block = std::min(edge_cells_, kBlock);
+    if (!all_) all_ = std::make_unique<Cell[]>(6 * in_face), cells_.store(all_.get(), std::memory_order_release);
+    if (all_[asked].listed.load(std::memory_order_relaxed)) return all_.get();
+    const std::uint32_t face = asked / in_face, i = asked % in_face / edge_cells_, j = asked % edge_cells_;
     Candidates all(points_.size());
-    for (std::size_t i = 0; i < all.size(); ++i) all[i] = std::uint16_t(i);
-    std::vector<Candidates> cells(6 * edge_cells_ * edge_cells_);
-    for (std::uint32_t face = 0; face < 6; ++face) divide({face, 0, 0, edge_cells_}, all, cells);
-    for (const Candidates &cell : cells) {
-        const std::uint16_t second = cell[cell.size() > 1];
-        const auto more = std::uint32_t(more_.size());
-        if (cell.size() > 2) more_.insert(more_.end(), cell.begin() + 2, cell.end());
-        if (cell.size() > 2 && cell.size() % 2) more_.push_back(cell.back());
-        cells_.push_back({{cell[0], second}, more, std::uint32_t(more_.size())});
+    for (std::size_t k = 0; k < all.size(); ++k) all[k] = std::uint16_t(k);
+    std::map<std::uint32_t, Candidates> cells;
+    divide({face, i - i % block, j - j % block, block}, all, cells);
+    Candidates &more = more_.emplace_back();
+    for (const auto &[at, cell] : cells) {
+        if (cell.size() > 2) more.insert(more.end(), cell.begin() + 2, cell.end());
+        if (cell.size() > 2 && cell.size() % 2) more.push_back(cell.back());
     }
-    listed_.store(true, std::memory_order_release);
+    const std::uint16_t *next = more.data();
+    for (const auto &[at, cell] : cells) {
+        Cell &listed = all_[at];
+        listed.first[0] = cell[0], listed.first[1] = cell[cell.size() > 1];
+        listed.others = std::uint16_t(cell.size() > 2 ? (cell.size() - 1) / 2 * 2 : 0);
+        listed.more = next, next += listed.others;
+        listed.listed.store(true, std::memory_order_release);
+    }
+    return all_.get();
 }
 
-void Hull::divide(const Square &square, const Candidates &candidates, std::vector<Candidates> &cells) const {
+void Hull::divide(const Square &square, const Candidates &candidates,
+                  std::map<std::uint32_t, Candidates> &cells) const {
     Candidates kept = kept_in(square, candidates);
     if (square.size == 1) {
         cells[(square.face * edge_cells_ + square.i) * edge_cells_ + square.j] = std::move(kept);

@@ -3,6 +3,9 @@
 
 #include <atomic>
 #include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
 #include <mutex>
 #include <vector>
 
@@ -15,18 +18,22 @@ namespace optiplan {
 // Directions are sorted into cells of a cube's surface. For each cell the vertices that can be the farthest one for
 // some direction in it are listed (a handful, for the hulls of robots of 100 to 250 vertices), so that a support point
 // is the best of a short list: exact, and independent of what was asked before, which hill climbing along edges is not.
-// The lists are made by the first question, for boxes and balls keep most hulls of a robot from being asked at all.
+// Lists are made for blocks of cells by the first question there: most are never asked, since boxes and balls keep most
+// hulls of a robot apart, and in a fresh process all of them would take longer than a plan. Any number of threads may
+// ask.
 class Hull {
   public:
     explicit Hull(std::vector<Vec3> points);
 
     // The vertex farthest along d, which must not be zero.
     Vec3 support(const Vec3 &d) const {
-        if (!listed_.load(std::memory_order_acquire)) list();
-        const Cell &cell = cells_[cell_of(d)];
+        const std::uint32_t asked = cell_of(d);
+        const Cell *cells = cells_.load(std::memory_order_acquire);
+        if (!cells || !cells[asked].listed.load(std::memory_order_acquire)) cells = list(asked);
+        const Cell &cell = cells[asked];
         const Vec3 *best = farther(&points_[cell.first[0]], &points_[cell.first[1]], d);
-        for (std::uint32_t at = cell.more; at != cell.end; at += 2)
-            best = farther(best, farther(&points_[more_[at]], &points_[more_[at + 1]], d), d);
+        for (std::uint32_t k = 0; k != cell.others; k += 2)
+            best = farther(best, farther(&points_[cell.more[k]], &points_[cell.more[k + 1]], d), d);
         return *best;
     }
 
@@ -36,10 +43,11 @@ class Hull {
     double radius() const { return radius_; }       // of the ball about `centre` that holds all points
 
   private:
-    // Candidates of a cell: two, and pairs of `more_`.
+    // Candidates of a cell: two, and `others`, an even number, from `more` on.
     struct Cell {
-        std::uint16_t first[2];
-        std::uint32_t more, end;
+        std::atomic<bool> listed{false};
+        std::uint16_t first[2] = {}, others = 0;
+        const std::uint16_t *more = nullptr;
     };
 
     static const Vec3 *farther(const Vec3 *a, const Vec3 *b, const Vec3 &d) { return dot(*b, d) > dot(*a, d) ? b : a; }
@@ -58,14 +66,14 @@ class Hull {
 
     using Candidates = std::vector<std::uint16_t>;
     struct Square;
-    void list() const;
+    const Cell *list(std::uint32_t asked) const;
     Candidates kept_in(const Square &square, const Candidates &candidates) const;
-    void divide(const Square &square, const Candidates &candidates, std::vector<Candidates> &cells) const;
+    void divide(const Square &square, const Candidates &candidates, std::map<std::uint32_t, Candidates> &cells) const;
 
     std::vector<Vec3> points_;
-    mutable std::vector<Cell> cells_;
-    mutable Candidates more_;
-    mutable std::atomic<bool> listed_{false};  // whether `cells_` and `more_` are made
+    mutable std::atomic<const Cell *> cells_{nullptr};  // of `all_`, once there is a question
+    mutable std::unique_ptr<Cell[]> all_;
+    mutable std::deque<Candidates> more_;  // of blocks, which stay where they are
     mutable std::mutex listing_;
     std::uint32_t edge_cells_;  // along an edge of the cube
     Vec3 centre_, half_;
