@@ -39,7 +39,7 @@ SAYS = {
     "10": "trajopt     Run: verified",
     "11": "the tool is ",
     "12": "on the way: Run: verified",
-    "13": "level constraint: -1.0000",
+    "13": ", limit -0.999; holds at",
     "14": "step 2: attach cube",
     "15": "in the end: Run: verified",
     "16": "end 1: Run: verified",

@@ -111,7 +111,7 @@ def test_other_orders_and_names_are_refused(problem, run):
 
 
 def test_an_order_that_nothing_checks_is_not_verified(problem, run, monkeypatch):
-    monkeypatch.setattr("optiplan.verify.verify.tour_checks", lambda *_: [])
+    monkeypatch.setattr("optiplan.verify.tasks.whole_task.tour_checks", lambda *_: [])
     report = verify(problem, run.trajectory)
     assert [one.name for one in report.failures] == ["statements"]
     assert "tour of step 1" in report.failures[0].detail
