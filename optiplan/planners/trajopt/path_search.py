@@ -28,6 +28,9 @@ from optiplan.trajectory.trajectory import Trajectory
 _QUICK, _ROUNDS = 0.065, 2
 """Work, s, and rounds of a short search for a first motion, made before a straight line is optimised."""
 
+_SOON = 1.05
+"""Bound / least bound of an end up to which a first motion may lead to it."""
+
 _COMPARED, _PROMISING = 3, 0.9
 """Paths compared before one is optimised, and the cost / cost of the best curve of a coarse curve that ends it."""
 
@@ -118,7 +121,10 @@ class PathSearch:
         self.found = path if isinstance(path, SampledPath) else None
 
     def _briefly(self, sampler: GoalSampler, check: MotionCheck) -> SampledPath | Failure:
-        return self._sample(sampler, check, self.patience.seconds + _QUICK, None)
+        goals = self.promising(sampler)
+        bounds = lower_bounds(self.problem.start, np.array(goals), self.problem.limits)
+        soon = [q for q, bound in zip(goals, bounds, strict=True) if bound <= _SOON * bounds[0]]
+        return self._sample(sampler, check, self.patience.seconds + _QUICK, None, soon)
 
     def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> GuessPath | Failure:
         """Return the next guess to optimise; `repair` as in `through_thinner`.

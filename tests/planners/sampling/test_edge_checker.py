@@ -109,15 +109,17 @@ def test_no_motion_and_hardly_any_are_free():
 def test_a_pose_too_heavy_on_the_way_is_refused():
     """Stretched out level, the arm asks most of its shoulder; both ends of the motion ask less than the limit."""
     arm = cases.robot("panda")
-    model = CollisionModel(arm, Scene())
     a, level, b = (np.array([0.0, shoulder, 0.0, -0.1, 0.0, 1.5, 0.0]) for shoulder in (1.35, 1.5, 1.75))
     least, less, most = sorted(Gravity(arm, np.full(7, np.inf)).torque(q).max() for q in (a, level, b))
-    check = MotionCheck(model, arm.limits, Gravity(arm, np.full(7, 0.5 * (less + most))))
     assert least < less < most
-    assert not check.blocked(a)
-    assert not check.blocked(b)
-    assert not check.free(a, b)
-    assert MotionCheck(model, arm.limits).free(a, b)
+    for model in (CollisionModel(arm, Scene()), planning_model(arm, Scene())):
+        proof = MotionCheck(model, arm.limits, Gravity(arm, np.full(7, 0.5 * (less + most))))
+        for check in (proof, proof.here_and_there()):
+            assert not check.blocked(a)
+            assert not check.blocked(b)
+            assert not check.free(a, b)
+            assert check.free(a, a + 0.01)
+        assert MotionCheck(model, arm.limits).free(a, b)
 
 
 def test_a_look_here_and_there_misses_only_what_is_between():
@@ -139,16 +141,6 @@ def test_a_look_here_and_there_misses_only_what_is_between():
         assert not any(model.collides(a + k / looked_at * (b - a)) for k in range(1, looked_at + 1))
     assert 40 < proved <= seen < 290
     assert coarse > 20
-
-
-def test_a_look_finds_what_is_too_heavy():
-    arm = cases.robot("panda")
-    model = planning_model(arm, Scene())
-    a, level, b = (np.array([0.0, shoulder, 0.0, -0.1, 0.0, 1.5, 0.0]) for shoulder in (1.35, 1.5, 1.75))
-    _, less, most = sorted(Gravity(arm, np.full(7, np.inf)).torque(q).max() for q in (a, level, b))
-    check = MotionCheck(model, arm.limits, Gravity(arm, np.full(7, 0.5 * (less + most))))
-    assert not check.here_and_there().free(a, b)
-    assert check.here_and_there().free(a, a + 0.01)
 
 
 @pytest.mark.parametrize("error", [None, np.full(7, 1e-3)])

@@ -54,6 +54,16 @@ def test_without_a_free_curve_a_proved_path_is_the_motion(is_free: bool, monkeyp
         assert verify(run.problem, found.trajectory).verified
 
 
+def test_a_brief_search_aims_at_the_ends_that_may_be_reached_soonest(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = _run(cases.any_of())
+    sampler, aimed = _sampler(run), []
+    monkeypatch.setattr(run.paths, "_sample", lambda *given: aimed.append(given[-1]))
+    run.paths._briefly(sampler, run.paths._check())
+    bounds = run.problem.lower_bounds(sampler.configurations)
+    (aims,) = aimed
+    assert 0 < len(aims) == (bounds <= 1.05 * bounds[0]).sum() < len(bounds)
+
+
 def test_where_no_path_is_seen_one_between_thinner_obstacles_may_lead_to_a_curve(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
