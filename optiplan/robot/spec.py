@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Number, Strict
 from optiplan.config.values import FileVersion
-from optiplan.robot.values import Length, Name
+from optiplan.robot.spec_values import Length, Name
 
 Treatment = Literal["auto", "hull", "mesh", "convex_pieces"]
 PerJoint = Number | list[Number] | dict[Name, Number]

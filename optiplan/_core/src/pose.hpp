@@ -55,6 +55,26 @@ inline Mat3 transpose(const Mat3 &m) {
     return {{{r[0].x, r[1].x, r[2].x}, {r[0].y, r[1].y, r[2].y}, {r[0].z, r[1].z, r[2].z}}};
 }
 
+// The rotation vector, rad, of at most half a turn: R = exp([v]). By the quaternion, whose largest part is found first.
+inline Vec3 rotation_vector(const Mat3 &R) {
+    const Vec3 *m = R.rows;
+    const double trace = m[0].x + m[1].y + m[2].z;
+    double w;
+    Vec3 u;
+    if (trace >= 0.0) {
+        w = 1.0 + trace, u = {m[2].y - m[1].z, m[0].z - m[2].x, m[1].x - m[0].y};
+    } else if (m[0].x >= m[1].y && m[0].x >= m[2].z) {
+        w = m[2].y - m[1].z, u = {1.0 + m[0].x - m[1].y - m[2].z, m[0].y + m[1].x, m[0].z + m[2].x};
+    } else if (m[1].y >= m[2].z) {
+        w = m[0].z - m[2].x, u = {m[0].y + m[1].x, 1.0 - m[0].x + m[1].y - m[2].z, m[1].z + m[2].y};
+    } else {
+        w = m[1].x - m[0].y, u = {m[0].z + m[2].x, m[1].z + m[2].y, 1.0 - m[0].x - m[1].y + m[2].z};
+    }
+    const double size = norm(u);
+    if (w < 0.0) w = -w, u = -u;
+    return (size > 1e-12 * w ? 2.0 * std::atan2(size, w) / size : 2.0 / w) * u;
+}
+
 // X_AB: the pose of frame B in frame A; X_AB * p_B = p_A, X_AB * X_BC = X_AC.
 struct Pose {
     Mat3 R;

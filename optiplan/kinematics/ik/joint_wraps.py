@@ -31,7 +31,7 @@ def images_within(robot: Robot, limits: Limits, Q: Array, near: Array) -> Array:
     are brought into their own ranges, which need not hold the angles from -pi to pi.
     """
     turning = robot.whole_turns
-    low, high = np.ceil((limits.lower - Q) / _TURN), np.floor((limits.upper - Q) / _TURN)
+    low, high = _turns_within(limits, Q)
     turns = np.clip(np.round((near - Q) / _TURN), low, high)
     base = np.where(turning & (low <= high), Q + _TURN * turns, Q)
     steps = _TURN * np.eye(robot.n)[turning & (limits.upper - limits.lower >= _TURN)]
@@ -45,8 +45,8 @@ def whole_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:
 
     Each joint takes its two images nearest to `near`; a joint without images keeps its value in q.
     """
-    turning, limits = robot.whole_turns, robot.limits
-    low, high = np.ceil((limits.lower - q) / _TURN), np.floor((limits.upper - q) / _TURN)
+    turning = robot.whole_turns
+    low, high = _turns_within(robot.limits, q)
     if not (turning & (low < high)).any():  # most arms: no joint has a choice
         return [np.where(turning & (low == high), q + _TURN * low, q)][:count]
     every = [values[:2] if len(values) else q[j : j + 1] for j, values in enumerate(images(robot, q, near))]
@@ -63,6 +63,14 @@ def endless_turns(robot: Robot, q: Array, near: Array) -> list[Array]:
         return [q]
     every = [_of_joint(robot, j, q[j], near[j])[:2] if endless[j] else q[j : j + 1] for j in range(robot.n)]
     return _soonest(robot, every, near)
+
+
+def _turns_within(limits: Limits, Q: Array) -> tuple[Array, Array]:
+    """Return the least and the largest number of whole turns, (..., n) each, that keep Q (..., n) within limits.
+
+    Where none does, the least is the larger one.
+    """
+    return np.ceil((limits.lower - Q) / _TURN), np.floor((limits.upper - Q) / _TURN)
 
 
 def _soonest(robot: Robot, every: list[Array], near: Array) -> list[Array]:

@@ -1,5 +1,8 @@
 """One descent of the numeric inverse kinematics: damped least squares within the joint limits."""
 
+from functools import cached_property
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
@@ -9,6 +12,9 @@ from optiplan._core import core
 from optiplan.arrays import Array
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from optiplan._core._core_base import PoseDescent
 
 _CONVERGED_ERROR = 1e-9
 """m and rad; a descent ends below this error."""
@@ -40,11 +46,16 @@ class Descent:
         self._rows = 6 if orientation else 3
         self._e = np.zeros(6)
         self._diagonal = slice(None, None, self._rows + 1)
-        self._native = None
-        if core is not None:
-            of, X_JF = robot.model.frames[self._frame].parentJoint, robot.model.frames[self._frame].placement
-            rules = np.array([_CONVERGED_ERROR, _DAMPING, _LEAST_DAMPING, _LONGEST_STEP, float(_PATIENCE)])
-            self._native = core.PoseDescent(native_tree(robot.model), of, X_JF.homogeneous, self._rows, rules)
+
+    @cached_property
+    def _native(self) -> "PoseDescent | None":
+        """The same descent in the core; made by the first, for many only place frames."""
+        if core is None:
+            return None
+        frame = self._model.frames[self._frame]
+        rules = np.array([_CONVERGED_ERROR, _DAMPING, _LEAST_DAMPING, _LONGEST_STEP, float(_PATIENCE)])
+        tree, X_JF = native_tree(self._model), frame.placement.homogeneous
+        return core.PoseDescent(tree, frame.parentJoint, X_JF, self._rows, rules)
 
     def hold_within(self, lower: Array, upper: Array) -> None:
         """Keep configurations within these bounds (n,) from now on, which lie within the limits, rad or m."""
@@ -82,7 +93,7 @@ class Descent:
     def descend(self, seed: Array, iterations: int, gain: float = GAIN) -> Array:
         """Run Levenberg–Marquardt with damping 0.05 |e|^2 from a seed (n,) and return its end; inside the limits.
 
-        The core does the same in a fiftieth of the time. Source of the damping: Sugihara, "Solvability-unconcerned
+        The core does the same in a twentieth of the time. Source of the damping: Sugihara, "Solvability-unconcerned
         inverse kinematics", T-RO 2011.
         """
         if self._native is not None:

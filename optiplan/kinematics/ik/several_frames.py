@@ -22,7 +22,10 @@ class SeveralFrames(Descent):
         self.parts = [Descent(robot, frame, oriented) for frame, oriented in frames]
         self._rows = sum(6 if oriented else 3 for _, oriented in frames)
         self._diagonal = slice(None, None, self._rows + 1)
-        self._native = None  # it knows one frame
+
+    @property
+    def _native(self) -> None:
+        """The core's descent knows one frame."""
 
     def aim_all(self, targets: Sequence[pin.SE3]) -> None:
         """Choose the pose X_WG that each frame should have."""

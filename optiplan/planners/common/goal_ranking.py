@@ -57,12 +57,18 @@ def ranked_goals(
 
 
 def goal_sampler(
-    problem: Problem, model: CollisionModel, budget: Budget, count: int = 8, *, nearer: bool = True, moved: int = 8
+    problem: Problem,
+    model: CollisionModel,
+    budget: Budget,
+    count: int = 8,
+    *,
+    nearer: bool = True,
+    moved: int | None = None,
 ) -> "GoalSampler | Failure":
     """Return a source of goal configurations that has found at least one, or a Failure; see `ranked_goals`.
 
     It fails when all goal configurations collide and the list is complete or a quarter of the budget is used up. The
-    `moved` best are moved towards the start now, the others of the first `count` when more are wanted.
+    `moved` best are moved towards the start now, the others of the first `count` when more are wanted; None: all now.
     """
     gravity = Gravity(problem.robot, problem.limits.torque)
     if model.collides(problem.start):
@@ -100,9 +106,9 @@ class GoalSampler:
         options: GoalOptions | None = None,
         nearer: bool = True,
         gravity: Gravity | None = None,
-        moved: int = 8,
+        moved: int | None = None,
     ) -> None:
-        """Find the first configurations; with `nearer` also those moved towards the start, at first of `moved`."""
+        """Find the first configurations; with `nearer` also those moved towards the start, at first `moved`."""
         options = options or GoalOptions()
         self._problem, self._model = problem, model
         self._gravity = gravity or Gravity(problem.robot, problem.limits.torque)
@@ -131,8 +137,9 @@ class GoalSampler:
         systematic = np.random.default_rng(0)
         self._within = [_draw(problem, goal, systematic) for goal in poses]
 
-    def move(self, stop: Callable[[], bool] = lambda: False, count: int = 1000) -> None:
-        """Add those moved towards the start from `count` of the first configurations, in turn; until `stop`."""
+    def move(self, stop: Callable[[], bool] = lambda: False, count: int | None = None) -> None:
+        """Add those moved towards the start from the next `count` of the first configurations, or all; until `stop`."""
+        count = len(self._unmoved) if count is None else count
         now, self._unmoved = self._unmoved[:count], self._unmoved[count:]
         self._add([end for q in now if not stop() for end in self._sooner(q)])
 

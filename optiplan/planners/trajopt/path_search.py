@@ -22,7 +22,6 @@ from optiplan.planners.trajopt.coarse_descents import CoarseCurve, CoarseDescent
 from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
-from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.trajectory import Trajectory
 
 _QUICK, _ROUNDS = 0.065, 2
@@ -98,7 +97,7 @@ class PathSearch:
         """Return the goals whose lower bound is below the best motion, soonest first."""
         incumbent = self.incumbent
         goals = [q for q in sampler.configurations if incumbent.constraints.end_holds(q)]
-        bounds = lower_bounds(self.problem.start, np.array(goals), self.problem.limits)
+        bounds = self.problem.lower_bounds(goals)
         costs = [incumbent.cost_bound(float(bound)) for bound in bounds]
         return [q for q, cost in zip(goals, costs, strict=True) if cost < incumbent.cost]
 
@@ -122,7 +121,7 @@ class PathSearch:
 
     def _briefly(self, sampler: GoalSampler, check: MotionCheck) -> SampledPath | Failure:
         goals = self.promising(sampler)
-        bounds = lower_bounds(self.problem.start, np.array(goals), self.problem.limits)
+        bounds = self.problem.lower_bounds(goals)
         soon = [q for q, bound in zip(goals, bounds, strict=True) if bound <= _SOON * bounds[0]]
         return self._sample(sampler, check, self.patience.seconds + _QUICK, None, soon)
 

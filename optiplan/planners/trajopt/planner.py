@@ -31,7 +31,6 @@ from optiplan.planners.trajopt.program.sqp import WORSE
 from optiplan.planners.trajopt.seedless_search import SeedlessSearch
 from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.problem.problem import Problem
-from optiplan.trajectory.timing.lower_bound import lower_bounds
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -170,7 +169,7 @@ class _Run:
 
     def _stands_in(self, goals: list[Array]) -> bool:
         """Take the bound of ends (n,), the soonest first; offer rest, and return True, where that is the start."""
-        soonest = float(lower_bounds(self.problem.start, np.array(goals[:1]), self.problem.limits)[0])
+        soonest = float(self.problem.lower_bounds(goals[:1])[0])
         self.incumbent.bounded(soonest)
         if soonest == 0.0:
             ends, limits = np.array([self.problem.start, goals[0]]), self.problem.limits
@@ -181,7 +180,7 @@ class _Run:
         """Optimise from straight lines to ends (n,), the soonest first; that to the `known` one has been offered."""
         start, early = self.problem.start, self.budget.share(_EARLY)
         tried = goals[: self.options.straight_goals]
-        bounds = lower_bounds(start, np.array(goals), self.problem.limits)
+        bounds = self.problem.lower_bounds(goals)
         for k, (goal, bound) in enumerate(zip(tried, bounds, strict=False)):
             if (
                 early.over

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from optiplan.config.document import Number, Strict
 from optiplan.geometry.poses import check_angles
 from optiplan.robot.dh.table import DhRow, DhTable
-from optiplan.robot.values import Length, Name
+from optiplan.robot.spec_values import Length, Name
 
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Range = Annotated[list[Number], Field(min_length=2, max_length=2)]

@@ -68,8 +68,10 @@ class SearchState:
         if planes is None or self.error.any() or self.asked.floors is not None:
             return None
         tops = self.bodies.tree.tops
-        kept, rows = tops[self.is_kept[tops]], np.repeat(np.arange(len(intervals.piece)), self.is_kept[tops].sum())
-        some, rows = self.without_kept(intervals.each_with(kept), rows, self.middles(intervals))
+        kept = tops[self.is_kept[tops]]
+        rows, some = np.repeat(np.arange(len(intervals.piece)), len(kept)), intervals.each_with(kept)
+        if len(kept):
+            some, rows = self.without_kept(some, rows, self.middles(intervals))
         asked = planes.begin(self.trajectory, self.jump, intervals, tops[~self.is_kept[tops]], (rows, some.pair))
         met = None if asked is None else asked.nearest(self.policy.clearance)
         if asked is None or met is None:

@@ -129,26 +129,6 @@ std::vector<double> singular_values(const double *J, std::size_t rows, std::size
     return values;
 }
 
-// The rotation vector, rad, of at most half a turn: by the quaternion, whose largest part is found first.
-static Vec3 rotation_vector(const Mat3 &R) {
-    const Vec3 *m = R.rows;
-    const double trace = m[0].x + m[1].y + m[2].z;
-    double w;
-    Vec3 u;
-    if (trace >= 0.0) {
-        w = 1.0 + trace, u = {m[2].y - m[1].z, m[0].z - m[2].x, m[1].x - m[0].y};
-    } else if (m[0].x >= m[1].y && m[0].x >= m[2].z) {
-        w = m[2].y - m[1].z, u = {1.0 + m[0].x - m[1].y - m[2].z, m[0].y + m[1].x, m[0].z + m[2].x};
-    } else if (m[1].y >= m[2].z) {
-        w = m[0].z - m[2].x, u = {m[0].y + m[1].x, 1.0 - m[0].x + m[1].y - m[2].z, m[1].z + m[2].y};
-    } else {
-        w = m[1].x - m[0].y, u = {m[0].z + m[2].x, m[1].z + m[2].y, 1.0 - m[0].x - m[1].y + m[2].z};
-    }
-    const double size = norm(u);
-    if (w < 0.0) w = -w, u = -u;
-    return (size > 1e-12 * w ? 2.0 * std::atan2(size, w) / size : 2.0 / w) * u;
-}
-
 // d log(R) / d(turn) for R = exp(u), turned about its own axes: β 1 + ½ [u]× + α u u' with β = (θ / 2) cot(θ / 2).
 static Mat3 rotation_vector_rates(const Vec3 &u) {
     const double square = squared_norm(u), half = 0.5 * std::sqrt(square);
@@ -173,11 +153,16 @@ void pose_error(const Pose &X_WF, const Pose &X_WT, double *error, double *turn)
     }
 }
 
-void capped(const double *e, double gain, double speed, double brake, double *out) {
-    const double size = std::sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);
+// gain size, less where it could not be lost in time, and at most `speed`.
+static double wanted_speed(double size, double gain, double speed, double brake) {
     double wanted = gain * size;
     if (gain * wanted > brake) wanted = std::sqrt(2.0 * brake * (size - 0.5 * brake / (gain * gain)));
-    if (wanted > speed) wanted = speed;
+    return std::min(wanted, speed);
+}
+
+void capped(const double *e, double gain, double speed, double brake, double *out) {
+    const double size = std::sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);
+    const double wanted = wanted_speed(size, gain, speed, brake);
     for (int i = 0; i < 3; ++i) out[i] = size > 0.0 ? e[i] * (-wanted / size) : -e[i];
 }
 
@@ -197,12 +182,8 @@ void curbed(const double *error, double gain, const double *brake, const double 
         out[j] = -gain * error[j];
         if (gain * std::fabs(out[j]) > brake[j]) curbs = true;
     }
-    for (std::size_t j = 0; curbs && j < n; ++j) {
-        const double size = std::fabs(error[j]);
-        double wanted = gain * size;
-        if (gain * wanted > brake[j]) wanted = std::sqrt(2.0 * brake[j] * (size - 0.5 * brake[j] / (gain * gain)));
-        out[j] = -std::copysign(std::min(wanted, speed[j]), error[j]);
-    }
+    for (std::size_t j = 0; curbs && j < n; ++j)
+        out[j] = -std::copysign(wanted_speed(std::fabs(error[j]), gain, speed[j], brake[j]), error[j]);
 }
 
 }  // namespace optiplan

@@ -12,23 +12,6 @@ PoseDescent::PoseDescent(const Tree &tree, int joint, const Pose &X_JF, int rows
     for (int j = joint; j > 0; j = tree.joints[j].parent) chain_.push_back(j);
 }
 
-// Near half a turn the axis is that of R + R^T - (tr R - 1) I, whose columns are along it.
-Vec3 rotation_vector(const Mat3 &R) {
-    const Vec3 *r = R.rows;
-    const Vec3 w{0.5 * (r[2].y - r[1].z), 0.5 * (r[0].z - r[2].x), 0.5 * (r[1].x - r[0].y)};
-    const double sine = norm(w), cosine = 0.5 * (r[0].x + r[1].y + r[2].z - 1.0);
-    const double angle = std::atan2(sine, cosine);
-    if (cosine > 0.0) return sine > 1e-12 ? (angle / sine) * w : w;
-    if (sine > 1e-4) return (angle / sine) * w;
-    Vec3 columns[3] = {{2.0 * r[0].x, r[0].y + r[1].x, r[0].z + r[2].x},
-                       {r[1].x + r[0].y, 2.0 * r[1].y, r[1].z + r[2].y},
-                       {r[2].x + r[0].z, r[2].y + r[1].z, 2.0 * r[2].z}};
-    columns[0].x -= 2.0 * cosine, columns[1].y -= 2.0 * cosine, columns[2].z -= 2.0 * cosine;
-    const auto longer = [](const Vec3 &a, const Vec3 &b) { return squared_norm(a) < squared_norm(b); };
-    const Vec3 axis = *std::max_element(columns, columns + 3, longer);
-    return ((dot(axis, w) < 0.0 ? -angle : angle) / norm(axis)) * axis;
-}
-
 // Sets error and Jacobian at q; returns the squared error.
 double PoseDescent::linearise(const Pose &X_WG, const double *q) {
     tree_.poses(q, poses_.data());

@@ -46,7 +46,4 @@ class PoseDescent {
     std::vector<char> held_;
 };
 
-// Rotation vector of a rotation, rad: R = exp([v]).
-Vec3 rotation_vector(const Mat3 &R);
-
 }  // namespace optiplan

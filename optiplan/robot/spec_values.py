@@ -1,4 +1,4 @@
-"""Values of a robot.yaml."""
+"""Names and lengths in a robot.yaml, which its keys and those of a table of joints share."""
 
 from typing import Annotated
 
