@@ -345,6 +345,8 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'optiplan' has no attribute {name!r}")
     if name in _ROOMS_CALLED:
         return _imported(f"optiplan.{name}")
+    if name in _LOADED_WITH:
+        _imported(_LOADED_WITH[name])
     value = globals()[name] = getattr(_imported(_HOME[name]), name)
     return value
 
@@ -364,6 +366,9 @@ def __dir__() -> list[str]:
     """Return the public names."""
     return sorted(__all__)
 
+
+_LOADED_WITH = {"plan": "optiplan.planners.trajopt.planner"}
+"""What most first calls of a function would wait for: it is loaded with the name."""
 
 _ROOMS_CALLED = ("bench", "planners", "verify", "workspace")
 """Rooms that have the name of a function: `op.verify(…)` is the function, `optiplan.verify.report` one of its files."""

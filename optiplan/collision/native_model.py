@@ -16,6 +16,7 @@ from optiplan.collision.floors import Floors, floors_of, taken_by
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.passing_neighbours import apart_neighbours, passing_neighbours
 from optiplan.geometry.convex import hull_of_mesh, mesh_triangles, mesh_vertices
+from optiplan.geometry.meshes.mesh_parts import parts_of_mesh
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shape import Shape as Solid
 from optiplan.geometry.shapes import build_geometry
@@ -56,7 +57,7 @@ def planning_model(
         robot: the robot.
         scene: the scene.
         known: a model of the same robot in the same scene, whose bodies and pairs are reused.
-        passing: whether the core also checks `passing_neighbours`: for motions that no verifier checks.
+        passing: whether the core also checks `apart_neighbours`: for motions that no verifier checks.
         error: see `NativeCollisionModel`; without the core it is not known.
     """
     if core is None:
@@ -73,9 +74,9 @@ def not_in_core(model: CollisionModel) -> dict[str, list[str]]:
 class NativeCollisionModel(CollisionModel):
     """A `CollisionModel` with queries in the native core: the same meaning, different rounding.
 
-    `pairs` includes neighbours that never touch (`passing_neighbours`). Without `passing`, the functions `collides`,
-    `near`, `contacts`, sweeps and searches skip them. Where the scene has a `Safety`, the core's distances are what is
-    left above the floors.
+    `pairs` includes neighbours that never touch (`apart_neighbours`). Without `passing`, the functions `collides`,
+    `near`, `contacts`, sweeps and searches skip them; where the scene has a `Safety`, only those with a mesh
+    (`passing_neighbours`), and the core's distances are what is left above the floors.
 
     Attributes:
         world: the bodies and pairs in the core; None if the core does not support a shape.
@@ -103,9 +104,11 @@ class NativeCollisionModel(CollisionModel):
         links, placed = _links_of(self), self.geometry.geometryObjects
         bodies = [*links, *(_body(self, k, _shapes_of(placed[k].geometry)) for k in range(len(links), len(placed)))]
         self.unknown = tuple(name for name, found in zip(self.names, bodies, strict=True) if found is None)
-        never = frozenset() if passing or self.unknown else passing_neighbours(robot)
         self.error = error if error is not None and error.any() else None
         self.floors = None if self.unknown else floors or floors_of(self, scene.safety, self.error)
+        # Neighbours that never touch may come nearer than a floor asks.
+        skipped = apart_neighbours if self.floors is None else passing_neighbours
+        never = frozenset() if passing or self.unknown else skipped(robot)
         self.world = None if self.unknown else _world(self, [found for found in bodies if found is not None], never)
 
     def about_ends(self, *ends: Array) -> "NativeCollisionModel":
@@ -206,10 +209,14 @@ def _link_shapes(robot: Robot) -> "list[list[Shape]]":
 
 
 def _shapes_of(solid: coal.CollisionGeometry) -> "list[Shape]":
-    """Return a shape in the core, a mesh as its hull and its triangles; nothing for an unsupported shape."""
-    kinds = [hull_of_mesh(solid), solid] if isinstance(solid, coal.BVHModelBase) else [solid]
-    shapes = [shape for shape in map(native_shape, kinds) if shape is not None]
-    return shapes if len(shapes) == len(kinds) else []
+    """Return a shape in the core, a mesh as its hull, those of its parts and its triangles; nothing if unsupported."""
+    if isinstance(solid, coal.BVHModelBase):
+        hulls = [np.array(hull_of_mesh(solid).points()), *(part.vertices for part in parts_of_mesh(solid))]
+        vertices, corners = mesh_vertices(solid), np.ascontiguousarray(mesh_triangles(solid), dtype=np.int64)
+        key = digest([vertices.tobytes(), corners.tobytes()])
+        return [*map(_native_hull, hulls), _made.get(key, lambda: core.Shape.triangles(vertices, corners))]
+    shape = native_shape(solid)
+    return [] if shape is None else [shape]
 
 
 def _body(model: CollisionModel, body: int, shapes: "list[Shape]") -> "Body | None":
@@ -280,7 +287,7 @@ def _hull(cluster: Cluster) -> "Body":
 
 
 def native_shape(body: coal.CollisionGeometry) -> "Shape | None":
-    """Return a shape for the core; None if the core does not support it."""
+    """Return a shape for the core, of a body that is no mesh; None if the core does not support it."""
     match body:
         case coal.Sphere():
             return core.Shape.sphere(body.radius)
@@ -293,10 +300,9 @@ def native_shape(body: coal.CollisionGeometry) -> "Shape | None":
         case coal.Halfspace():
             return core.Shape.half_space(np.array(body.n), body.d)
         case coal.ConvexBase():
-            points = np.array(body.points())
-            return _made.get(digest([points.tobytes()]), lambda: core.Shape.convex_hull(points))
-        case coal.BVHModelBase():
-            vertices, corners = mesh_vertices(body), np.ascontiguousarray(mesh_triangles(body), dtype=np.int64)
-            key = digest([vertices.tobytes(), corners.tobytes()])
-            return _made.get(key, lambda: core.Shape.triangles(vertices, corners))
+            return _native_hull(np.array(body.points()))
     return None
+
+
+def _native_hull(points: Array) -> "Shape":
+    return _made.get(digest([points.tobytes()]), lambda: core.Shape.convex_hull(points))

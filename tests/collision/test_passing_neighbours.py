@@ -12,6 +12,7 @@ from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import NativeCollisionModel, planning_model
 from optiplan.collision.passing_neighbours import passing_neighbours
 from optiplan.control.limits.clearance import ClearanceLimit
+from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Obstacle, Scene, Sphere
 from optiplan.robot.robot import Robot, load_robot
 
@@ -38,10 +39,10 @@ def box(size: tuple[float, float, float], at: tuple[float, float, float]) -> tri
     return trimesh.creation.box(size, trimesh.transformations.translation_matrix(at))
 
 
-def robot_in(folder: Path, stop: bool = False, treatment: str = "mesh") -> Robot:
+def robot_in(folder: Path, stop: bool = False, treatment: str = "mesh", gap: float = GAP) -> Robot:
     """A disc with an arm that turns above another one, which may have a stop; and a tip that is lifted."""
     disc = trimesh.creation.cylinder(0.05, 0.02, sections=64)
-    base = [disc.copy().apply_translation((0.0, 0.0, -0.01 - GAP))] + [box((0.01, 0.01, 0.04), STOP)] * stop
+    base = [disc.copy().apply_translation((0.0, 0.0, -0.01 - gap))] + [box((0.01, 0.01, 0.04), STOP)] * stop
     arm = box((0.05, 0.01, 0.01), (0.05, 0.0, 0.012))
     trimesh.util.concatenate(base).export(folder / "base.obj")
     trimesh.util.concatenate([disc.copy().apply_translation((0.0, 0.0, 0.01)), arm]).export(folder / "disc.obj")
@@ -88,6 +89,17 @@ def test_a_planners_world_does_not_ask_them(tmp_path: Path) -> None:
     assert found is not None
     assert (found.pair.name_a, found.pair.name_b) == ("base", "disc")
     assert [planners.collides(q) for q in Q] == [reference.collides(q) for q in Q]
+
+
+@pytest.mark.skipif(variants() == ("none",), reason="the native core is not built")
+def test_convex_neighbours_are_asked_only_where_a_clearance_is_required(tmp_path: Path) -> None:
+    """They never touch, but may come nearer than a floor; these are so near that the survey does not prove them."""
+    robot = robot_in(tmp_path, treatment="hull", gap=1.05e-4)
+    Q, pair = places(robot), ("base", "disc")
+    assert pair in near(CollisionModel(robot, Scene((BALL,))), Q)
+    assert pair not in near(planning_model(robot, Scene((BALL,))), Q)
+    assert pair in near(planning_model(robot, Scene((BALL,)), passing=True), Q)
+    assert pair in near(planning_model(robot, Scene((BALL,), safety=Safety(0.001))), Q)
 
 
 @pytest.mark.skipif(variants() == ("none",), reason="the native core is not built")

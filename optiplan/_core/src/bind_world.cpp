@@ -46,11 +46,18 @@ static Tree make_tree(const Indices &parents, const Stack &placements, const Mat
 
 static Body make_body(int joint, const Matrix &placement, std::vector<Shape> shapes, const Vector &box, double radius) {
     expect(placement.shape(0) == 4 && placement.shape(1) == 4 && box.size() == 6, "a placement (4, 4), a box (6,)");
-    expect(shapes.size() == 1 || shapes.size() == 2, "a shape, or a hull and triangles");
+    expect(shapes.size() == 1 || (shapes.size() > 2 && shapes.back().kind == Kind::mesh),
+           "a shape, or a hull, hulls of parts, and triangles");
+    const Vec3 centre = vec3_at(box.data());
+    std::vector<ConvexPart> parts;
+    for (std::size_t k = 1; k + 1 < shapes.size(); ++k) parts.push_back(ConvexPart::hull(shapes[k]));
+    if (parts.empty()) parts.push_back({shapes.front(), centre, radius});
+    if (shapes.size() > 1) shapes.erase(shapes.begin() + 1, shapes.end() - 1);
     Body body{joint,
               pose_at(placement.data()),
               std::move(shapes),
-              vec3_at(box.data()),
+              std::move(parts),
+              centre,
               vec3_at(box.data() + 3),
               radius,
               false,

@@ -14,6 +14,7 @@ import numpy as np
 from optiplan import cache
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.meshes.mesh_parts import parts_of_mesh
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
 from optiplan.robot.loaded_robots import once_for_each_robot
@@ -53,6 +54,18 @@ class BodyShape:
 @once_for_each_robot
 def _shapes_of_links(robot: Robot) -> tuple[BodyShape, ...]:
     return tuple(BodyShape.of(body.geometry) for body in robot.geometry.geometryObjects)
+
+
+_parts_of_links: WeakKeyDictionary[Robot, dict[int, tuple[BodyShape, ...]]] = WeakKeyDictionary()
+
+
+def parts_of_link(robot: Robot, body: int) -> tuple[BodyShape, ...]:
+    """Hulls that together hold a body of the robot that is a mesh, in its frame; looked at once for each robot."""
+    known = _parts_of_links.setdefault(robot.unmounted, {})
+    if body not in known:
+        parts = parts_of_mesh(robot.geometry.geometryObjects[body].geometry)
+        known[body] = tuple(BodyShape.of(part.build()) for part in parts)
+    return known[body]
 
 
 def _shapes_of(model: CollisionModel) -> list[BodyShape]:

@@ -12,8 +12,7 @@ import numpy as np
 from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
-from optiplan.verify.continuous.bodies import Bodies, BodyShape, PlacedBody, support
-from optiplan.verify.continuous.mesh_parts import parts_of_link
+from optiplan.verify.continuous.bodies import Bodies, BodyShape, PlacedBody, parts_of_link, support
 
 _LOOSE = 1e-7  # m that a plane may lose against the measured distance before another one is sought
 _MARGIN = DISTANCE_ERROR  # m, and fraction of the distance: subtracted from a distance that no plane confirms

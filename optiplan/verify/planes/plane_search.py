@@ -20,9 +20,8 @@ from optiplan.collision.model import CollisionModel, SameBodies
 from optiplan.collision.native_model import native_shape
 from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.continuous.bodies import BodyShape
+from optiplan.verify.continuous.bodies import BodyShape, parts_of_link
 from optiplan.verify.continuous.intervals import Intervals
-from optiplan.verify.continuous.mesh_parts import parts_of_link
 from optiplan.verify.continuous.motion_tools import MotionTools
 from optiplan.verify.report import VerifyPolicy
 

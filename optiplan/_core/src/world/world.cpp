@@ -122,8 +122,7 @@ void World::gather(int first, const std::vector<char> &never) {
         const auto [at, fresh] = known.try_emplace({cluster, other}, static_cast<int>(groups_.size()));
         if (fresh) groups_.push_back({first + cluster, other, common_joint(first + cluster, other), {}});
         const Body &member = bodies_[other == a ? b : a];
-        groups_[at->second].members.push_back(
-            {static_cast<int>(pair), member.X_JB * member.centre, member.radius + bodies_[other].radius});
+        groups_[at->second].members.push_back({static_cast<int>(pair), member.X_JB * member.centre, member.radius});
         group_of_[pair] = at->second;
         if (plain_) continue;
         Together &group = groups_[at->second];
@@ -190,10 +189,7 @@ void World::place(const double *q, Placement &at) const {
 
 double World::ball_to_box(const Placement &at, int ball, int box) const {
     const Vec3 local = transposed(at.bodies[box].R, at.centres[ball] - at.centres[box]);
-    const Vec3 &half = bodies_[box].half;
-    const Vec3 outside{std::max(std::fabs(local.x) - half.x, 0.0), std::max(std::fabs(local.y) - half.y, 0.0),
-                       std::max(std::fabs(local.z) - half.z, 0.0)};
-    return norm(outside) - bodies_[ball].radius;
+    return norm(outside_box(local, bodies_[box].half)) - bodies_[ball].radius;
 }
 
 double World::lower_bound(const Placement &at, int pair) const {
@@ -214,6 +210,7 @@ bool World::within(const Placement &at, int pair, double margin, Features *featu
     if (by_outline) {
         if (!overlap_within(bodies_[a].outline(), X_a, bodies_[b].outline(), X_b, wide, features)) return false;
         if (margin > WIDE) return true;
+        if (!parts_within(bodies_[a].parts, X_a, bodies_[b].parts, X_b, wide + ROUNDING)) return false;
         features = nullptr;
     }
     const bool near = overlap_within(bodies_[a].solid(), X_a, bodies_[b].solid(), X_b, wide, features);

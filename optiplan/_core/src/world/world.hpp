@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "convex/convex.hpp"
+#include "world/parts.hpp"
 #include "world/tree.hpp"
 
 namespace optiplan {
@@ -15,6 +16,7 @@ struct Body {
     int joint;                    // that carries it
     Pose X_JB;
     std::vector<Shape> shapes;    // one; of a mesh two: its hull, then its triangles
+    std::vector<ConvexPart> parts;  // that together hold it
     Vec3 centre, half;            // of the box
     double radius;                // of the ball
     bool half_space = false;      // without bounds: {x | normal . x <= offset}
@@ -37,11 +39,11 @@ struct Cluster {
     std::vector<int> members;
 };
 
-// A body of a cluster as the balls about boxes tell it: what is near is found without placing all others.
+// A body of a cluster as the ball about its box tells it: what is near is found without placing all others.
 struct Member {
     int pair;       // with the other body of the group
     Vec3 centre;    // on the joint that carries the cluster
-    double radius;  // of its ball and that of the other body together
+    double radius;  // of its ball
 };
 
 // The pairs of a cluster's bodies with one other body.
@@ -89,6 +91,12 @@ struct Trail {
 
     Trail(std::size_t pairs, std::size_t groups) : pairs(pairs), groups(groups) {}
 };
+
+// From the nearest point of a box about the origin, with these half edges, to p.
+inline Vec3 outside_box(const Vec3 &p, const Vec3 &half) {
+    return {std::max(std::fabs(p.x) - half.x, 0.0), std::max(std::fabs(p.y) - half.y, 0.0),
+            std::max(std::fabs(p.z) - half.z, 0.0)};
+}
 
 // What may be left out of the pairs that are near.
 struct Sketch {
@@ -170,13 +178,14 @@ class World {
         return false;
     }
 
-    // Visits the pairs of a group whose balls are not farther apart than `gap`, m, with their bodies in place.
+    // Visits the pairs of a group whose member's ball is not farther than `gap`, m, from the other body's box, with
+    // their bodies in place.
     template <class Visit> void visit_near(Placement &at, const Together &group, double gap, const Visit &visit) const {
-        const Pose &X = at.joints[bodies_[group.hull].joint];
-        const Vec3 other = transposed(X.R, at.centres[group.other] - X.p);
+        const Body &other = bodies_[group.other];
+        const Pose X = relative(at.bodies[group.other], at.joints[bodies_[group.hull].joint]);
         for (const Member &member : group.members) {
             const double reach = member.radius + gap + group.taken;
-            if (squared_norm(other - member.centre) > reach * reach) continue;
+            if (squared_norm(outside_box(X * member.centre - other.centre, other.half)) > reach * reach) continue;
             open(at, member.pair);
             visit(member.pair);
         }
@@ -200,7 +209,8 @@ class World {
     }
     bool outlines_apart(const Placement &at, int pair, double gap, Features *features = nullptr) const;
 
-    // Whether a pair is nearer than a margin, m. Above WIDE the hull of a mesh is asked in its place.
+    // Whether a pair is nearer than a margin, m. Above WIDE the hull of a mesh is asked in its place; below, hulls of
+    // its parts before its triangles.
     bool within(const Placement &at, int pair, double margin, Features *features = nullptr) const;
 
     // `trail`: of configurations not far from this one; with `pairs`, only they are asked.

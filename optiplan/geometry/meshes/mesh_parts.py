@@ -1,30 +1,27 @@
 """Hulls of the parts of a mesh: asked where the hull of the whole does not tell, before its triangles are."""
 
 from collections.abc import Iterator
-from weakref import WeakKeyDictionary
 
 import coal
 import numpy as np
 
 from optiplan.arrays import Array, Index
+from optiplan.cache import MostRecent, digest
 from optiplan.geometry.convex import mesh_triangles, mesh_vertices
-from optiplan.geometry.convex_hulls import kept_hull, thickened_hull
-from optiplan.robot.robot import Robot
-from optiplan.verify.continuous.bodies import BodyShape
+from optiplan.geometry.convex_hulls import Hull, kept_hull, thickened_hull
 
 _PARTS = 6
 """Into which a mesh is cut: more are not asked less often, and each costs a query of two polyhedra."""
 
-_kept: "WeakKeyDictionary[Robot, dict[int, tuple[BodyShape, ...]]]" = WeakKeyDictionary()
+_made: MostRecent[tuple[Hull, ...]] = MostRecent(256)
+"""Parts of meshes by content."""
 
 
-def parts_of_link(robot: Robot, body: int) -> tuple[BodyShape, ...]:
-    """Hulls that together hold a body of the robot that is a mesh, in its frame; built once for each robot."""
-    known = _kept.setdefault(robot.unmounted, {})
-    if body not in known:
-        mesh = robot.geometry.geometryObjects[body].geometry
-        known[body] = tuple(BodyShape.of(_hull(points)) for points in _cut(mesh_vertices(mesh), mesh_triangles(mesh)))
-    return known[body]
+def parts_of_mesh(mesh: coal.BVHModelBase) -> tuple[Hull, ...]:
+    """Return hulls that together hold all triangles of a mesh, in its frame; made once for each content."""
+    vertices, triangles = mesh_vertices(mesh), mesh_triangles(mesh)
+    key = digest([vertices.tobytes(), triangles.tobytes()])
+    return _made.get(key, lambda: tuple(_hull(points) for points in _cut(vertices, triangles)))
 
 
 def _cut(vertices: Array, triangles: Index) -> Iterator[Array]:
@@ -43,8 +40,8 @@ def _cut(vertices: Array, triangles: Index) -> Iterator[Array]:
     return (part.reshape(-1, 3) for part in parts)
 
 
-def _hull(points: Array) -> coal.ConvexBase:
+def _hull(points: Array) -> Hull:
     try:
-        return kept_hull(points).build()
+        return kept_hull(points)
     except ValueError:  # in a plane
-        return thickened_hull(points).build()
+        return thickened_hull(points)

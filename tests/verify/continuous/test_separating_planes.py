@@ -1,17 +1,14 @@
-"""Hulls of the parts of a mesh hold it, and what they prove is no more than the distance of the mesh."""
+"""What hulls of the parts of a mesh prove is no more than the distance of the mesh."""
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from optiplan.collision.model import CollisionModel
-from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.scene import Obstacle, Scene
 from optiplan.geometry.shapes import Box, Sphere
 from optiplan.robot.robot import Robot, load_robot
-from optiplan.verify.continuous import mesh_parts
-from optiplan.verify.continuous.bodies import Bodies, support
+from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.separating_planes import PairDistances
 
 YAML = """version: 1
@@ -60,18 +57,6 @@ def model(robot: Robot) -> CollisionModel:
     return CollisionModel(robot, Scene(tuple(found)))
 
 
-def test_parts_hold_every_triangle(model: CollisionModel) -> None:
-    parts = mesh_parts.parts_of_link(model.robot, 0)
-    assert len(parts) == mesh_parts._PARTS
-    mesh = model.geometry.geometryObjects[0].geometry
-    assert isinstance(mesh, coal.BVHModelBase)
-    n = np.random.default_rng(0).normal(size=(300, 3))
-    heights = [support(None, part.vertices, n) for part in parts]
-    for triangle in mesh_vertices(mesh)[mesh_triangles(mesh)]:
-        own = (n @ triangle.T).max(axis=1)
-        assert any((own <= height + 1e-12).all() for height in heights)
-
-
 def test_bounds_of_parts_are_below_the_distance_and_near_it(model: CollisionModel) -> None:
     """In the bend, where the hull of all says nothing."""
     bodies = Bodies(model)
@@ -112,12 +97,3 @@ def test_pairs_asked_alone_have_the_bounds_that_they_have_together(model: Collis
 def test_no_pairs_have_no_support(model: CollisionModel) -> None:
     none = np.zeros(0, dtype=np.intp)
     assert Bodies(model).support(none, np.zeros((0, 4, 4)), np.zeros((0, 3))).shape == (0,)
-
-
-def test_a_mesh_in_a_plane_has_parts() -> None:
-    corners = np.array([[x, y, 0.0] for x in range(4) for y in range(3)], float)
-    triangles = np.array([[0, 1, 4], [0, 4, 3], [3, 4, 7], [3, 7, 6]])
-    parts = list(mesh_parts._cut(corners, triangles))
-    assert len(parts) == 4
-    for part in parts:
-        assert np.ptp(np.array(mesh_parts._hull(part).points()), axis=0).min() > 0.0
