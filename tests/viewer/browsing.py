@@ -58,7 +58,8 @@ def browser() -> Iterator:
 def visit(browser):
     """Open an address and wait for the first picture; at the end, any complaint of the page fails the test."""
     complaints: list[str] = []
-    context = browser.new_context(viewport={"width": 640, "height": 480})
+    size = {"width": 640, "height": 480}
+    context = browser.new_context(viewport=size, device_scale_factor=0.5)  # a quarter of the pixels
     context.add_init_script(SELDOM)
     context.set_default_timeout(100_000)  # software rendering beside other work
 
