@@ -1,8 +1,5 @@
 """Parts of the objective: exact gradients, motions that cost less by them, and their values in the record of a run."""
 
-import threading
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -15,6 +12,7 @@ from optiplan.planners.trajopt.terms.jerk import JerkCost
 from optiplan.planners.trajopt.terms.term import Curve, Instants
 from optiplan.problem.objectives.objective import UNITS
 from optiplan.trajectory.trajectory import Trajectory
+from tests.planned import planned_until
 
 WEIGHTS = {
     "jerk": 1e-6,
@@ -39,26 +37,6 @@ def problem():
 @pytest.fixture(scope="module")
 def fastest(problem):
     return op.plan(problem, budget=3.0)
-
-
-class Until:
-    """Progress that ends the search once a motion is verified that is as a test wants it."""
-
-    def __init__(self, wanted: Callable[[Trajectory], bool]):
-        self.wanted, self.met = wanted, threading.Event()
-
-    def __call__(self, stage, fraction):
-        pass
-
-    def proved(self, motion, seconds):
-        if self.wanted(motion):
-            self.met.set()
-
-
-def planned_until(problem, wanted):
-    """The run of a problem, which ends with the first wanted motion, after 4 s at the latest."""
-    progress = Until(wanted)
-    return op.plan(problem, budget=op.Budget(4.0, cancel=progress.met), progress=progress)
 
 
 def test_every_part_is_here():
@@ -100,7 +78,9 @@ def test_a_weight_makes_motions_that_cost_less_by_it(problem, fastest, name):
     weighted = problem.with_objective({"time": 1.0, name: WEIGHTS[name]})
     parts, cost = weighted.objective_parts(), weighted.cost(fastest.trajectory)
     less = parts.values(fastest.trajectory)[name] * (1.0 - 1e-3)
-    run = planned_until(weighted, lambda motion: parts.values(motion)[name] < less and weighted.cost(motion) < cost)
+    run = planned_until(
+        weighted, seconds=4.0, wanted=lambda motion: parts.values(motion)[name] < less and weighted.cost(motion) < cost
+    )
     assert run.verified
     part = run.metrics.objective[name]
     assert part["value"] < less
@@ -112,7 +92,7 @@ def test_a_weight_makes_motions_that_cost_less_by_it(problem, fastest, name):
 def test_a_heavy_weight_is_worth_time(problem, fastest):
     heavy = problem.with_objective({"time": 1.0, "tool_smoothness": 0.3})
     cost, long = heavy.cost(fastest.trajectory), 1.1 * fastest.duration
-    run = planned_until(heavy, lambda motion: motion.duration > long and heavy.cost(motion) < cost)
+    run = planned_until(heavy, seconds=4.0, wanted=lambda motion: motion.duration > long and heavy.cost(motion) < cost)
     assert run.verified
     assert run.duration > long
     assert heavy.cost(run.trajectory) < cost
