@@ -82,12 +82,14 @@ class Plan:
         jobs: runs in all.
         workers: processes beside the server; 0: the server solves.
         seed: of the chances.
+        shared: runs that end before the first kill; the shares are of them.
     """
 
     rounds: int = 20
     jobs: int = 100
     workers: int = 0
     seed: int = 0
+    shared: int = 0
 
 
 def faults(folder: Path, database: str, plan: Plan) -> Findings:
@@ -107,6 +109,10 @@ def faults(folder: Path, database: str, plan: Plan) -> Findings:
         programs = [Program(*serve, log=folder / "log"), *(Program(*work, log=folder / "log") for _ in range(workers))]
         stack.callback(lambda: [program.kill() for program in programs])
         ids: dict[str, int] = {}
+        for job in range(plan.shared):
+            _submit(programs[0].url, jobs + job, ids)
+        _look(programs[0].url, ids, found)
+        shared, ids = ids, {}
         for job in range(0 if rounds else jobs):
             _submit(programs[0].url, job, ids)
         for number in range(rounds):
@@ -119,7 +125,7 @@ def faults(folder: Path, database: str, plan: Plan) -> Findings:
             programs[which] = Program(*(serve if which == 0 else work), log=folder / "log")
             found.restarts.append(programs[which].started)
         _look(programs[0].url, ids, found)
-    _count_ends(ServiceSettings(data=folder / "data", database=database).database_url, ids, found)
+    _count_ends(ServiceSettings(data=folder / "data", database=database).database_url, shared or ids, found)
     return found
 
 
@@ -141,7 +147,7 @@ def _look(url: str, ids: dict[str, int], found: Findings) -> None:
             if state in ("done", "failed", "cancelled"):
                 waiting.discard(run)
         time.sleep(0.2)
-    found.lost = sorted(waiting)
+    found.lost += sorted(waiting)
     for run in set(ids) - waiting - set(found.refused):
         try:
             record: dict[str, Any] = HTTP.get(f"{url}/api/runs/{run}/run.json").json()
@@ -156,6 +162,7 @@ def _look(url: str, ids: dict[str, int], found: Findings) -> None:
 
 
 def _count_ends(url: str, ids: dict[str, int], found: Findings) -> None:
+    """Look for runs that ended twice, and for who solved those of `ids`."""
     engine = sa.create_engine(url)
     with engine.connect() as connection:
         rows = connection.execute(sa.text("SELECT run, data FROM optiplan_events ORDER BY number")).all()
@@ -163,7 +170,7 @@ def _count_ends(url: str, ids: dict[str, int], found: Findings) -> None:
     found.twice = sorted(run for run, count in ends.items() if count > 1)
     begun = [(run, json.loads(data) if isinstance(data, str) else data) for run, data in rows]
     last = {run: data["by"] for run, data in begun if data.get("status") == "running"}  # of tries, the one that ended
-    found.shares = Counter(last.values())
+    found.shares = Counter(by for run, by in last.items() if run in ids)
     engine.dispose()
 
 

@@ -3,14 +3,17 @@
 import gc
 import os
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from hypothesis import settings
 
+import optiplan as op  # which loads nothing until it is used
 from optiplan import libraries
+from tests.planned import Until, made_once
 from tests.viewer.browsing import browser  # noqa: F401  # one for all: a process runs playwright's loop once
 
 LONGEST = (
@@ -63,6 +66,11 @@ LONGEST = (
     "service/routes/test_runs.py",
 )
 """Files that take longest, longest first: begun first, none of them is left for one worker alone at the end."""
+
+TO_THE_END = ("49_hand_over", "51_tool_changer")
+"""Tasks whose steps are joined and optimised together as well: of two arms, and of one. They take what they need."""
+LONG = 120.0
+"""Seconds, ten times what the slowest example needs: a mere limit, as each run ends with its first verified answer."""
 
 settings.register_profile("suite", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("suite")
@@ -129,3 +137,20 @@ def urgent() -> Iterator[None]:
 def problems() -> Path:
     """Folder of the numbered examples."""
     return ROOT / "problems"
+
+
+@pytest.fixture(scope="session")
+def example(problems: Path, tmp_path_factory: pytest.TempPathFactory) -> "Callable[[str], op.Run]":
+    """The verified run of a numbered example by its own planner, which ends with its first verified answer."""
+
+    def planned(name: str) -> "op.Run":
+        from optiplan.runs.pipeline import run
+
+        problem, progress = op.load_problem(problems / f"{name}.yaml"), Until()
+        budget = op.Budget(LONG) if name in TO_THE_END else op.Budget(LONG, progress.met)
+        found = run(problem, problem.planner, problem.options, budget, progress)
+        assert found.failure is None, found.failure
+        assert found.verified, [check for check in found.report.failures]
+        return found
+
+    return cache(lambda name: made_once(tmp_path_factory, f"example-{name}", lambda: planned(name)))

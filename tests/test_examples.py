@@ -1,35 +1,14 @@
 """Every example of `problems/` ends verified, and the README says what is true."""
 
 import re
-import threading
 from pathlib import Path
 
 import pytest
 
-from optiplan.planners.base import Budget
 from optiplan.problem.load import load_problem
-from optiplan.runs.pipeline import run
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = sorted((ROOT / "problems").glob("*.yaml"))
-BUDGET = 120.0
-"""Seconds, ten times what the slowest needs: a mere limit, as each run ends with its first verified answer."""
-
-TO_THE_END = ("49_hand_over", "51_tool_changer")
-"""Tasks whose steps are joined and optimised together as well: of two arms, and of one. They take what they need."""
-
-
-class EndsWithAnAnswer:
-    """Progress that ends the search once a motion is verified: planners would use what they are given for a better."""
-
-    def __init__(self):
-        self.answered = threading.Event()
-
-    def __call__(self, stage, fraction):
-        pass
-
-    def proved(self, motion, seconds):
-        self.answered.set()
 
 
 def test_there_are_a_dozen_numbered_from_one():
@@ -43,11 +22,8 @@ def test_the_first_is_the_smallest():
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_example_is_verified(path):
-    problem = load_problem(path)
-    progress = EndsWithAnAnswer()
-    budget = Budget(BUDGET) if path.stem in TO_THE_END else Budget(BUDGET, progress.answered)
-    result = run(problem, problem.planner, problem.options, budget, progress)
+def test_example_is_verified(path, example):
+    result = example(path.stem)
     assert result.failure is None, result.failure
     assert result.verified, [check for check in result.report.failures]
     assert result.ratio is None or result.ratio >= 1.0 - 1e-9  # None: a circle ends where it begins

@@ -4,6 +4,7 @@ import numpy as np
 
 import optiplan as op
 from optiplan.problem.constraints.base import circle_of
+from tests.planned import planned_until
 
 GOAL = op.Pose((0.4, 0.4, 0.5), rpy=(np.pi, 0.0, 0.0))
 FROM, TO = [0.30702, 0.0, 0.48687], [0.4, 0.4, 0.5]
@@ -62,7 +63,7 @@ def key_of(name):
 
 def assert_held_and_proved(name: str, planner: str) -> None:
     """Plan the case of that name, and find its constraint among the checks, of the kind it is proved by."""
-    run = op.plan(stated(name), planner, budget=10.0)
+    run = planned_until(stated(name), planner)
     assert run.verified, run.failure
     checks = [check for check in run.report.checks if check.name.endswith("constraint")]
     assert checks

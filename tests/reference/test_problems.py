@@ -1,7 +1,5 @@
 """The reports' experiments as shipped problems: planned as they stand, they give the numbers of the entries."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -28,7 +26,6 @@ SCREWS = {
 PRINTED = {"31_screw_report_b": "b", "33_screw_report_c": "c", "34_screw_report_d": "d"}
 
 
-@cache
 def planned(name: str) -> Run:
     problem = load_problem(problems_dir() / f"{name}.yaml")
     result = run(problem, problem.planner, problem.options, Budget(20.0), lambda stage, fraction: None)
@@ -38,10 +35,10 @@ def planned(name: str) -> Run:
 
 
 @pytest.mark.parametrize("name", SCREWS)
-def test_the_goal_is_the_reports_and_the_tool_keeps_to_the_screw(name):
+def test_the_goal_is_the_reports_and_the_tool_keeps_to_the_screw(name, example):
     """`sclerp.runs`: the report's scheme strays by up to 59 mm or does not converge; here the tool is on the screw."""
     expected = next(item for item in entry("sclerp.runs").value if item["id"] == SCREWS[name])
-    result = planned(name)
+    result = example(name)
     problem, trajectory = result.problem, result.trajectory
     assert np.abs(problem.goal[0].X_WG.homogeneous - np.array(expected["goal"])).max() < 1e-15
     assert np.array_equal(problem.start, np.zeros(7))
@@ -56,11 +53,11 @@ def test_the_goal_is_the_reports_and_the_tool_keeps_to_the_screw(name):
 
 
 @pytest.mark.parametrize("name", PRINTED)
-def test_the_printed_result_is_within_the_reports_tolerance_of_where_it_ends(name):
+def test_the_printed_result_is_within_the_reports_tolerance_of_where_it_ends(name, example):
     """`sclerp.printed`: what the report prints is 0.003 away from the goal, where its program stops."""
     expected, stop = entry(f"sclerp.printed.{PRINTED[name]}"), entry("sclerp.parameters")["stop_max_abs_element_error"]
-    problem = planned(name).problem
-    X = ScrewTool(problem.robot, problem.robot.tool_frame).pose(planned(name).trajectory.end).homogeneous[:3]
+    problem = example(name).problem
+    X = ScrewTool(problem.robot, problem.robot.tool_frame).pose(example(name).trajectory.end).homogeneous[:3]
     found = X[:, 3] if "printed_position" in expected.value else X
     printed = expected["printed_position" if "printed_position" in expected.value else "printed"]
     assert matches(found, printed, stop + expected.tolerance)

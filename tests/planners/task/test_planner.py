@@ -23,6 +23,7 @@ from optiplan.verify.verify import verify
 from optiplan.viewer.moving_objects import moved_by, object_stays
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
+from tests.planned import planned_until
 
 FILE = Path(__file__).parents[2] / "problem" / "one_cube.yaml"
 
@@ -214,7 +215,7 @@ def test_a_hurried_search_goes_on_with_what_it_has(run, monkeypatch):
 
 def test_a_hurried_search_in_vain_looks_at_all_candidates(run, monkeypatch):
     paces = _hurried(monkeypatch, lambda found: found > 1)
-    found = op.plan(run.problem, "rrtconnect", budget=60.0)
+    found = planned_until(run.problem, "rrtconnect", 60.0)
     assert found.verified
     assert min(paces) < 20.0 < 50.0 < max(paces)
 
@@ -290,7 +291,7 @@ def lifted(gap, **step):
     task = task.attach("part", "panda_hand", touch=["panda_leftfinger", "panda_rightfinger"], **step).retreat(
         0.15, **step
     )
-    run = op.plan(op.Problem("panda", "ready", scene=scene, task=task), budget=10.0)
+    run = planned_until(op.Problem("panda", "ready", scene=scene, task=task))
     detail = "" if run.failure is None else run.failure.detail
     assert run.verified == (run.failure is None)
     return detail

@@ -1,19 +1,20 @@
 """Servers that are killed, workers that share, stops that are asked for: no run is lost, none is done twice."""
 
 import csv
+import json
 import threading
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 import sqlalchemy as sa
 from service_faults import PROBLEM, Plan, faults
-from service_process import HTTP, Program, postgres, postgres_folder, serving
+from service_process import HTTP, Program, free_port, postgres, postgres_folder, serving
 from sqlalchemy import make_url
 
 from optiplan.cli.main import run as command
 from optiplan.errors import OptiPlanError
+from optiplan.service.client import Client
 from optiplan.service.execution.leases import take_lease
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
@@ -30,15 +31,18 @@ def test_kills_on_sqlite(tmp_path):
 
 
 @needs_postgres
-def test_kills_of_server_and_two_workers_on_postgresql(tmp_path):
+def test_two_workers_share_the_runs_of_one_postgresql_and_kills_lose_none(tmp_path):
+    """First nothing is killed, and both solve; then the server or a worker is, twice."""
     with postgres() as database:
-        found = faults(tmp_path, database, Plan(rounds=2, jobs=6, workers=2, seed=1))
+        found = faults(tmp_path, database, Plan(rounds=2, jobs=6, workers=2, seed=1, shared=24))
         engine = sa.create_engine(database.replace("postgresql://", "postgresql+psycopg://"))
         with engine.connect() as connection:
             ended = connection.scalar(sa.text("SELECT count(*) FROM optiplan_runs WHERE status = 'done'"))
         engine.dispose()
     assert found.faultless, found
-    assert found.done == ended == 6
+    assert found.done == ended == 30
+    assert len(found.shares) == 2
+    assert min(found.shares.values()) >= 1
 
 
 def names_at_once(url):
@@ -67,35 +71,39 @@ def test_servers_may_start_at_once_on_an_empty_folder(tmp_path):
     assert len(names_at_once(f"sqlite:///{tmp_path / 'runs.sqlite'}")) == 1
 
 
-@needs_postgres
-def test_two_workers_share_the_runs_of_one_postgresql(tmp_path):
-    with postgres() as database:
-        found = faults(tmp_path, database, Plan(rounds=0, jobs=24, workers=2))
-    assert found.faultless, found
-    assert found.done == 24
-    assert len(found.shares) == 2
-    assert min(found.shares.values()) >= 1
-
-
 DRIVER = "paper=file:path={},patience=0.1"
 
 
-def test_a_server_that_is_stopped_puts_its_run_back_and_stops_its_robot_first(tmp_path):
-    slow, table = PROBLEM.replace("quintic", "{name: rrtstar}"), tmp_path / "table.csv"
-    with serving(tmp_path / "data", "--solvers", "1", "--driver", DRIVER.format(table)) as server:
+def test_a_server_that_is_stopped_stops_its_robot_and_leaves_its_run_to_the_next(tmp_path):
+    """Streams end with an event; a client that watches goes on as soon as there is a server again."""
+    slow, table, told = PROBLEM.replace("quintic", "{name: rrtstar}"), tmp_path / "table.csv", []
+    given = ("--solvers", "1", "--port", str(free_port()))
+
+    def watch():
+        with HTTP.stream("GET", f"{server.url}/api/runs/{run}/events") as lines:
+            told.extend(json.loads(line[5:]) for line in lines.iter_lines() if line.startswith("data:"))
+
+    with (
+        serving(tmp_path / "data", *given, "--driver", DRIVER.format(table)) as server,
+        Client(server.url) as client,
+    ):
         executed(server)
         run = HTTP.post(f"{server.url}/api/runs", json={"problem": slow, "budget": 4.0}).json()["id"]
-        while HTTP.get(f"{server.url}/api/runs/{run}").json()["status"] == "queued":
-            time.sleep(0.1)
+        watcher = threading.Thread(target=watch)
+        watcher.start()
+        events = client.watch(run)
+        heard = [next(events), next(events)]
+        wait_until(lambda: told and HTTP.get(f"{server.url}/api/runs/{run}").json()["status"] == "running")
         assert server.stop() == 0
         assert np.abs(speeds(table.with_name("table.csv.partial"))[-20:]).max() == 0.0
-    with serving(tmp_path / "data", "--solvers", "1") as server:
-        end = time.monotonic() + PATIENCE
-        while (state := HTTP.get(f"{server.url}/api/runs/{run}").json()["status"]) in ("queued", "running"):
-            assert time.monotonic() < end
-            time.sleep(0.2)
-        assert state == "done"
-        server.stop()
+        watcher.join(PATIENCE)
+        assert told[-1]["type"] == "stopping"
+        with serving(tmp_path / "data", *given) as second:
+            heard.extend(events)
+            assert second.stop() == 0
+    assert heard[-1] == {"type": "end", "status": "done", "verified": True}
+    assert sum(event["type"] == "end" for event in heard) == 1
+    assert len({event["by"] for event in heard if "by" in event}) == 2, "it was solved by the second server"
 
 
 def executed(server):

@@ -11,9 +11,8 @@ from concurrent.futures import Future
 import pytest
 import sqlalchemy as sa
 from service_outages import outage_round
-from service_process import HTTP, free_port, postgres_folder, postgres_server, serving
+from service_process import HTTP, postgres_folder, postgres_server
 
-from optiplan.service.client import Client
 from optiplan.service.execution import leases
 from optiplan.service.execution.event_writer import EventWriter
 from optiplan.service.execution.leases import take_lease
@@ -374,39 +373,6 @@ def test_events_of_one_run_are_written_in_order_and_bad_ones_alone_are_lost(tmp_
     assert writer.alive
     writer.close(5.0)
     engine.dispose()
-
-
-def test_a_stop_ends_streams_with_an_event(tmp_path):
-    heard = []
-
-    def watch():
-        with HTTP.stream("GET", f"{server.url}/api/runs/{run}/events") as lines:
-            heard.extend(json.loads(line[5:]) for line in lines.iter_lines() if line.startswith("data:"))
-
-    with serving(tmp_path / "data", "--solvers", "1") as server:
-        run = HTTP.post(f"{server.url}/api/runs", json={"problem": NO_WAY, "budget": 120.0}).json()["id"]
-        watcher = threading.Thread(target=watch)
-        watcher.start()
-        while HTTP.get(f"{server.url}/api/runs/{run}").json()["status"] != "running":
-            time.sleep(0.1)
-        assert server.stop() == 0
-        watcher.join(PATIENCE)
-    assert heard[-1]["type"] == "stopping"
-
-
-def test_a_client_watches_on_after_its_server_was_started_again(tmp_path):
-    port = str(free_port())
-    with serving(tmp_path / "data", "--solvers", "1", "--port", port) as server, Client(server.url) as client:
-        body = {"problem": NO_WAY, "budget": 6.0}
-        run = HTTP.post(f"{server.url}/api/runs", json=body).json()["id"]
-        events = client.watch(run)
-        heard = [next(events), next(events)]
-        assert server.stop() == 0
-        with serving(tmp_path / "data", "--solvers", "1", "--port", port):
-            heard.extend(events)
-    assert heard[-1] == {"type": "end", "status": "failed", "verified": False}
-    assert sum(event["type"] == "end" for event in heard) == 1
-    assert len({event["by"] for event in heard if "by" in event}) == 2, "it was solved by the second server"
 
 
 @pytest.mark.parametrize("kind", ["SQLite", pytest.param("PostgreSQL", marks=needs_postgres)])

@@ -166,8 +166,8 @@ def test_what_is_kept_is_read_again_and_made_again_where_it_is_damaged(
 
 def test_another_body_is_another_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot whose stop is gone must not be judged by what was proved with it, nor the other way round."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     free, stopped = robot_in(tmp_path / "free", stop=False), robot_in(tmp_path / "stopped")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))  # not before: loading surveys pairs, for seconds
     at = np.array([[STOP, 0.0]]), np.zeros((1, 2))
     assert prove_kept_clearances(free)[0, 1].least(*at)[0] > 0.0
     assert prove_kept_clearances(stopped)[0, 1].least(*at)[0] == -np.inf
@@ -175,6 +175,7 @@ def test_another_body_is_another_entry(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_pairs_of_two_joints_share_the_boxes_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Links that are many meshes make many pairs; the work is that of a few."""
+    robot = robot_in(tmp_path / "robot", stop=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     looked: list[int] = []
     own = kept_clearance._Maker._bounds
@@ -185,7 +186,7 @@ def test_pairs_of_two_joints_share_the_boxes_looked_at(tmp_path: Path, monkeypat
 
     monkeypatch.setattr(kept_clearance._Maker, "_bounds", counted)
     monkeypatch.setattr(kept_clearance, "_IN_ALL", 4)
-    prove_kept_clearances(robot_in(tmp_path / "robot", stop=False))
+    prove_kept_clearances(robot)
     assert 1 <= sum(looked) <= 8  # the boxes that pass the bound are those of the last halving
 
 

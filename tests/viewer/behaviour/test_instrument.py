@@ -251,7 +251,7 @@ def test_curves_are_zoomed_and_a_range_is_played_again_and_again(visit, proof_pa
     box = settled(page, ".own .u-over")
     middle = (box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
     page.mouse.move(*middle)
-    page.mouse.wheel(0, -600)
+    page.mouse.wheel(0, -300)  # of the screen's pixels, of which one is two of the page's
     until(page, "optiplan.clock.range !== null")
     low, high = page.evaluate("optiplan.clock.range")
     duration = page.evaluate("optiplan.duration")

@@ -15,6 +15,7 @@ from optiplan.planners.sampling.constrained.smoothing import shortcut
 from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.robot.frames import frame_pose
+from tests.planned import planned_until
 from tests.planners.constraint_cases import CONSTRAINTS, assert_held_and_proved, key_of, stated
 
 pytestmark = pytest.mark.usefixtures("processor_clock")
@@ -66,7 +67,7 @@ def test_rrtconnect_holds_it_and_the_verifier_proves_it(name):
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_each_goes_around_an_obstacle_on_a_plane(around, planner):
-    run = op.plan(around, planner, budget=10.0)
+    run = planned_until(around, planner)
     assert run.verified, run.failure
     assert run.info["states"] > 1
     assert sum(check.name.endswith("constraint") for check in run.report.checks) == 2
