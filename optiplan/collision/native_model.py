@@ -15,7 +15,7 @@ from optiplan.collision.contacts import Contact, Contacts
 from optiplan.collision.floors import Floors, floors_of, taken_by
 from optiplan.collision.model import CollisionModel
 from optiplan.collision.passing_neighbours import apart_neighbours, passing_neighbours
-from optiplan.geometry.convex import hull_of_mesh, mesh_triangles, mesh_vertices
+from optiplan.geometry.convex import hull_of_mesh, soup_of
 from optiplan.geometry.meshes.mesh_parts import parts_of_mesh
 from optiplan.geometry.scene import Scene
 from optiplan.geometry.shape import Shape as Solid
@@ -211,10 +211,10 @@ def _link_shapes(robot: Robot) -> "list[list[Shape]]":
 def _shapes_of(solid: coal.CollisionGeometry) -> "list[Shape]":
     """Return a shape in the core, a mesh as its hull, those of its parts and its triangles; nothing if unsupported."""
     if isinstance(solid, coal.BVHModelBase):
-        hulls = [np.array(hull_of_mesh(solid).points()), *(part.vertices for part in parts_of_mesh(solid))]
-        vertices, corners = mesh_vertices(solid), np.ascontiguousarray(mesh_triangles(solid), dtype=np.int64)
-        key = digest([vertices.tobytes(), corners.tobytes()])
-        return [*map(_native_hull, hulls), _made.get(key, lambda: core.Shape.triangles(vertices, corners))]
+        mesh = soup_of(solid)
+        hulls = [np.array(hull_of_mesh(solid).points()), *(part.vertices for part in parts_of_mesh(mesh))]
+        key = digest([mesh.vertices.tobytes(), mesh.triangles.tobytes()])
+        return [*map(_native_hull, hulls), _made.get(key, lambda: core.Shape.triangles(mesh.vertices, mesh.triangles))]
     shape = native_shape(solid)
     return [] if shape is None else [shape]
 

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator
 
-import coal
 import numpy as np
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array
 from optiplan.cache import MostRecent, digest
-from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.convex_hulls import Hull, kept_hull, thickened_hull
+from optiplan.geometry.meshes.triangles import Soup
 
 _PARTS = 6
 """Into which a mesh is cut: more are not asked less often, and each costs a query of two polyhedra."""
@@ -17,18 +16,17 @@ _made: MostRecent[tuple[Hull, ...]] = MostRecent(256)
 """Parts of meshes by content."""
 
 
-def parts_of_mesh(mesh: coal.BVHModelBase) -> tuple[Hull, ...]:
+def parts_of_mesh(mesh: Soup) -> tuple[Hull, ...]:
     """Return hulls that together hold all triangles of a mesh, in its frame; made once for each content."""
-    vertices, triangles = mesh_vertices(mesh), mesh_triangles(mesh)
-    key = digest([vertices.tobytes(), triangles.tobytes()])
-    return _made.get(key, lambda: tuple(_hull(points) for points in _cut(vertices, triangles)))
+    key = digest([mesh.vertices.tobytes(), mesh.triangles.tobytes()])
+    return _made.get(key, lambda: tuple(_hull(points) for points in _cut(mesh)))
 
 
-def _cut(vertices: Array, triangles: Index) -> Iterator[Array]:
+def _cut(mesh: Soup) -> Iterator[Array]:
     """Corners of all triangles of each part: the longest part is cut in two, across its length, again and again."""
-    corners = vertices[triangles]  # (f, 3, 3)
+    corners = mesh.vertices[mesh.triangles]  # (f, 3, 3)
     parts = [corners]
-    while len(parts) < min(_PARTS, len(triangles)):
+    while len(parts) < min(_PARTS, len(corners)):
         lengths = [np.ptp(part.reshape(-1, 3), axis=0) for part in parts]
         longest = parts.pop(int(np.argmax([length.max() for length in lengths])))
         middles = longest.mean(axis=1)

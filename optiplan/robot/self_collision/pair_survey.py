@@ -2,10 +2,11 @@
 
 import json
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import coal
 import numpy as np
@@ -170,10 +171,19 @@ def content_digest(model: pin.Model, geometry: pin.GeometryModel, limits: tuple[
         f"{model.frames[item.parentFrame].name} {item.parentJoint} {type(item.geometry).__name__}"
         for item in geometry.geometryObjects
     ]
-    numbers = [item.placement.homogeneous for item in geometry.geometryObjects]
-    numbers += [*limits, *(array for item in geometry.geometryObjects for array in _numbers(item.geometry))]
-    text = json.dumps([version, model.saveToString(), bodies]).encode()
-    return cache.digest([text, *(np.ascontiguousarray(array).tobytes() for array in numbers)])
+    numbers = [*(item.placement.homogeneous for item in geometry.geometryObjects), *limits]
+    if geometry not in _shapes:
+        _shapes[geometry] = _digest(array for item in geometry.geometryObjects for array in _numbers(item.geometry))
+    text = json.dumps([version, model.saveToString(), bodies, _shapes[geometry]])
+    return cache.digest([text.encode(), _digest(numbers).encode()])
+
+
+_shapes: WeakKeyDictionary[pin.GeometryModel, str] = WeakKeyDictionary()
+"""Hash of the numbers of all shapes, which no one changes: to read the triangles of a mesh takes milliseconds."""
+
+
+def _digest(numbers: Iterable[npt.NDArray[Any]]) -> str:
+    return cache.digest(np.ascontiguousarray(array).tobytes() for array in numbers)
 
 
 def _numbers(shape: coal.CollisionGeometry) -> Sequence[npt.NDArray[Any]]:

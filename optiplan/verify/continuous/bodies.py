@@ -14,6 +14,7 @@ import numpy as np
 from optiplan import cache
 from optiplan.arrays import Array, Flags, Index
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.convex import soup_of
 from optiplan.geometry.meshes.mesh_parts import parts_of_mesh
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
@@ -63,7 +64,7 @@ def parts_of_link(robot: Robot, body: int) -> tuple[BodyShape, ...]:
     """Hulls that together hold a body of the robot that is a mesh, in its frame; looked at once for each robot."""
     known = _parts_of_links.setdefault(robot.unmounted, {})
     if body not in known:
-        parts = parts_of_mesh(robot.geometry.geometryObjects[body].geometry)
+        parts = parts_of_mesh(soup_of(robot.geometry.geometryObjects[body].geometry))
         known[body] = tuple(BodyShape.of(part.build()) for part in parts)
     return known[body]
 

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from optiplan.geometry.coal_queries import coal_mesh
-from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.meshes import mesh_parts
+from optiplan.geometry.meshes.triangles import Soup
 
 
 def bent_tube() -> np.ndarray:
@@ -18,21 +17,25 @@ def bent_tube() -> np.ndarray:
     return np.concatenate([one.reshape(-1, 3, 3), other.reshape(-1, 3, 3)])
 
 
+def soup() -> Soup:
+    corners = bent_tube().reshape(-1, 3)
+    return Soup(corners, np.arange(len(corners)).reshape(-1, 3))
+
+
 def test_parts_hold_every_triangle() -> None:
-    mesh = coal_mesh(bent_tube().reshape(-1, 3))
-    parts = mesh_parts.parts_of_mesh(mesh)
+    parts = mesh_parts.parts_of_mesh(soup())
     assert len(parts) == mesh_parts._PARTS
-    assert parts is mesh_parts.parts_of_mesh(coal_mesh(bent_tube().reshape(-1, 3)))
+    assert parts is mesh_parts.parts_of_mesh(soup())
     n = np.random.default_rng(0).normal(size=(300, 3))
     heights = [(n @ part.vertices.T).max(axis=1) for part in parts]
-    for triangle in mesh_vertices(mesh)[mesh_triangles(mesh)]:
+    for triangle in bent_tube():
         own = (n @ triangle.T).max(axis=1)
         assert any((own <= height + 1e-12).all() for height in heights)
 
 
 def test_parts_leave_the_bend_free() -> None:
     """The hull of the whole fills it."""
-    parts = mesh_parts.parts_of_mesh(coal_mesh(bent_tube().reshape(-1, 3)))
+    parts = mesh_parts.parts_of_mesh(soup())
     n = np.random.default_rng(1).normal(size=(500, 3))
     n /= np.linalg.norm(n, axis=1)[:, None]
     beyond = [(n @ np.array([0.0, 0.15, 0.0]) - (n @ part.vertices.T).max(axis=1)).max() for part in parts]
@@ -42,7 +45,7 @@ def test_parts_leave_the_bend_free() -> None:
 def test_a_mesh_in_a_plane_has_parts() -> None:
     corners = np.array([[x, y, 0.0] for x in range(4) for y in range(3)], float)
     triangles = np.array([[0, 1, 4], [0, 4, 3], [3, 4, 7], [3, 7, 6]])
-    parts = list(mesh_parts._cut(corners, triangles))
+    parts = list(mesh_parts._cut(Soup(corners, triangles)))
     assert len(parts) == 4
     for part in parts:
         assert np.ptp(mesh_parts._hull(part).vertices, axis=0).min() > 0.0
