@@ -16,6 +16,7 @@ from optiplan.collision.pair_queries import HULL_DISTANCE_ENOUGH, Outline, PairQ
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.geometry.convex import is_flat
 from optiplan.geometry.scene import Scene
+from optiplan.geometry.shapes import build_geometry
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_bounds import PairBounds, local_box
@@ -88,6 +89,22 @@ class CollisionModel:
         model.outline = Outline(model.model, geometry, model.bounds.pairs)
         if "containment" in vars(self):
             model.containment = self.containment
+        return model
+
+    def with_obstacles_reshaped(self, scene: Scene) -> "CollisionModel":
+        """Return a model, with a separate work space, of the same bodies where obstacles have the shapes of `scene`.
+
+        All else is as in this model's scene, and its pairs are checked. Half-spaces stay what they are.
+        """
+        geometry, boxes = self.geometry.copy(), list(self._boxes)
+        for k, obstacle in enumerate(scene.obstacles, len(self.names) - len(scene.obstacles)):
+            geometry.geometryObjects[k].geometry = build_geometry(obstacle.shape)
+            boxes[k] = local_box(geometry.geometryObjects[k].geometry)
+        model = CollisionModel.__new__(CollisionModel)
+        model._take(self, scene)
+        model.same_bodies, model.geometry, model._boxes = SameBodies(), geometry, boxes
+        model.bounds = self.bounds.with_boxes(boxes)
+        model.outline = Outline(model.model, geometry, model.bounds.pairs)
         return model
 
     @cached_property

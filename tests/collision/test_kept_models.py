@@ -12,6 +12,8 @@ import optiplan as op
 from optiplan.collision import native_model
 from optiplan.collision.kept_models import collision_model, kept_planning_model
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import planning_model
+from optiplan.planners.sampling.shrunk_obstacles import among_thinner, thinned
 
 BOXES = [op.Box("shelf", size=(0.4, 0.4, 0.02), position=(0.5, 0.0, 0.4))]
 
@@ -137,6 +139,28 @@ def test_a_model_of_moved_obstacles_answers_like_a_new_one(crowded, asked):
         np.testing.assert_array_equal(found, expected)
     for found, expected in zip(_answers(known, Q), before, strict=True):
         np.testing.assert_array_equal(found, expected)  # the old one has kept its places
+
+
+@pytest.mark.parametrize("asked", [False, True], ids=["before a query", "after a query"])
+def test_a_model_of_obstacles_of_other_shapes_answers_like_a_new_one(crowded, asked):
+    known = CollisionModel(crowded.robot, crowded.scene)
+    Q = np.random.default_rng(6).uniform(-1.0, 1.0, (20, crowded.robot.n)) + crowded.start
+    if asked:
+        _answers(known, Q)
+    before = _answers(CollisionModel(crowded.robot, crowded.scene), Q)
+    scene = thinned(crowded.scene, -0.01)
+    found = known.with_obstacles_reshaped(scene)
+    assert found.scene is scene
+    assert found.same_bodies is not known.same_bodies
+    new = CollisionModel(crowded.robot, scene)
+    assert new.pairs == found.pairs
+    for one, expected in zip(_answers(found, Q), _answers(new, Q), strict=True):
+        np.testing.assert_array_equal(one, expected)
+    for one, expected in zip(_answers(known, Q), before, strict=True):
+        np.testing.assert_array_equal(one, expected)
+    core, plain = among_thinner(planning_model(crowded.robot, crowded.scene), -0.01), planning_model(new.robot, scene)
+    assert [core.collides(q) for q in Q] == [plain.collides(q) for q in Q]
+    np.testing.assert_array_equal(core.near(Q, 0.1).distance, plain.near(Q, 0.1).distance)
 
 
 def test_a_model_of_moved_obstacles_outlives_the_one_that_it_was_made_of(crowded):

@@ -124,10 +124,11 @@ class MotionCheck:
         return twin
 
     def among(self, model: CollisionModel) -> "MotionCheck":
-        """Return a check of the same motions among other obstacles."""
-        other = MotionCheck(model, self.limits, self._gravity)
-        other.units = self.units
-        return other
+        """Return a check of the same motions, and of the same pairs of bodies, where obstacles have other shapes."""
+        twin = copy(self)
+        twin.__dict__.pop("_margins", None)
+        twin.model, twin.native = model, _native(model, self._moment_arms, self._gravity)
+        return twin
 
     def _heavy(self, a: Array, d: Array) -> bool:
         if self._gravity is None:

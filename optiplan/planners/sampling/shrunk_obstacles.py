@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.collision.model import CollisionModel
 from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Box, Capsule, Cylinder, Scene, Shape, Sphere
 from optiplan.planners.base import Budget
@@ -25,6 +26,12 @@ def thinned(scene: Scene, depth: float = _DEPTH) -> Scene:
     """Return the scene with every obstacle smaller by `depth`, m, on all sides; meshes and half-spaces stay."""
     obstacles = (replace(body, shape=_thinned(body.shape, depth)) for body in scene.obstacles)
     return replace(scene, obstacles=tuple(obstacles))
+
+
+def among_thinner(model: CollisionModel, depth: float = _DEPTH) -> CollisionModel:
+    """Return the planner's model of the same bodies between obstacles that are `thinned` by `depth`, m."""
+    scene = thinned(model.scene, depth)
+    return planning_model(model.robot, scene, model.with_obstacles_reshaped(scene), error=model.error)
 
 
 def _thinned(shape: Shape, depth: float) -> Shape:
@@ -52,8 +59,7 @@ def through_thinner(repair: Callable[[Array], Array | None]) -> Searcher:
     """
 
     def search(check: MotionCheck, ends: Ends, budget: Budget, seed: int, *, patience: float) -> Search:
-        model = check.model
-        thinner = check.among(planning_model(model.robot, thinned(model.scene), error=model.error))
+        thinner = check.among(among_thinner(check.model))
         if thinner.native is None:
             found = kpiece(thinner, ends, budget, seed, patience=patience)
         else:

@@ -7,7 +7,6 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
-from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.failures import too_heavy
@@ -17,15 +16,16 @@ from optiplan.planners.sampling.constrained.seeds import ConstrainedSeeds
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import ALTERNATE_RATIO, kpiece, rrt_connect
 from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
-from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
+from optiplan.planners.sampling.shrunk_obstacles import among_thinner, through_thinner
 from optiplan.planners.trajopt.coarse_descents import CoarseCurve, CoarseDescents, GuessPath
 from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
-_QUICK, _ROUNDS = 0.065, 2
-"""Work, s, and rounds of a short search for a first motion, made before a straight line is optimised."""
+_GLANCE, _QUICK, _ROUNDS = 0.003, 0.065, 2
+"""Work, s, of the first search for a first motion and of each further one, before a straight line is optimised; rounds.
+"""
 
 _SOON = 1.05
 """Bound / least bound of an end up to which a first motion may lead to it."""
@@ -105,25 +105,37 @@ class PathSearch:
         """Search briefly for a path if there is no motion, and offer a curve from it or it with its stops.
 
         A path that is checked here and there is found soonest, and mostly does: it is the curve that has to be free.
-        Where that is not, a path that is proved is searched; where there is no path, one between thinner obstacles.
+        Where none is found at a glance, one between thinner obstacles is, and the curve from it mostly leaves them; it
+        is often the shorter one.
         """
         if self.incumbent.candidates or self.searches or self._on_constraints.apply:
             return
-        path = self._briefly(sampler, self._check().here_and_there())
-        if isinstance(path, Failure):
-            path = self._briefly(sampler, self._check(_DEPTHS[0]))
-            self.begun = _ROUNDS
+        for depth, work in ((0.0, _GLANCE), (_DEPTHS[0], _QUICK), (0.0, _QUICK), (_DEPTHS[0], _QUICK)):
+            path = self._between_thinner(sampler, depth, work) if depth else self._between_real(sampler, work)
             if isinstance(path, SampledPath):
-                self._first(path.waypoints)
-        elif not self.incumbent.candidates and not self.free(path):
-            path = self._briefly(sampler, self._check())
-        self.found = path if isinstance(path, SampledPath) else None
+                self.found = path
+            if self.incumbent.candidates:
+                return
 
-    def _briefly(self, sampler: GoalSampler, check: MotionCheck) -> SampledPath | Failure:
+    def _between_thinner(self, sampler: GoalSampler, depth: float, work: float) -> SampledPath | Failure:
+        path = self._briefly(sampler, self._check(depth), work)
+        self.begun = _ROUNDS
+        if isinstance(path, SampledPath):
+            self._first(path.waypoints)
+        return path
+
+    def _between_real(self, sampler: GoalSampler, work: float) -> SampledPath | Failure:
+        """Search for a path here and there; where neither its curve nor it is free, for a path that is proved."""
+        path = self._briefly(sampler, self._check().here_and_there(), work)
+        if isinstance(path, Failure) or self.incumbent.candidates or self.free(path):
+            return path
+        return self._briefly(sampler, self._check(), _QUICK)
+
+    def _briefly(self, sampler: GoalSampler, check: MotionCheck, work: float) -> SampledPath | Failure:
         goals = self.promising(sampler)
         bounds = self.problem.lower_bounds(goals)
         soon = [q for q, bound in zip(goals, bounds, strict=True) if bound <= _SOON * bounds[0]]
-        return self._sample(sampler, check, self.patience.seconds + _QUICK, None, soon)
+        return self._sample(sampler, check, self.patience.seconds + work, None, soon)
 
     def next(self, sampler: GoalSampler, repair: Callable[[Array], Array | None]) -> GuessPath | Failure:
         """Return the next guess to optimise; `repair` as in `through_thinner`.
@@ -223,10 +235,11 @@ class PathSearch:
     def _check(self, depth: float = 0.0) -> MotionCheck:
         """Return the path check between obstacles thinner by `depth`, m; there a path is only a guess."""
         if depth not in self._checks:
-            robot, scene = self.problem.robot, self.problem.scene
-            model = planning_model(robot, thinned(scene, depth), error=self.model.error) if depth else self.model
-            check = path_check(model, self.problem.limits)
-            self._checks[depth] = check.here_and_there() if depth else check
+            if depth:
+                check = self._check().among(among_thinner(self.model, depth)).here_and_there()
+            else:
+                check = path_check(self.model, self.problem.limits)
+            self._checks[depth] = check
         return self._checks[depth]
 
     def _sample(

@@ -67,13 +67,7 @@ class PairBounds:
         bodies = list(geometry.geometryObjects)
         self.joint = np.array([int(body.parentJoint) for body in bodies], dtype=np.intp)
         self.placement = _placements(bodies)
-        boxes = [local_box(body.geometry) for body in bodies] if boxes is None else boxes
-        self.centre = np.array([box.centre for box in boxes]).reshape(-1, 3)
-        self.half = np.array([box.half for box in boxes]).reshape(-1, 3)
-        self.radius = np.array([box.radius for box in boxes])
-        edges = np.where(np.isfinite(self.half), self.half, 0.0)
-        self._corners = np.ones((len(bodies), 4, 8))
-        self._corners[:, :3] = (self.centre[:, None] + edges[:, None] * (2.0 * BOX_CORNERS - 1.0)).swapaxes(1, 2)
+        self._take_boxes([local_box(body.geometry) for body in bodies] if boxes is None else boxes)
         self.pairs: Index = np.array(pairs, dtype=np.intp).reshape(-1, 2)
         moves = kinematics.carries[self.joint[self.pairs]]  # (P, 2, J)
         # A joint that carries both bodies of a pair does not change their distance.
@@ -89,6 +83,20 @@ class PairBounds:
         planes = [isinstance(body.geometry, coal.Halfspace) for body in bodies]
         self.plane_pairs: Index = np.flatnonzero(np.array(planes, dtype=bool)[self.pairs].any(axis=1))
         self._plane_of = {g: (np.array(bodies[g].geometry.n), bodies[g].geometry.d) for g, p in enumerate(planes) if p}
+
+    def _take_boxes(self, boxes: Sequence[LocalBox]) -> None:
+        self.centre = np.array([box.centre for box in boxes]).reshape(-1, 3)
+        self.half = np.array([box.half for box in boxes]).reshape(-1, 3)
+        self.radius = np.array([box.radius for box in boxes])
+        edges = np.where(np.isfinite(self.half), self.half, 0.0)
+        self._corners = np.ones((len(boxes), 4, 8))
+        self._corners[:, :3] = (self.centre[:, None] + edges[:, None] * (2.0 * BOX_CORNERS - 1.0)).swapaxes(1, 2)
+
+    def with_boxes(self, boxes: Sequence[LocalBox]) -> "PairBounds":
+        """Return the same of bodies in other boxes, (G) of them, none of which becomes a half-space or was one."""
+        twin = copy(self)
+        twin._take_boxes(boxes)
+        return twin
 
     def with_placements(self, geometry: pin.GeometryModel) -> "PairBounds":
         """Return the same of bodies that are placed as in `geometry`, where all else is as it was."""

@@ -1,6 +1,7 @@
 """Lower bounds of the duration of a motion: each joint's own fastest S-curve, or profile between moving states."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -23,8 +24,13 @@ def lower_bounds(start: Array, goals: Array, limits: Limits) -> Array:
     Returns:
         (k,) in s.
     """
-    times: Array = joint_times(np.abs(goals - start), limits).max(axis=1)
-    return times
+    return _longest(np.abs(goals - start).tobytes(), limits).copy()
+
+
+@lru_cache(maxsize=64)
+def _longest(ways: bytes, limits: Limits) -> Array:
+    """The bounds (k,), s, of ways (k, n) >= 0, rad or m: planners ask for those of the same ends a dozen times."""
+    return np.asarray(joint_times(np.frombuffer(ways).reshape(-1, len(limits.velocity)), limits).max(axis=1))
 
 
 def moving_bounds(start: State, ends: Sequence[State], limits: Limits) -> Array:

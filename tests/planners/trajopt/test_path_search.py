@@ -37,9 +37,9 @@ def test_without_a_free_curve_a_proved_path_is_the_motion(is_free: bool, monkeyp
     run = _run(cases.wall())
     real, searched = run.paths._briefly, []
 
-    def noted(sampler: GoalSampler, check: MotionCheck) -> SampledPath | Failure:
+    def noted(sampler: GoalSampler, check: MotionCheck, work: float) -> SampledPath | Failure:
         searched.append(check is run.paths._check())
-        return real(sampler, check)
+        return real(sampler, check, work)
 
     monkeypatch.setattr(run.paths, "_briefly", noted)
     if not is_free:
@@ -47,7 +47,7 @@ def test_without_a_free_curve_a_proved_path_is_the_motion(is_free: bool, monkeyp
         monkeypatch.setattr(run.paths, "_stopping", lambda waypoints: None)
     run.paths.at_once(_sampler(run))
     proved = run.paths._check().here_and_there() is run.paths._check()
-    assert searched == [proved, *([] if is_free else [True])]
+    assert searched == ([proved] if is_free else [proved, True, False] * 2)  # then between thinner obstacles
     assert run.paths.found is not None
     assert len(run.incumbent.candidates) == is_free
     for found in run.incumbent.candidates:
@@ -58,7 +58,7 @@ def test_a_brief_search_aims_at_the_ends_that_may_be_reached_soonest(monkeypatch
     run = _run(cases.any_of())
     sampler, aimed = _sampler(run), []
     monkeypatch.setattr(run.paths, "_sample", lambda *given: aimed.append(given[-1]))
-    run.paths._briefly(sampler, run.paths._check())
+    run.paths._briefly(sampler, run.paths._check(), 0.01)
     bounds = run.problem.lower_bounds(sampler.configurations)
     (aims,) = aimed
     assert 0 < len(aims) == (bounds <= 1.05 * bounds[0]).sum() < len(bounds)
@@ -70,15 +70,16 @@ def test_where_no_path_is_seen_one_between_thinner_obstacles_may_lead_to_a_curve
     run = _run(cases.wall())
     real, blocked = run.paths._briefly, []
 
-    def none_between_real_obstacles(sampler: GoalSampler, check: MotionCheck) -> SampledPath | Failure:
+    def none_between_real_obstacles(sampler: GoalSampler, check: MotionCheck, work: float) -> SampledPath | Failure:
         if check.model is run.model:
-            blocked.append(check)
+            blocked.append(work)
             return Failure("no-path", "made up")
-        return real(sampler, check)
+        return real(sampler, check, work)
 
     monkeypatch.setattr(run.paths, "_briefly", none_between_real_obstacles)
     run.paths.at_once(_sampler(run))
-    assert len(blocked) == 1
+    assert blocked[0] < 0.01  # at a glance
+    assert len(blocked) == (1 if run.incumbent.candidates else 2)
     assert run.paths.found is not None
     assert run.paths.found.goal_index == 0
     for candidate in run.incumbent.candidates:
