@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import httpx
 import pytest
+from dbos import DBOS
 
+from optiplan.service.execution.run_queue import POLLING, QUEUE
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.server import serving
 from optiplan.service.settings import DriverSetup, ServiceSettings
@@ -83,6 +85,26 @@ def server(tmp_path_factory) -> Iterator[Running]:
             yield Running(url, service, http)
         (thread,) = [one for one in threading.enumerate() if one.name == "server"]
     assert not thread.is_alive()
+
+
+RESTING = 0.5
+"""s between two looks for the next run while other tests run: 20 looks a second take a twentieth of the processor."""
+
+
+def look_for_runs_every(seconds: float) -> None:
+    """Set how often the queue of this process looks for the next run, if there is a server here."""
+    if any(one.name == "server" for one in threading.enumerate()):
+        queue = DBOS.retrieve_queue(QUEUE)
+        assert queue is not None
+        queue.set_polling_interval_sec(seconds)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def the_queue_rests_between_files() -> Iterator[None]:
+    """The server lives as long as this process, most of which goes to files that do not ask it for anything."""
+    look_for_runs_every(POLLING)
+    yield
+    look_for_runs_every(RESTING)
 
 
 @pytest.fixture(autouse=True)
