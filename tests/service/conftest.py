@@ -3,11 +3,14 @@
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import httpx
 import pytest
+from dbos import DBOS
 
+from optiplan.service.execution.run_queue import QUEUE
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.server import serving
 from optiplan.service.settings import DriverSetup, ServiceSettings
@@ -79,10 +82,39 @@ def server(tmp_path_factory) -> Iterator[Running]:
         meshcat_port=0,
     )
     with serving(settings) as (url, service):
+        look_for_runs_every(AWAKE)
         with httpx.Client(base_url=url, timeout=PATIENCE, trust_env=False) as http:
             yield Running(url, service, http)
         (thread,) = [one for one in threading.enumerate() if one.name == "server"]
     assert not thread.is_alive()
+
+
+AWAKE, RESTING = 0.1, 0.5
+"""s between two looks for the next run, while these tests run and while others do.
+
+20 looks a second, which the server begins with, take a twentieth of the processor, in each worker.
+"""
+
+
+def look_for_runs_every(seconds: float) -> None:
+    """Set how often the queue of this process looks for the next run, if there is a server here."""
+
+    def change() -> None:
+        queue = DBOS.retrieve_queue(QUEUE)
+        assert queue is not None
+        queue.set_polling_interval_sec(seconds)
+
+    if any(one.name == "server" for one in threading.enumerate()):
+        with ThreadPoolExecutor(1) as thread:  # in this one playwright's loop may run, beside which DBOS refuses to ask
+            thread.submit(change).result()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def the_queue_rests_between_files() -> Iterator[None]:
+    """The server lives as long as this process, most of which goes to files that do not ask it for anything."""
+    look_for_runs_every(AWAKE)
+    yield
+    look_for_runs_every(RESTING)
 
 
 @pytest.fixture(autouse=True)

@@ -25,9 +25,16 @@ scene:
     - {name: ball, shape: {sphere: 0.09}, pose: {position: [0.3, -0.45, 0.35]}}
 """
 pytestmark = pytest.mark.timeout(300)
+wide = pytest.mark.parametrize("page", [(1280, 800)], indirect=True, ids=["wide"])
 
 
-def test_the_goal_is_dragged_with_all_branches_as_ghosts(page, server):
+COVERED = """() => {
+  const [hint, joints] = ["told", "joints"].map((id) => document.getElementById(id).getBoundingClientRect());
+  return hint.right > joints.left && hint.bottom > joints.top && hint.top < joints.bottom;
+}"""
+
+
+def test_the_goal_is_dragged_with_all_branches_as_ghosts_and_the_hint_is_beside_the_joints(page, server):
     open_studio(page, server)
     began = page.evaluate("optiplanStudio.state.problem.goal.pose")
     ghosts = "optiplanStudio.scene.ghosts.children.length > 1"
@@ -44,21 +51,12 @@ def test_the_goal_is_dragged_with_all_branches_as_ghosts(page, server):
         assert (rotation > 0.02) == turned
         assert (position > 5e-3) != turned
         first = pose
-
-
-COVERED = """() => {
-  const [hint, joints] = ["told", "joints"].map((id) => document.getElementById(id).getBoundingClientRect());
-  return hint.right > joints.left && hint.bottom > joints.top && hint.top < joints.bottom;
-}"""
-
-
-def test_the_hint_is_beside_the_joints(page, server):
-    open_studio(page, server)
     page.wait_for_selector("#joints summary")
     page.evaluate("document.getElementById('joints').open = true")
     assert not page.evaluate(COVERED)
 
 
+@wide  # what is asked here does not depend on the layout
 def test_every_page_leads_to_the_others(page, server):
     pages = {"/", "/studio", "/live", "/execution", "/benches"}
     for path in sorted(pages):
@@ -173,9 +171,12 @@ def test_an_execution_is_steered_and_an_obstacle_dragged_into_its_way(page, serv
     page.on("request", lambda asked: asked.url.endswith("/obstacles") and sent.append(asked.post_data_json))
     page.mouse.move(*at)
     page.mouse.down()
-    for share in (0.25, 0.5, 0.75, 1.0):
-        page.mouse.move(*(np.array(at) + share * np.subtract(there, at)))
-        page.wait_for_timeout(40)
+    end = time.monotonic() + PATIENCE
+    while not any(np.linalg.norm(one["velocities"]["ball"]) > 0.01 for one in sent):  # a starved page sees no speed
+        assert time.monotonic() < end, sent
+        for share in (0.25, 0.5, 0.75, 1.0):
+            page.mouse.move(*(np.array(at) + share * np.subtract(there, at)))
+            page.wait_for_timeout(40)
     page.wait_for_function(f"{LAST}.obstacles.ball")
     page.mouse.up()
     page.wait_for_selector("#state:text('waiting')")
@@ -183,7 +184,6 @@ def test_an_execution_is_steered_and_an_obstacle_dragged_into_its_way(page, serv
     while not (sent and not any(sent[-1]["velocities"]["ball"])):  # one let go stands still
         assert time.monotonic() < end, sent
         page.wait_for_timeout(20)
-    assert max(np.linalg.norm(one["velocities"]["ball"]) for one in sent) > 0.01
     assert "ball" in page.inner_text("#reason")
     assert_strips_and_recording(page)
     page.evaluate("optiplanExecution.live.events.close()")  # a stream that breaks

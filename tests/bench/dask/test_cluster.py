@@ -130,6 +130,7 @@ def test_robots_and_meshes_travel(write_suite, tmp_path, dask, robot_of_ours):
     assert str(kept) in next(kept.rglob("arm.urdf")).read_text()
 
 
+@pytest.mark.timeout(60)  # the thread of a client was seen to hang, until the limit of all tests
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1", "nonsense://x:1"])
 def test_no_scheduler(address, monkeypatch):
     monkeypatch.setattr("optiplan.bench.dask.cluster.CONNECT", 0.5)

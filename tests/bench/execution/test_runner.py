@@ -148,7 +148,7 @@ def test_killed_with_a_worker_every_run_is_there_once(write_suite, tmp_path, run
     process.kill()
     process.communicate(timeout=PATIENCE)
     wait_until(lambda: all(map(ended, workers)))
-    done, rows = run(path, folder, workers=2)
+    done, rows = run(path, folder)
     assert 3 <= done.found < 32
     assert len(rows) == 32
     assert all(row["verified"] for row in rows.values())
@@ -229,7 +229,7 @@ def test_a_full_tmpfs(write_suite, small_disk):
     path, folder = write_suite(count=2, repetitions=40), small_disk / "out"
     filler = small_disk / "filler"
     filler.write_bytes(b"0" * 1_800_000)
-    process = start(path, folder)
+    process = start(path, folder, workers=1)
     _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2, err
     assert "make room and give the same command again" in err
@@ -237,7 +237,7 @@ def test_a_full_tmpfs(write_suite, small_disk):
     there = stored(folder)
     assert 0 < there < 80
     filler.unlink()
-    process = start(path, folder)
+    process = start(path, folder, workers=1)
     out, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, err
     assert "80 of 80 runs" in out

@@ -19,6 +19,7 @@ from optiplan.runs.pipeline import chosen
 from optiplan.runs.pipeline import run as plan_with
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
+from tests.planned import planned_until
 
 PLACES = [(0.45, y, z) for y in (-0.3, -0.1, 0.1, 0.3) for z in (0.25, 0.45)]
 WALL = op.Box("wall", size=(0.2, 0.02, 0.3), position=(0.55, 0.0, 0.1))
@@ -49,7 +50,7 @@ def problem():
 
 @pytest.fixture(scope="module")
 def run(problem):
-    found = op.plan(problem, budget=6.0)
+    found = planned_until(problem)
     assert found.verified, (found.failure, found.report)
     return found
 
@@ -131,7 +132,7 @@ def test_better_tours_are_told_on_the_way(problem):
     progress = Told()
     targets = [{"position": place, "axis": [1, 0, 0]} for place in PLACES]
     own = op.Problem("ur5", "ready", task=op.Tour(targets), scene=[WALL])
-    found = plan_with(own, "trajopt", {}, Budget(5.0), progress)
+    found = plan_with(own, "trajopt", {}, Budget(2.5), progress)
     assert found.verified
     durations = [motion.duration for motion in progress.found_motions]
     assert durations == sorted(durations, reverse=True)
