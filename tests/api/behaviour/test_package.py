@@ -39,6 +39,23 @@ print(seconds < 0.3, sorted(heavy & set(sys.modules)), sorted(name for name in s
     assert "True [] []\n" in told  # the clock of a busy machine may err, but not every time
 
 
+def test_a_first_plan_loads_no_planner():
+    """It is loaded with the function's name, which proofs of motions do without."""
+    code = """
+import sys
+import optiplan as op
+def planners(): return {name for name in sys.modules if name.startswith("optiplan.planners.trajopt.")}
+op.verify, op.load_problem
+print(len(planners()))
+op.plan
+before = planners()
+op.plan(op.load_problem("01_reach"), budget=5)
+print(len(before) > 10, sorted(planners() - before))
+"""
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert told.stdout == "0\nTrue []\n", told.stdout + told.stderr
+
+
 def test_every_public_name_is_there_and_told_to_type_checkers():
     tree = ast.parse((ROOT / "optiplan" / "__init__.py").read_text())
     block = next(node for node in tree.body if isinstance(node, ast.If))
