@@ -83,10 +83,7 @@ class CollisionModel:
             geometry.geometryObjects[k].placement = obstacle.X_WO
         if overlapping(geometry, self._standing, self._boxes) != self._sunk:
             return None
-        model = CollisionModel.__new__(CollisionModel)
-        model._take(self, scene)
-        model.geometry, model.bounds = geometry, self.bounds.with_placements(geometry)
-        model.outline = Outline(model.model, geometry, model.bounds.pairs)
+        model = self._of(scene, geometry, self.bounds.with_placements(geometry))
         if "containment" in vars(self):
             model.containment = self.containment
         return model
@@ -100,11 +97,16 @@ class CollisionModel:
         for k, obstacle in enumerate(scene.obstacles, len(self.names) - len(scene.obstacles)):
             geometry.geometryObjects[k].geometry = build_geometry(obstacle.shape)
             boxes[k] = local_box(geometry.geometryObjects[k].geometry)
+        model = self._of(scene, geometry, self.bounds.with_boxes(boxes))
+        model.same_bodies, model._boxes = SameBodies(), boxes
+        return model
+
+    def _of(self, scene: Scene, geometry: pin.GeometryModel, bounds: PairBounds) -> "CollisionModel":
+        """Return a model with a separate work space and all else of this one."""
         model = CollisionModel.__new__(CollisionModel)
         model._take(self, scene)
-        model.same_bodies, model.geometry, model._boxes = SameBodies(), geometry, boxes
-        model.bounds = self.bounds.with_boxes(boxes)
-        model.outline = Outline(model.model, geometry, model.bounds.pairs)
+        model.geometry, model.bounds = geometry, bounds
+        model.outline = Outline(model.model, geometry, bounds.pairs)
         return model
 
     @cached_property

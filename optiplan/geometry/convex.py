@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from optiplan import cache
 from optiplan.arrays import Array
-from optiplan.geometry.convex_hulls import FLAT, Hull, convex_hull, kept_hull, thickened_hull
+from optiplan.geometry.convex_hulls import FLAT, Hull, kept_hull, solid_hull, thickened_hull
 from optiplan.geometry.meshes.triangles import Soup, Triangles
 from optiplan.geometry.over_cover import MeshSolid
 
@@ -77,14 +77,7 @@ def hull_of_mesh(mesh: coal.BVHModelBase) -> coal.ConvexBase:
     The hulls' distance bounds that of the meshes from below and costs a twentieth of it.
     """
     vertices = mesh_vertices(mesh)
-    return _hulls.get(cache.digest([vertices.tobytes()]), lambda: _mesh_hull(vertices))
-
-
-def _mesh_hull(vertices: Array) -> coal.ConvexBase:
-    try:
-        return convex_hull(vertices)
-    except ValueError:  # flat
-        return thickened_hull(vertices).build()
+    return _hulls.get(cache.digest([vertices.tobytes()]), lambda: solid_hull(vertices).build())
 
 
 def is_flat(shape: coal.CollisionGeometry) -> bool:

@@ -108,6 +108,14 @@ def kept_hull(vertices: Array) -> Hull:
     return Hull.of_bytes(cache.kept(name, lambda: covering_hull(points).to_bytes()))
 
 
+def solid_hull(points: Array) -> Hull:
+    """Return `kept_hull` of points (k, 3), m, or `thickened_hull` of points in a plane."""
+    try:
+        return kept_hull(points)
+    except ValueError:
+        return thickened_hull(points)
+
+
 def thickened_hull(points: Array) -> Hull:
     """Return the hull of octahedra of radius `FLAT`, or a millionth of the extent, about points (k, 3), m."""
     from scipy.spatial import ConvexHull

@@ -6,7 +6,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.cache import MostRecent, digest
-from optiplan.geometry.convex_hulls import Hull, kept_hull, thickened_hull
+from optiplan.geometry.convex_hulls import Hull, solid_hull
 from optiplan.geometry.meshes.triangles import Soup
 
 _PARTS = 6
@@ -19,7 +19,7 @@ _made: MostRecent[tuple[Hull, ...]] = MostRecent(256)
 def parts_of_mesh(mesh: Soup) -> tuple[Hull, ...]:
     """Return hulls that together hold all triangles of a mesh, in its frame; made once for each content."""
     key = digest([mesh.vertices.tobytes(), mesh.triangles.tobytes()])
-    return _made.get(key, lambda: tuple(_hull(points) for points in _cut(mesh)))
+    return _made.get(key, lambda: tuple(map(solid_hull, _cut(mesh))))
 
 
 def _cut(mesh: Soup) -> Iterator[Array]:
@@ -36,10 +36,3 @@ def _cut(mesh: Soup) -> Iterator[Array]:
             break
         parts += [longest[half] for half in np.array_split(order, 2)]
     return (part.reshape(-1, 3) for part in parts)
-
-
-def _hull(points: Array) -> Hull:
-    try:
-        return kept_hull(points)
-    except ValueError:  # in a plane
-        return thickened_hull(points)

@@ -23,9 +23,11 @@ from optiplan.planners.trajopt.stopping_rule import STATE, Patience, counted
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.trajectory import Trajectory
 
-_GLANCE, _QUICK, _ROUNDS = 0.003, 0.065, 2
-"""Work, s, of the first search for a first motion and of each further one, before a straight line is optimised; rounds.
-"""
+_GLANCE, _QUICK = 0.003, 0.065
+"""Work, s, of the first search for a first motion, and of each further one before a straight line is optimised."""
+
+_ROUNDS = 2
+"""Rounds that such searches make, which a search after them leaves out."""
 
 _SOON = 1.05
 """Bound / least bound of an end up to which a first motion may lead to it."""
@@ -236,10 +238,9 @@ class PathSearch:
         """Return the path check between obstacles thinner by `depth`, m; there a path is only a guess."""
         if depth not in self._checks:
             if depth:
-                check = self._check().among(among_thinner(self.model, depth)).here_and_there()
+                self._checks[depth] = self._check().among(among_thinner(self.model, depth)).here_and_there()
             else:
-                check = path_check(self.model, self.problem.limits)
-            self._checks[depth] = check
+                self._checks[depth] = path_check(self.model, self.problem.limits)
         return self._checks[depth]
 
     def _sample(

@@ -89,6 +89,7 @@ def examples():
                 )
 
 
+@pytest.mark.usefixtures("urgent")  # some execute in real time
 @pytest.mark.parametrize("test", list(examples()), ids=lambda test: test.name)
 def test_the_examples_of_the_reference_do_what_they_say(test, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

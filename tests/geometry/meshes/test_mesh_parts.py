@@ -2,40 +2,27 @@
 
 import numpy as np
 
+from optiplan.geometry.convex_hulls import solid_hull
 from optiplan.geometry.meshes import mesh_parts
 from optiplan.geometry.meshes.triangles import Soup
-
-
-def bent_tube() -> np.ndarray:
-    """Triangles (f, 3, 3) of a tube of eight sides bent to half a circle, radius 0.3 m, open at its ends."""
-    along, around = np.linspace(0.0, np.pi, 24), np.arange(9) * np.pi / 4.0
-    a, b = np.meshgrid(along, around, indexing="ij")
-    radius = 0.3 + 0.03 * np.cos(b)
-    p = np.stack([radius * np.cos(a), radius * np.sin(a), 0.03 * np.sin(b)], axis=2)
-    one = np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:]], axis=2)
-    other = np.stack([p[:-1, :-1], p[1:, 1:], p[:-1, 1:]], axis=2)
-    return np.concatenate([one.reshape(-1, 3, 3), other.reshape(-1, 3, 3)])
-
-
-def soup() -> Soup:
-    corners = bent_tube().reshape(-1, 3)
-    return Soup(corners, np.arange(len(corners)).reshape(-1, 3))
+from tests.geometry.horseshoe import horseshoe
 
 
 def test_parts_hold_every_triangle() -> None:
-    parts = mesh_parts.parts_of_mesh(soup())
+    mesh = Soup(*horseshoe())
+    parts = mesh_parts.parts_of_mesh(mesh)
     assert len(parts) == mesh_parts._PARTS
-    assert parts is mesh_parts.parts_of_mesh(soup())
+    assert parts is mesh_parts.parts_of_mesh(Soup(*horseshoe()))
     n = np.random.default_rng(0).normal(size=(300, 3))
     heights = [(n @ part.vertices.T).max(axis=1) for part in parts]
-    for triangle in bent_tube():
+    for triangle in mesh.vertices[mesh.triangles]:
         own = (n @ triangle.T).max(axis=1)
         assert any((own <= height + 1e-12).all() for height in heights)
 
 
 def test_parts_leave_the_bend_free() -> None:
     """The hull of the whole fills it."""
-    parts = mesh_parts.parts_of_mesh(soup())
+    parts = mesh_parts.parts_of_mesh(Soup(*horseshoe()))
     n = np.random.default_rng(1).normal(size=(500, 3))
     n /= np.linalg.norm(n, axis=1)[:, None]
     beyond = [(n @ np.array([0.0, 0.15, 0.0]) - (n @ part.vertices.T).max(axis=1)).max() for part in parts]
@@ -48,4 +35,4 @@ def test_a_mesh_in_a_plane_has_parts() -> None:
     parts = list(mesh_parts._cut(Soup(corners, triangles)))
     assert len(parts) == 4
     for part in parts:
-        assert np.ptp(mesh_parts._hull(part).vertices, axis=0).min() > 0.0
+        assert np.ptp(solid_hull(part).vertices, axis=0).min() > 0.0

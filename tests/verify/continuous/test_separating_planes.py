@@ -10,6 +10,7 @@ from optiplan.geometry.shapes import Box, Sphere
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.verify.continuous.bodies import Bodies
 from optiplan.verify.continuous.separating_planes import PairDistances
+from tests.geometry.horseshoe import horseshoe
 
 YAML = """version: 1
 name: horseshoe
@@ -21,20 +22,6 @@ URDF = """<robot name="horseshoe"><link name="base"/><link name="arm"><inertial>
 <collision><geometry><mesh filename="u.obj"/></geometry></collision></link>
 <joint name="j" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
 <limit lower="-3" upper="3" velocity="1" effort="9"/></joint></robot>"""
-
-
-def horseshoe() -> tuple[np.ndarray, np.ndarray]:
-    """A tube bent to half a circle, radius 0.3 m: its hull fills what is between its ends."""
-    rings, corners = 24, 8
-    a, b = np.meshgrid(np.linspace(0.0, np.pi, rings), np.arange(corners) * 2 * np.pi / corners, indexing="ij")
-    radius = 0.3 + 0.03 * np.cos(b)
-    points = np.stack([radius * np.cos(a), radius * np.sin(a), 0.03 * np.sin(b)], axis=2).reshape(-1, 3)
-    index = np.arange(rings * corners).reshape(rings, corners)
-    p, q = index[:-1], index[1:]
-    p2, q2 = np.roll(p, -1, axis=1), np.roll(q, -1, axis=1)
-    sides = np.concatenate([np.stack([p, q, q2], axis=2).reshape(-1, 3), np.stack([p, q2, p2], axis=2).reshape(-1, 3)])
-    caps = [(ring[0], ring[k], ring[k + 1]) for ring in (index[0][::-1], index[-1]) for k in range(1, corners - 1)]
-    return points, np.concatenate([sides, np.array(caps)])
 
 
 @pytest.fixture(scope="module")
