@@ -23,6 +23,7 @@ SANITIZED := tests/core/test_convex.py tests/control/behaviour/test_native.py $(
 BUILD_TOOLS := 'cmake>=3.18,<5' 'ninja>=1.11,<2' 'nanobind>=2.4,<4'
 CPP = $(shell find optiplan/_core/src tests/core -name '*.[ch]pp')
 export OMP_NUM_THREADS ?= 1
+unexport PYTHONDONTWRITEBYTECODE  # four workers and all that they start would compile the same files
 
 .PHONY: help demo core environment browser compiler test test-again coverage sanitize bench-smoke docs lint format tidy core-tests clean
 

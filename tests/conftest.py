@@ -76,17 +76,27 @@ settings.register_profile("suite", deadline=None, derandomize=True, print_blob=T
 settings.load_profile("suite")
 
 ROOT = Path(__file__).parent.parent
+TESTS = ROOT / "tests"
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first, in the order that workers take them in."""
-    ranks = {ROOT / "tests" / name: rank for rank, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
+    """Put the longest files first, in the order that workers take them in, which is one for all of them."""
+    ranks = {TESTS / name: rank for rank, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: (ranks.get(item.path, len(ranks)), item.path))
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_collection() -> Generator[None, object, object]:
-    """Look for garbage neither while 8,000 tests are collected, of which nothing is garbage, nor among them later."""
+def pytest_collection(session: pytest.Session) -> Generator[None, object, object]:
+    """Look for garbage neither while 8,000 tests are collected, of which nothing is garbage, nor among them later.
+
+    Each worker begins with other files: what one of them has compiled is on disk when the others come to it.
+    """
+    worker = getattr(session.config, "workerinput", None)
+    if worker is not None and [Path(one).resolve() for one in session.config.args] == [TESTS]:
+        files = sorted(str(file) for file in TESTS.rglob("test_*.py"))
+        first = len(files) * int(worker["workerid"].removeprefix("gw")) // worker["workercount"]
+        session.config.args[:] = files[first:] + files[:first]
     gc.disable()
     try:
         return (yield)
