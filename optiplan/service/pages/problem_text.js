@@ -16,7 +16,12 @@ const ProblemText = (() => {
     return JSON.stringify(value);
   }
 
-  const parse = (text) => parseDocument(text, { keepSourceTokens: false, logLevel: "silent" });
+  // The same text is asked about again and again, as by each of many drags: the last document is kept, which nobody changes.
+  let last = { text: null, document: null };
+  function parse(text) {
+    if (text !== last.text) last = { text, document: parseDocument(text, { keepSourceTokens: false, logLevel: "silent" }) };
+    return last.document;
+  }
 
   // The node at a path; null where the text has none, or where it is only an alias.
   function at(root, path) {
