@@ -5,6 +5,19 @@ import shutil
 
 import pytest
 
+from optiplan.bench.report.figures import measure_figures
+
+
+def first_measure(analysis):
+    return measure_figures(analysis)[:1]
+
+
+@pytest.fixture(autouse=True)
+def one_figure_of_measures(monkeypatch):
+    """Pages and files with one figure of a measure instead of 18, which are drawn alike."""
+    for module in ("figures", "page"):
+        monkeypatch.setattr(f"optiplan.bench.report.{module}.measure_figures", first_measure)
+
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory):
@@ -27,8 +40,9 @@ def folder(tmp_path, free, shut_in, optiplan, kept):
     return tmp_path / "out"
 
 
-def test_report_show_and_compare(folder, tmp_path, optiplan, optiplan_json):
+def test_report_show_and_compare(folder, tmp_path, optiplan, optiplan_json, monkeypatch):
     assert "50.0 % verified" in (folder / "report.html").read_text()
+    monkeypatch.setattr("optiplan.bench.report.page.measure_figures", measure_figures)  # on one page all of them
     written = ("--out", tmp_path / "page.html", "--markdown", tmp_path / "md" / "t.md", "--figures", tmp_path / "f")
     written += ("--tables", tmp_path / "t", "--pages", 0)
     code, data = optiplan_json("bench", "report", folder, *written)
