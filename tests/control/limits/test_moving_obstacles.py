@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from benchmarks.demonstrations import controller_moving_obstacle as moving
 from optiplan._core import core
 from optiplan.collision.model import CollisionModel
 from optiplan.control.braking_path import make_braking_path
 from optiplan.control.limits import stop_limits
 from optiplan.control.limits.moving_obstacles import ObstacleJoints, PathAmongMoving
 from optiplan.control.limits.stop_limits import Abilities, StopLimit
-
-moving = pytest.importorskip("benchmarks.demonstrations.controller_moving_obstacle")
 
 
 def ball(position, polynomial, until=None):
@@ -83,9 +82,10 @@ def test_views_rows_and_stops_agree(monkeypatch, panda, bound):
         path.start(q, v, np.zeros(7), controller._box, 0.002)
         least = np.minimum(native.bound - 1e-6, rng.uniform(0.0, 0.1))
         limit._watch = watch
-        verdicts.append(limit.stop_is_clear(path, native, least, t))
         among = PathAmongMoving(path, limit._obstacles, t, limit._placed)
-        assert StopLimit.stop_is_clear(limit, among, python, least, t) == verdicts[-1]
+        verdict = StopLimit.stop_is_clear(limit, among, python, least, t)
+        verdicts.append(limit.stop_is_clear(path, native, least, t))  # which lets the path carry the obstacles itself
+        assert verdict == verdicts[-1]
     assert 3 < sum(verdicts) < 27, "both answers are worth comparing"
 
 
