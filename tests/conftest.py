@@ -81,9 +81,17 @@ TESTS = ROOT / "tests"
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first, in the order that workers take them in, which is one for all of them."""
+    """Put the longest files first, in the order that workers take them in, which is one for all of them.
+
+    Behind the very longest come the files that need a server, all of them: a worker keeps one until they are done.
+    """
     ranks = {TESTS / name: rank for rank, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: (ranks.get(item.path, len(ranks)), item.path))
+
+    def place(item: pytest.Item) -> tuple[bool, int, Path]:
+        rank = ranks.get(item.path, len(ranks))
+        return rank > 0 and TESTS / "service" not in item.path.parents, rank, item.path
+
+    items.sort(key=place)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -2,9 +2,11 @@
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 import httpx
 import pytest
@@ -66,10 +68,31 @@ class Running:
         return answer.json()
 
 
-@pytest.fixture(scope="session")
-def server(tmp_path_factory) -> Iterator[Running]:
+STARTED = ExitStack()
+"""The server of this process, for as long as files of this folder follow each other."""
+RUNNING: list[Running] = []
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory) -> Running:
     """One server for all: DBOS is one in a process."""
-    folder = tmp_path_factory.mktemp("service")
+    if not RUNNING:
+        RUNNING.append(STARTED.enter_context(_started(tmp_path_factory.mktemp("service"))))
+    return RUNNING[0]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(nextitem: pytest.Item | None) -> Generator[None, object, object]:
+    """End the server before a worker goes on to other folders: at rest it takes a twentieth of the processor."""
+    done = yield
+    if nextitem is None or Path(__file__).parent not in nextitem.path.parents:
+        RUNNING.clear()
+        STARTED.close()
+    return done
+
+
+@contextmanager
+def _started(folder: Path) -> Iterator[Running]:
     (folder / "meshes").mkdir()
     paper = DriverSetup("paper", "file", {"path": str(folder / "set_points.csv")}, patience=0.1)
     settings = ServiceSettings(
@@ -82,39 +105,27 @@ def server(tmp_path_factory) -> Iterator[Running]:
         meshcat_port=0,
     )
     with serving(settings) as (url, service):
-        look_for_runs_every(AWAKE)
+        look_seldom_for_runs()
         with httpx.Client(base_url=url, timeout=PATIENCE, trust_env=False) as http:
             yield Running(url, service, http)
         (thread,) = [one for one in threading.enumerate() if one.name == "server"]
     assert not thread.is_alive()
 
 
-AWAKE, RESTING = 0.1, 0.5
-"""s between two looks for the next run, while these tests run and while others do.
-
-20 looks a second, which the server begins with, take a twentieth of the processor, in each worker.
-"""
+AWAKE = 0.1
+"""s between two looks for the next run: 20 a second, which the server begins with, take a tenth of the processor."""
 
 
-def look_for_runs_every(seconds: float) -> None:
-    """Set how often the queue of this process looks for the next run, if there is a server here."""
+def look_seldom_for_runs() -> None:
+    """Set how often the queue of this process looks for the next run."""
 
     def change() -> None:
         queue = DBOS.retrieve_queue(QUEUE)
         assert queue is not None
-        queue.set_polling_interval_sec(seconds)
+        queue.set_polling_interval_sec(AWAKE)
 
-    if any(one.name == "server" for one in threading.enumerate()):
-        with ThreadPoolExecutor(1) as thread:  # in this one playwright's loop may run, beside which DBOS refuses to ask
-            thread.submit(change).result()
-
-
-@pytest.fixture(scope="module", autouse=True)
-def the_queue_rests_between_files() -> Iterator[None]:
-    """The server lives as long as this process, most of which goes to files that do not ask it for anything."""
-    look_for_runs_every(AWAKE)
-    yield
-    look_for_runs_every(RESTING)
+    with ThreadPoolExecutor(1) as thread:  # in this one playwright's loop may run, beside which DBOS refuses to ask
+        thread.submit(change).result()
 
 
 @pytest.fixture(autouse=True)
@@ -133,7 +144,7 @@ def page(browser, request, server):
     """A page that fails the test by any complaint, and by any request to somewhere else."""
     complaints = []
     size = dict(zip(("width", "height"), request.param, strict=True))
-    page = browser.new_page(viewport=size, device_scale_factor=0.5)  # a quarter of the pixels
+    page = browser.new_page(viewport=size, device_scale_factor=0.25)  # a sixteenth of the pixels
     page.add_init_script(SELDOM)
     page.set_default_timeout(browsing.PATIENCE)
     page.on("pageerror", lambda error: complaints.append(str(error)))
