@@ -10,12 +10,11 @@ from optiplan.errors import OptiPlanError
 from tests.service.conftest import NO_WAY, QUICK
 from tests.waiting import answer_of
 
-mcp = pytest.importorskip("mcp")
-
 
 @pytest.fixture(scope="module")
 def answers(tmp_path_factory) -> dict:
     """What the tools answer, asked by MCP's client over one connection in memory."""
+    mcp = pytest.importorskip("mcp")  # not while tests are collected: each worker would load it
     folder = tmp_path_factory.mktemp("runs") / "kept"
     asked = {
         "robots": ("list_robots", {}),
