@@ -451,6 +451,7 @@ class BoxClosing:
         boxes: _Array,
         turn_of: _Indices,
         arms: _Array,
-        way: _Array,
     ) -> None: ...
-    def close(self, T: float, low: _Array, high: _Array, parts: int) -> npt.NDArray[np.uint8]: ...
+    def close(
+        self, lowest: _Array, highest: _Array, low: _Array, high: _Array, parts: int
+    ) -> npt.NDArray[np.uint8]: ...

@@ -9,17 +9,15 @@ namespace optiplan {
 using namespace nb::literals;
 
 // `ends` (2 M, 3), `radius` (M,), `joint` (M,), `body` (M,) from 0; `pairs` (P, 2) of body and box; `turns` (T, 3, 3)
-// with axes as rows; `boxes` (K, 7): centre along the axes, half edges, round; `turn_of` (K,); `arms` (2 M, J); `way`
-// (5, n): start, goal, speed, acceleration, tolerance.
+// with axes as rows; `boxes` (K, 7): centre along the axes, half edges, round; `turn_of` (K,); `arms` (2 M, J).
 static void make_closing(BoxClosing *self, const Tree &tree, const Matrix &ends, const Vector &radius,
                          const Indices &joint, const Indices &body, const IndexPairs &pairs, const Stack &turns,
-                         const Matrix &boxes, const Indices &turn_of, const Matrix &arms, const Matrix &way) {
-    const std::size_t M = radius.size(), K = boxes.shape(0), n = tree.planned, J = tree.count() - 1;
+                         const Matrix &boxes, const Indices &turn_of, const Matrix &arms) {
+    const std::size_t M = radius.size(), K = boxes.shape(0), J = tree.count() - 1;
     expect(ends.shape(0) == 2 * M && ends.shape(1) == 3 && joint.size() == M && body.size() == M, "rods (M,)");
     expect(turns.shape(1) == 3 && turns.shape(2) == 3, "turns (T, 3, 3)");
     expect((K == 0 || boxes.shape(1) == 7) && turn_of.size() == K, "boxes (K, 7)");
     expect(arms.shape(0) == 2 * M && arms.shape(1) == J && J <= 64, "arms (2 M, J)");
-    expect(way.shape(0) == 5 && way.shape(1) == n, "way (5, n)");
     std::vector<Rod> rods(M);
     std::vector<RodBody> bodies;
     for (std::size_t k = 0; k < M; ++k) {
@@ -56,22 +54,23 @@ static void make_closing(BoxClosing *self, const Tree &tree, const Matrix &ends,
                "turns of boxes");
         obstacles[k] = {static_cast<int>(turn_of.data()[k]), {b[0], b[1], b[2]}, {b[3], b[4], b[5]}, b[6]};
     }
-    std::vector<double> rows[5];
-    for (int k = 0; k < 5; ++k) rows[k].assign(way.data() + k * n, way.data() + (k + 1) * n);
-    new (self) BoxClosing(tree, std::move(rods), std::move(bodies), std::move(obstacles), std::move(frames),
-                          to_vector(arms), {rows[0], rows[1], rows[2], rows[3], rows[4]});
+    new (self)
+        BoxClosing(tree, std::move(rods), std::move(bodies), std::move(obstacles), std::move(frames), to_vector(arms));
 }
 
-// What is known of each of the boxes `low`, `high` (N, n), see `Box`; by at most `parts` parts each.
-static nb::ndarray<nb::numpy, std::uint8_t> close_boxes(BoxClosing &self, double T, const Matrix &low,
-                                                        const Matrix &high, std::int64_t parts) {
-    const std::size_t n = self.joints(), N = low.shape(0);
+// What is known of each of the boxes `low`, `high` (N, n), see `Box`, by at most `parts` parts each; for motions within
+// the corridor `lowest`, `highest` (n, K).
+static nb::ndarray<nb::numpy, std::uint8_t> close_boxes(BoxClosing &self, const Matrix &lowest, const Matrix &highest,
+                                                        const Matrix &low, const Matrix &high, std::int64_t parts) {
+    const std::size_t n = self.joints(), N = low.shape(0), K = lowest.shape(1);
+    expect(lowest.shape(0) == n && highest.shape(0) == n && highest.shape(1) == K && K > 0, "corridor (n, K)");
     expect(low.shape(1) == n && high.shape(0) == N && high.shape(1) == n, "boxes (N, n)");
     std::vector<std::uint8_t> found(N);
     {
         nb::gil_scoped_release release;
+        self.keep_within({lowest.data(), highest.data(), static_cast<int>(K)});
         for (std::size_t k = 0; k < N; ++k)
-            found[k] = static_cast<std::uint8_t>(self.close(T, low.data() + k * n, high.data() + k * n, parts));
+            found[k] = static_cast<std::uint8_t>(self.close(low.data() + k * n, high.data() + k * n, parts));
     }
     return to_numpy(std::move(found), {N});
 }
@@ -79,8 +78,8 @@ static nb::ndarray<nb::numpy, std::uint8_t> close_boxes(BoxClosing &self, double
 void bind_bounds(nb::module_ &m) {
     nb::class_<BoxClosing>(m, "BoxClosing")
         .def("__init__", &make_closing, "tree"_a, "ends"_a, "radius"_a, "joint"_a, "body"_a, "pairs"_a, "turns"_a,
-             "boxes"_a, "turn_of"_a, "arms"_a, "way"_a)
-        .def("close", &close_boxes, "T"_a, "low"_a, "high"_a, "parts"_a);
+             "boxes"_a, "turn_of"_a, "arms"_a)
+        .def("close", &close_boxes, "lowest"_a, "highest"_a, "low"_a, "high"_a, "parts"_a);
 }
 
 }  // namespace optiplan

@@ -11,7 +11,7 @@ from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
 from optiplan.robot.native_tree import native_tree
 from optiplan.verify.bounds.inner_shapes import InnerBoxes, InnerRods, boxes_inside, rods_inside
-from optiplan.verify.bounds.times import Passage
+from optiplan.verify.bounds.times import Corridor, Passage
 
 if TYPE_CHECKING:
     from optiplan._core._core_base import BoxClosing
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 States = npt.NDArray[np.uint8]
 
 UNKNOWN, CLOSED, PASSABLE = 0, 1, 2
-"""What is known of a box: nothing; no motion shorter than T passes it; a part of it is too small to be halved."""
+"""What is known of a box: nothing; no motion shorter than T passes it; one of its configurations cannot be closed."""
 
 AT_ONCE = 100_000
 """Parts of boxes that are examined between two looks at the clock."""
@@ -31,10 +31,10 @@ class Closing:
 
     `sway` (n,) is how far a joint moves the rods for each rad or m, in the mean, m.
 
-    A box is closed if halving it gives parts that no motion shorter than T passes, or that are in collision throughout:
-    a rod inside a body of the robot meets a box inside an obstacle in every configuration. For that the ends of the
-    rods are enclosed: p(q) = p(Q) + sum_j J_j d_j + r with |r| <= 1/2 sum_jk w_max(j, k) D_j D_k. |d| <= D, and w_k is
-    the greatest distance of the point from axis k. Two reasons count.
+    A box is closed if halving it gives parts that are outside the corridor of all motions shorter than T in every step
+    of their time, or in collision throughout: a rod inside a body of the robot meets a box inside an obstacle in every
+    configuration. For that the ends of the rods are enclosed: p(q) = p(Q) + sum_j J_j d_j + r with |r| <= 1/2 sum_jk
+    w_max(j, k) D_j D_k. |d| <= D, and w_k is the greatest distance of the point from axis k. Two reasons count.
 
     - A point of the rod is nearer to the box than the rod's radius.
     - The ends are on both sides of a plane across the box, and between them the rod crosses it within the box.
@@ -72,13 +72,16 @@ class Closing:
             _along_own_axes(boxes),
             turn_of.ravel().astype(np.int64),
             arms,
-            np.array([passage.start, passage.goal, limits.velocity, limits.acceleration, passage.tolerance]),
         )
         return cls(passage, native, model.robot.kinematics.planned_bound(arms.mean(axis=0)))
 
-    def close(self, T: float, low: Array, high: Array, parts: int) -> States:
-        """Return what is known of boxes [low, high] (N, n), each halved into at most `parts` parts: (N,)."""
-        return np.asarray(self.native.close(T, np.ascontiguousarray(low), np.ascontiguousarray(high), parts))
+    def close(self, corridor: Corridor, low: Array, high: Array, parts: int) -> States:
+        """Return what is known of boxes [low, high] (N, n), each halved into at most `parts` parts: (N,).
+
+        Motions within `corridor` are meant.
+        """
+        low, high = np.ascontiguousarray(low), np.ascontiguousarray(high)
+        return np.asarray(self.native.close(corridor.low, corridor.high, low, high, parts))
 
 
 def _along_own_axes(boxes: InnerBoxes) -> Array:

@@ -10,8 +10,11 @@ from scipy import ndimage
 from optiplan.arrays import Array, Index
 from optiplan.verify.bounds.closing import AT_ONCE, CLOSED, PASSABLE, Closing
 
-EFFORTS = (1, 8, 64, 256)
-"""Parts into which boxes are halved, in rounds: later ones only for boxes that join start and goal."""
+Mask = npt.NDArray[np.bool_]
+Slices = tuple[slice, ...]
+
+EFFORTS = (1, 8, 64, 512)
+"""Parts into which boxes are halved, in rounds: later ones only for boxes that resisted with fewer."""
 
 
 class JointGrid:
@@ -22,6 +25,8 @@ class JointGrid:
     it too, and the motion cannot pass there. If no chain of open boxes that share faces leads from the start to the
     goal, no motion is shorter than T.
 
+    Boxes are closed where it matters: on the ways from start to goal through the fewest boxes not known to be passable.
+
     Args:
         closing: closes boxes.
         T: s.
@@ -30,55 +35,80 @@ class JointGrid:
     """
 
     def __init__(self, closing: Closing, T: float, joints: Sequence[int], counts: Sequence[int]) -> None:
-        self._closing, self._T, self._joints = closing, T, list(joints)
+        self._closing, self._joints = closing, list(joints)
         passage = closing.passage
-        self._low, self._high = passage.box(T)
+        self._corridor = passage.corridor(T)
+        self._low, self._high = self._corridor.box()
         ends = np.stack([passage.start, passage.goal])
         self._low = np.minimum(self._low, ends.min(axis=0) - passage.tolerance)
         self._high = np.maximum(self._high, ends.max(axis=0) + passage.tolerance)
         self._edges = [np.linspace(self._low[j], self._high[j], n + 1) for j, n in zip(joints, counts, strict=True)]
-        self.open: npt.NDArray[np.bool_] = np.ones(tuple(counts), dtype=bool)
-        self._passable = np.zeros(tuple(counts), dtype=bool)
         self._ends = [self._boxes_at(q) for q in ends]
+        self.open: Mask = np.ones(tuple(counts), dtype=bool)
+        self._passable: Mask = np.zeros(tuple(counts), dtype=bool)
+        for end in self._ends:
+            self._passable[end] = True  # the ends themselves are passed
         self.parts = 0
 
     def separates(self, until: float) -> bool:
         """Close boxes until start and goal are apart; False where they cannot be, or at the time `until`, s."""
         for effort in EFFORTS:
-            joining = self._joining(self.open)
-            if joining is None:
+            tried = self._passable.copy()
+            while len(boxes := self._needed(tried)):
+                some = max(AT_ONCE // effort, 1)
+                for first in range(0, len(boxes), some):
+                    if time.perf_counter() > until:
+                        return False
+                    self._close(boxes[first : first + some], effort)
+                tried[tuple(boxes.T)] = True
+            if not self._joined(self.open):
                 return True
-            if self._joining(self._passable) is not None:
+            if self._joined(self._passable):
                 return False
-            boxes = np.argwhere(joining & ~self._passable)
-            some = max(AT_ONCE // effort, 1)
-            for first in range(0, len(boxes), some):
-                if time.perf_counter() > until:
-                    return False
-                self._close(boxes[first : first + some], effort)
-        return self._joining(self.open) is None
+        return False
 
     def _close(self, boxes: Index, effort: int) -> None:
         low, high = np.tile(self._low, (len(boxes), 1)), np.tile(self._high, (len(boxes), 1))
         for axis, j in enumerate(self._joints):
             low[:, j], high[:, j] = self._edges[axis][boxes[:, axis]], self._edges[axis][boxes[:, axis] + 1]
-        found = self._closing.close(self._T, low, high, effort)
+        found = self._closing.close(self._corridor, low, high, effort)
         self.open[tuple(boxes[found == CLOSED].T)] = False
         self._passable[tuple(boxes[found == PASSABLE].T)] = True
         self.parts += effort * len(boxes)
 
-    def _joining(self, mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_] | None:
-        """Return the boxes of `mask` that are joined to start and goal; None where they do not join the two."""
-        mask = mask.copy()
-        for end in self._ends:
-            mask[end] = True  # the ends themselves are passed
+    def _joined(self, mask: Mask) -> bool:
+        """Whether boxes of `mask` join start and goal."""
         labels, _ = ndimage.label(mask)
         at_start, at_goal = (set(np.unique(labels[end]).tolist()) for end in self._ends)
-        if not at_start & at_goal:
-            return None
-        return np.asarray(np.isin(labels, list(at_start & at_goal)) & mask)
+        return bool(at_start & at_goal)
 
-    def _boxes_at(self, q: Array) -> tuple[slice, ...]:
+    def _needed(self, known: Mask) -> Index:
+        """Indices of the open boxes not `known` on ways from start to goal with the fewest of them; none without."""
+        after_start = self._layers(known, *self._ends)
+        after_goal = self._layers(known, *self._ends[::-1])
+        needed = np.zeros_like(known)
+        if after_start[-1][self._ends[1]].any():
+            # A box is on such a way if k of them, it included, lead to it from the start, and the others to the goal.
+            for k, reached in enumerate(after_start[1:], 1):
+                needed |= reached & after_goal[-k]
+        return np.argwhere(needed & self.open & ~known)
+
+    def _layers(self, known: Mask, end: Slices, other: Slices) -> list[Mask]:
+        """What is reached from an end through at most 0, 1, … open boxes that are not known, up to the other end."""
+        labels, _ = ndimage.label(known & self.open)
+        reached = np.zeros_like(known)
+        reached[end] = True
+        layers: list[Mask] = []
+        while True:
+            here = np.unique(labels[reached])
+            reached = reached | np.isin(labels, here[here > 0])
+            layers.append(reached)
+            more = _widened(reached) & self.open
+            if reached[other].any() or np.array_equal(more, reached):
+                return layers
+            reached = more
+
+    def _boxes_at(self, q: Array) -> Slices:
         """The boxes within which a configuration is, and what is within the tolerance of it."""
         near = self._closing.passage.tolerance
         found = []
@@ -87,3 +117,13 @@ class JointGrid:
             last = int(np.searchsorted(edges, q[j] + near[j], side="right"))
             found.append(slice(max(first, 0), max(last, 1)))
         return tuple(found)
+
+
+def _widened(mask: Mask) -> Mask:
+    """Boxes of a mask, and those that share a face with one of them."""
+    more = mask.copy()
+    for axis in range(mask.ndim):
+        there, here = np.moveaxis(more, axis, 0), np.moveaxis(mask, axis, 0)
+        there[1:] |= here[:-1]
+        there[:-1] |= here[1:]
+    return more

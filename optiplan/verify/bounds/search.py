@@ -12,7 +12,7 @@ from optiplan.verify.bounds.grid import JointGrid
 NEAR = 1e-3
 """Share of a bound by which it has to be below the known motion for a greater one to be looked for."""
 
-GRIDS = ((4, 8), (4, 12), (5, 8), (4, 17), (5, 11), (4, 24), (5, 15), (6, 11), (4, 40), (5, 22), (6, 15))
+GRIDS = ((3, 16), (4, 8), (3, 32), (4, 12), (3, 48), (4, 17), (5, 8), (3, 72), (4, 24), (5, 12), (4, 34), (6, 8))
 """Joints, and boxes along each, of the grids, in the order in which they are tried; of a robot with more joints."""
 
 SMALL_GRIDS = (30, 100, 300, 800)
@@ -67,7 +67,7 @@ class BoundSearch:
         """Joints, and boxes along each, in the order in which they are tried: first the joints that move most."""
         n = len(self.closing.passage.start)
         if n > 4:
-            low, high = self.closing.passage.box(1.3 * self.proved)
+            low, high = self.closing.passage.corridor(1.3 * self.proved).box()
             order = np.argsort(-(high - low) * self.closing.sway, kind="stable").tolist()
             yield from ((tuple(sorted(order[:joints])), count) for joints, count in GRIDS)
             return

@@ -1,4 +1,4 @@
-"""Least times in which joints pass a configuration on their way from one rest to another."""
+"""Where joints can be at any time of a motion from one rest to another."""
 
 from dataclasses import dataclass
 
@@ -8,30 +8,34 @@ from optiplan.arrays import Array
 from optiplan.robot.limits import Limits
 from optiplan.trajectory.timing.lower_bound import joint_times
 
-
-def times_to_turn(distances: Array, limits: Limits) -> Array:
-    """Return the least times, s, from rest over distances (..., n) >= 0, rad or m, to speed 0 there: (..., n).
-
-    2 sqrt(d / A) while d <= V^2 / A, and V / A + d / V beyond; without limits of jerk.
-    """
-    speed, acceleration = limits.velocity, limits.acceleration
-    short = 2.0 * np.sqrt(distances / acceleration)
-    return np.where(distances <= speed**2 / acceleration, short, speed / acceleration + distances / speed)
-
-
 SLACK = 2e-6
 """rad or m, by which positions may pass limits here: more than the verifier grants."""
+
+STEPS = 128
+"""Of the time of a motion, for each of which it is known where the joints can be."""
+
+
+@dataclass(frozen=True)
+class Corridor:
+    """Where each joint can be in each of K equal steps of the time of a motion.
+
+    Attributes:
+        low, high: positions (n, K), rad or m.
+    """
+
+    low: Array
+    high: Array
+
+    def box(self) -> tuple[Array, Array]:
+        """Return bounds low and high (n,) of the positions at any time."""
+        return self.low.min(axis=1), self.high.max(axis=1)
 
 
 @dataclass(frozen=True)
 class Passage:
-    """The way from rest at `start` to rest at `goal`, each (n,), rad or m, past a configuration q.
+    """The way from rest at `start` to rest at `goal`, each (n,), rad or m.
 
     Both ends count as reached within `tolerance` (n,).
-
-    Each joint needs T1 from the start to q and T2 from q to the goal, whatever its speed at q. All joints are at q at
-    one time, so no motion past q is shorter than max_i T1_i + max_i T2_i. A joint whose q is not between its ends turns
-    beyond it: with R the time from rest to speed 0, it needs R(start to q) + R(q to goal).
     """
 
     start: Array
@@ -39,21 +43,34 @@ class Passage:
     limits: Limits
     tolerance: Array
 
-    def box(self, T: float) -> tuple[Array, Array]:
-        """Return bounds low and high (n,) of the positions that motions of at most `T`, s, can pass.
+    def corridor(self, T: float) -> Corridor:
+        """Return where each joint can be while it goes from start to goal in T, s; limits of jerk are left out.
 
-        Within the limits of position, and no farther beyond the ends than a joint can turn in that time.
+        A joint that is at x with speed v at time t has come from the start in t, and goes to the goal in T - t. So with
+        P(t, v) the farthest that it gets from rest in t to the speed v, x <= max_v min(start + P(t, v), goal + P(T - t,
+        -v)). P grows with v and with t: for a step, t is its end in the first and its beginning in the second.
         """
-        first, last = np.minimum(self.start, self.goal), np.maximum(self.start, self.goal)
-        span = np.maximum(last - first - 2.0 * self.tolerance, 0.0)
-        inside, outside = np.zeros(len(first)), T * self.limits.velocity
-        for _ in range(60):
-            middle = 0.5 * (inside + outside)
-            fits = times_to_turn(middle, self.limits) + times_to_turn(middle + span, self.limits) < T
-            inside, outside = np.where(fits, middle, inside), np.where(fits, outside, middle)
-        beyond = outside + self.tolerance + 1e-9
-        low = np.maximum(first - beyond, self.limits.lower - SLACK)
-        return low, np.minimum(last + beyond, self.limits.upper + SLACK)
+        high = self._highest(T, self.start, self.goal)
+        low = -self._highest(T, -self.start, -self.goal)
+        lower, upper = self.limits.lower - SLACK, self.limits.upper + SLACK
+        return Corridor(np.maximum(low - 1e-9, lower[:, None]), np.minimum(high + 1e-9, upper[:, None]))
+
+    def _highest(self, T: float, start: Array, goal: Array) -> Array:
+        """The highest positions (n, K), by halving the interval of speeds where the two terms are equal."""
+        speed, acceleration = self.limits.velocity[:, None], self.limits.acceleration[:, None]
+        begin = T * np.arange(STEPS) / STEPS
+        came, goes = begin + T / STEPS, T - begin
+        most = np.minimum(speed, acceleration * np.minimum(came, goes))
+        start, goal = (start + self.tolerance)[:, None], (goal + self.tolerance)[:, None]
+        slow, fast = -most, most
+        for _ in range(50):
+            v = 0.5 * (slow + fast)
+            late = goal + _farthest(goes, -v, speed, acceleration) < start + _farthest(came, v, speed, acceleration)
+            slow, fast = np.where(late, slow, v), np.where(late, v, fast)
+        highest: Array = np.minimum(
+            start + _farthest(came, fast, speed, acceleration), goal + _farthest(goes, -slow, speed, acceleration)
+        )
+        return highest
 
     @property
     def direct(self) -> Array:
@@ -61,3 +78,14 @@ class Passage:
         span = np.maximum(np.abs(self.goal - self.start) - 2.0 * self.tolerance, 0.0)
         times: Array = joint_times(span[None], self.limits)[0]
         return times
+
+
+def _farthest(t: Array, v: Array, speed: Array, acceleration: Array) -> Array:
+    """The farthest that joints get from rest within t, s, if they have the speed v, |v| <= acceleration t, then.
+
+    They speed up to w = (acceleration t + v) / 2, or the greatest speed, and slow down to v.
+    """
+    w = np.minimum(0.5 * (acceleration * t + v), speed)
+    cruise = np.maximum(t - (2.0 * w - v) / acceleration, 0.0)
+    farthest: Array = (2.0 * w**2 - v**2) / (2.0 * acceleration) + speed * cruise
+    return farthest

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <functional>
 
 namespace optiplan {
 
@@ -15,30 +15,16 @@ constexpr double kTooWide = 0.4;  // m: bodies that may be moved by more are not
 constexpr int kRough = 5;
 constexpr double kFar = 1e30;
 constexpr double kShares[5] = {0.0, 0.25, 0.5, 0.75, 1.0};
+constexpr double kSpread[8] = {0.618034, 0.414214, 0.732051, 0.236068, 0.645751, 0.316625, 0.605551, 0.123106};
 constexpr double kParts[3][2] = {{1.0, 0.0}, {0.0, 1.0}, {0.7, 0.7}};
-
-// Least time from rest over a distance, to whatever speed.
-double time_from_rest(double d, double speed, double acceleration) {
-    if (d <= 0.5 * speed * speed / acceleration) return std::sqrt(2.0 * d / acceleration);
-    return 0.5 * speed / acceleration + d / speed;
-}
-
-// The greatest distance from rest within a time.
-double distance_from_rest(double t, double speed, double acceleration) {
-    if (t <= 0.0) return 0.0;
-    const double ramp = speed / acceleration;
-    return t <= ramp ? 0.5 * acceleration * t * t : speed * (t - 0.5 * ramp);
-}
-
-// How far x is from an interval, less `near`.
-double away(double x, double low, double high, double near) { return std::max({low - x - near, x - high - near, 0.0}); }
 
 }  // namespace
 
 BoxClosing::BoxClosing(const Tree &tree, std::vector<Rod> rods, std::vector<RodBody> bodies,
-                       std::vector<ObstacleBox> boxes, std::vector<Mat3> turns, std::vector<double> arms, Way way)
+                       std::vector<ObstacleBox> boxes, std::vector<Mat3> turns, std::vector<double> arms)
     : tree_(tree), rods_(std::move(rods)), bodies_(std::move(bodies)), boxes_(std::move(boxes)),
-      turns_(std::move(turns)), arms_(std::move(arms)), way_(std::move(way)), n_(tree.planned), J_(tree.count() - 1) {
+      turns_(std::move(turns)), arms_(std::move(arms)), n_(tree.planned), J_(tree.count() - 1), point_(2 * n_),
+      no_reach_(J_, 0.0) {
     chain_.assign((J_ + 1) * J_, 0);
     for (int j = 1; j <= J_; ++j) {
         const int parent = tree_.joints[j].parent;
@@ -59,24 +45,49 @@ BoxClosing::BoxClosing(const Tree &tree, std::vector<Rod> rods, std::vector<RodB
     for (End &end : ends_) end.slope.resize(3 * J_);
 }
 
-// All joints are somewhere in the box at one time, T1 after the start and T2 before the end. So each has T - T2 for the
-// way from the start, and T - T1 for the way to the goal, T1 and T2 being the least of the slowest joints.
-bool BoxClosing::within_time(double T, double *low, double *high) const {
-    for (int pass = 0; pass < 3; ++pass) {
-        double first = 0.0, last = 0.0;
-        for (int i = 0; i < n_; ++i) {
-            const double v = way_.speed[i], a = way_.acceleration[i], near = way_.tolerance[i];
-            first = std::max(first, time_from_rest(away(way_.start[i], low[i], high[i], near), v, a));
-            last = std::max(last, time_from_rest(away(way_.goal[i], low[i], high[i], near), v, a));
+void BoxClosing::keep_within(const Corridor &corridor) {
+    const int K = steps_ = corridor.steps;
+    const std::size_t size = static_cast<std::size_t>(n_) * K;
+    highest_before_.assign(corridor.high, corridor.high + size);
+    lowest_before_.assign(corridor.low, corridor.low + size);
+    highest_after_ = highest_before_;
+    lowest_after_ = lowest_before_;
+    for (int i = 0; i < n_; ++i)
+        for (int k = 1; k < K; ++k) {
+            const int here = i * K + k, back = i * K + K - 1 - k;
+            highest_before_[here] = std::max(highest_before_[here], highest_before_[here - 1]);
+            lowest_before_[here] = std::min(lowest_before_[here], lowest_before_[here - 1]);
+            highest_after_[back] = std::max(highest_after_[back], highest_after_[back + 1]);
+            lowest_after_[back] = std::min(lowest_after_[back], lowest_after_[back + 1]);
         }
-        if (first + last >= T) return false;
+}
+
+// All joints are somewhere in the box at one time. It lies between the first and the last step in which each can be
+// there, and in these steps each is within the corridor.
+bool BoxClosing::within_time(double *low, double *high) const {
+    const int K = steps_;
+    int first = 0, last = K - 1;
+    for (int pass = 0; pass < 3; ++pass) {
+        for (int i = 0; i < n_; ++i) {
+            const double *up = &highest_before_[i * K], *up_after = &highest_after_[i * K];
+            const double *down = &lowest_before_[i * K], *down_after = &lowest_after_[i * K];
+            const double l = low[i], h = high[i];
+            // Steps before the first one, or after the last, in which the joint is nowhere in [l, h].
+            first = static_cast<int>(std::lower_bound(up + first, up + last + 1, l) - up);
+            if (first > last) return false;
+            first = static_cast<int>(std::lower_bound(down + first, down + last + 1, h, std::greater<double>()) - down);
+            if (first > last) return false;
+            last = static_cast<int>(std::upper_bound(up_after + first, up_after + last + 1, l, std::greater<double>()) -
+                                    up_after) -
+                   1;
+            if (first > last) return false;
+            last = static_cast<int>(std::upper_bound(down_after + first, down_after + last + 1, h) - down_after) - 1;
+            if (first > last) return false;
+        }
         bool changed = false;
         for (int i = 0; i < n_; ++i) {
-            const double v = way_.speed[i], a = way_.acceleration[i], near = way_.tolerance[i] + kSlack;
-            const double ahead = distance_from_rest(T - last, v, a) + near;
-            const double behind = distance_from_rest(T - first, v, a) + near;
-            const double l = std::max(way_.start[i] - ahead, way_.goal[i] - behind);
-            const double h = std::min(way_.start[i] + ahead, way_.goal[i] + behind);
+            const double h = std::min(highest_before_[i * K + last], highest_after_[i * K + first]) + kSlack;
+            const double l = std::max(lowest_before_[i * K + last], lowest_after_[i * K + first]) - kSlack;
             if (l > low[i]) low[i] = l, changed = true;
             if (h < high[i]) high[i] = h, changed = true;
             if (low[i] > high[i]) return false;
@@ -225,7 +236,9 @@ bool BoxClosing::collides(const double *reach, bool roughly, Hindrance &found) {
         return false;
     };
     if (found.rod >= 0 && consider(found.rod, found.box)) return true;
+    const bool nearer = best < found.effort;
     for (const RodBody &body : bodies_) {
+        if (nearer) break;
         double travel = 0.0;
         for (int k = 0; k < J_; ++k) travel += arms_[2 * body.rods[0] * J_ + k] * reach[k];
         if (travel > kTooWide) continue;  // not yet: halving its joints is no use before those of others
@@ -246,7 +259,7 @@ bool BoxClosing::collides(const double *reach, bool roughly, Hindrance &found) {
             }
         }
     }
-    found = {best_rod, best_box, -1};
+    found = {best_rod, best_box, -1, best};
     if (best_rod < 0) return false;
     // The joint with the greatest part in what is in the way: its linear part and its part of the bend.
     spread(best_rod, turns_[boxes_[best_box].turn], reach);
@@ -266,17 +279,34 @@ bool BoxClosing::collides(const double *reach, bool roughly, Hindrance &found) {
     return false;
 }
 
-Box BoxClosing::close(double T, const double *low, const double *high, std::int64_t most) {
-    const int size = 2 * n_ + 2;
+// Whether the configuration q can be passed in time, and no rod meets a box there.
+bool BoxClosing::passes(const double *q) {
+    std::copy(q, q + n_, point_.begin());
+    std::copy(q, q + n_, point_.begin() + n_);
+    if (!within_time(point_.data(), point_.data() + n_)) return false;
+    place(q);
+    Hindrance there;
+    return !collides(no_reach_.data(), false, there) && there.rod < 0;
+}
+
+Box BoxClosing::close(const double *low, const double *high, std::int64_t most) {
+    const int size = 2 * n_ + 3;
     std::vector<double> stack(low, low + n_), centre(n_), box(size);
     stack.insert(stack.end(), high, high + n_);
-    stack.insert(stack.end(), {-1.0, -1.0});  // the rod and the obstacle's box to be tried first
+    stack.insert(stack.end(), {-1.0, -1.0, 0.0});  // the rod and the obstacle's box to be tried first
+    for (int k = 1; k <= most; ++k) {  // some configurations, evenly spread
+        for (int i = 0; i < n_; ++i) {
+            const double share = k * kSpread[i % 8];
+            centre[i] = low[i] + (share - std::floor(share)) * (high[i] - low[i]);
+        }
+        if (passes(centre.data())) return Box::passable;
+    }
     while (!stack.empty()) {
         std::copy(stack.end() - size, stack.end(), box.begin());
         stack.resize(stack.size() - size);
         double *l = box.data(), *h = l + n_;
-        Hindrance found{static_cast<int>(box[2 * n_]), static_cast<int>(box[2 * n_ + 1]), -1};
-        if (!within_time(T, l, h)) continue;
+        Hindrance found{static_cast<int>(box[2 * n_]), static_cast<int>(box[2 * n_ + 1]), -1, box[2 * n_ + 2]};
+        if (!within_time(l, h)) continue;
         double widest = 0.0;
         int by_sway = 0;
         for (int i = 0; i < n_; ++i) {
@@ -290,12 +320,12 @@ Box BoxClosing::close(double T, const double *low, const double *high, std::int6
         }
         place(centre.data());
         if (collides(reach_.data(), widest > kWide, found)) continue;
-        if (widest < kSmallest) return Box::passable;
+        if (widest < kSmallest || (found.rod < 0 && passes(centre.data()))) return Box::passable;
         if (--most <= 0) return Box::unknown;
         int joint = found.joint;
         if (joint < 0 || h[joint] - l[joint] < 1e-5) joint = by_sway;
         const double middle = 0.5 * (l[joint] + h[joint]);
-        box[2 * n_] = found.rod, box[2 * n_ + 1] = found.box;
+        box[2 * n_] = found.rod, box[2 * n_ + 1] = found.box, box[2 * n_ + 2] = found.effort;
         for (const bool upper : {false, true}) {
             stack.insert(stack.end(), box.begin(), box.end());
             double *pushed = stack.data() + stack.size() - size;
