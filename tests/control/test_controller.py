@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 
 import optiplan as op
+from benchmarks import control_hour
 from optiplan.collision.model import CollisionModel
 from optiplan.control.qp.active_set import active_at, solve_from
 from optiplan.control.qp.program import Program
@@ -94,8 +95,7 @@ def test_a_solver_that_always_fails_stops_the_robot(panda, answer):
 @pytest.mark.parametrize("which", ["panda", "delbot"])
 def test_a_short_hour(which, fail):
     """Two seconds of `benchmarks/control_hour.py`, where the hour is."""
-    hour = pytest.importorskip("benchmarks.control_hour")
-    worst = hour.simulate(which, 2.0, 0.004, fail, seed=3)
+    worst = control_hour.simulate(which, 2.0, 0.004, fail, seed=3)
     for name in ("position", "velocity", "acceleration", "clearance"):
         assert getattr(worst, name) <= 1e-6, name
     assert worst.steps == 500

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
-
-uneven = pytest.importorskip("benchmarks.demonstrations.controller_uneven_steps")
+from benchmarks.demonstrations import controller_uneven_steps as uneven
 
 
 @pytest.mark.parametrize("form", ["velocity", "acceleration"])
