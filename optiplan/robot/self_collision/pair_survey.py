@@ -90,13 +90,12 @@ def survey_pairs(
     if among is not None:
         key = cache.digest([key.encode(), json.dumps(sorted(among)).encode()])
     name = f"pairs/{key}.json"
-    content = cache.load(name)
-    if content is not None:
-        return _read(content)
-    log.info("looking how often links touch, and which never do, once")
-    made = _Survey(model, geometry, limits, among).make()
-    cache.store(name, _write(made))
-    return made
+
+    def make() -> bytes:
+        log.info("looking how often links touch, and which never do, once")
+        return _write(_Survey(model, geometry, limits, among).make())
+
+    return _read(cache.kept(name, make))
 
 
 class _Survey:
