@@ -4,12 +4,15 @@ A file is its content and, after it, a mark with the SHA-256 of the content. Wit
 fit, the file is none: it is made again, so that a damaged cache costs time and nothing else.
 """
 
+import fcntl
 import hashlib
+import os
 import tempfile
 import threading
+import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -18,6 +21,11 @@ from optiplan.files import user_folder, write_bytes
 MARK = b"\noptiplan-cache "
 """Stands between content and checksum; a shared library may be followed by it and still be loaded."""
 
+PATIENCE = 60.0
+"""s to wait for what another process makes; then it is made here as well."""
+
+LOOK = 0.02
+"""s between two looks whether it has ended."""
 
 Made = TypeVar("Made")
 
@@ -77,12 +85,15 @@ def kept(name: str, make: Callable[[], bytes]) -> bytes:
     """Return the content cached under `name`; if there is none, make it with `make` and cache it.
 
     Whoever changes what `make` gives for the same input changes `name`: it holds a digest of all that the content
-    depends on, the version of the code that makes it included.
+    depends on, the version of the code that makes it included. While another process makes it, this one waits.
     """
     content = load(name)
     if content is None:
-        content = make()
-        store(name, content)
+        with _turn(name):
+            content = load(name)
+            if content is None:
+                content = make()
+                store(name, content)
     return content
 
 
@@ -111,6 +122,43 @@ def writable() -> bool:
             return True
     except OSError:
         return False
+
+
+@contextmanager
+def _turn(name: str) -> Iterator[None]:
+    """Wait while another thread or process is here with the same `name`; `PATIENCE` seconds at most.
+
+    The lock on a file ends with its process, however that ends. Where no file can be locked nobody waits.
+    """
+    path = handle = None
+    with suppress(OSError):
+        path = cache_dir() / f"{name}.lock"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(path, os.O_CREAT | os.O_WRONLY, 0o600)
+    if path is None or handle is None:
+        yield
+        return
+    try:
+        until = time.monotonic() + PATIENCE
+        while not _free(handle) and time.monotonic() < until:
+            time.sleep(LOOK)
+        yield
+    finally:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)  # who waits has it open, and will find what is cached
+            fcntl.flock(handle, fcntl.LOCK_UN)  # also for a child of this process, which has it open as well
+        os.close(handle)
+
+
+def _free(handle: int) -> bool:
+    """Lock a file, and return whether there is no lock of others; False only where there is one."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True
 
 
 def _seal(content: bytes) -> bytes:

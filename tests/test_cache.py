@@ -1,7 +1,12 @@
 """Caches: whole or not there, and never the reason why a run ends."""
 
+import errno
 import os
 import pwd
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import casadi
 import pytest
@@ -50,6 +55,79 @@ def test_a_damaged_file_is_made_again(own_cache, damage):
     file.write_bytes(damage(file.read_bytes()))
     assert cache.kept("a/b", make) == cache.kept("a/b", make) == b"content"
     assert len(made) == 2
+
+
+MAKER = """
+import sys, time
+from optiplan import cache
+
+def make():
+    print("made", flush=True)
+    time.sleep(float(sys.argv[1]))
+    return b"content"
+
+print(cache.kept("room/name", make))
+"""
+
+
+def maker(seconds):
+    return subprocess.Popen([sys.executable, "-c", MAKER, str(seconds)], stdout=subprocess.PIPE, text=True)
+
+
+def test_processes_that_ask_at_once_wait_for_the_first(own_cache):
+    first = maker(1.0)
+    assert first.stdout.readline() == "made\n"
+    others = [maker(0.0), maker(0.0)]
+    assert [process.communicate()[0] for process in (first, *others)] == ["b'content'\n"] * 3
+    assert [path.name for path in (own_cache / "room").iterdir()] == ["name"]
+
+
+def test_threads_that_ask_at_once_wait_for_the_first():
+    made = []
+
+    def make():
+        made.append(1)
+        time.sleep(0.1)
+        return b"content"
+
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(lambda _: cache.kept("name", make), range(4))) == [b"content"] * 4
+    assert len(made) == 1
+
+
+def test_nobody_waits_for_a_process_that_has_ended():
+    first = maker(60.0)
+    assert first.stdout.readline() == "made\n"
+    first.kill()
+    first.communicate()
+    assert maker(0.0).communicate(timeout=30)[0] == "made\nb'content'\n"
+
+
+def test_what_another_makes_for_too_long_is_made_here_as_well(monkeypatch):
+    monkeypatch.setattr(cache, "PATIENCE", 0.05)
+    first = maker(60.0)
+    assert first.stdout.readline() == "made\n"
+    assert cache.kept("room/name", lambda: b"own") == b"own"
+    first.kill()
+    first.communicate()
+
+
+def test_files_that_cannot_be_locked_are_no_hindrance(monkeypatch):
+    def refuse(handle, how):
+        raise OSError(errno.ENOLCK, "no locks here")
+
+    monkeypatch.setattr(cache.fcntl, "flock", refuse)
+    assert cache.kept("name", lambda: b"made") == cache.kept("name", lambda: b"other") == b"made"
+
+
+def test_what_fails_to_be_made_is_made_at_the_next_try(own_cache):
+    def fail():
+        raise ValueError("no")
+
+    with pytest.raises(ValueError, match="no"):
+        cache.kept("name", fail)
+    assert list(own_cache.iterdir()) == []
+    assert cache.kept("name", lambda: b"made") == b"made"
 
 
 def test_what_is_no_file_is_not_opened(own_cache):

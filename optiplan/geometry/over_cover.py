@@ -8,11 +8,11 @@ import numpy as np
 from optiplan.arrays import Array, Flags, Index
 from optiplan.geometry.coal_queries import coal_mesh
 
-_GRIDS = (256, 128, 64)
-"""Columns along each axis into which triangles are sorted: the most that leave `_ENTRIES` or less."""
+_GRIDS = (256, 128, 64, 32)
+"""Columns along each axis into which triangles are sorted: the most that leave as few entries as are allowed."""
 
-_ENTRIES = 3_000_000
-"""Triangles in columns, each counted as often as it overlaps one."""
+_ENTRIES, _LEAST, _MOST = 30, 100_000, 3_000_000
+"""Entries in columns, one for each that a triangle overlaps: allowed for a triangle, and for all together."""
 
 _TILT = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
 """A rotation after which no edge of a technical part is parallel to the test lines."""
@@ -67,11 +67,12 @@ class _Columns:
         low, high = triangles[:, :, :2].min(axis=1), triangles[:, :, :2].max(axis=1)
         self._origin = low.min(axis=0)
         extent = np.maximum(high.max(axis=0) - self._origin, 1e-12)
+        allowed = min(max(_ENTRIES * len(triangles), _LEAST), _MOST)
         for self._grid in _GRIDS:
             self._pitch = extent / self._grid
             first, last = self._column(low), self._column(high)
             wide, many = last[:, 0] - first[:, 0] + 1, (last - first + 1).prod(axis=1)
-            if many.sum() <= _ENTRIES:
+            if many.sum() <= allowed:
                 break
         triangle = np.repeat(np.arange(len(triangles)), many)
         place = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)

@@ -29,7 +29,7 @@ from optiplan.robot.limits import Limits
 from optiplan.robot.mimic_joints import Mimic
 from optiplan.robot.read_robot import RobotParts
 from optiplan.robot.reference import DESCRIPTION, ROBOTS, Reference
-from optiplan.robot.self_collision.pair_survey import survey_pairs
+from optiplan.robot.self_collision.pair_survey import link_pairs, survey_pairs
 from optiplan.robot.self_collision.pairs import PROVED, fixed_pairs, set_pairs
 from optiplan.robot.spec import MecanumSpec
 from optiplan.robot.urdf.elements import origin_element
@@ -313,9 +313,9 @@ def _allowed(
 ) -> dict[LinkPair, str]:
     """Return the pairs of links that go unchecked: an arm's own, fixed ones, and those of two arms proved apart."""
     own = {link_pair(arm.of(a), arm.of(b)): reason for arm in arms for (a, b), reason in arm.robot.allowed.items()}
-    survey = survey_pairs(model, geometry, (limits.lower, limits.upper))
-    apart = {pair: PROVED for pair in survey.proved if pair[0].partition("/")[0] != pair[1].partition("/")[0]}
-    return {**own, **fixed_pairs(model, geometry), **dict(sorted(apart.items()))}
+    between = {pair for pair in link_pairs(model, geometry) if pair[0].partition("/")[0] != pair[1].partition("/")[0]}
+    survey = survey_pairs(model, geometry, (limits.lower, limits.upper), between)
+    return {**own, **fixed_pairs(model, geometry), **dict.fromkeys(sorted(survey.proved), PROVED)}
 
 
 def _refuse_meeting_bases(document: Document, arms: Sequence[_Arm]) -> None:

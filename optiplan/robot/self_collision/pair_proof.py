@@ -133,7 +133,10 @@ class PairProof:
         self._near.security_margin = GAP
 
     def prove(self, groups: Sequence[Index]) -> list[bool]:
-        """Whether all pairs of bodies of each group (a pair of links) are proved never to come as near as `GAP`."""
+        """Whether all pairs of bodies of each group (a pair of links) are proved never to come as near as `GAP`.
+
+        A group that may have no more boxes is given up at its first open one, and no others of it are looked at.
+        """
         group = np.full(len(self.moves), -1)
         for index, members in enumerate(groups):
             group[members] = index
@@ -147,13 +150,18 @@ class PairProof:
         boxes = _Boxes(pairs, np.broadcast_to(self.middle, half.shape), half)
         while len(boxes.pair):
             spent += np.bincount(group[boxes.pair], minlength=len(groups))
-            found = [self._open(boxes.take(slice(k, k + CHUNK)), outside) for k in range(0, len(boxes.pair), CHUNK)]
+            last = (spent > most) | (spent.sum() > self._most)
+            found = []
+            for k in range(0, len(boxes.pair), CHUNK):
+                part = boxes.take(slice(k, k + CHUNK))
+                found.append(self._open(part.take(~failed[group[part.pair]]), outside))
+                of = group[found[-1].boxes.pair]
+                failed[of[last[of] | ~(found[-1].margin > 0.0)]] = True
             boxes = _Boxes.join([part.boxes for part in found])
             steps, margin = np.concatenate([part.steps for part in found]), np.concatenate([p.margin for p in found])
             of = group[boxes.pair]
-            failed[of[~(margin > 0.0)]] = True
             wanted = np.bincount(of, weights=_parts(steps, margin), minlength=len(groups))
-            given_up: Flags = (wanted > HOPELESS * most) | (spent > most) | (spent.sum() > self._most)
+            given_up: Flags = wanted > HOPELESS * most
             failed[of[given_up[of]]] = True
             left = ~failed[of]
             boxes = boxes.take(left).halved(steps[left].argmax(axis=1))
@@ -169,7 +177,10 @@ class PairProof:
         """Return whether each of K pairs of bodies, pairs[k] at Q[rows[k]], Q (N, n), is as near as `GAP`: (K,)."""
         poses, bodies = self.bounds.kinematics.poses(Q), self.bounds.pairs[pairs]
         placed = poses[rows[:, None], self.bounds.joint[bodies]] @ self.bounds.placement[bodies]
-        return self.touching(placed, pairs)
+        result = np.zeros(len(rows), dtype=bool)
+        near = np.flatnonzero(self.bounds.distances_of(placed, pairs) <= 2.0 * GAP)
+        result[near] = self.touching(placed[near], pairs[near])
+        return result
 
     def touching(self, placed: Array, pairs: Index) -> Flags:
         """Return whether each of K pairs of bodies, placed at (K, 2, 4, 4), world, is as near as `GAP`: (K,).
@@ -197,10 +208,13 @@ class PairProof:
         Above `enough` (K,), m, the result may be a lower bound above `enough`: the distance of the meshes' hulls, which
         takes a twentieth of the time.
         """
-        result, found = coal.DistanceResult(), np.empty(len(pairs))
-        for k, (a, b) in enumerate(self.bounds.pairs[pairs].tolist()):
-            X_a, X_b = (coal.Transform3s(X[:3, :3], X[:3, 3]) for X in placed[k])
-            for shapes in (self._hulls, self._shapes) if self._surface[pairs[k]] else (self._shapes,):
+        result, X_a, X_b = coal.DistanceResult(), coal.Transform3s(), coal.Transform3s()
+        (R_a, R_b), (t_a, t_b) = (np.moveaxis(part, 1, 0) for part in (placed[..., :3, :3], placed[..., :3, 3]))
+        found, surface, bodies = np.empty(len(pairs)), self._surface[pairs].tolist(), self.bounds.pairs[pairs].tolist()
+        for k, ((a, b), *poses) in enumerate(zip(bodies, R_a, t_a, R_b, t_b, strict=True)):
+            X_a.setTransform(*poses[:2])
+            X_b.setTransform(*poses[2:])
+            for shapes in (self._hulls, self._shapes) if surface[k] else (self._shapes,):
                 result.clear()
                 found[k] = coal.distance(shapes[a], X_a, shapes[b], X_b, self._request, result)
                 if found[k] > enough[k] + GAP:

@@ -72,33 +72,47 @@ def link_pairs(model: pin.Model, geometry: pin.GeometryModel) -> dict[LinkPair, 
     return dict(sorted(found.items()))
 
 
-def survey_pairs(model: pin.Model, geometry: pin.GeometryModel, limits: tuple[Array, Array]) -> PairSurvey:
+def survey_pairs(
+    model: pin.Model,
+    geometry: pin.GeometryModel,
+    limits: tuple[Array, Array],
+    among: Collection[LinkPair] | None = None,
+) -> PairSurvey:
     """Find rates of collision, neighbours that always touch, and pairs that never meet; kept on disk.
 
     Args:
         model: reduced to the planned joints.
         geometry: its bodies.
         limits: lower and upper limits of position, (n,), infinite for joints without end.
+        among: pairs of links that are looked at; None: all.
     """
-    name = f"pairs/{content_digest(model, geometry, limits, VERSION)}.json"
-    content = cache.load(name)
-    if content is not None:
-        return _read(content)
-    log.info("looking how often links touch, and which never do, once")
-    made = _Survey(model, geometry, limits).make()
-    cache.store(name, _write(made))
-    return made
+    key = content_digest(model, geometry, limits, VERSION)
+    if among is not None:
+        key = cache.digest([key.encode(), json.dumps(sorted(among)).encode()])
+    name = f"pairs/{key}.json"
+
+    def make() -> bytes:
+        log.info("looking how often links touch, and which never do, once")
+        return _write(_Survey(model, geometry, limits, among).make())
+
+    return _read(cache.kept(name, make))
 
 
 class _Survey:
     """One survey: bodies of pairs that joints move, and the proof that places and measures them."""
 
-    def __init__(self, model: pin.Model, geometry: pin.GeometryModel, limits: tuple[Array, Array]) -> None:
+    def __init__(
+        self,
+        model: pin.Model,
+        geometry: pin.GeometryModel,
+        limits: tuple[Array, Array],
+        among: Collection[LinkPair] | None,
+    ) -> None:
         parents = [int(item.parentJoint) for item in geometry.geometryObjects]
         self.bodies = {
             links: moved
             for links, found in link_pairs(model, geometry).items()
-            if (moved := [(i, j) for i, j in found if parents[i] != parents[j]])
+            if (among is None or links in among) and (moved := [(i, j) for i, j in found if parents[i] != parents[j]])
         }
         pairs = np.array([pair for found in self.bodies.values() for pair in found], dtype=np.intp).reshape(-1, 2)
         ends = np.cumsum([len(found) for found in self.bodies.values()], dtype=np.intp)

@@ -6,6 +6,7 @@ from pair_samples import colliding, package_file, proved_pairs
 
 from optiplan.robot.description_files import package_robots
 from optiplan.robot.robot import load_robot, robot_names
+from optiplan.robot.self_collision import pair_proof
 from optiplan.robot.self_collision.pair_proof import BEYOND, GAP, PairProof, joint_box
 from optiplan.robot.self_collision.pair_survey import link_pairs
 from optiplan.robot.self_collision.pairs import ADJACENT, PROVED
@@ -67,6 +68,19 @@ def test_a_proof_needs_the_limits(panda):
     assert proof_of(panda, bodies).prove(group) == [True]
     wide = PairProof(panda.model, panda.geometry, np.array(bodies), (np.full(7, -np.inf), np.full(7, np.inf)))
     assert wide.prove(group) == [False]
+
+
+def test_groups_are_proved_alone_as_among_others(panda, monkeypatch):
+    """Those that may have no more boxes are given up at the first open one, whatever is looked at beside them."""
+    monkeypatch.setattr(pair_proof, "BOXES", 300)
+    monkeypatch.setattr(pair_proof, "CHUNK", 64)
+    found = link_pairs(panda.model, panda.geometry)
+    links = [pair for pair in found if pair[0] in ("panda_link0", "panda_link2")]
+    groups = np.split(np.arange(sum(len(found[pair]) for pair in links)), np.cumsum([len(found[p]) for p in links]))
+    proof = proof_of(panda, [bodies for pair in links for bodies in found[pair]])
+    together = proof.prove(groups[:-1])
+    assert 0 < sum(together) < len(together)
+    assert together == [proof.prove([group])[0] for group in groups[:-1]]
 
 
 def test_the_joint_box():

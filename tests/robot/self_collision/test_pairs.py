@@ -157,6 +157,15 @@ def test_surveys_are_repeatable_and_kept(tmp_path, own_cache, monkeypatch):
     assert len(list(own_cache.glob("pairs/*.json"))) == 2  # other limits, another box
 
 
+def test_a_survey_of_some_pairs_says_of_them_what_one_of_all_says(tmp_path, own_cache):
+    robot = load_robot(str(write_robot(tmp_path / "r", FOLDING)))
+    limits = robot.limits.lower, robot.limits.upper
+    among = pair_survey.survey_pairs(robot.model, robot.geometry, limits, {("a", "c"), ("c", "d")})
+    assert dict(among.rates) == {pair: robot.survey.rates[pair] for pair in (("a", "c"), ("c", "d"))}
+    assert among.proved == robot.survey.proved & {("a", "c"), ("c", "d")} == {("c", "d")}
+    assert len(list(own_cache.glob("pairs/*.json"))) == 2
+
+
 def test_without_geometry_there_is_nothing_to_prove(tmp_path):
     parts = [BARE.format("a"), BARE.format("b"), joint("j", "a", "b")]
     with pytest.raises(InputError, match=r"robot.yaml:3: urdf: .*without any collision geometry.*`collision: none`"):
