@@ -135,7 +135,7 @@ class PairProof:
     def prove(self, groups: Sequence[Index]) -> list[bool]:
         """Whether all pairs of bodies of each group (a pair of links) are proved never to come as near as `GAP`.
 
-        A group that may have no more boxes is given up at its first open one, and no others of it are looked at.
+        A group that may have no more boxes is given up at its first open one, and its others are left out.
         """
         group = np.full(len(self.moves), -1)
         for index, members in enumerate(groups):

@@ -84,7 +84,7 @@ def survey_pairs(
         model: reduced to the planned joints.
         geometry: its bodies.
         limits: lower and upper limits of position, (n,), infinite for joints without end.
-        among: pairs of links that are looked at; None: all.
+        among: pairs of links to survey; None: all.
     """
     key = content_digest(model, geometry, limits, VERSION)
     if among is not None:
