@@ -23,11 +23,20 @@ def test_a_ball_that_flies_by_is_not_met(run, policy):
     assert (jerk <= run.problem.limits.jerk * (1 + 1e-5)).all()
 
 
-def test_who_slows_down_arrives_before_who_waits(run):
+def test_who_slows_down_gets_farther_than_who_waits_until_that_stands(run):
     ball, velocity = flying(run, speed=0.5, seed=1)
     policies = [op.Policy(reaction, period=PERIOD * DT) for reaction in ("slow", "wait")]
-    slow, waiting = (executed(run, policy, ball, velocity)[0].time for policy in policies)
-    assert slow < waiting
+    slow, waiting = (way_of(executed(run, policy, ball, velocity)[1]) for policy in policies)
+    stands = int(np.flatnonzero(np.diff(waiting[100:]) == 0.0)[0]) + 100
+    assert 0.0 < waiting[stands] < 0.5 * waiting[-1]
+    assert (slow[:stands] >= waiting[:stands] - 1e-9).all()
+    assert slow[stands] > 1.2 * waiting[stands]
+    assert slow[stands] > slow[stands - 1]
+
+
+def way_of(ticks):
+    """The way that the joints have gone at each tick, rad."""
+    return np.abs(np.diff([tick.q for tick in ticks], axis=0)).sum(axis=1).cumsum()
 
 
 def test_without_updates_a_slow_robot_stops(run):
