@@ -95,13 +95,15 @@ class JointGrid:
 
     def _layers(self, known: Mask, end: Slices, other: Slices) -> list[Mask]:
         """What is reached from an end through at most 0, 1, … open boxes that are not known, up to the other end."""
-        labels, _ = ndimage.label(known & self.open)
+        labels, count = ndimage.label(known & self.open)
         reached = np.zeros_like(known)
         reached[end] = True
         layers: list[Mask] = []
         while True:
-            here = np.unique(labels[reached])
-            reached = reached | np.isin(labels, here[here > 0])
+            touched = np.zeros(count + 1, dtype=bool)
+            touched[labels[reached]] = True
+            touched[0] = False
+            reached = reached | touched[labels]
             layers.append(reached)
             more = _widened(reached) & self.open
             if reached[other].any() or np.array_equal(more, reached):
