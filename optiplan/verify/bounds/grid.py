@@ -16,6 +16,12 @@ Slices = tuple[slice, ...]
 EFFORTS = (1, 8, 64, 512)
 """Parts into which boxes are halved, in rounds: later ones only for boxes that resisted with fewer."""
 
+MORE = 4
+"""The part of the fewest unknown boxes of a way by which others may have more that are closed beside them."""
+
+FAR = 1 << 20
+"""More boxes than a way has."""
+
 
 class JointGrid:
     """Boxes over some joints, within which all other joints may be anywhere that motions shorter than T can pass.
@@ -25,7 +31,7 @@ class JointGrid:
     it too, and the motion cannot pass there. If no chain of open boxes that share faces leads from the start to the
     goal, no motion is shorter than T.
 
-    Boxes are closed where it matters: on the ways from start to goal through the fewest boxes not known to be passable.
+    Boxes are closed where it matters: on the ways from start to goal through few boxes that are not known to be passable.
 
     Args:
         closing: closes boxes.
@@ -83,32 +89,36 @@ class JointGrid:
         return bool(at_start & at_goal)
 
     def _needed(self, known: Mask) -> Index:
-        """Indices of the open boxes not `known` on ways from start to goal with the fewest of them; none without."""
-        after_start = self._layers(known, *self._ends)
-        after_goal = self._layers(known, *self._ends[::-1])
-        needed = np.zeros_like(known)
-        if after_start[-1][self._ends[1]].any():
-            # A box is on such a way if k of them, it included, lead to it from the start, and the others to the goal.
-            for k, reached in enumerate(after_start[1:], 1):
-                needed |= reached & after_goal[-k]
-        return np.argwhere(needed & self.open & ~known)
+        """Indices of the open boxes not `known` on ways from start to goal with few of them; none without such a way."""
+        fewest, after_start = self._unknown(known, *self._ends)
+        if fewest is None:
+            return np.zeros((0, known.ndim), dtype=np.intp)
+        _, after_goal = self._unknown(known, *self._ends[::-1])
+        # Each counts itself in both.
+        return np.argwhere((after_start + after_goal - 1 <= fewest + fewest // MORE) & self.open & ~known)
 
-    def _layers(self, known: Mask, end: Slices, other: Slices) -> list[Mask]:
-        """What is reached from an end through at most 0, 1, … open boxes that are not known, up to the other end."""
+    def _unknown(self, known: Mask, end: Slices, other: Slices) -> tuple[int | None, Index]:
+        """The fewest open boxes that are not known on ways from an end to the other, and to each box, itself counted.
+
+        None where there is no way to the other end; `FAR` for boxes farther away than matters.
+        """
         labels, count = ndimage.label(known & self.open)
-        reached = np.zeros_like(known)
+        reached, distance = np.zeros_like(known), np.full(known.shape, FAR)
         reached[end] = True
-        layers: list[Mask] = []
-        while True:
+        fewest, k = None, 0
+        while fewest is None or k <= fewest + fewest // MORE:
             touched = np.zeros(count + 1, dtype=bool)
             touched[labels[reached]] = True
             touched[0] = False
-            reached = reached | touched[labels]
-            layers.append(reached)
+            reached |= touched[labels]
+            distance[reached & (distance == FAR)] = k
+            if fewest is None and reached[other].any():
+                fewest = k
             more = _widened(reached) & self.open
-            if reached[other].any() or np.array_equal(more, reached):
-                return layers
-            reached = more
+            if np.array_equal(more, reached):
+                break
+            reached, k = more, k + 1
+        return fewest, distance
 
     def _boxes_at(self, q: Array) -> Slices:
         """The boxes within which a configuration is, and what is within the tolerance of it."""
