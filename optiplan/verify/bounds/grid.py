@@ -31,7 +31,7 @@ class JointGrid:
     it too, and the motion cannot pass there. If no chain of open boxes that share faces leads from the start to the
     goal, no motion is shorter than T.
 
-    Boxes are closed where it matters: on the ways from start to goal through few boxes that are not known to be passable.
+    Boxes are closed where it matters: on the ways from start to goal through few boxes not known to be passable.
 
     Args:
         closing: closes boxes.
@@ -89,7 +89,7 @@ class JointGrid:
         return bool(at_start & at_goal)
 
     def _needed(self, known: Mask) -> Index:
-        """Indices of the open boxes not `known` on ways from start to goal with few of them; none without such a way."""
+        """Indices of the open boxes not `known` on ways from start to goal with few of them; none without a way."""
         fewest, after_start = self._unknown(known, *self._ends)
         if fewest is None:
             return np.zeros((0, known.ndim), dtype=np.intp)
