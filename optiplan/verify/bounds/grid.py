@@ -60,7 +60,7 @@ class JointGrid:
         """Close boxes until start and goal are apart; False where they cannot be, or at the time `until`, s."""
         for effort in EFFORTS:
             tried = self._passable.copy()
-            while len(boxes := self._needed(tried)):
+            while len(boxes := self._needed(tried, until)):
                 some = max(AT_ONCE // effort, 1)
                 for first in range(0, len(boxes), some):
                     if time.perf_counter() > until:
@@ -88,25 +88,29 @@ class JointGrid:
         at_start, at_goal = (set(np.unique(labels[end]).tolist()) for end in self._ends)
         return bool(at_start & at_goal)
 
-    def _needed(self, known: Mask) -> Index:
-        """Indices of the open boxes not `known` on ways from start to goal with few of them; none without a way."""
-        fewest, after_start = self._unknown(known, *self._ends)
+    def _needed(self, known: Mask, until: float) -> Index:
+        """Indices of the open boxes not `known` on ways from start to goal with few of them.
+
+        None without such a way, or where none is found until the time `until`, s.
+        """
+        start, goal = self._ends
+        fewest, after_start = self._unknown(known, start, goal, until)
         if fewest is None:
             return np.zeros((0, known.ndim), dtype=np.intp)
-        _, after_goal = self._unknown(known, *self._ends[::-1])
+        _, after_goal = self._unknown(known, goal, start, until)
         # Each counts itself in both.
         return np.argwhere((after_start + after_goal - 1 <= fewest + fewest // MORE) & self.open & ~known)
 
-    def _unknown(self, known: Mask, end: Slices, other: Slices) -> tuple[int | None, Index]:
+    def _unknown(self, known: Mask, end: Slices, other: Slices, until: float) -> tuple[int | None, Index]:
         """The fewest open boxes that are not known on ways from an end to the other, and to each box, itself counted.
 
-        None where there is no way to the other end; `FAR` for boxes farther away than matters.
+        None where no way to the other end is found until the time `until`, s; `FAR` for boxes that are not reached.
         """
         labels, count = ndimage.label(known & self.open)
         reached, distance = np.zeros_like(known), np.full(known.shape, FAR)
         reached[end] = True
         fewest, k = None, 0
-        while fewest is None or k <= fewest + fewest // MORE:
+        while (fewest is None or k <= fewest + fewest // MORE) and time.perf_counter() < until:
             touched = np.zeros(count + 1, dtype=bool)
             touched[labels[reached]] = True
             touched[0] = False

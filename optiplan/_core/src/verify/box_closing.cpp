@@ -15,6 +15,7 @@ constexpr double kTooWide = 0.4;  // m: bodies that may be moved by more are not
 constexpr int kRough = 5;
 constexpr double kFar = 1e30;
 constexpr double kShares[5] = {0.0, 0.25, 0.5, 0.75, 1.0};
+// Shares of a box by which configurations tried in it differ, joint by joint: fractions of irrational numbers.
 constexpr double kSpread[8] = {0.618034, 0.414214, 0.732051, 0.236068, 0.645751, 0.316625, 0.605551, 0.123106};
 constexpr double kParts[3][2] = {{1.0, 0.0}, {0.0, 1.0}, {0.7, 0.7}};
 
@@ -23,8 +24,7 @@ constexpr double kParts[3][2] = {{1.0, 0.0}, {0.0, 1.0}, {0.7, 0.7}};
 BoxClosing::BoxClosing(const Tree &tree, std::vector<Rod> rods, std::vector<RodBody> bodies,
                        std::vector<ObstacleBox> boxes, std::vector<Mat3> turns, std::vector<double> arms)
     : tree_(tree), rods_(std::move(rods)), bodies_(std::move(bodies)), boxes_(std::move(boxes)),
-      turns_(std::move(turns)), arms_(std::move(arms)), n_(tree.planned), J_(tree.count() - 1), point_(2 * n_),
-      no_reach_(J_, 0.0) {
+      turns_(std::move(turns)), arms_(std::move(arms)), n_(tree.planned), J_(tree.count() - 1), point_(2 * n_) {
     chain_.assign((J_ + 1) * J_, 0);
     for (int j = 1; j <= J_; ++j) {
         const int parent = tree_.joints[j].parent;
@@ -285,8 +285,9 @@ bool BoxClosing::passes(const double *q) {
     std::copy(q, q + n_, point_.begin() + n_);
     if (!within_time(point_.data(), point_.data() + n_)) return false;
     place(q);
+    std::fill(reach_.begin(), reach_.end(), 0.0);
     Hindrance there;
-    return !collides(no_reach_.data(), false, there) && there.rod < 0;
+    return !collides(reach_.data(), false, there) && there.rod < 0;
 }
 
 Box BoxClosing::close(const double *low, const double *high, std::int64_t most) {

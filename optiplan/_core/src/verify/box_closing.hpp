@@ -90,7 +90,6 @@ class BoxClosing {
     std::vector<Pose> poses_;
     std::vector<Vec3> axes_;
     std::vector<double> reach_, sway_, point_;
-    const std::vector<double> no_reach_;
     End ends_[2];
 };
 
