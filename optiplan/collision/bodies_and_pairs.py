@@ -80,8 +80,7 @@ def same_scene(a: Scene, b: Scene) -> bool:
     """Return whether two scenes without attached objects have the same obstacles at the same places."""
 
     def same(one: Obstacle, other: Obstacle) -> bool:
-        X, Y = one.X_WO.homogeneous, other.X_WO.homogeneous
-        return one is other or (_same_standing_body(one, other) and np.array_equal(X, Y))
+        return one is other or (_same_standing_body(one, other) and bool(one.X_WO == other.X_WO))
 
     return _alike(a, b, same)
 

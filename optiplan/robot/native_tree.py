@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan._core import core
+from optiplan.arrays import Array
 from optiplan.robot.mimic_joints import coupling, screws
 
 if TYPE_CHECKING:
@@ -20,14 +21,14 @@ def native_tree(model: pin.Model) -> "Tree":
     """Return the tree of joints, leaders and link inertias; requires the core."""
     build, tree = _made.get(model, (None, None))
     if tree is None or build is not core:
-        tree = _tree(model)
+        tree = tree_of(model, *coupling(model))
         _made[model] = core, tree
     return tree
 
 
-def _tree(model: pin.Model) -> "Tree":
+def tree_of(model: pin.Model, A: Array, b: Array) -> "Tree":
+    """Return a tree whose joints are at A q + b, each follower of one planned joint of q; requires the core."""
     joints = range(1, model.njoints)
-    A, b = coupling(model)
     leaders = np.abs(A).argmax(axis=1)
     inertias = [
         np.concatenate([[body.mass], body.lever, np.asarray(body.inertia).ravel()])
@@ -40,6 +41,6 @@ def _tree(model: pin.Model) -> "Tree":
         leaders=leaders.astype(np.int64),
         couplings=np.column_stack([A[np.arange(len(A)), leaders], b]),
         inertias=np.array(inertias).reshape(-1, 13),
-        planned=model.nv,
+        planned=A.shape[1],
         gravity=np.array(model.gravity.linear),
     )

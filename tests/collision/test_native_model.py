@@ -194,8 +194,8 @@ def test_all_builds_give_the_same_bits(models, monkeypatch) -> None:
 
 
 def test_the_verifier_asks_only_its_own_part_of_the_core() -> None:
-    """`PlaneProof` and `BoxClosing` are no planner's; a `Shape` only proposes normals to the first of them."""
-    own = {"PlaneProof", "ProvedShape", "Shape", "BoxClosing"}
+    """None of it is a planner's but `Shape`, which only proposes normals to `PlaneProof`."""
+    own = {"PlaneProof", "ProvedShape", "Shape", "BoxClosing", "TorqueBounds"}
     chunks = {"MotionProof", "NearestChunk"}  # of `warm_proof`, whose verdict is of execution, not `verify`'s
     for path in (Path(__file__).parents[2] / "optiplan" / "verify").rglob("*.py"):
         asked = set(re.findall(r"\bcore\.([A-Z]\w+)", path.read_text()))

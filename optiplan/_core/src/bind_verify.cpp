@@ -9,6 +9,7 @@
 #include "arrays.hpp"
 #include "module.hpp"
 #include "verify/plane_proof.hpp"
+#include "verify/torque_proof.hpp"
 
 namespace optiplan {
 
@@ -153,11 +154,28 @@ nb::tuple prove(PlaneProof &self, const Asked &asked, const Vector &rules, const
     return told(self.prove(asked.motion, asked.intervals, made, measured.data()));
 }
 
+// Bounds over K intervals, of which motion (5, K, n) are bounds.
+nb::tuple torque_bounds(TorqueProof &self, const Stack &motion) {
+    const std::size_t count = motion.shape(1), n = motion.shape(2);
+    expect(motion.shape(0) == 5 && n == self.joints(), "motion (5, K, n) of the robot's joints");
+    std::vector<double> size(count * n), curvature(count * n), one(5 * n);
+    for (std::size_t i = 0; i < count; ++i) {
+        for (std::size_t k = 0; k < 5; ++k) std::copy_n(motion.data() + (k * count + i) * n, n, &one[k * n]);
+        self.bounds(one.data(), &size[i * n], &curvature[i * n]);
+    }
+    return nb::make_tuple(to_numpy(std::move(size), {count, n}), to_numpy(std::move(curvature), {count, n}));
+}
+
 }  // namespace
 
 void bind_verify(nb::module_ &m) {
     nb::class_<ProvedShape>(m, "ProvedShape").def_static("of", &make_shape, "outline"_a, "round"_a, "points"_a);
     nb::class_<Asked>(m, "ProvedMotion");
+    nb::class_<TorqueProof>(m, "TorqueBounds")
+        .def_static(
+            "of", [](const Tree &tree, const Vector &armature) { return TorqueProof(tree, to_vector(armature)); },
+            "tree"_a, "armature"_a)
+        .def("over", &torque_bounds, "motion"_a);
     nb::class_<PlaneProof>(m, "PlaneProof")
         .def_static("of", &make_proof, "parents"_a, "placements"_a, "axes"_a, "turns"_a, "coupling"_a, "offset"_a,
                     "shapes"_a, "joints"_a, "poses"_a, "volumes"_a, "pairs"_a, "kinds"_a, "exact"_a, "first_part"_a,

@@ -135,17 +135,16 @@ class SearchState:
 
     def measure(self, gaps: list[Gap]) -> None:
         """Measure pairs where planes found them nearest."""
-        for gap, time, pair in gaps:
-            if gap < self.proof.measured(np.inf)[self.kinds[pair]]:
-                self.meet_at(time, pair)
-
-    def meet_at(self, time: float, pair: int) -> None:
-        """Measure a pair at a time, s."""
-        q = self.trajectory(time)
-        self.proof.queries += 1
-        found = self.distances.witness(self.bodies.kinematics.poses(q[None])[0], pair)
-        names = self.model.pairs[found.pair].name_a, self.model.pairs[found.pair].name_b
-        self.proof.meet(self.kinds[pair], Moment(found.distance, time, names, found.points, q))
+        if not gaps:
+            return
+        Q = self.trajectory(np.array([time for _, time, _ in gaps]))
+        for (gap, time, pair), q, poses in zip(gaps, Q, self.bodies.kinematics.poses(Q), strict=True):
+            if gap >= self.proof.measured(np.inf)[self.kinds[pair]]:
+                continue
+            self.proof.queries += 1
+            found = self.distances.witness(poses, pair)
+            names = self.model.pairs[found.pair].name_a, self.model.pairs[found.pair].name_b
+            self.proof.meet(self.kinds[pair], Moment(found.distance, time, names, found.points, q))
 
     def nearest_measured(self, pairs: Index) -> Array:
         """Return the smallest distance measured of the kind of each pair, (K,) m; inf where none is."""

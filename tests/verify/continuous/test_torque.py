@@ -8,6 +8,7 @@ import pytest
 
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import derived
+from optiplan.robot.mimic_joints import unfold
 from optiplan.robot.robot import load_robot
 from optiplan.verify.continuous.torque import torque
 from optiplan.verify.continuous.torque_bounds import TorqueBounds
@@ -38,6 +39,22 @@ def test_the_second_derivative_is_never_larger_than_its_bound(name):
         loose.append(curvature[0] / np.maximum(np.abs(second), 1e-9))
     robot.model.armature[:] = 0.0
     assert np.min(loose) < 100.0  # a bound that means something
+
+
+@pytest.mark.parametrize("name", ["panda", "delbot", "baxter", "puma560"])
+def test_the_core_bounds_the_same(name, monkeypatch):
+    """Its bound on the inertia of a body is a little wider than the matrix's norm."""
+    robot, rng = load_robot(name), np.random.default_rng(5)
+    robot.model.armature[:] = 0.1
+    plain = unfold(robot.model)
+    native = TorqueBounds(plain.model, plain.A, plain.b)
+    monkeypatch.setattr("optiplan.verify.continuous.torque_bounds.core", None)
+    python = TorqueBounds(plain.model, plain.A, plain.b)
+    robot.model.armature[:] = 0.0
+    motion = np.abs(rng.normal(size=(5, 30, robot.n)))
+    for ours, theirs in zip(native.over(motion), python.over(motion), strict=True):
+        assert (ours >= theirs * (1.0 - 1e-12)).all()
+        assert (ours <= theirs * 1.1).all()
 
 
 def test_joints_that_follow_others_count():

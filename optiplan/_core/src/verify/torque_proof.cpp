@@ -15,9 +15,12 @@ TorqueProof::TorqueProof(const Tree &tree, std::vector<double> armature)
     for (const Joint &joint : tree_.joints) {
         offset_.push_back(norm(joint.X_PJ.p));
         lever_.push_back(norm(joint.com));
-        double squares = 0.0;  // Frobenius, no less than the spectral norm
-        for (const Vec3 &row : joint.inertia.rows) squares += squared_norm(row);
-        inertia_.push_back(std::sqrt(squares));
+        double squares = 0.0, most = 0.0;  // two norms that are no less than the spectral one
+        for (const Vec3 &row : joint.inertia.rows) {
+            squares += squared_norm(row);
+            most = std::max(most, std::fabs(row[0]) + std::fabs(row[1]) + std::fabs(row[2]));
+        }
+        inertia_.push_back(std::min(std::sqrt(squares), most));
     }
     for (auto *each : {&q_, &turn_, &fixed_, &axis_, &origin_, &force_, &moment_})
         each->assign(ORDERS * tree_.joints.size(), 0.0);

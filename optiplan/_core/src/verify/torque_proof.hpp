@@ -27,6 +27,8 @@ class TorqueProof {
     // `motion` (5, n) on |q_j^(k)|.
     void bounds(const double *motion, double *size, double *curvature);
 
+    std::size_t joints() const { return static_cast<std::size_t>(tree_.planned); }
+
   private:
     bool part(const Curve &curve, int piece, double begin, double width, const double *left, const double *right,
               const std::vector<double> &limits, int depth, Overload &found);
