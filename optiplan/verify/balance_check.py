@@ -4,13 +4,11 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.problem import Problem
-from optiplan.robot.batched.base_reaction import base_reaction
-from optiplan.robot.mimic_joints import unfold
+from optiplan.robot.batched.base_reaction import HOLDING, base_reaction, held_robot
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.intervals import derivative_bounds
@@ -19,7 +17,6 @@ from optiplan.verify.joint_constraint_check import of_the_motion, part_of, title
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.tolerances import POSITION_ROUNDING, TORQUE_ROUNDING
 
-_FREE = 6
 _FIRST_RATE, _MOST_FIRST = 100.0, 20_000  # intervals a second to begin with, and at most
 _PARTS = 4  # into which an open interval is divided
 
@@ -27,18 +24,11 @@ _bounds: WeakKeyDictionary[Robot, TorqueBounds] = WeakKeyDictionary()
 
 
 class _BaseBounds:
-    """Bounds on the wrench at the base of a robot: that of a robot whose base six more joints hold, which stand still.
-
-    Three slide along the world's axes and three turn about them, all at the origin, so their forces and torques are
-    the wrench about the origin, in world axes. `TorqueBounds` bounds them and their second derivatives.
-    """
+    """Bounds on the wrench at the base of a robot, from `TorqueBounds` of the `HeldRobot`."""
 
     def __init__(self, robot: Robot) -> None:
         if robot not in _bounds:
-            plain = unfold(robot.model)
-            A = np.eye(_FREE + len(plain.A), _FREE + plain.A.shape[1])
-            A[_FREE:, _FREE:] = plain.A
-            _bounds[robot] = TorqueBounds(_held_by_six(plain.model), A, np.concatenate([np.zeros(_FREE), plain.b]))
+            _bounds[robot] = TorqueBounds(*held_robot(robot))
         self._of = _bounds[robot]
 
     def over(self, motion: Array) -> tuple[Array, Array]:
@@ -47,25 +37,9 @@ class _BaseBounds:
         Args:
             motion: (5, K, n) as of `TorqueBounds.over`.
         """
-        held = np.concatenate([np.zeros((*motion.shape[:2], _FREE)), motion], axis=2)
+        held = np.concatenate([np.zeros((*motion.shape[:2], HOLDING)), motion], axis=2)
         size, curvature = self._of.over(held)
         return size[:, [0, 3]], curvature[:, [0, 3]]
-
-
-def _held_by_six(model: pin.Model) -> pin.Model:
-    """Return a model on six joints at the world's origin, the last of which carries the base."""
-    held = pin.Model()
-    held.gravity = model.gravity
-    parent = 0
-    for kind in ("PX", "PY", "PZ", "RX", "RY", "RZ"):
-        parent = held.addJoint(parent, getattr(pin, f"JointModel{kind}")(), pin.SE3.Identity(), f"held {kind}")
-    held.appendBodyToJoint(parent, model.inertias[0], pin.SE3.Identity())
-    place = {0: parent}
-    for j in range(1, model.njoints):
-        joint = model.joints[j]
-        place[j] = held.addJoint(place[model.parents[j]], joint, model.jointPlacements[j], str(model.names[j]))
-        held.appendBodyToJoint(place[j], model.inertias[j], pin.SE3.Identity())
-    return held
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,42 @@
-"""The wrench that the ground exerts on a robot's base, of many states at once, in NumPy."""
+"""The wrench that the ground exerts on a robot's base, of many states at once."""
 
-from collections.abc import Sequence
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, cross
+from optiplan.arrays import Array
+from optiplan.robot.batched.dynamics import torques_of
+from optiplan.robot.mimic_joints import unfold
 from optiplan.robot.robot import Robot
+
+HOLDING = 6
+"""Joints that hold the base."""
+
+
+class HeldRobot(NamedTuple):
+    """A robot whose base six more joints hold, which stand still.
+
+    Three slide along the world's axes and three turn about them, all at the origin, so that their forces and torques
+    are the wrench of the ground about the origin, in world axes.
+
+    Attributes:
+        model: without joints that follow others; the six come first.
+        A: (6 + J, 6 + n), b: (6 + J,): its joints are at A q + b.
+    """
+
+    model: pin.Model
+    A: Array
+    b: Array
+
+    def joints(self, Q: Array, V: Array, A: Array) -> tuple[Array, Array, Array]:
+        """Return the states (N, 6 + J) of its joints for those of the robot, (N, n)."""
+        coupling = self.A[:, HOLDING:].T
+        return Q @ coupling + self.b, V @ coupling, A @ coupling
+
+
+_held: WeakKeyDictionary[Robot, HeldRobot] = WeakKeyDictionary()
 
 
 def base_reaction(robot: Robot, Q: Array, V: Array, A: Array) -> Array:
@@ -22,51 +52,30 @@ def base_reaction(robot: Robot, Q: Array, V: Array, A: Array) -> Array:
         V: velocities (N, n), rad/s or m/s.
         A: accelerations (N, n), rad/s² or m/s².
     """
-    model, kinematics = robot.model, robot.kinematics
-    poses = kinematics.poses(Q)
-    axes, points = kinematics.axes(poses)
-    rates, changes = kinematics.joint_rates(V), kinematics.joint_rates(A)
-    gravity = np.asarray(model.gravity.linear)
-    count = len(Q)
-    wrench = np.zeros((count, 6))
-    fixed = model.inertias[0]
-    if fixed.mass > 0.0:  # what no joint moves
-        weight = -fixed.mass * gravity
-        wrench += np.concatenate([weight, np.cross(np.asarray(fixed.lever), weight)])
-    joints = model.njoints
-    omega, alpha, place, linear = np.zeros((4, joints, count, 3))
-    for j in range(1, joints):
-        parent, z, p = model.parents[j], axes[:, j - 1], points[:, j - 1]
-        rate, change = rates[:, j - 1, None], changes[:, j - 1, None]
-        w, dw = omega[parent], alpha[parent]
-        a = _acceleration(linear[parent], w, dw, p - place[parent])
-        if kinematics.revolute[j - 1] > 0.5:
-            w, dw = w + rate * z, dw + change * z + cross(w, rate * z)
-        else:
-            a = a + 2.0 * cross(w, rate * z) + change * z
-        omega[j], alpha[j], place[j], linear[j] = w, dw, p, a
-    moved = [j for j in range(1, joints) if model.inertias[j].mass > 0.0]
-    if moved:
-        bodies = [model.inertias[j] for j in moved]
-        wrench += _of_bodies(bodies, poses.swapaxes(0, 1)[moved], (omega[moved], alpha[moved], linear[moved]), gravity)
-    return wrench
+    held = held_robot(robot)
+    return torques_of(held.model, *held.joints(Q, V, A))[:, :HOLDING]
 
 
-def _of_bodies(bodies: Sequence[pin.Inertia], X_WJ: Array, motion: tuple[Array, Array, Array], gravity: Array) -> Array:
-    """Wrenches (N, 6) that move B bodies with their joints' frames (B, N, 4, 4), about the world's origin, summed."""
-    w, dw, a = motion
-    R = np.ascontiguousarray(X_WJ[:, :, :3, :3])
-    lever = np.array([np.asarray(body.lever) for body in bodies])
-    inertia = np.array([np.asarray(body.inertia) for body in bodies])
-    mass = np.array([float(body.mass) for body in bodies])
-    arm = (R @ lever[:, None, :, None])[..., 0]
-    force = mass[:, None, None] * (_acceleration(a, w, dw, arm) - gravity)
-    I_W = R @ inertia[:, None] @ R.swapaxes(2, 3)
-    spin = (I_W @ w[..., None])[..., 0]
-    moment = cross(X_WJ[:, :, :3, 3] + arm, force) + (I_W @ dw[..., None])[..., 0] + cross(w, spin)
-    return np.concatenate([force.sum(axis=0), moment.sum(axis=0)], axis=1)
+def held_robot(robot: Robot) -> HeldRobot:
+    """Return the robot held by six joints, made once."""
+    if robot not in _held:
+        plain = unfold(robot.model)
+        A = np.eye(HOLDING + len(plain.A), HOLDING + plain.A.shape[1])
+        A[HOLDING:, HOLDING:] = plain.A
+        _held[robot] = HeldRobot(_held_by_six(plain.model), A, np.concatenate([np.zeros(HOLDING), plain.b]))
+    return _held[robot]
 
 
-def _acceleration(a: Array, w: Array, dw: Array, arm: Array) -> Array:
-    """Accelerations (..., 3) of points fixed to a body, at `arm` from one whose acceleration is a."""
-    return np.asarray(a + cross(dw, arm) + cross(w, cross(w, arm)))
+def _held_by_six(model: pin.Model) -> pin.Model:
+    held = pin.Model()
+    held.gravity = model.gravity
+    parent = 0
+    for kind in ("PX", "PY", "PZ", "RX", "RY", "RZ"):
+        parent = held.addJoint(parent, getattr(pin, f"JointModel{kind}")(), pin.SE3.Identity(), f"held {kind}")
+    held.appendBodyToJoint(parent, model.inertias[0], pin.SE3.Identity())
+    place = {0: parent}
+    for j in range(1, model.njoints):
+        joint = model.joints[j]
+        place[j] = held.addJoint(place[model.parents[j]], joint, model.jointPlacements[j], str(model.names[j]))
+        held.appendBodyToJoint(place[j], model.inertias[j], pin.SE3.Identity())
+    return held

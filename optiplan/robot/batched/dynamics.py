@@ -11,10 +11,10 @@ from optiplan.robot.robot import Robot
 
 
 class _OfOneThread(threading.local):
-    """Pinocchio's memory for each robot: while it computes, other threads run."""
+    """Pinocchio's memory for each model: while it computes, other threads run."""
 
     def __init__(self) -> None:
-        self.pools: WeakKeyDictionary[Robot, pin.ModelPool] = WeakKeyDictionary()
+        self.pools: WeakKeyDictionary[pin.Model, pin.ModelPool] = WeakKeyDictionary()
 
 
 _kept = _OfOneThread()
@@ -29,9 +29,14 @@ def inverse_dynamics(robot: Robot, Q: Array, V: Array, A: Array) -> Array:
         V: velocities (K, n), rad/s or m/s.
         A: accelerations (K, n), rad/s² or m/s².
     """
-    pool = _kept.pools.get(robot)
+    return torques_of(robot.model, Q, V, A)
+
+
+def torques_of(model: pin.Model, Q: Array, V: Array, A: Array) -> Array:
+    """Return the same of the joints of a model."""
+    pool = _kept.pools.get(model)
     if pool is None:
-        pool = _kept.pools[robot] = pin.ModelPool(robot.model, 1)
+        pool = _kept.pools[model] = pin.ModelPool(model, 1)
     tau = np.empty(Q.shape)
     if len(tau):
         pin.rneaInParallel(1, pool, Q.T, V.T, A.T, tau.T)
