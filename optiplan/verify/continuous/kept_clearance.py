@@ -10,6 +10,7 @@ the interval as ever where nothing was proved.
 import io
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import coal
 import numpy as np
@@ -85,7 +86,7 @@ class KeptClearance:
         -inf beyond the range.
         """
         q, reach = q[:, self.joints], reach[:, self.joints]
-        low, high = (self.middle - self.half).min(axis=0), (self.middle + self.half).max(axis=0)
+        low, high = self._range
         first, last = (q - reach).min(axis=0), (q + reach).max(axis=0)
         near = self._meet(0.5 * (first + last)[None], 0.5 * (last - first)[None], np.arange(len(self.middle)))[0]
         chosen = np.flatnonzero(near)
@@ -98,12 +99,19 @@ class KeptClearance:
         result[~within | ~np.isfinite(result)] = -np.inf
         return result
 
+    @cached_property
+    def _range(self) -> tuple[Array, Array]:
+        return (self.middle - self.half).min(axis=0), (self.middle + self.half).max(axis=0)
+
     def _meet(self, q: Array, reach: Array, boxes: Index) -> Flags:
         """Whether |q' - q| <= reach, (K, m) each, meets some of the boxes (B,): (K, B)."""
-        apart = np.abs(q[:, None] - self.middle[boxes])
-        turned = np.abs((apart + np.pi) % (2.0 * np.pi) - np.pi)
-        apart = np.where(self.endless, turned, apart)
-        return np.asarray((apart <= reach[:, None] + self.half[boxes] + _SEAM).all(axis=2))
+        found = np.ones((len(q), len(boxes)), dtype=bool)
+        for j, endless in enumerate(self.endless.tolist()):
+            apart = np.abs(q[:, j, None] - self.middle[boxes, j])
+            if endless:
+                apart = np.abs((apart + np.pi) % (2.0 * np.pi) - np.pi)
+            found &= apart <= reach[:, j, None] + self.half[boxes, j] + _SEAM
+        return found
 
 
 Pair = tuple[int, int]

@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 
 import coal
 import numpy as np
@@ -51,7 +52,7 @@ class PairTree:
         hulls: the bodies behind those of the model.
         pairs: (P + H, 2) bodies of each pair; `count`: P.
         parts: the pairs that each of the H stands for, by its index: of the model, or of hulls of fewer bodies.
-        tops: (T,) the pairs that no other one stands for; `bounds`: their bounding volumes.
+        tops: (T,) the pairs that no other one stands for.
     """
 
     def __init__(self, model: CollisionModel) -> None:
@@ -71,12 +72,13 @@ class PairTree:
                 above[above[members]] = above[members] = first  # hulls of fewer bodies, too
                 first += 1
             self._gather(above)
-        self.bounds = self._bounds(model)
+        self._own, self._bodies = model.bounds, model.geometry
 
     def with_obstacles_of(self, model: CollisionModel) -> "PairTree":
         """Return the same of a model in which obstacles stand elsewhere."""
         twin = copy(self)
-        twin.bounds = self.bounds.with_placements(twin._tops(model)[0]) if self.parts else model.bounds
+        twin.__dict__.pop("bounds", None)
+        twin._own, twin._bodies = model.bounds, model.geometry
         return twin
 
     def _gather(self, above: Index) -> None:
@@ -118,24 +120,20 @@ class PairTree:
         hulls = [values[self.members(pair)].max(initial=0.0) for pair in range(self.count, len(self.pairs))]
         return np.concatenate([values, hulls])
 
-    def _bounds(self, model: CollisionModel) -> PairBounds:
-        own = model.bounds
+    @cached_property
+    def bounds(self) -> PairBounds:
+        """Bounding volumes of `tops`; made for the first proof that asks for them: planes prove most motions."""
         if not self.parts:
-            return own
-        geometry, used, which = self._tops(model)
-        first = len(model.names)
-        known = [LocalBox(*box) for box in zip(own.centre, own.half, own.radius.tolist(), strict=True)]
-        boxes = [known[k] if k < first else self.hulls[k - first].box for k in used]
-        return PairBounds(model.kinematics, geometry, which, boxes)
-
-    def _tops(self, model: CollisionModel) -> tuple[pin.GeometryModel, list[int], Index]:
-        """The bodies of `tops`, which these are, and bodies a and b of each, (T, 2), among them."""
+            return self._own
+        own, first = self._own, len(self._bodies.geometryObjects)
         used, which = np.unique(self.pairs[self.tops], return_inverse=True)
-        first, bodies = len(model.names), []
+        bodies, boxes = [], []
         for k in used.tolist():
             if k < first:
-                bodies.append(model.geometry.geometryObjects[k])
+                bodies.append(self._bodies.geometryObjects[k])
+                boxes.append(LocalBox(own.centre[k], own.half[k], float(own.radius[k])))
             else:
                 hull = self.hulls[k - first]
                 bodies.append(pin.GeometryObject(f"hull {k}", hull.cluster.joint, 0, pin.SE3.Identity(), hull.shape))
-        return geometry_of(bodies), used.tolist(), which.reshape(-1, 2)
+                boxes.append(hull.box)
+        return PairBounds(own.kinematics, geometry_of(bodies), which.reshape(-1, 2), boxes)
