@@ -131,7 +131,7 @@ def test_the_page_has_the_figure_as_computed(figure: Callable[[], str]):
     ],
 )
 def test_the_page_has_the_workspace_that_the_command_prints(robot, floor, words):
-    """With 20,000 samples, as the page says; in this process, since others would take longer to begin than to sample."""
+    """With 20,000 samples, as the page says, and in this process: others would take longer to begin than to sample."""
     found = study_workspace(robot_with_meshes(robot), WorkspaceOptions(samples=20_000, floor=floor), processes=1)
     assert words.format(100.0 * found.rings.lower) in PAGE
 
