@@ -1,5 +1,7 @@
 """Pages of the viewer that play in the documentation: a proof, a failure, a comparison, planned when the site is made.
 
+Those of the source reports are made with the pages that show them, `report_pages.py`.
+
 MkDocs calls `on_files` before it reads the pages (`hooks:` in mkdocs.yml).
 """
 
@@ -14,16 +16,13 @@ from optiplan.viewer.page import render_page
 from optiplan.viewer.runs import ViewedRun
 from optiplan.viewer.scene import build_scene
 
-PAGES: Mapping[str, tuple[str, tuple[str | None, ...]]] = {
-    "proof": ("02_shelf", ("trajopt",)),
-    "failure": ("02_shelf", ("quintic",)),
-    "comparison": ("02_shelf", ("trajopt", "rrtconnect", "kpiece", "prm", "quintic", "circle")),
-    "srra": ("15_srra", (None,)),
-    "delbot": ("27_circle", (None,)),
-    "lecture": ("20_puma_quintic", (None,)),
-    "baxter": ("30_screw_report_a", (None,)),
+PROBLEM = "02_shelf"
+PAGES: Mapping[str, tuple[str, ...]] = {
+    "proof": ("trajopt",),
+    "failure": ("quintic",),
+    "comparison": ("trajopt", "rrtconnect", "kpiece", "prm", "quintic", "circle"),
 }
-"""Problem and planners of each page; None: the problem's own."""
+"""Planners of each page."""
 BUDGET = 5.0  # s for each planner
 
 
@@ -37,19 +36,17 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 @cache
 def live_pages() -> Mapping[str, str]:
     """The text of each page."""
-    found = {}
-    for page, (name, planners) in PAGES.items():
-        runs = [_viewed(name, planner) for planner in planners]
-        found[page] = render_page(build_scene(op.load_problem(name), runs))
-    return found
+    problem = op.load_problem(PROBLEM)
+    return {
+        page: render_page(build_scene(problem, [_viewed(problem, planner) for planner in planners]))
+        for page, planners in PAGES.items()
+    }
 
 
 @cache
-def _viewed(name: str, planner: str | None) -> ViewedRun:
-    problem = op.load_problem(name)
-    label = planner or problem.planner
+def _viewed(problem: op.Problem, planner: str) -> ViewedRun:
     try:
         run = op.plan(problem, planner, budget=BUDGET)
     except op.InputError as error:
-        return ViewedRun(label, None, None, {"kind": "input", "detail": str(error)})
-    return ViewedRun.of(run, label)
+        return ViewedRun(planner, None, None, {"kind": "input", "detail": str(error)})
+    return ViewedRun.of(run, planner)

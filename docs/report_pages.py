@@ -19,6 +19,9 @@ from mkdocs.structure.files import File, Files
 import optiplan as op
 from optiplan.config.document import read_yaml
 from optiplan.figure_style import svg_of
+from optiplan.viewer.page import render_page
+from optiplan.viewer.runs import ViewedRun
+from optiplan.viewer.scene import build_scene
 
 ROOT = Path(__file__).parent.parent
 ROWS, EXERCISES = (ROOT / "benchmarks" / "reports" / f"{name}.yaml" for name in ("rows", "exercises"))
@@ -29,12 +32,13 @@ _FIGURE = re.compile(r'op\.plot\(figure=\\?"(\w+)\\?", style=\\?"textbook\\?"\)'
 
 @dataclass(frozen=True)
 class ReportPage:
-    """A page: its heading, first sentences, problem, figure of its run, what that shows, and its lessons."""
+    """A page: its heading, first sentences, problem, figure of its run, problem that plays, what it shows, lessons."""
 
     heading: str
     intro: str
     problem: str
     figure: str
+    live: str
     shows: str
     lessons: tuple[str, ...]
 
@@ -45,6 +49,7 @@ PAGES: Mapping[str, ReportPage] = {
         "Recompute the worked example of the SRRA report, find its slips, and see its arm pass its own base.",
         "15_srra",
         "singularities",
+        "15_srra",
         "Its three singularities. The C-shaped link changes none of them.",
         ("c_shaped_link", "wrist_singularity"),
     ),
@@ -53,6 +58,7 @@ PAGES: Mapping[str, ReportPage] = {
         "Recompute poses, Jacobian and circle of the Delbot report, and find out what its wheels can do.",
         "27_circle",
         "path",
+        "27_circle",
         "The circle, which closes.",
         ("mecanum_base",),
     ),
@@ -61,6 +67,7 @@ PAGES: Mapping[str, ReportPage] = {
         "Work through the lecture's examples: which of its curves hold, and which of its numbers do not.",
         "19_lspb",
         "laws",
+        "20_puma_quintic",
         "Example 4 by five time laws, in the same time.",
         ("lspb_bounds", "wrist_singularity"),
     ),
@@ -69,6 +76,7 @@ PAGES: Mapping[str, ReportPage] = {
         "Follow the report's screws, with its matrix as printed and as it should be.",
         "30_screw_report_a",
         "path",
+        "30_screw_report_a",
         "Experiment a: the hand along one screw.",
         ("sclerp_corrected",),
     ),
@@ -76,10 +84,11 @@ PAGES: Mapping[str, ReportPage] = {
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add `seeds/REPORT.md` with its figure, and `lessons/NAME.md`."""
+    """Add `seeds/REPORT.md` with its figure, `live/REPORT.html`, which it shows in a frame, and `lessons/NAME.md`."""
     for name, page in PAGES.items():
         files.append(File.generated(config, f"seeds/{name}.svg", content=figure(page)))
         files.append(File.generated(config, f"seeds/{name}.md", content=report_page(name)))
+        files.append(File.generated(config, f"live/{name}.html", content=live_page(page)))
     for path in sorted(LESSONS.glob("*.ipynb")):
         files.append(File.generated(config, f"lessons/{path.stem}.md", content=lesson(path)))
         for name in _FIGURE.findall(path.read_text("utf-8")):
@@ -97,13 +106,19 @@ def rows(path: Path) -> list[dict[str, Any]]:
 
 @cache
 def planned(problem: str) -> op.Run:
-    """The motion of a page."""
+    """The motion of a page: its figure and what plays are of the same one, where they are of the same problem."""
     return op.plan(op.load_problem(problem), budget=BUDGET)
 
 
 def figure(page: ReportPage) -> str:
     """The figure of a page, as SVG."""
     return svg_of(op.plot(planned(page.problem), figure=page.figure, style="textbook"))
+
+
+def live_page(page: ReportPage) -> str:
+    """The viewer with the motion of a page."""
+    problem = op.load_problem(page.live)
+    return render_page(build_scene(problem, [ViewedRun.of(planned(page.live), problem.planner)]))
 
 
 def report_page(name: str) -> str:

@@ -99,9 +99,9 @@ def verdicts(rows):
     return {key: (row["verified"], row["failure_kind"], row["trajectory"]) for key, row in rows.items()}
 
 
-def test_four_workers_one_killed_midway_give_what_a_local_run_gives(write_suite, run, dask, tmp_path):
+def test_three_workers_one_killed_midway_give_what_a_local_run_gives(write_suite, run, dask, tmp_path):
     path = write_suite(count=4, planners=[SLOW, "quintic", "rrtconnect"], seeds=[0, 7])
-    workers = dask.workers(4)
+    workers = dask.workers(3)
     seen = []
 
     def kill_one(outcome):
@@ -113,8 +113,8 @@ def test_four_workers_one_killed_midway_give_what_a_local_run_gives(write_suite,
     done, rows = run_there(path, tmp_path / "there", dask.address, kill_one)
     assert (done.total, done.made, len(rows)) == (24, 24, 24)
     assert sum(process.poll() is not None for process in workers) == 1
-    assert len({row["worker"] for row in rows.values()}) >= 3
-    local = run(path, workers=2)[1]
+    assert len({row["worker"] for row in rows.values()}) >= 2
+    local = run(path)[1]
     assert verdicts(rows) == verdicts(local)
     assert run_there(path, tmp_path / "there", dask.address)[0].made == 0
 

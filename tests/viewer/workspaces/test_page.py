@@ -57,7 +57,7 @@ def test_in_a_browser(found, browser, tmp_path):
     path = tmp_path / "workspace.html"
     path.write_text(render_workspaces(found), encoding="utf-8")
     complaints = []
-    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page = browser.new_page(viewport={"width": 1280, "height": 800}, device_scale_factor=0.25)
     page.on(
         "console", lambda m: m.type in ("error", "warning") and "GPU stall" not in m.text and complaints.append(m.text)
     )

@@ -33,7 +33,8 @@ pytestmark = [pytest.mark.timeout(240)]
 def visit(browser):
     """Open an address; at the end, any complaint of a page, or a request elsewhere, fails the test."""
     complaints = []
-    context = browser.new_context(viewport={"width": 1400, "height": 900})
+    size = {"width": 1400, "height": 900}
+    context = browser.new_context(viewport=size, device_scale_factor=0.25)  # a sixteenth of the pixels
     context.set_default_timeout(100_000)
 
     def heard(message):
