@@ -201,7 +201,7 @@ static NamedRows rows_of_speeds(const Strided &J, const Strided &rate, const Vec
 
 // What is in view, of the core's View or of another with the same arrays, which are kept here.
 struct SeenRows {
-    NearRows rows;
+    NearPairs rows;
     Matrix gradient;
     Vector distance;
     Indices near;

@@ -39,7 +39,7 @@ TEST(rows_of_distances) {
     const double gradient[3] = {1.0, 0.0, 9.0}, distance[1] = {0.03}, v[2] = {-0.5, 0.0}, delay[2] = {0.1, 0.1};
     const double brake[2] = {0.5, 0.5}, least[2] = {0.0, 0.005}, margin[2] = {0.0, 0.01}, none[1] = {0.0};
     const std::int64_t near[1] = {1};
-    const NearRows seen{gradient, distance, near, 1, 3};  // the third column is no joint of the robot
+    const NearPairs seen{gradient, distance, near, 1, 3};  // the third column is no joint of the robot
     const StopRules rules{delay, brake, least, margin, none, none, 0.01, 50.0};
     const LimitRows rows = stop_rows(seen, v, rules, 2);
     const double slope = 0.1 + 0.5 * 0.5, b = 0.02 - 0.5 * slope + 0.5 * 0.5 * 0.5 * 0.5;

@@ -64,7 +64,7 @@ LimitRows speed_rows(const double *J, const double *v, const double *delay, cons
     return found;
 }
 
-LimitRows stop_rows(const NearRows &near, const double *v, const StopRules &rules, std::size_t n) {
+LimitRows stop_rows(const NearPairs &near, const double *v, const StopRules &rules, std::size_t n) {
     LimitRows found(n, near.size);
     const double share = std::min(1.0, rules.rate * rules.dt);
     for (std::size_t k = 0; k < near.size; ++k) {
@@ -86,7 +86,7 @@ LimitRows stop_rows(const NearRows &near, const double *v, const StopRules &rule
     return found;
 }
 
-void raise_least(double *least, const double *asked, std::size_t pairs, const NearRows &near, double slip) {
+void raise_least(double *least, const double *asked, std::size_t pairs, const NearPairs &near, double slip) {
     std::vector<double> now(near.size);
     for (std::size_t k = 0; k < near.size; ++k) now[k] = std::max(least[near.near[k]], near.distance[k] - slip);
     std::copy_n(asked, pairs, least);

@@ -30,7 +30,7 @@ LimitRows speed_rows(const double *J, const double *v, const double *delay, cons
                      const std::vector<std::int64_t> &parts, double dt, std::size_t n);
 
 // What is near: gradients (K, columns >= n), distances (K,), their pairs.
-struct NearRows {
+struct NearPairs {
     const double *gradient, *distance;
     const std::int64_t *near;
     std::size_t size, columns;
@@ -43,10 +43,10 @@ struct StopRules {
     double dt, rate;
 };
 
-LimitRows stop_rows(const NearRows &near, const double *v, const StopRules &rules, std::size_t n);
+LimitRows stop_rows(const NearPairs &near, const double *v, const StopRules &rules, std::size_t n);
 
 // `least` (P,) anew: `asked` (P,), or where a distance is less now, that less `slip`, or what it has been.
-void raise_least(double *least, const double *asked, std::size_t pairs, const NearRows &near, double slip);
+void raise_least(double *least, const double *asked, std::size_t pairs, const NearPairs &near, double slip);
 
 // Whether x (n,) keeps all rows C (m, n) but for `slack`.
 bool rows_hold(const double *C, const double *low, const double *high, const double *x, std::size_t m, std::size_t n,
