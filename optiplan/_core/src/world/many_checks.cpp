@@ -6,7 +6,11 @@ namespace optiplan {
 
 static constexpr double HAIR = 1e-12;  // m; how much more a ball is than its radius, for rounding
 
-static bool any(const LaneBits &bits) { return (bits[0] | bits[1] | bits[2] | bits[3]) != 0; }
+static std::uint64_t any(const LaneBits &bits) {
+    return static_cast<std::uint64_t>(bits[0] | bits[1] | bits[2] | bits[3]);
+}
+
+static LaneBits bit_of(std::size_t k) { return LaneBits{} + static_cast<std::int64_t>(std::uint64_t{1} << (k % 64)); }
 
 ManyChecks::ManyChecks(const World &world) : world_(world), at_(world.placement()), trail_(world.trail()) {
     const std::vector<Body> &bodies = world.bodies();
@@ -86,27 +90,33 @@ void ManyChecks::compare_balls(const double *q) {
         const Body &of = world_.bodies()[body];
         centres_[body] = moved(joints_[of.joint], of.X_JB * of.centre);
     }
-    std::size_t bit = 0;
     std::fill(near_.begin(), near_.end(), LaneBits{});
-    const auto mark = [&](const LaneBits &near) {
-        near_[bit / 64] |= near & (LaneBits{} + static_cast<std::int64_t>(std::uint64_t{1} << (bit % 64)));
-        ++bit;
-    };
-    for (const Balls &pair : balls_) {
-        const Vec3Lanes &a = centres_[pair.a], &b = centres_[pair.b];
-        const Lanes x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
-        LaneBits near = ~(x * x + y * y + z * z > pair.squared);
-        if (any(near)) {
-            LaneBits apart{};
-            add_apart_from_box(pair.a, pair.ball_a, pair.b, apart);
-            add_apart_from_box(pair.b, pair.ball_b, pair.a, apart);
-            near &= ~apart;
+    for (std::size_t k = 0; k < balls_.size();) {
+        LaneBits near{}, own = LaneBits{} + 1;
+        const std::size_t word = k / 64, end = std::min(balls_.size(), k + 64);
+        for (; k < end; ++k, own += own) {
+            const Balls &pair = balls_[k];
+            const Vec3Lanes &a = centres_[pair.a], &b = centres_[pair.b];
+            const Lanes x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
+            near |= own & ~(x * x + y * y + z * z > pair.squared);
         }
-        mark(near);
+        near_[word] = near;
     }
-    for (const Plane &plane : planes_) {
+    for (std::size_t word = 0; word < near_.size(); ++word) {
+        LaneBits &near = near_[word];
+        for (std::uint64_t bits = any(near); bits; bits &= bits - 1) {
+            const Balls &pair = balls_[64 * word + static_cast<std::size_t>(__builtin_ctzll(bits))];
+            const LaneBits own = bit_of(static_cast<std::size_t>(__builtin_ctzll(bits)));
+            near &= ~(own & apart_from_box(pair.a, pair.ball_a, pair.b));
+            if (any(near & own)) near &= ~(own & apart_from_box(pair.b, pair.ball_b, pair.a));
+        }
+    }
+    for (std::size_t k = 0; k < planes_.size(); ++k) {
+        const Plane &plane = planes_[k];
         const Vec3Lanes &c = centres_[plane.body];
-        mark(~(c.x * plane.normal.x + c.y * plane.normal.y + c.z * plane.normal.z > plane.offset));
+        const LaneBits apart = c.x * plane.normal.x + c.y * plane.normal.y + c.z * plane.normal.z > plane.offset;
+        const std::size_t bit = balls_.size() + k;
+        near_[bit / 64] |= ~apart & bit_of(bit);
     }
 }
 
@@ -120,7 +130,7 @@ const PoseLanes &ManyChecks::turned(int body) {
     return bodies_[body];
 }
 
-void ManyChecks::add_apart_from_box(int ball, double squared, int box, LaneBits &apart) {
+LaneBits ManyChecks::apart_from_box(int ball, double squared, int box) {
     const PoseLanes &X = turned(box);
     const Vec3 &half = world_.bodies()[box].half;
     const Vec3Lanes &c = centres_[ball], &o = centres_[box];
@@ -131,7 +141,7 @@ void ManyChecks::add_apart_from_box(int ball, double squared, int box, LaneBits 
         return beyond > 0.0 ? beyond : lanes_of(0.0);
     };
     const Lanes u = outside(0, half.x), v = outside(1, half.y), w = outside(2, half.z);
-    apart |= u * u + v * v + w * w > squared;
+    return u * u + v * v + w * w > squared;
 }
 
 bool ManyChecks::touches(int lane) {

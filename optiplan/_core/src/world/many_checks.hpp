@@ -40,7 +40,7 @@ class ManyChecks {
     void compare_balls(const double *q);
     bool touches(int lane);
     bool asked_apart(int asked);
-    void add_apart_from_box(int ball, double squared, int box, LaneBits &apart);
+    LaneBits apart_from_box(int ball, double squared, int box);
     const PoseLanes &turned(int body);
 
     const World &world_;
