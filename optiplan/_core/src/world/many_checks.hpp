@@ -18,8 +18,8 @@ class ManyChecks {
     // Whether pairs touch at configurations (count, n), row after row: 1 or 0 each.
     void touching(const double *Q, std::size_t count, std::uint8_t *out);
 
-    // Whether pairs touch at one of four configurations (4, n), the last of which is asked first.
-    bool any_touches(const double *Q);
+    // Whether pairs touch at one of four configurations (4, n). Those that did often before are asked first.
+    bool any_touches(const double *Q) { return look(Q, true) != 0; }
 
     // Poses of the joints at configuration `lane` of the four that were asked last.
     void joints(int lane, Pose *out) const;
@@ -37,9 +37,12 @@ class ManyChecks {
         double offset;  // of its surface from the origin, and the radius of the body, a hair more
     };
 
-    void compare_balls(const double *q);
-    bool touches(int lane);
-    bool asked_apart(int asked);
+    // Which of four configurations (4, n) touch, a bit each; or the first of them that is found.
+    unsigned look(const double *q, bool any_of_them);
+    void place(const double *q);
+    LaneBits near_balls(std::size_t first);
+    LaneBits near_plane(const Plane &plane) const;
+    bool asked_apart(int lane, int asked);
     LaneBits apart_from_box(int ball, double squared, int box);
     const PoseLanes &turned(int body);
 
@@ -51,8 +54,8 @@ class ManyChecks {
     std::vector<Vec3Lanes> centres_;  // of bodies
     std::vector<PoseLanes> bodies_;   // where `turned` says so; of their places the turns alone
     std::vector<char> turned_;
-    std::vector<LaneBits> near_;      // a bit for each of `balls_` and then `planes_`, 64 in each
-    Placement at_;
+    std::vector<Placement> at_;       // of each configuration, where `placed_` says so
+    bool placed_[LANES] = {};
     Trail trail_;
 };
 
