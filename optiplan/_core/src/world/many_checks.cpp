@@ -5,7 +5,8 @@
 namespace optiplan {
 
 static constexpr double HAIR = 1e-12;  // m; how much more a ball is than its radius, for rounding
-static constexpr std::size_t WORD = 64;  // pairs that are compared before those that are near are asked
+static constexpr std::size_t WORD =
+    16;  // pairs that are compared before those of them that are near are asked; at most 64
 
 static std::uint64_t any(const LaneBits &bits) {
     return static_cast<std::uint64_t>(bits[0] | bits[1] | bits[2] | bits[3]);
@@ -87,7 +88,7 @@ unsigned ManyChecks::look(const double *q, bool any_of_them) {
     for (std::size_t first = 0; first < balls_.size() && !enough(); first += WORD)
         ask(near_balls(first), [&](int lane, int bit) {
             if (asked_apart(lane, balls_[first + bit].asked)) return false;
-            if (any_of_them) std::swap(balls_[first + bit], balls_[(first + bit) / 2]);  // who touches often comes soon
+            if (any_of_them) std::swap(balls_[first + bit], balls_[(first + bit) / 4]);  // who touches often comes soon
             return true;
         });
     for (std::size_t k = 0; k < planes_.size() && !enough(); ++k)
