@@ -172,7 +172,7 @@ bool ManyChecks::asked_apart(int lane, int asked) {
     world_.visit_near(at, group, 0.0, [&](int pair) {
         if (!apart) return;
         world_.put(at, pair);
-        apart = world_.lower_bound(at, pair) > 0.0 || !world_.within(at, pair, 0.0, &trail_.pairs[pair]);
+        apart = world_.lower_bound(at, pair, 0.0) > 0.0 || !world_.within(at, pair, 0.0, &trail_.pairs[pair]);
     });
     return apart;
 }
