@@ -5,8 +5,7 @@
 namespace optiplan {
 
 static constexpr double HAIR = 1e-12;  // m; how much more a ball is than its radius, for rounding
-static constexpr std::size_t WORD =
-    16;  // pairs that are compared before those of them that are near are asked; at most 64
+static constexpr std::size_t BLOCK = 16;  // pairs compared before those of them that are near are queried; at most 64
 
 static std::uint64_t any(const LaneBits &bits) {
     return static_cast<std::uint64_t>(bits[0] | bits[1] | bits[2] | bits[3]);
@@ -85,10 +84,11 @@ unsigned ManyChecks::look(const double *q, bool any_of_them) {
             for (std::uint64_t bits = near[lane]; bits && !(found >> lane & 1); bits &= bits - 1)
                 if (touches(lane, first_of(bits))) found |= 1u << lane;
     };
-    for (std::size_t first = 0; first < balls_.size() && !enough(); first += WORD)
+    for (std::size_t first = 0; first < balls_.size() && !enough(); first += BLOCK)
         ask(near_balls(first), [&](int lane, int bit) {
             if (asked_apart(lane, balls_[first + bit].asked)) return false;
-            if (any_of_them) std::swap(balls_[first + bit], balls_[(first + bit) / 4]);  // who touches often comes soon
+            // Pairs that touch often move to the front: most searches need only the first block.
+            if (any_of_them) std::swap(balls_[first + bit], balls_[(first + bit) / 4]);
             return true;
         });
     for (std::size_t k = 0; k < planes_.size() && !enough(); ++k)
@@ -106,10 +106,10 @@ void ManyChecks::place(const double *q) {
     }
 }
 
-// Which pairs from `first` on balls and boxes do not tell apart, a bit each.
+// Find which pairs of the block from `first` on may touch, by balls and boxes; a bit each.
 LaneBits ManyChecks::near_balls(std::size_t first) {
     LaneBits near{}, own = LaneBits{} + 1;
-    for (std::size_t k = first; k < std::min(balls_.size(), first + WORD); ++k, own += own) {
+    for (std::size_t k = first; k < std::min(balls_.size(), first + BLOCK); ++k, own += own) {
         const Balls &pair = balls_[k];
         const Vec3Lanes &a = centres_[pair.a], &b = centres_[pair.b];
         const Lanes x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;

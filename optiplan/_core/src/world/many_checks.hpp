@@ -10,7 +10,7 @@
 namespace optiplan {
 
 // `World::collides` of many configurations: balls and boxes are compared for four of them at a time, and only pairs
-// that these do not tell apart are asked one by one, those with obstacles first. Of a world without tube and floors.
+// that these do not separate are queried one by one, block by block. For worlds without tube and floors.
 class ManyChecks {
   public:
     explicit ManyChecks(const World &world);
@@ -18,7 +18,7 @@ class ManyChecks {
     // Whether pairs touch at configurations (count, n), row after row: 1 or 0 each.
     void touching(const double *Q, std::size_t count, std::uint8_t *out);
 
-    // Whether pairs touch at one of four configurations (4, n). Those that did often before are asked first.
+    // Whether pairs touch at one of four configurations (4, n). Pairs that touched often come first.
     bool any_touches(const double *Q) { return look(Q, true) != 0; }
 
     // Poses of the joints at configuration `lane` of the four that were asked last.
@@ -37,7 +37,7 @@ class ManyChecks {
         double offset;  // of its surface from the origin, and the radius of the body, a hair more
     };
 
-    // Which of four configurations (4, n) touch, a bit each; or the first of them that is found.
+    // Find which of four configurations (4, n) touch, a bit each, or only the first one found.
     unsigned look(const double *q, bool any_of_them);
     void place(const double *q);
     LaneBits near_balls(std::size_t first);
