@@ -22,7 +22,13 @@ TEST(torques_at_rest_are_those_of_gravity) {
 }
 
 TEST(derivatives_equal_differences) {
-    InverseDynamics dynamics(arm());
+    Tree tree = arm();
+    tree.joints[1].axis = {0.6, 0.0, 0.8};
+    const Mat3 inertia{{{0.3, 0.02, 0.01}, {0.02, 0.2, 0.03}, {0.01, 0.03, 0.4}}};
+    const Pose skew{{{{0.6, -0.8, 0}, {0.8, 0.6, 0}, {0, 0, 1}}}, {0.1, 0.2, 0.3}};
+    tree.joints.push_back({2, skew, false, {0, 0.6, 0.8}, 0, -0.5, 0.1, 1.5, {0.1, -0.2, 0.1}, inertia});
+    tree.joints.push_back({3, skew, true, {0.8, 0, 0.6}, 1, 0.7, 0.2, 0.8, {0.2, 0.1, -0.1}, inertia});
+    InverseDynamics dynamics(tree);
     const double h = 1e-6;
     for (int k = 0; k < 20; ++k) {
         double state[3][2], tau[2], slope[3][4], up[2], down[2];

@@ -18,6 +18,29 @@ TEST(many_configurations_touch_where_each_does) {
     CHECK(touching > 5 && touching < 950);
 }
 
+TEST(pairs_that_touch_change_places_and_no_answer) {
+    std::vector<Body> bodies{body(1, Shape::sphere(0.03), {{}, {1, 0, 0}}, {0.03, 0.03, 0.03}),
+                             body(2, Shape::sphere(0.03), {{}, {1, 0, 0}}, {0.03, 0.03, 0.03})};
+    std::vector<std::pair<int, int>> pairs;
+    const Vec3 half{0.01, 0.03, 0.1};
+    for (int k = 2; k < 42; ++k) {
+        bodies.push_back(body(0, Shape::box(half), {{}, {uniform(-2, 2), uniform(-2, 2), 0}}, half));
+        pairs.push_back({0, k}), pairs.push_back({1, k});
+    }
+    const World world(arm(), bodies, pairs);
+    ManyChecks checks(world);
+    int touching = 0;
+    for (int k = 0; k < 300; ++k) {
+        double q[2 * LANES];
+        bool any = false;
+        for (double &one : q) one = uniform(-3, 3);
+        for (int lane = 0; lane < LANES; ++lane) any = any || collides(world, q + 2 * lane);
+        CHECK(checks.any_touches(q) == any);
+        touching += any;
+    }
+    CHECK(touching > 50 && touching < 250);
+}
+
 TEST(poses_in_lanes_are_those_of_one) {
     Tree tree = arm();
     tree.joints[1].axis = {0.6, 0.0, 0.8};

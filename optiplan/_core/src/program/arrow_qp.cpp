@@ -76,9 +76,9 @@ void ArrowQp::rows(const Vec &x, double t, const Vec &s, Vec &out) {
     for (std::size_t r = 0; r < rows.order.size(); ++r) {
         double *__restrict above = out.data() + begin_[ABOVE] + r * n;
         double *__restrict below = out.data() + begin_[BELOW] + r * n;
-        std::fill_n(above, n, 0.0);
-        for (std::size_t k = 0; k < rows.stencils[r].count; ++k)
-            add_vectors(above, rows.stencils[r].weights[k], x.data() + (rows.stencils[r].first + k) * n, n);
+        const Stencil &stencil = rows.stencils[r];
+        sum_vectors(above, n, stencil.count,
+                    [&](std::size_t k) { return std::pair{stencil.weights[k], x.data() + (stencil.first + k) * n}; });
         const double relief = rows.order[r] * t;
         for (std::size_t j = 0; j < n; j += LANES) {
             const Lanes value = lanes(above + j) * lanes(rows.weight.data() + r * n + j);
@@ -98,12 +98,15 @@ void ArrowQp::rows(const Vec &x, double t, const Vec &s, Vec &out) {
 
 void ArrowQp::gather(const Group &group, const Vec &x, double t) {
     const std::size_t n = p_->joints, width = p_->width(group);
-    std::fill(local_.begin(), local_.end(), 0.0);
-    if (group.compact)
-        for (std::size_t k = 0; k < REACH; ++k)
-            add_vectors(local_.data(), group.over.weights[k], x.data() + (group.over.first + k) * n, n);
-    else
-        std::copy_n(x.data() + group.over.first * n, width - 1, local_.data()), local_[width - 1] = t;
+    const double *first = x.data() + group.over.first * n;
+    if (group.compact) {
+        sum_vectors(local_.data(), n, REACH,
+                    [&](std::size_t k) { return std::pair{group.over.weights[k], first + k * n}; });
+        return;
+    }
+    std::copy_n(first, width - 1, local_.data());
+    std::fill(local_.begin() + static_cast<std::ptrdiff_t>(width), local_.end(), 0.0);
+    local_[width - 1] = t;
 }
 
 void ArrowQp::scatter(const Group &group, const double *local, double factor, Vec &x, double &t) const {
@@ -136,14 +139,12 @@ void ArrowQp::transposed(const Vec &m, Vec &x, double &t, Vec &s) {
     for (std::size_t g = 0; g < p.soft.groups.size(); ++g) {
         const Group &group = p.soft.groups[g];
         const std::size_t stride = p.stride(group);
-        std::fill_n(local_.begin(), stride, 0.0);
+        const double *factors = m.data() + begin_[SOFT] + group.begin;
+        const double *entries = p.soft.entries.data() + group.offset;
         double sum = 0.0;
-        for (std::size_t i = group.begin; i < group.end; ++i) {
-            const double factor = m[begin_[SOFT] + i];
-            sum += factor;
-            add_vectors(local_.data(), factor, p.soft.entries.data() + group.offset + (i - group.begin) * stride,
-                        stride);
-        }
+        for (std::size_t i = 0; i < group.end - group.begin; ++i) sum += factors[i];
+        sum_vectors(local_.data(), stride, group.end - group.begin,
+                    [&](std::size_t i) { return std::pair{factors[i], entries + i * stride}; });
         scatter(group, local_.data(), 1.0, x, t);
         s[g] -= sum + m[begin_[SLACK] + g];
     }
@@ -310,12 +311,10 @@ void ArrowQp::add_group(std::size_t g) {
     const double *entries = p.soft.entries.data() + group.offset;
     const double *weight = weight_.data() + begin_[SOFT];
     double *mean = mean_.data() + mean_at(g);
-    std::fill_n(mean, stride, 0.0);
     double sum = 0.0;
-    for (std::size_t i = group.begin; i < group.end; ++i) {
-        sum += weight[i];
-        add_vectors(mean, weight[i], entries + (i - group.begin) * stride, stride);
-    }
+    for (std::size_t i = group.begin; i < group.end; ++i) sum += weight[i];
+    sum_vectors(mean, stride, group.end - group.begin,
+                [&](std::size_t i) { return std::pair{weight[group.begin + i], entries + i * stride}; });
     for (std::size_t k = 0; k < stride; ++k) mean[k] /= sum;
     const double own = weight_[begin_[SLACK] + g] + p.regularisation_slack;
     mean_weight_[g] = sum, damping_[g] = sum + own;

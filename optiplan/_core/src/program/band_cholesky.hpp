@@ -108,9 +108,10 @@ class BandArrow {
         for (std::size_t c = count_; c-- > 0;) {
             double *here = x + c * LANES;
             for (std::size_t a = LANES; a-- > 0;) {
-                Lanes sum = lanes(tile(c, 0) + a * LANES) * lanes(here);
+                Lanes sum = {};
                 for (std::size_t d = 1; d < std::min(reach_, count_ - c); ++d)
                     sum += lanes(tile(c, d) + a * LANES) * lanes(here + d * LANES);
+                sum += lanes(tile(c, 0) + a * LANES) * lanes(here);  // last: what it waits for was just found
                 here[a] = (here[a] - total(sum)) * inverse_[c * LANES + a];
             }
         }

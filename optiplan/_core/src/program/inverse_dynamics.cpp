@@ -7,7 +7,6 @@ namespace optiplan {
 namespace {
 
 Spatial operator+(const Spatial &a, const Spatial &b) { return {a.angular + b.angular, a.linear + b.linear}; }
-Spatial operator-(const Spatial &a, const Spatial &b) { return {a.angular - b.angular, a.linear - b.linear}; }
 Spatial operator*(double s, const Spatial &a) { return {s * a.angular, s * a.linear}; }
 double dot(const Spatial &a, const Spatial &b) {
     return optiplan::dot(a.angular, b.angular) + optiplan::dot(a.linear, b.linear);
@@ -47,15 +46,14 @@ SpatialInertia placed(const Joint &joint, const Pose &pose) {
     return found;
 }
 
-constexpr std::size_t SQUARE = 36;
-
 }  // namespace
 
 InverseDynamics::InverseDynamics(const Tree &tree) : tree_(tree) {
     const std::size_t count = tree.joints.size();
     pose_.resize(count), inertia_.resize(count), composite_.resize(count);
-    for (auto *each : {&axis_, &twist_, &acceleration_, &force_, &axis_rate_, &carried_, &held_}) each->resize(count);
-    coriolis_.resize(count * SQUARE);
+    for (auto *each : {&axis_, &twist_, &acceleration_, &force_, &axis_rate_, &carried_, &held_, &lift_})
+        each->resize(count);
+    coriolis_.resize(count);
 }
 
 void InverseDynamics::torques(const double *q, const double *v, const double *a, double *tau) {
@@ -91,51 +89,47 @@ void InverseDynamics::pass_down(std::vector<Spatial> &wrenches, double *tau) con
     }
 }
 
-// B of body j times x, with 2 B = (v x*) I - I (v x) + (I v) x-bar*.
-Spatial InverseDynamics::coriolis_row(int j, const Spatial &x) const {
-    const Spatial &v = twist_[j];
-    const SpatialInertia &inertia = inertia_[j];
-    return cross_force(v, inertia * x) - inertia * cross_motion(v, x) + cross_force(x, inertia * v);
+// With inertia (m, c, J), twist (w, u) and momentum (L, p): turning = S + S' - [L] and
+// S = -J [w] - c u' + (c . u) 1.
+Coriolis InverseDynamics::coriolis(int j) const {
+    const auto &[w, u] = twist_[j];
+    const auto &[mass, c, J] = inertia_[j];
+    const Spatial momentum = inertia_[j] * twist_[j];
+    const double along = optiplan::dot(c, u);
+    Mat3 S{{cross(w, J.rows[0]) - c.x * u, cross(w, J.rows[1]) - c.y * u, cross(w, J.rows[2]) - c.z * u}};
+    S.rows[0].x += along, S.rows[1].y += along, S.rows[2].z += along;
+    const Mat3 other = transpose(S);
+    const auto &[x, y, z] = momentum.angular;
+    return {{{S.rows[0] + other.rows[0] + Vec3{0.0, z, -y}, S.rows[1] + other.rows[1] + Vec3{-z, 0.0, x},
+              S.rows[2] + other.rows[2] + Vec3{y, -x, 0.0}}},
+            momentum.linear};
 }
 
 void InverseDynamics::derivatives(double *by_q, double *by_v, double *by_a) {
     const int n = tree_.planned, count = tree_.count();
     for (double *each : {by_q, by_v, by_a}) std::fill_n(each, n * n, 0.0);
     for (int j = 1; j < count; ++j) {
-        composite_[j] = inertia_[j];
-        for (int k = 0; k < 6; ++k) {
-            const double unit[6] = {k == 0 ? 1.0 : 0.0, k == 1 ? 1.0 : 0.0, k == 2 ? 1.0 : 0.0,
-                                    k == 3 ? 1.0 : 0.0, k == 4 ? 1.0 : 0.0, k == 5 ? 1.0 : 0.0};
-            const Spatial column = coriolis_row(j, {{unit[0], unit[1], unit[2]}, {unit[3], unit[4], unit[5]}});
-            double *into = coriolis_.data() + j * SQUARE + 6 * k;
-            for (int i = 0; i < 3; ++i) into[i] = column.angular[i], into[3 + i] = column.linear[i];
-        }
+        const int parent = tree_.joints[j].parent;
+        composite_[j] = inertia_[j], coriolis_[j] = coriolis(j);
+        lift_[j] = cross_motion(acceleration_[parent], axis_[j]) + cross_motion(twist_[parent], axis_rate_[j]);
     }
     for (int j = count - 1; j > 0; --j) {
         const int parent = tree_.joints[j].parent;
         if (!parent) continue;
         add(composite_[parent], composite_[j]);
-        add_scaled(coriolis_.data() + parent * SQUARE, 1.0, coriolis_.data() + j * SQUARE, SQUARE);
+        for (int i = 0; i < 3; ++i) coriolis_[parent].turning.rows[i] += coriolis_[j].turning.rows[i];
+        coriolis_[parent].momentum += coriolis_[j].momentum;
     }
     for (int j = 1; j < count; ++j) {
         const Joint &joint = tree_.joints[j];
-        const double *matrix = coriolis_.data() + j * SQUARE;
-        const auto twice_coriolis = [matrix](const Spatial &x) {
-            double sum[6] = {};
-            const double entries[6] = {x.angular.x, x.angular.y, x.angular.z, x.linear.x, x.linear.y, x.linear.z};
-            for (int k = 0; k < 6; ++k)
-                for (int i = 0; i < 6; ++i) sum[i] += entries[k] * matrix[6 * k + i];
-            return Spatial{{sum[0], sum[1], sum[2]}, {sum[3], sum[4], sum[5]}};
-        };
-        // What the motion of joint i (j or an ancestor of it) changes, as wrenches on all that joint j carries.
-        const auto lift = [&](int i) {
-            return cross_motion(acceleration_[tree_.joints[i].parent], axis_[i]) +
-                   cross_motion(twist_[tree_.joints[i].parent], axis_rate_[i]);
-        };
+        const auto &[turning, momentum] = coriolis_[j];
+        const auto applied = [&](const Vec3 &w) { return Spatial{turning * w, 2.0 * cross(w, momentum)}; };
         const Spatial own_q =
-            twice_coriolis(axis_rate_[j]) + composite_[j] * lift(j) + cross_force(axis_[j], carried_[j]);
-        const Spatial own_v = twice_coriolis(axis_[j]) + composite_[j] * (2.0 * axis_rate_[j]);
+            applied(axis_rate_[j].angular) + composite_[j] * lift_[j] + cross_force(axis_[j], carried_[j]);
+        const Spatial own_v = applied(axis_[j].angular) + composite_[j] * (2.0 * axis_rate_[j]);
         const Spatial own_a = composite_[j] * axis_[j];
+        // B' times the axis, of which the linear part is zero.
+        const Vec3 back = transposed(turning, axis_[j].angular) + 2.0 * cross(momentum, axis_[j].linear);
         for (int i = j; i > 0; i = tree_.joints[i].parent) {
             const Joint &other = tree_.joints[i];
             const double factor = joint.multiplier * other.multiplier;
@@ -144,8 +138,8 @@ void InverseDynamics::derivatives(double *by_q, double *by_v, double *by_a) {
             by_v[up] += factor * dot(axis_[i], own_v);
             by_a[up] += factor * dot(axis_[i], own_a);
             if (i == j) continue;
-            by_q[down] += factor * dot(axis_[j], twice_coriolis(axis_rate_[i]) + composite_[j] * lift(i));
-            by_v[down] += factor * dot(axis_[j], twice_coriolis(axis_[i]) + composite_[j] * (2.0 * axis_rate_[i]));
+            by_q[down] += factor * (optiplan::dot(back, axis_rate_[i].angular) + dot(own_a, lift_[i]));
+            by_v[down] += factor * (optiplan::dot(back, axis_[i].angular) + 2.0 * dot(own_a, axis_rate_[i]));
             by_a[down] += factor * dot(axis_[i], own_a);
         }
     }

@@ -25,6 +25,13 @@ struct SpatialInertia {
     Mat3 rotational{{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}};
 };
 
+// B of a body, with 2 B = (v x*) I - I (v x) + (I v) x-bar*: it takes a twist to the wrench (turning w, 2 w x
+// momentum), with w the twist's angular part. The linear part gives nothing.
+struct Coriolis {
+    Mat3 turning;
+    Vec3 momentum;  // linear
+};
+
 // tau(q, v, a) of all planned joints by recursive Newton-Euler, and its derivatives by the formulas of Singh, Russell
 // and Wensing (Efficient analytical derivatives of rigid-body dynamics using spatial vector algebra, RA-L 2022).
 class InverseDynamics {
@@ -44,13 +51,14 @@ class InverseDynamics {
 
   private:
     void pass_down(std::vector<Spatial> &wrenches, double *tau) const;  // from each link to those that carry it
-    Spatial coriolis_row(int joint, const Spatial &x) const;
+    Coriolis coriolis(int joint) const;
 
     Tree tree_;
     std::vector<Pose> pose_;
     std::vector<Spatial> axis_, twist_, acceleration_, force_, axis_rate_, carried_, held_;
+    std::vector<Spatial> lift_;  // what the motion of a joint changes in the acceleration of all that it carries
     std::vector<SpatialInertia> inertia_, composite_;
-    Vec coriolis_;  // (joints, 6, 6) of all that a joint carries
+    std::vector<Coriolis> coriolis_;  // of all that a joint carries
 };
 
 }  // namespace optiplan

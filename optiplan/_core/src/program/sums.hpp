@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 namespace optiplan {
@@ -99,6 +100,18 @@ inline void add_scaled(double *__restrict y, double factor, const double *__rest
 // y += factor x, where `count` is a multiple of LANES: whole vectors, without a remainder.
 inline void add_vectors(double *__restrict y, double factor, const double *__restrict x, std::size_t count) {
     for (std::size_t k = 0; k < count; k += LANES) lanes(y + k) += factor * lanes(x + k);
+}
+
+// y = the sum of `count` vectors, each times its factor: `term(i)` is {factor, vector}. Kept in registers.
+template <class F> void sum_vectors(double *__restrict y, std::size_t width, std::size_t count, const F &term) {
+    for (std::size_t k = 0; k < width; k += LANES) {
+        Lanes sum = {};
+        for (std::size_t i = 0; i < count; ++i) {
+            const std::pair<double, const double *> each = term(i);
+            sum += each.first * lanes(each.second + k);
+        }
+        lanes(y + k) = sum;
+    }
 }
 
 }  // namespace optiplan

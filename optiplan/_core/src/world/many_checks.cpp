@@ -5,10 +5,15 @@
 namespace optiplan {
 
 static constexpr double HAIR = 1e-12;  // m; how much more a ball is than its radius, for rounding
+static constexpr std::size_t BLOCK = 16;  // pairs compared before those of them that are near are queried; at most 64
 
-static bool any(const LaneBits &bits) { return (bits[0] | bits[1] | bits[2] | bits[3]) != 0; }
+static std::uint64_t any(const LaneBits &bits) {
+    return static_cast<std::uint64_t>(bits[0] | bits[1] | bits[2] | bits[3]);
+}
 
-ManyChecks::ManyChecks(const World &world) : world_(world), at_(world.placement()), trail_(world.trail()) {
+static int first_of(std::uint64_t bits) { return __builtin_ctzll(bits); }
+
+ManyChecks::ManyChecks(const World &world) : world_(world), at_(LANES, world.placement()), trail_(world.trail()) {
     const std::vector<Body> &bodies = world.bodies();
     std::vector<char> used(bodies.size());
     const auto compare = [&](int a, int b, int asked) {
@@ -27,7 +32,7 @@ ManyChecks::ManyChecks(const World &world) : world_(world), at_(world.placement(
             compare(a, b, pair);
             continue;
         }
-        const Pose &X = at_.bodies[plane];
+        const Pose &X = at_[0].bodies[plane];
         const Vec3 normal = X.R * bodies[plane].normal;
         planes_.push_back({body, pair, normal, dot(normal, X.p) + bodies[plane].offset + bodies[body].radius + HAIR});
         used[body] = 1;
@@ -42,14 +47,13 @@ ManyChecks::ManyChecks(const World &world) : world_(world), at_(world.placement(
     centres_.resize(bodies.size());
     for (std::size_t k = 0; k < bodies.size(); ++k) {
         if (bodies[k].joint == 0) {
-            centres_[k] = lanes_of(at_.centres[k]);
+            centres_[k] = lanes_of(at_[0].centres[k]);
             for (int i = 0; i < 3; ++i)
-                for (int j = 0; j < 3; ++j) bodies_[k].R[i][j] = lanes_of(at_.bodies[k].R.rows[i][j]);
+                for (int j = 0; j < 3; ++j) bodies_[k].R[i][j] = lanes_of(at_[0].bodies[k].R.rows[i][j]);
             turned_[k] = 1;
         }
         if (bodies[k].joint != 0 && used[k]) moving_.push_back(static_cast<int>(k));
     }
-    near_.resize((balls_.size() + planes_.size() + 63) / 64);
 }
 
 void ManyChecks::touching(const double *Q, std::size_t count, std::uint8_t *out) {
@@ -62,52 +66,67 @@ void ManyChecks::touching(const double *Q, std::size_t count, std::uint8_t *out)
             for (std::size_t k = 0; k < last.size(); ++k) last[k] = q[std::min(k / n, lanes - 1) * n + k % n];
             q = last.data();
         }
-        compare_balls(q);
-        for (std::size_t lane = 0; lane < lanes; ++lane) out[row + lane] = touches(static_cast<int>(lane));
+        const unsigned found = look(q, false);
+        for (std::size_t lane = 0; lane < lanes; ++lane) out[row + lane] = found >> lane & 1;
     }
-}
-
-bool ManyChecks::any_touches(const double *Q) {
-    compare_balls(Q);
-    for (int lane = LANES; lane-- > 0;)
-        if (touches(lane)) return true;
-    return false;
 }
 
 void ManyChecks::joints(int lane, Pose *out) const {
     for (std::size_t j = 0; j < joints_.size(); ++j) out[j] = lane_of(joints_[j], lane);
 }
 
-// Sets `near_` at four configurations (4, n).
-void ManyChecks::compare_balls(const double *q) {
+unsigned ManyChecks::look(const double *q, bool any_of_them) {
+    place(q);
+    unsigned found = 0;
+    const auto enough = [&] { return any_of_them && found; };
+    const auto ask = [&](const LaneBits &near, const auto &touches) {
+        for (int lane = LANES; lane-- > 0 && !enough();)
+            for (std::uint64_t bits = near[lane]; bits && !(found >> lane & 1); bits &= bits - 1)
+                if (touches(lane, first_of(bits))) found |= 1u << lane;
+    };
+    for (std::size_t first = 0; first < balls_.size() && !enough(); first += BLOCK)
+        ask(near_balls(first), [&](int lane, int bit) {
+            if (asked_apart(lane, balls_[first + bit].asked)) return false;
+            // Pairs that touch often move to the front: most searches need only the first block.
+            if (any_of_them) std::swap(balls_[first + bit], balls_[(first + bit) / 4]);
+            return true;
+        });
+    for (std::size_t k = 0; k < planes_.size() && !enough(); ++k)
+        ask(near_plane(planes_[k]), [&](int lane, int) { return !asked_apart(lane, planes_[k].pair); });
+    return found;
+}
+
+void ManyChecks::place(const double *q) {
     poses_in_lanes(world_.tree(), q, joints_.data());
+    std::fill(placed_, placed_ + LANES, false);
     for (int body : moving_) {
         turned_[body] = 0;
         const Body &of = world_.bodies()[body];
         centres_[body] = moved(joints_[of.joint], of.X_JB * of.centre);
     }
-    std::size_t bit = 0;
-    std::fill(near_.begin(), near_.end(), LaneBits{});
-    const auto mark = [&](const LaneBits &near) {
-        near_[bit / 64] |= near & (LaneBits{} + static_cast<std::int64_t>(std::uint64_t{1} << (bit % 64)));
-        ++bit;
-    };
-    for (const Balls &pair : balls_) {
+}
+
+// Find which pairs of the block from `first` on may touch, by balls and boxes; a bit each.
+LaneBits ManyChecks::near_balls(std::size_t first) {
+    LaneBits near{}, own = LaneBits{} + 1;
+    for (std::size_t k = first; k < std::min(balls_.size(), first + BLOCK); ++k, own += own) {
+        const Balls &pair = balls_[k];
         const Vec3Lanes &a = centres_[pair.a], &b = centres_[pair.b];
         const Lanes x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
-        LaneBits near = ~(x * x + y * y + z * z > pair.squared);
-        if (any(near)) {
-            LaneBits apart{};
-            add_apart_from_box(pair.a, pair.ball_a, pair.b, apart);
-            add_apart_from_box(pair.b, pair.ball_b, pair.a, apart);
-            near &= ~apart;
-        }
-        mark(near);
+        near |= own & ~(x * x + y * y + z * z > pair.squared);
     }
-    for (const Plane &plane : planes_) {
-        const Vec3Lanes &c = centres_[plane.body];
-        mark(~(c.x * plane.normal.x + c.y * plane.normal.y + c.z * plane.normal.z > plane.offset));
+    for (std::uint64_t bits = any(near); bits; bits &= bits - 1) {
+        const Balls &pair = balls_[first + first_of(bits)];
+        const LaneBits one = LaneBits{} + static_cast<std::int64_t>(bits & -bits);
+        near &= ~(one & apart_from_box(pair.a, pair.ball_a, pair.b));
+        if (any(near & one)) near &= ~(one & apart_from_box(pair.b, pair.ball_b, pair.a));
     }
+    return near;
+}
+
+LaneBits ManyChecks::near_plane(const Plane &plane) const {
+    const Vec3Lanes &c = centres_[plane.body];
+    return ~(c.x * plane.normal.x + c.y * plane.normal.y + c.z * plane.normal.z > plane.offset) & 1;
 }
 
 // The turn of a body's frame, which its box is along.
@@ -120,7 +139,7 @@ const PoseLanes &ManyChecks::turned(int body) {
     return bodies_[body];
 }
 
-void ManyChecks::add_apart_from_box(int ball, double squared, int box, LaneBits &apart) {
+LaneBits ManyChecks::apart_from_box(int ball, double squared, int box) {
     const PoseLanes &X = turned(box);
     const Vec3 &half = world_.bodies()[box].half;
     const Vec3Lanes &c = centres_[ball], &o = centres_[box];
@@ -131,35 +150,29 @@ void ManyChecks::add_apart_from_box(int ball, double squared, int box, LaneBits 
         return beyond > 0.0 ? beyond : lanes_of(0.0);
     };
     const Lanes u = outside(0, half.x), v = outside(1, half.y), w = outside(2, half.z);
-    apart |= u * u + v * v + w * w > squared;
+    return u * u + v * v + w * w > squared;
 }
 
-bool ManyChecks::touches(int lane) {
-    if (std::all_of(near_.begin(), near_.end(), [&](const LaneBits &bits) { return bits[lane] == 0; })) return false;
-    joints(lane, at_.joints.data());
-    world_.forget(at_);
-    for (std::size_t word = 0; word < near_.size(); ++word)
-        for (std::uint64_t bits = static_cast<std::uint64_t>(near_[word][lane]); bits; bits &= bits - 1) {
-            const std::size_t bit = 64 * word + static_cast<std::size_t>(__builtin_ctzll(bits));
-            if (!asked_apart(bit < balls_.size() ? balls_[bit].asked : planes_[bit - balls_.size()].pair)) return true;
-        }
-    return false;
-}
-
-// Whether a pair is apart, or all pairs of a group, asked as ~group.
-bool ManyChecks::asked_apart(int asked) {
+// Whether a pair is apart at one of the four configurations, or all pairs of a group, asked as ~group.
+bool ManyChecks::asked_apart(int lane, int asked) {
+    Placement &at = at_[lane];
+    if (!placed_[lane]) {
+        joints(lane, at.joints.data());
+        world_.forget(at);
+        placed_[lane] = true;
+    }
     if (asked >= 0) {
-        world_.put(at_, asked);
-        return !world_.within(at_, asked, 0.0, &trail_.pairs[asked]);
+        world_.put(at, asked);
+        return !world_.within(at, asked, 0.0, &trail_.pairs[asked]);
     }
     const Together &group = world_.groups()[~asked];
-    world_.put(at_, group);
-    if (world_.group_apart(at_, ~asked, 0.0, &trail_.groups[~asked])) return true;
+    world_.put(at, group);
+    if (world_.group_apart(at, ~asked, 0.0, &trail_.groups[~asked])) return true;
     bool apart = true;
-    world_.visit_near(at_, group, 0.0, [&](int pair) {
+    world_.visit_near(at, group, 0.0, [&](int pair) {
         if (!apart) return;
-        world_.put(at_, pair);
-        apart = world_.lower_bound(at_, pair) > 0.0 || !world_.within(at_, pair, 0.0, &trail_.pairs[pair]);
+        world_.put(at, pair);
+        apart = world_.lower_bound(at, pair, 0.0) > 0.0 || !world_.within(at, pair, 0.0, &trail_.pairs[pair]);
     });
     return apart;
 }

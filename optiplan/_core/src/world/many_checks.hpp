@@ -10,7 +10,7 @@
 namespace optiplan {
 
 // `World::collides` of many configurations: balls and boxes are compared for four of them at a time, and only pairs
-// that these do not tell apart are asked one by one, those with obstacles first. Of a world without tube and floors.
+// that these do not separate are queried one by one, block by block. For worlds without tube and floors.
 class ManyChecks {
   public:
     explicit ManyChecks(const World &world);
@@ -18,8 +18,8 @@ class ManyChecks {
     // Whether pairs touch at configurations (count, n), row after row: 1 or 0 each.
     void touching(const double *Q, std::size_t count, std::uint8_t *out);
 
-    // Whether pairs touch at one of four configurations (4, n), the last of which is asked first.
-    bool any_touches(const double *Q);
+    // Whether pairs touch at one of four configurations (4, n). Pairs that touched often come first.
+    bool any_touches(const double *Q) { return look(Q, true) != 0; }
 
     // Poses of the joints at configuration `lane` of the four that were asked last.
     void joints(int lane, Pose *out) const;
@@ -37,10 +37,13 @@ class ManyChecks {
         double offset;  // of its surface from the origin, and the radius of the body, a hair more
     };
 
-    void compare_balls(const double *q);
-    bool touches(int lane);
-    bool asked_apart(int asked);
-    void add_apart_from_box(int ball, double squared, int box, LaneBits &apart);
+    // Find which of four configurations (4, n) touch, a bit each, or only the first one found.
+    unsigned look(const double *q, bool any_of_them);
+    void place(const double *q);
+    LaneBits near_balls(std::size_t first);
+    LaneBits near_plane(const Plane &plane) const;
+    bool asked_apart(int lane, int asked);
+    LaneBits apart_from_box(int ball, double squared, int box);
     const PoseLanes &turned(int body);
 
     const World &world_;
@@ -51,8 +54,8 @@ class ManyChecks {
     std::vector<Vec3Lanes> centres_;  // of bodies
     std::vector<PoseLanes> bodies_;   // where `turned` says so; of their places the turns alone
     std::vector<char> turned_;
-    std::vector<LaneBits> near_;      // a bit for each of `balls_` and then `planes_`, 64 in each
-    Placement at_;
+    std::vector<Placement> at_;       // of each configuration, where `placed_` says so
+    bool placed_[LANES] = {};
     Trail trail_;
 };
 

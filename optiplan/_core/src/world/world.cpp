@@ -192,7 +192,7 @@ double World::ball_to_box(const Placement &at, int ball, int box) const {
     return norm(outside_box(local, bodies_[box].half)) - bodies_[ball].radius;
 }
 
-double World::lower_bound(const Placement &at, int pair) const {
+double World::lower_bound(const Placement &at, int pair, double enough) const {
     const auto [a, b, by_outline] = pairs_[pair];
     if (bodies_[a].half_space || bodies_[b].half_space) {
         const int plane = bodies_[a].half_space ? a : b, body = plane == a ? b : a;
@@ -200,7 +200,8 @@ double World::lower_bound(const Placement &at, int pair) const {
         return dot(normal, at.centres[body] - at.bodies[plane].p) - bodies_[plane].offset - bodies_[body].radius -
                taken(at, pair);
     }
-    return std::max(ball_to_box(at, a, b), ball_to_box(at, b, a)) - taken(at, pair);
+    const double bound = ball_to_box(at, a, b), least = taken(at, pair);
+    return (bound - least > enough ? bound : std::max(bound, ball_to_box(at, b, a))) - least;
 }
 
 bool World::within(const Placement &at, int pair, double margin, Features *features) const {
@@ -339,13 +340,13 @@ void World::near(Placement &at, int row, double cutoff, std::vector<Contact> &fo
     };
     for (int pair : alone_) {
         open(at, pair);
-        if (!balls_apart(at, pair, cutoff) && lower_bound(at, pair) < cutoff) ask(pair, cutoff);
+        if (!balls_apart(at, pair, cutoff) && lower_bound(at, pair, cutoff) < cutoff) ask(pair, cutoff);
     }
     for (std::size_t k = 0; k < groups_.size(); ++k) {
         if (group_apart(at, static_cast<int>(k), cutoff, &trail.groups[k])) continue;
         trail.asked.clear();
         visit_near(at, groups_[k], cutoff, [&](int pair) {
-            const double bound = lower_bound(at, pair);
+            const double bound = lower_bound(at, pair, cutoff);
             if (bound < cutoff) trail.asked.push_back({bound, pair});
         });
         std::sort(trail.asked.begin(), trail.asked.end());

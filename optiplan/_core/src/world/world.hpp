@@ -149,8 +149,9 @@ class World {
     // As `place`, but bodies of clusters only when `open` puts them there.
     void place_outside(const double *q, Placement &at) const;
 
-    // Lower bound, m, of a pair's distance: from the ball of one body to the box of the other, both ways.
-    double lower_bound(const Placement &at, int pair) const;
+    // Lower bound, m, of a pair's distance: from the ball of one body to the box of the other, both ways, or one way
+    // where that exceeds `enough`.
+    double lower_bound(const Placement &at, int pair, double enough = HUGE_VAL) const;
 
     // Whether the balls are farther apart than `gap`: the first and cheapest test.
     bool balls_apart(const Placement &at, int pair, double gap) const {
@@ -205,7 +206,7 @@ class World {
 
     // Whether a pair is told to be apart by more than `gap`, m: by balls and boxes, and by the outlines of the bodies.
     bool boxes_apart(const Placement &at, int pair, double gap) const {
-        return balls_apart(at, pair, gap) || lower_bound(at, pair) > gap;
+        return balls_apart(at, pair, gap) || lower_bound(at, pair, gap) > gap;
     }
     bool outlines_apart(const Placement &at, int pair, double gap, Features *features = nullptr) const;
 
@@ -301,7 +302,7 @@ class World {
             if (bodies_[body].joint != 0 && !at.placed[body]) place_body(body, at);
     }
     bool touches(const Placement &at, int pair, Trail *trail) const {
-        return !(lower_bound(at, pair) > 0.0) && within(at, pair, 0.0, trail ? &trail->pairs[pair] : nullptr);
+        return !(lower_bound(at, pair, 0.0) > 0.0) && within(at, pair, 0.0, trail ? &trail->pairs[pair] : nullptr);
     }
     int common_joint(int a, int b) const;
     double outline_bound(const Placement &at, int pair) const;
