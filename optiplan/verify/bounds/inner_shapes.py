@@ -66,6 +66,8 @@ def rods_inside(model: CollisionModel) -> InnerRods:
         if joint == 0 or joint > len(model.robot.kinematics.revolute):
             continue
         for ends, radius in _rods_of(geometry.geometry):
+            if radius <= WITHIN:
+                continue
             placed = ends @ geometry.placement.rotation.T + geometry.placement.translation
             found.append((joint, placed, radius - WITHIN, body))
     kept = _farthest(found)

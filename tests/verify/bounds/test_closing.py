@@ -55,3 +55,10 @@ def test_rods_lie_inside_bodies_and_boxes_inside_obstacles(name):
             for direction in np.random.default_rng(0).normal(size=(50, 3)):
                 direction /= np.linalg.norm(direction)
                 assert (own @ direction).max() + radius <= (points @ direction).max() + 1e-9
+
+
+def test_bodies_smaller_than_what_rounding_takes_have_no_rods():
+    dot = op.Sphere("dot", radius=5e-6).attached_to("forearm")
+    rods = rods_inside(CollisionModel(op.load_robot("two_links"), op.Scene(attached=[dot])))
+    assert len(rods.radius)
+    assert rods.radius.min() > 0.0
