@@ -99,7 +99,8 @@ def _passage(problem: Problem, goal: JointGoal) -> Passage:
     more = 1.0 + 10.0 * policy.limit_tolerance
     limits = problem.limits.scaled(velocity=more, acceleration=more, jerk=more)
     ramp = 2.0 * policy.rest_tolerance * limits.velocity**2 / limits.acceleration
-    return Passage(problem.start, goal.q, limits, 2.0 * policy.position_tolerance + goal.tolerance + ramp)
+    tolerance = 2.0 * policy.position_tolerance + goal.tolerance + ramp
+    return Passage(problem.start, goal.q, limits, tolerance, policy.rest_tolerance)
 
 
 def _alone(problem: Problem, passage: Passage) -> float:

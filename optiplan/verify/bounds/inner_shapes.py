@@ -66,6 +66,8 @@ def rods_inside(model: CollisionModel) -> InnerRods:
         if joint == 0 or joint > len(model.robot.kinematics.revolute):
             continue
         for ends, radius in _rods_of(geometry.geometry):
+            if radius <= WITHIN:
+                continue
             placed = ends @ geometry.placement.rotation.T + geometry.placement.translation
             found.append((joint, placed, radius - WITHIN, body))
     kept = _farthest(found)
@@ -119,7 +121,7 @@ def _rods_of(shape: coal.CollisionGeometry) -> list[tuple[Array, float]]:
     if (faces := _faces(shape)) is None:
         return []
     corners = np.array(shape.points()) if isinstance(shape, coal.ConvexBase) else BOX_CORNERS * faces[1][:3]
-    return _rods_between(*faces) + _rods_across(np.asarray(corners, dtype=np.float64))
+    return _rods_between(*faces) + _rods_across(np.asarray(corners, dtype=np.float64), *faces)
 
 
 def _faces(shape: coal.CollisionGeometry) -> tuple[Array, Array] | None:
@@ -158,13 +160,17 @@ def _rods_between(normals: Array, offsets: Array) -> list[tuple[Array, float]]:
     return found
 
 
-def _rods_across(corners: Array) -> list[tuple[Array, float]]:
-    """Thin rods between far corners (V, 3) of a hull, the longest first, each away from those before."""
+def _rods_across(corners: Array, normals: Array, offsets: Array) -> list[tuple[Array, float]]:
+    """Thin rods between far corners (V, 3) of n x <= d, the longest first, each away from those before.
+
+    What is the share s of the way from a corner to the middle is s times as deep below each face, at least.
+    """
     middle = corners.mean(axis=0)
+    depth = float((offsets - normals @ middle).min())
+    if depth < 4.0 * WITHIN:
+        return []
     extreme = corners[np.unique((OUTWARD @ corners.T).argmax(axis=1))]
-    away = extreme - middle
-    size = np.linalg.norm(away, axis=1, keepdims=True)
-    extreme = middle + away * np.maximum(1.0 - 4.0 * WITHIN / np.maximum(size, WITHIN), 0.0)
+    extreme = extreme + (middle - extreme) * (2.5 * WITHIN / depth)
     first, second = np.triu_indices(len(extreme), 1)
     ends = np.stack([extreme[first], extreme[second]], axis=1)
     length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)

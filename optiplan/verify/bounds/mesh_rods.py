@@ -3,7 +3,7 @@
 import coal
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, Index
 from optiplan.geometry.convex import mesh_triangles, mesh_vertices
 from optiplan.geometry.over_cover import MeshSolid
 
@@ -21,10 +21,11 @@ def mesh_rods(mesh: coal.BVHModelBase) -> list[tuple[Array, float]]:
     """Return rods inside the solid that a mesh encloses: ends (2, 3) and radius, m; the longest first.
 
     A ball about an inner point with the radius of its distance from the surface is inside. So is all that is within r
-    of a segment whose points, `SPACING` apart at most, have distances of r + SPACING / 2 at least.
+    of a segment whose points, `SPACING` apart at most, have distances of r + SPACING / 2 at least. A mesh with a hole
+    has no inside: an obstacle gets there through the hole.
     """
     vertices, triangles = mesh_vertices(mesh), mesh_triangles(mesh)
-    if not len(triangles):
+    if not len(triangles) or not _closed(vertices, triangles):
         return []
     solid = MeshSolid(vertices[triangles])
     nodes = _deepest(solid, vertices)
@@ -44,6 +45,14 @@ def mesh_rods(mesh: coal.BVHModelBase) -> list[tuple[Array, float]]:
         if len(kept) < MOST and not any(_within(ends, radius, other) for other in kept):
             kept.append((ends, radius))
     return kept
+
+
+def _closed(vertices: Array, triangles: Index) -> bool:
+    """Whether triangles (k, 3) pass each edge as often in one direction as in the other: then nothing gets in."""
+    corner = np.unique(vertices + 0.0, axis=0, return_inverse=True)[1].ravel()[triangles]
+    edges = np.stack([corner, np.roll(corner, -1, axis=1)], axis=-1).reshape(-1, 2)
+    there, back = (np.sort(edges[:, k] * len(vertices) + edges[:, 1 - k]) for k in (0, 1))
+    return bool(np.array_equal(there, back))
 
 
 def _within(ends: Array, radius: float, other: tuple[Array, float]) -> bool:

@@ -1,6 +1,6 @@
 """Where joints can be at any time of a motion from one rest to another."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,9 @@ SLACK = 2e-6
 
 STEPS = 128
 """Of the time of a motion, for each of which it is known where the joints can be."""
+
+WINDOWS = np.geomspace(1e-3, 1.0, 40)
+"""Shares of half the time of a motion, over which it is smoothed: the best of them counts."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +38,15 @@ class Corridor:
 class Passage:
     """The way from rest at `start` to rest at `goal`, each (n,), rad or m.
 
-    Both ends count as reached within `tolerance` (n,).
+    Both ends count as reached within `tolerance` (n,). At each end, and in all steps on the way together, the share
+    `loose` of the greatest speed and, with a limit of jerk, of the greatest acceleration counts as none.
     """
 
     start: Array
     goal: Array
     limits: Limits
     tolerance: Array
+    loose: float = 0.0
 
     def corridor(self, T: float) -> Corridor:
         """Return where each joint can be while it goes from start to goal in T, s; limits of jerk are left out.
@@ -74,10 +79,39 @@ class Passage:
 
     @property
     def direct(self) -> Array:
-        """The least time (n,), s, of every joint from the start to the goal, obstacles left out."""
+        """The least time (n,), s, of every joint from the start to the goal, obstacles left out.
+
+        Without limits of jerk, or with them and `_smoothed` over some time: each is proved.
+        """
         span = np.maximum(np.abs(self.goal - self.start) - 2.0 * self.tolerance, 0.0)
-        times: Array = joint_times(span[None], self.limits)[0]
-        return times
+        times: Array = joint_times(span[None], self.limits.scaled(jerk="none"))[0]
+        if np.isinf(self.limits.jerk).all():
+            return times
+        longest = 0.5 * joint_times(span[None], self.limits)[0]
+        smoothed = np.stack([self._smoothed(span, share * longest) for share in WINDOWS]).max(axis=0)
+        best: Array = np.where(np.isinf(self.limits.jerk), times, np.maximum(times, smoothed))
+        return best
+
+    def _smoothed(self, span: Array, w: Array) -> Array:
+        """The least times (n,), s, over distances `span`, with limits of jerk; w (n,), s, is any time.
+
+        With e for `loose`, a motion of 2 w or longer is made one from rest to rest without steps by adding terms of the
+        length w. One against a step d of speed has a speed up to d, an acceleration up to 1.5 d / w, a jerk up to
+        6 d / w^2 and a way of d w / 2; one against a step d of acceleration has d 4 w / 27, d, 4 d / w and d w^2 / 12.
+        There are 3 e times the limit of each in all. So the motion takes 2 w, or what the sums of limits allow.
+        """
+        limits, steps = self.limits, 3.0 * self.loose
+        V, A, J = limits.rates
+        w = np.maximum(w, 1e-12)
+        wider = replace(
+            limits,
+            velocity=V + steps * (V + 4.0 / 27.0 * w * A),
+            acceleration=A + steps * (A + 1.5 * V / w),
+            jerk=J + steps * (6.0 * V / w**2 + 4.0 * A / w),
+        )
+        way = np.maximum(span - steps * (0.5 * V * w + A * w**2 / 12.0), 0.0)
+        least: Array = np.minimum(2.0 * w, joint_times(way[None], wider)[0])
+        return least
 
 
 def _farthest(t: Array, v: Array, speed: Array, acceleration: Array) -> Array:

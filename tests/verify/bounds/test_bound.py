@@ -102,6 +102,23 @@ def test_without_obstacles_it_is_what_the_slowest_joint_needs():
     assert found.joints == ()
 
 
+def test_with_a_limit_of_jerk_it_counts_the_accelerations_that_count_as_rest():
+    """Each joint's four phases of full jerk, begun with all the speed and acceleration that is let pass as rest."""
+    robot = op.load_robot("two_links")
+    many = Limits(*(np.full(2, x) for x in (-3.0, 3.0, 2.0, 100.0, 10.0, np.inf)))
+    v, a, jerk, first = 0.99e-5 * 2.0, 0.99e-5 * 100.0, 10.0, 0.4
+    widths = np.array([first, first + a / jerk, first + a / jerk, first])
+    pieces, state = np.zeros((4, 4, 2)), np.array([0.0, v, a])
+    for piece, h, j in zip(pieces, widths, (jerk, -jerk, -jerk, jerk), strict=True):
+        piece[:, 0] = [*state / [1.0, 1.0, 2.0], j / 6.0]
+        q, v, a = state
+        state = np.array([q + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0), a + h * j])
+    problem = derived(op.Problem(robot, start=[0.0, 0.0], goal=[state[0], 0.0]), limits=many)
+    motion = op.Trajectory(robot.joint_names, np.concatenate([[0.0], np.cumsum(widths)]), pieces)
+    assert op.verify(problem, motion).verified
+    assert 0.999 * motion.duration < op.bound(problem, budget=0.1).seconds <= motion.duration
+
+
 def test_what_is_left_out_is_said():
     problem = op.load_problem("12_planar").with_vias([0.5, 0.5])
     assert "via points" in op.bound(problem, budget=0.2).left_out

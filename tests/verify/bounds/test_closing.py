@@ -55,3 +55,21 @@ def test_rods_lie_inside_bodies_and_boxes_inside_obstacles(name):
             for direction in np.random.default_rng(0).normal(size=(50, 3)):
                 direction /= np.linalg.norm(direction)
                 assert (own @ direction).max() + radius <= (points @ direction).max() + 1e-9
+
+
+def test_rods_lie_below_the_faces_of_long_thin_boxes():
+    half = np.array([0.5, 0.01, 0.004])
+    bar = op.Box("bar", size=2.0 * half).attached_to("forearm")
+    model = CollisionModel(op.load_robot("two_links"), op.Scene(attached=[bar]))
+    rods, body = rods_inside(model), model.names.index("bar")
+    placement = model.geometry.geometryObjects[body].placement
+    own = (rods.ends[rods.body == body] - placement.translation) @ placement.rotation
+    assert len(own) > 4
+    assert (np.abs(own) + rods.radius[rods.body == body, None, None] <= half).all()
+
+
+def test_bodies_smaller_than_what_rounding_takes_have_no_rods():
+    dot = op.Sphere("dot", radius=5e-6).attached_to("forearm")
+    rods = rods_inside(CollisionModel(op.load_robot("two_links"), op.Scene(attached=[dot])))
+    assert len(rods.radius)
+    assert rods.radius.min() > 0.0

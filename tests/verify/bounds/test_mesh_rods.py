@@ -17,3 +17,16 @@ def test_rods_of_a_long_box_lie_in_it_and_reach_along_it():
     for ends, radius in rods:
         assert (np.abs(ends) + radius <= HALF + 1e-9).all()
     assert max(np.linalg.norm(ends[1] - ends[0]) for ends, _ in rods) > 0.4
+
+
+def test_a_mesh_with_a_hole_has_no_rods():
+    triangles = np.array([[f[0], f[k], f[k + 1]] for f in FACES for k in (1, 2)])
+    assert mesh_rods(coal_mesh(SIGNS * HALF, triangles[:-2])) == []
+    soup = (SIGNS * HALF)[triangles].reshape(-1, 3)
+    assert mesh_rods(coal_mesh(soup, np.arange(len(soup)).reshape(-1, 3))), "corners that several triangles own"
+
+
+def test_a_mesh_with_a_triangle_turned_inside_out_has_no_rods():
+    triangles = np.array([[f[0], f[k], f[k + 1]] for f in FACES for k in (1, 2)])
+    triangles[0] = triangles[0, ::-1]
+    assert mesh_rods(coal_mesh(SIGNS * HALF, triangles)) == []
