@@ -31,15 +31,20 @@ class DurationBound:
     def gap(self, duration: float) -> float | None:
         """Return the share by which a motion of this `duration`, s, can be longer than the shortest one, at most.
 
-        duration / seconds - 1; None where the bound is 0.
+        duration / seconds - 1; None where the bound is 0. Of a verified motion it is never negative: that would be a
+        fault.
         """
-        return None if self.seconds < NO_TIME else max(duration / self.seconds - 1.0, 0.0)
+        return None if self.seconds < NO_TIME else duration / self.seconds - 1.0
 
     def words(self, duration: float | None = None) -> str:
         """Return the bound in a sentence, with how far a motion of `duration`, s, is from the optimum at most."""
         said = f"no motion is shorter than {self.seconds:.3f} s, proved"
         gap = None if duration is None else self.gap(duration)
-        return said if gap is None else f"at most {100.0 * gap:.1f} % from the optimum, proved: {said}"
+        if gap is None:
+            return said
+        if not gap >= 0.0:
+            return f"a motion of {duration} s contradicts the bound, please report it: {said}"
+        return f"at most {100.0 * gap:.1f} % from the optimum, proved: {said}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as plain data, JSON-ready."""

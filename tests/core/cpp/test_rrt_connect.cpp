@@ -27,3 +27,13 @@ TEST(it_finds_a_way_around_the_box) {
     for (double x : path) CHECK(std::fabs(x) <= 3.0);
     CHECK(same.grow(20000, 60.0) && same.path() == path);
 }
+
+TEST(a_step_that_is_tiny_beside_the_way_ends_with_the_time) {
+    const World world = arm_and_box();
+    EdgeChecker check(world, arms(), {}, {0.1, 0.0, 1e-4, 100000, 0.1});
+    const double start[2] = {0.0, 0.0};
+    const SearchSpace space{{0.0, 0.0}, {0, 1},     {-1e9, -1e9}, {1e9, 1e9},
+                            {1.0, 1.0}, {1.0, 1.0}, {1.0, 1.0},   std::numeric_limits<double>::infinity()};
+    RrtConnect search(check, space, start, {0.5, 1e9}, 1e-7, 3);
+    CHECK(!search.grow(20000, 0.05));
+}

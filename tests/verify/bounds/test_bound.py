@@ -145,3 +145,10 @@ def test_words_of_a_bound():
     assert found.words() == "no motion is shorter than 2.000 s, proved"
     assert found.words(2.046) == "at most 2.3 % from the optimum, proved: no motion is shorter than 2.000 s, proved"
     assert DurationBound(0.0, 0.0).gap(1.0) is None
+
+
+def test_a_motion_below_the_bound_is_told_to_contradict_it():
+    found = DurationBound(2.0, 1.0)
+    assert found.words(2.5).startswith("at most 25.0 % from the optimum")
+    assert "contradicts the bound" in found.words(1.9)
+    assert "contradicts the bound" in found.words(float("nan"))
