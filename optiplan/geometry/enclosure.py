@@ -111,6 +111,13 @@ class Enclosure:
         return any(piece.within(other) for other in self._closed if other is not piece)
 
 
+def evenly_wound(vertices: Array, triangles: Triangles) -> bool:
+    """Return whether triangles pass every edge as often in one direction as in the other: then nothing gets in."""
+    corners = np.unique(vertices + 0.0, axis=0, return_inverse=True)[1].reshape(-1)[triangles]
+    a, b, c = corners.T
+    return not _Edges.of(corners[(a != b) & (b != c) & (c != a)]).uneven().any()
+
+
 def winding_number(triangles: Array, point: Array) -> float:
     """Return the winding number of triangles (k, 3, 3) about a point (3,): 0 outside a closed surface, 1 or -1 inside.
 

@@ -3,8 +3,9 @@
 import coal
 import numpy as np
 
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array
 from optiplan.geometry.convex import mesh_triangles, mesh_vertices
+from optiplan.geometry.enclosure import evenly_wound
 from optiplan.geometry.over_cover import MeshSolid
 
 STATIONS, ACROSS = 14, 7
@@ -25,7 +26,7 @@ def mesh_rods(mesh: coal.BVHModelBase) -> list[tuple[Array, float]]:
     has no inside: an obstacle gets there through the hole.
     """
     vertices, triangles = mesh_vertices(mesh), mesh_triangles(mesh)
-    if not len(triangles) or not _closed(vertices, triangles):
+    if not len(triangles) or not evenly_wound(vertices, triangles):
         return []
     solid = MeshSolid(vertices[triangles])
     nodes = _deepest(solid, vertices)
@@ -45,14 +46,6 @@ def mesh_rods(mesh: coal.BVHModelBase) -> list[tuple[Array, float]]:
         if len(kept) < MOST and not any(_within(ends, radius, other) for other in kept):
             kept.append((ends, radius))
     return kept
-
-
-def _closed(vertices: Array, triangles: Index) -> bool:
-    """Whether triangles (k, 3) pass each edge as often in one direction as in the other: then nothing gets in."""
-    corner = np.unique(vertices + 0.0, axis=0, return_inverse=True)[1].ravel()[triangles]
-    edges = np.stack([corner, np.roll(corner, -1, axis=1)], axis=-1).reshape(-1, 2)
-    there, back = (np.sort(edges[:, k] * len(vertices) + edges[:, 1 - k]) for k in (0, 1))
-    return bool(np.array_equal(there, back))
 
 
 def _within(ends: Array, radius: float, other: tuple[Array, float]) -> bool:
