@@ -66,7 +66,7 @@ def spread_vector(owner: object, argument: str, value: object, size: int, expect
     """
     try:
         return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (size,)))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise wrong_argument(type(owner).__name__, argument, described(value), expected) from None
 
 

@@ -56,7 +56,7 @@ def check_options(robot: Any, scene: Any, form: Any, damping: Any, relax: Any, g
         flag_argument("Controller", "guess", guess)
         words = "op.Controller: guess is deprecated; solver='native' begins at the active limits of the last step"
         warnings.warn(words, DeprecationWarning, stacklevel=3)
-    if form not in get_args(Form):
+    if not isinstance(form, str) or form not in get_args(Form):
         raise wrong_argument("Controller", "form", described(form), f"one of: {', '.join(get_args(Form))}")
     if not is_finite(damping) or damping <= 0.0:
         raise wrong_argument("Controller", "damping", described(damping), "a finite number > 0")

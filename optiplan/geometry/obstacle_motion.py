@@ -49,7 +49,11 @@ class ObstacleMotion:
             axis, point = axis / np.linalg.norm(axis), np.array(turn["about"], float)
         size = max(1, *(len(row) for row in rows))
         padded = [[*row, *[0.0] * (size - len(row))] for row in rows]
-        return cls(np.array(padded, float), np.inf if until is None else float(until), axis, point)
+        coefficients = np.array(padded, float)
+        for array in (coefficients, axis, point):
+            if array is not None:
+                array.flags.writeable = False
+        return cls(coefficients, np.inf if until is None else float(until), axis, point)
 
     def to_data(self) -> dict[str, Any]:
         """Return the keys of a problem file."""

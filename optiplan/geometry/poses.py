@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import UNIT_TOLERANCE, unit_vector
+from optiplan.arrays import UNIT_TOLERANCE, Array, unit_vector
 
 HALF_TURN = 1e-9
 """Components of a unit quaternion smaller than this count as 0 when the shorter of two rotations is chosen."""
@@ -102,3 +102,36 @@ def pose_from_matrix(values: Sequence[float]) -> pin.SE3:
         raise ValueError(f"found {found}; expected a rotation, RᵀR = I within {UNIT_TOLERANCE:g} and det R = 1")
     U, _, Vt = np.linalg.svd(R)
     return pin.SE3(U @ Vt, matrix[:3, 3])
+
+
+class FixedPose(pin.SE3):  # type: ignore[misc]  # pinocchio has no types
+    """A copy of a pose, whose numbers are read-only.
+
+    Bodies and proofs are made of the poses of a scene once and kept. Were a pose edited in place, they would be about
+    another scene than the one at hand.
+    """
+
+    @property
+    def translation(self) -> Array:
+        """The translation (3,), m."""
+        return _read_only(pin.SE3.translation.fget(self))
+
+    @property
+    def rotation(self) -> Array:
+        """The rotation matrix (3, 3)."""
+        return _read_only(pin.SE3.rotation.fget(self))
+
+    def setIdentity(self) -> NoReturn:
+        """Refuse."""
+        raise AttributeError("this pose is read-only; edit a copy() of it")
+
+    setRandom = setIdentity
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How to pickle it."""
+        return FixedPose, (self.copy(),)
+
+
+def _read_only(array: Array) -> Array:
+    array.flags.writeable = False
+    return array

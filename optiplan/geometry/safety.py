@@ -113,6 +113,8 @@ class Safety:
     def __post_init__(self) -> None:
         for name in ("scene", "own"):
             _distance(name, getattr(self, name))
+        if not isinstance(self.pairs, tuple | list):
+            raise wrong_argument("Safety", "pairs", described(self.pairs), "a tuple of op.SafePairs(…)")
         for k, pair in enumerate(self.pairs):
             if not isinstance(pair, SafePairs):
                 raise wrong_argument("Safety", f"pairs[{k}]", described(pair), "op.SafePairs(…)")

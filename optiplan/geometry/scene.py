@@ -11,6 +11,7 @@ from optiplan.arrays import Array, is_finite
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
 from optiplan.geometry.obstacle_motion import ObstacleMotion
+from optiplan.geometry.poses import FixedPose
 from optiplan.geometry.safety import Safety
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, HalfSpace, Sphere, build_geometry
@@ -38,7 +39,7 @@ class Obstacle:
     Attributes:
         name: of the obstacle.
         shape: in its own frame.
-        X_WO: its pose in the world; that of a moving obstacle without its displacement.
+        X_WO: its pose in the world, read-only; that of a moving obstacle without its displacement.
         stated: keys of a problem file for that pose (`position`, and `rpy` or `quaternion`); None: not from a file.
         motion: None: it stands still.
     """
@@ -48,6 +49,9 @@ class Obstacle:
     X_WO: pin.SE3
     stated: Mapping[str, Any] | None = None
     motion: ObstacleMotion | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "X_WO", _fixed(self.X_WO, "Obstacle", "X_WO"))
 
     def moving(
         self,
@@ -132,6 +136,9 @@ class Attachment:
     centre: tuple[float, ...] | None = None
     inertia: tuple[float, ...] | None = None
     framed: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "X_LO", _fixed(self.X_LO, "Attachment", "X_LO"))
 
     def inertia_in_link(self) -> pin.Inertia:
         """Return the spatial inertia in the frame of the link, by default that of uniform density.
@@ -361,6 +368,12 @@ def _pair(pair: Any) -> frozenset[str]:
 def _counted(what: str, bodies: Sequence[Obstacle | Attachment]) -> str:
     names = [body.name for body in bodies[:4]] + (["…"] if len(bodies) > 4 else [])
     return f"{len(bodies)} {what}{'s' if len(bodies) != 1 else ''} ({', '.join(names)})"
+
+
+def _fixed(X: Any, body: str, argument: str) -> FixedPose:
+    if not isinstance(X, pin.SE3):
+        raise wrong_argument(body, argument, described(X), "a pose: pinocchio.SE3(rotation, translation)")
+    return X if isinstance(X, FixedPose) else FixedPose(X)
 
 
 def _at(X: pin.SE3) -> str:

@@ -70,14 +70,16 @@ class Region:
         """As a problem file says it."""
         offset = self.offset.to_data() if isinstance(self.offset, Pose) else self.offset
         stated = {name: getattr(self, name) for name in self.__dataclass_fields__} | {"offset": offset}
-        return {key: plain(value) for key, value in stated.items() if value is not None and value != {}}
+        return {key: plain(value) for key, value in stated.items() if not _nothing(value)}
 
     def __repr__(self) -> str:
         """What was said, and nothing else."""
         said = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return (
-            f"Region({', '.join(f'{k}={value!r}' for k, value in said.items() if value is not None and value != {})})"
-        )
+        return f"Region({', '.join(f'{k}={value!r}' for k, value in said.items() if not _nothing(value))})"
+
+
+def _nothing(value: Any) -> bool:
+    return value is None or (isinstance(value, Mapping) and not value)
 
 
 @dataclass(frozen=True, eq=False)

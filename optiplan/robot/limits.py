@@ -41,7 +41,8 @@ def joint_units(quantity: str, revolute: Iterable[bool] = (True, False)) -> str:
 class Limits:
     """Bounds of the planned joints, each of shape (n,), in rad or m and seconds; torque in N·m or N.
 
-    `lower` and `upper` are -inf and inf for joints that turn without end.
+    `lower` and `upper` are -inf and inf for joints that turn without end. The arrays are copied and made read-only:
+    proofs are made with them once and kept.
     """
 
     lower: Array
@@ -50,6 +51,12 @@ class Limits:
     acceleration: Array
     jerk: Array
     torque: Array
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            array = np.array(getattr(self, one.name))
+            array.flags.writeable = False
+            object.__setattr__(self, one.name, array)
 
     @property
     def rates(self) -> tuple[Array, Array, Array]:

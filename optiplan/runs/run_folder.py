@@ -10,9 +10,9 @@ from typing import Any, Protocol
 
 from pydantic_core import to_json
 
-from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue
 from optiplan.files import flush, read_bytes, replacing
+from optiplan.runs.record_kinds import check_record
 from optiplan.trajectory.given_files import SAMPLES, GivenFiles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
@@ -148,19 +148,9 @@ def _with_motion(run: StoredRun, file: Path, joint_names: Sequence[str] | None) 
 
 
 def _read_record(path: Path) -> dict[str, Any]:
-    """Read a `run.json` and check the types of `planner`, `problem`, `failure` and `report`."""
+    """Read a `run.json` and check the kinds of its values."""
     record = _read(path)
-    issues = []
-    for key, kind in {"planner": str, "problem": dict, "failure": dict, "report": dict}.items():
-        value = record.get(key)
-        absent = key not in record or (value is None and key in ("failure", "report"))
-        if not (absent or isinstance(value, kind)):
-            issues.append(Issue(str(path), None, key, describe(value), "what `optiplan plan --out` writes there"))
-    checks = [] if issues else (record.get("report") or {}).get("checks", [])
-    if not isinstance(checks, list) or not all(isinstance(check, dict) for check in checks):
-        issues.append(Issue(str(path), None, "report.checks", describe(checks), "a list of JSON objects"))
-    if issues:
-        raise InputError(issues)
+    check_record(record, str(path))
     return record
 
 

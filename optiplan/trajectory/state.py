@@ -89,7 +89,7 @@ def _vector(name: str, values: object, size: int | None) -> Array:
         return np.zeros(size)
     try:
         vector = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise wrong_argument("State", name, repr(values), "one number a joint") from None
     if vector.ndim != 1 or (size is not None and len(vector) != size):
         expected = "a list of one number a joint" if size is None else f"{size} numbers, as many as positions"

@@ -166,9 +166,9 @@ def samples(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, give
 
 def _misfit(trajectory: Trajectory, given: Samples) -> str:
     """Return why these cannot be samples of the trajectory, or an empty text."""
-    k, n = len(given.t), trajectory.n
-    if given.t.ndim != 1 or k < 2:
+    if given.t.ndim != 1 or len(given.t) < 2:
         return f"found t of shape {given.t.shape}; expected two times or more"
+    k, n = len(given.t), trajectory.n
     for name, values in (("q", given.q), ("v", given.v), ("a", given.a)):
         if values is not None and values.shape != (k, n):
             return f"found {name} of shape {values.shape}; expected ({k}, {n})"

@@ -4,6 +4,7 @@ import os
 import numpy as np
 import pytest
 
+import optiplan as op
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
@@ -94,3 +95,40 @@ def test_an_empty_folder_holds_no_run(tmp_path):
 def test_a_failed_run_loads_without_trajectory(tmp_path):
     (tmp_path / "run.json").write_text(json.dumps({"failure": {"kind": "no-path", "detail": "", "witness": {}}}))
     assert load_run(tmp_path).trajectory is None
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("planner", None),
+        ("problem", None),
+        ("options", True),
+        ("seed", "1"),
+        ("seed", float("inf")),
+        ("failure", {"kind": "no-path"}),
+        ("report", {"checks": [1]}),
+        ("lower_bound", "x"),
+        ("timings", [1.0]),
+        ("timings", {"plan": None}),
+        ("timings", {"stages": 1.0}),
+        ("info", [[1]]),
+        ("improvements", {"a": 1}),
+        ("improvements", [[1.0]]),
+        ("proved_bound", {"a": 1}),
+    ],
+)
+def test_a_value_of_another_kind_is_bad_input(done, tmp_path, key, value):
+    save_run(done, tmp_path)
+    record = json.loads((tmp_path / "run.json").read_text())
+    (tmp_path / "run.json").write_text(json.dumps({**record, key: value}))
+    with pytest.raises(InputError, match=rf"run\.json.*{key}"):
+        op.load_run(tmp_path)
+
+
+@pytest.mark.parametrize("key", ["t", "q", "v", "a"])
+def test_samples_that_are_one_number_are_refused(done, tmp_path, key):
+    save_run(done, tmp_path)
+    data = json.loads((tmp_path / "trajectory.json").read_text())
+    (tmp_path / "trajectory.json").write_text(json.dumps({**data, key: 1.0}))
+    report = op.load_run(tmp_path).report
+    assert [check.name for check in report.failures] == ["samples"]

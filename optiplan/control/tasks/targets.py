@@ -33,7 +33,7 @@ def as_pose(owner: object, value: Target, expected: str = _EXPECTED) -> pin.SE3:
         matrix = np.asarray(value, dtype=np.float64)
         if matrix.shape == (4, 4):
             return pose_from_matrix(matrix.ravel().tolist())
-    except (TypeError, ValueError, InputError) as error:
+    except (TypeError, ValueError, OverflowError, InputError) as error:
         found = f"{described(value)}: {error}"
         raise wrong_argument(type(owner).__name__, "target", found, expected) from None
     raise wrong_argument(type(owner).__name__, "target", described(value), expected)
@@ -79,6 +79,6 @@ def _numbers(value: Target, shape: tuple[int, ...]) -> Any:
         return None
     try:
         found = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None
     return found if found.shape == shape and np.isfinite(found).all() else None

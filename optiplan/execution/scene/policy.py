@@ -52,7 +52,7 @@ class Policy:
     linger: float = 2.0
 
     def __post_init__(self) -> None:
-        if self.reaction not in get_args(Reaction):
+        if not isinstance(self.reaction, str) or self.reaction not in get_args(Reaction):
             choices = ", ".join(get_args(Reaction))
             raise wrong_argument("Policy", "reaction", described(self.reaction), f"one of: {choices}")
         for name in ("period", "latency"):

@@ -312,7 +312,10 @@ class Path(Task):
 def _targets(targets: Any, name: str = "Tour", argument: str = "targets") -> Any:
     """Return `targets` of a file, or the points of a path."""
     if isinstance(targets, str | PathLike):
-        return str(FilePath(targets).resolve())
+        try:
+            return str(FilePath(targets).resolve())
+        except ValueError:  # a text that no path can be
+            raise wrong_argument(name, argument, described(targets), "the path of a CSV file") from None
     plain_points = argument == "points"
     if isinstance(targets, np.ndarray) and targets.ndim == 2 and targets.shape[1] == 6:
         return [{"position": row[:3], "axis": row[3:]} for row in targets]

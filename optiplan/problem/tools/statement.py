@@ -1,6 +1,6 @@
 """`Tool` for construction in Python, checked by the schema of problem files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,6 +55,9 @@ class Tool:
     parked: Pose | None = None
 
     def __post_init__(self) -> None:
+        for name in ("shapes", "touch"):
+            if not isinstance(value := getattr(self, name), Iterable):
+                raise wrong_argument("Tool", name, described(value), "a list")
         checked(ToolSpec, self.to_data(), "Tool", {})
 
     def to_data(self) -> dict[str, Any]:

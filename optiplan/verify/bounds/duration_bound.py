@@ -1,8 +1,11 @@
 """What is proved of how long any motion of a problem takes."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
+
+from optiplan.arrays import is_finite
+from optiplan.errors import InputError, Issue
 
 NO_TIME = 1e-12
 """s; a goal whose bound is less than that is where the robot stands."""
@@ -58,13 +61,58 @@ class DurationBound:
         }
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> "DurationBound":
-        """Return a bound from the content of `to_dict`."""
+    def from_dict(cls, data: Any, file: str = "bound") -> "DurationBound":
+        """Return a bound from the content of `to_dict`.
+
+        Args:
+            data: parsed JSON.
+            file: name of the file for the message.
+
+        Raises:
+            InputError: naming each field that is missing or of another kind.
+        """
+        if not isinstance(data, Mapping):
+            raise InputError([Issue(file, None, "proved_bound", f"{data!r:.120}", "a JSON object")])
+        found = {"joints": [], "parts": 0, "history": [], "left_out": [], **data}
+        issues = [
+            Issue(file, None, f"proved_bound.{key}", f"{found[key]!r:.120}" if key in found else "nothing", expected)
+            for key, (fits, expected) in _FIELDS.items()
+            if key not in found or not fits(found[key])
+        ]
+        if issues:
+            raise InputError(issues)
         return cls(
-            float(data["seconds"]),
-            float(data["alone"]),
-            tuple(data.get("joints", ())),
-            int(data.get("parts", 0)),
-            tuple((float(when), float(seconds)) for when, seconds in data.get("history", ())),
-            tuple(data.get("left_out", ())),
+            float(found["seconds"]),
+            float(found["alone"]),
+            tuple(found["joints"]),
+            found["parts"],
+            tuple((float(when), float(seconds)) for when, seconds in found["history"]),
+            tuple(found["left_out"]),
         )
+
+
+def _seconds(value: Any) -> bool:
+    return is_finite(value) and value >= 0.0
+
+
+def _names(value: Any) -> bool:
+    return isinstance(value, list | tuple) and all(isinstance(one, str) for one in value)
+
+
+def _count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def _history(value: Any) -> bool:
+    pairs = isinstance(value, list | tuple) and all(isinstance(one, list | tuple) and len(one) == 2 for one in value)
+    return pairs and all(_seconds(seconds) for one in value for seconds in one)
+
+
+_FIELDS: Mapping[str, tuple[Callable[[Any], bool], str]] = {
+    "seconds": (_seconds, "a number >= 0, s"),
+    "alone": (_seconds, "a number >= 0, s"),
+    "joints": (_names, "a list of names"),
+    "parts": (_count, "a whole number >= 0"),
+    "history": (_history, "a list of pairs of numbers >= 0"),
+    "left_out": (_names, "a list of texts"),
+}

@@ -152,3 +152,32 @@ def test_a_motion_below_the_bound_is_told_to_contradict_it():
     assert found.words(2.5).startswith("at most 25.0 % from the optimum")
     assert "contradicts the bound" in found.words(1.9)
     assert "contradicts the bound" in found.words(float("nan"))
+
+
+def test_a_bound_is_read_as_it_was_written():
+    found = DurationBound(2.0, 1.0, ("joint1",), 12, ((0.0, 1.0), (0.5, 2.0)), ("via points",))
+    assert DurationBound.from_dict(found.to_dict()) == found
+    assert DurationBound.from_dict({"seconds": 2, "alone": 1.0}) == DurationBound(2.0, 1.0)
+
+
+@pytest.mark.parametrize("rubbish", [None, [], {}, {"seconds": 1.0}, "2 s"])
+def test_a_bound_that_is_none_is_bad_input(rubbish):
+    with pytest.raises(op.InputError, match="proved_bound"):
+        DurationBound.from_dict(rubbish)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("seconds", float("nan")),
+        ("alone", -1.0),
+        ("joints", "joint1"),
+        ("parts", True),
+        ("history", [[1.0]]),
+        ("history", [[0.0, "x"]]),
+        ("left_out", [1]),
+    ],
+)
+def test_a_bound_with_a_field_of_another_kind_is_bad_input(key, value):
+    with pytest.raises(op.InputError, match=rf"run\.json.*proved_bound\.{key}"):
+        DurationBound.from_dict({**DurationBound(2.0, 1.0).to_dict(), key: value}, "run.json")

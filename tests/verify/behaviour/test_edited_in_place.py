@@ -1,0 +1,73 @@
+"""What a verdict is about cannot be edited behind its back: bodies are made of poses and limits once and kept."""
+
+import copy
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import optiplan as op
+from optiplan.verify.verify import verify
+from tests.verify.motions import quintic
+
+
+@pytest.fixture
+def problem():
+    wall = op.Box("wall", size=(0.1, 0.1, 0.1), position=(-3.0, 0.0, 0.0))
+    return op.Problem("planar2r", [0.1, 0.2], [0.4, 0.2], scene=[wall])
+
+
+def edits(X):
+    return [
+        lambda: setattr(X, "translation", np.ones(3)),
+        lambda: setattr(X, "rotation", np.eye(3)),
+        lambda: X.translation.__setitem__(0, 1.0),
+        lambda: X.rotation.__setitem__((0, 0), 1.0),
+        X.setIdentity,
+        X.setRandom,
+    ]
+
+
+def test_poses_of_bodies_are_read_only(problem):
+    (wall,) = problem.scene.obstacles
+    for body, X in ((wall, wall.X_WO), (held := wall.attached_to("link2"), held.X_LO)):
+        before = X.copy()
+        for edit in edits(X):
+            with pytest.raises((AttributeError, ValueError)):
+                edit()
+        assert before == X, body
+
+
+def test_a_pose_that_is_edited_later_is_not_that_of_the_body(problem):
+    """Once the verifier called this motion free of a wall that had been put in its way in place."""
+    motion = quintic(problem.robot.joint_names, problem.start, problem.goal[0].q, 3.0)
+    X = pin.SE3(np.eye(3), np.array([-3.0, 0.0, 0.0]))
+    (wall,) = problem.scene.obstacles
+    there = problem.with_scene([op.Obstacle("wall", wall.shape, X)])
+    assert verify(there, motion).verified
+    X.translation = np.array(problem.robot.fk(motion(1.5)).position)
+    assert there.scene.obstacles[0].X_WO.translation[0] == -3.0
+    assert not verify(problem.with_scene([op.Obstacle("wall", wall.shape, X)]), motion).verified
+
+
+def test_limits_and_motions_of_obstacles_are_read_only(problem):
+    """`op.certify` keeps the limits of a problem, and once proved chunks with those from before an edit."""
+    turn = {"axis": (0, 0, 1), "angle": [0, 1], "about": (0, 0, 0)}
+    motion = problem.scene.obstacles[0].moving([[0], [0, 0.2], [0]], turn=turn).motion
+    arrays = [motion.coefficients, motion.axis, motion.point, *vars(problem.limits).values()]
+    for array in [*arrays, *vars(problem.limits.scaled(velocity=0.5)).values()]:
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0.0
+
+
+def test_a_body_without_a_pose_is_bad_input():
+    with pytest.raises(op.InputError, match="X_WO"):
+        op.Obstacle("wall", op.Box("wall", size=(1, 1, 1)).shape, np.eye(4))
+
+
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, lambda X: pickle.loads(pickle.dumps(X))])
+def test_a_read_only_pose_is_copied_and_pickled(problem, again):
+    X = problem.scene.obstacles[0].X_WO
+    assert again(X) == X
+    assert (X * X.inverse()).isIdentity()
