@@ -125,8 +125,7 @@ class RunQueue:
                 if run is not None:
                     self._active[run] = threading.Event()
                     return run
-                self._woken.wait(wait)
-                wait = min(ASLEEP, DROWSE * wait)
+                wait = AWAKE if self._woken.wait(wait) else min(ASLEEP, DROWSE * wait)
 
     def _work(self, run: str) -> None:
         """Solve a run in hand, if this process is the first to begin it.
@@ -149,6 +148,7 @@ class RunQueue:
                 self._record(run, end)
         finally:
             del self._active[run]
+            self.wake()  # it may have been submitted anew while it was in hand
 
     def _solved(self, record: Record, cancel: threading.Event) -> RunEnd:
         """How a run ended; an exception is an end."""
