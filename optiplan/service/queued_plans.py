@@ -48,13 +48,12 @@ class QueuedPlans:
         new = new_run(submission, about, contents.put(json.dumps(request).encode()))
         record, fresh = runs.submit(new, name)
         if fresh:
-            self._queue.enqueue(new.id)
+            self._queue.wake()
         return record
 
     def forget(self, run: str) -> None:
         """Delete a run that has ended."""
-        if self._archive.runs.delete(run) is not None:
-            self._queue.forget(run)
+        self._archive.runs.delete(run)
 
 
 def check_budget(submission: Submission, settings: ServiceSettings) -> None:

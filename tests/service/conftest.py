@@ -3,16 +3,13 @@
 import threading
 import time
 from collections.abc import Generator, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import httpx
 import pytest
-from dbos import DBOS
 
-from optiplan.service.execution.run_queue import QUEUE
 from optiplan.service.planner_service import PlannerService
 from optiplan.service.server import serving
 from optiplan.service.settings import DriverSetup, ServiceSettings
@@ -75,7 +72,7 @@ RUNNING: list[Running] = []
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory) -> Running:
-    """One server for all: DBOS is one in a process."""
+    """One server for all: each takes seconds to start."""
     if not RUNNING:
         RUNNING.append(STARTED.enter_context(_started(tmp_path_factory.mktemp("service"))))
     return RUNNING[0]
@@ -83,7 +80,7 @@ def server(tmp_path_factory) -> Running:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_teardown(nextitem: pytest.Item | None) -> Generator[None, object, object]:
-    """End the server before a worker goes on to other folders: at rest it takes a twentieth of the processor."""
+    """End the server before a worker goes on to other folders, which have a use for its memory."""
     done = yield
     if nextitem is None or Path(__file__).parent not in nextitem.path.parents:
         RUNNING.clear()
@@ -105,27 +102,10 @@ def _started(folder: Path) -> Iterator[Running]:
         meshcat_port=0,
     )
     with serving(settings) as (url, service):
-        look_seldom_for_runs()
         with httpx.Client(base_url=url, timeout=PATIENCE, trust_env=False) as http:
             yield Running(url, service, http)
         (thread,) = [one for one in threading.enumerate() if one.name == "server"]
     assert not thread.is_alive()
-
-
-AWAKE = 0.1
-"""s between two looks for the next run: 20 a second, which the server begins with, take a tenth of the processor."""
-
-
-def look_seldom_for_runs() -> None:
-    """Set how often the queue of this process looks for the next run."""
-
-    def change() -> None:
-        queue = DBOS.retrieve_queue(QUEUE)
-        assert queue is not None
-        queue.set_polling_interval_sec(AWAKE)
-
-    with ThreadPoolExecutor(1) as thread:  # in this one playwright's loop may run, beside which DBOS refuses to ask
-        thread.submit(change).result()
 
 
 @pytest.fixture(autouse=True)

@@ -1,16 +1,14 @@
-"""Durable queue of runs: DBOS keeps who is next; the table of runs says what became of each.
+"""Durable queue of runs: the table of runs says which are queued, and one of all processes wins each.
 
-A run is a workflow whose id is the run's. Whatever dies in between, `recover` finds runs whose holder is gone and makes
-their workflows eligible again, so that each is solved to its end once.
+What is queued is in the table alone, so that nothing can be lost between it and a queue. Whatever dies in between,
+`recover` puts back the runs whose holder is gone, so that each is solved to its end once.
 """
 
 import logging
 import threading
+import time
 from collections.abc import Callable
-from contextlib import suppress
-from typing import Any
 
-from dbos import DBOS, SetWorkflowID
 from sqlalchemy.engine import Engine
 
 from optiplan.service.execution.event_writer import AWAY, EventWriter, until_written
@@ -19,22 +17,21 @@ from optiplan.service.execution.run_solver import failed
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.run_table import Record, RunEnd, RunTable
 
-QUEUE = "optiplan"
-VERSION = "optiplan-1"
-"""Of the workflow, not of the program: a newer program takes over the runs of an older one."""
-POLLING = 0.05
-"""s between two looks for the next run."""
+AWAKE, ASLEEP = 0.05, 0.5
+"""s between two looks for the next run: just after one, and once there was none for some seconds.
+
+Only runs that another process took in wait for a look; this one is woken for its own.
+"""
+DROWSE = 1.2
+"""How much longer each wait for a look is than the one before."""
 LOOK = 0.2
 """s between two looks for runs to be cancelled."""
 RECOVERY = 2.0
 """s between two looks for runs whose holder is gone."""
-AT_ONCE = 500
-"""Workflows looked up in one query."""
-LOST_AFTER = 5.0
-"""s after which a queued run has a workflow, else it is made again."""
-
+RESPITE = 1.0
+"""s before a thread that failed takes the next run."""
 PATIENCE = 3
-"""s for each of: threads, runs under way, events to come to an end when the queue is closed."""
+"""s for each of: threads with the runs under way, events to come to an end when the queue is closed."""
 
 _log = logging.getLogger("optiplan.service")
 
@@ -43,45 +40,22 @@ Solve = Callable[[Record, threading.Event], RunEnd]
 
 
 class RunQueue:
-    """The queue of one database, as one process sees it; there is one in a process."""
+    """The queue of one database, as one process sees it."""
 
     def __init__(
         self, settings: ServiceSettings, engine: Engine, runs: RunTable, events: EventWriter, solve: Solve
     ) -> None:
-        self._settings, self._engine, self._runs, self._events, self._solve = settings, engine, runs, events, solve
+        self._runs, self._events, self._solve = runs, events, solve
         self._lease = take_lease(engine, settings.data / "alive")
         self._active: dict[str, threading.Event] = {}
-        self._activating = threading.Lock()
-        self._stop = threading.Event()
+        self._looking = threading.Lock()
+        self._woken, self._stop = threading.Event(), threading.Event()
         loops = {"watch": self._watch, "recover": self._keep_recovering}
+        loops |= {f"taker-{number}": self._keep_taking for number in range(settings.solvers)}
         self._threads = [threading.Thread(target=loop, name=name, daemon=True) for name, loop in loops.items()]
 
     def start(self) -> None:
         """Begin to take runs, if this process solves any."""
-        global _current
-        _current = self
-        logging.getLogger("dbos").setLevel(logging.ERROR)
-        DBOS(
-            config={
-                "name": "optiplan",
-                "system_database_url": self._settings.database_url,
-                "system_database_engine": self._engine,  # whose errors end a try: its own would sleep on for minutes
-                "executor_id": self._lease.name,
-                "application_version": VERSION,
-                "log_level": "ERROR",
-                "notification_listener_polling_interval_sec": 1.0,
-            }
-        )
-        if not self._settings.solvers:
-            DBOS.listen_queues([])
-        DBOS.launch()
-        if self._settings.solvers:
-            DBOS.register_queue(
-                QUEUE,
-                worker_concurrency=self._settings.solvers,
-                polling_interval_sec=POLLING,
-                on_conflict="always_update",
-            )
         self._events.start()
         for thread in self._threads:
             thread.start()
@@ -91,45 +65,24 @@ class RunQueue:
         """Names of the threads without which no run is taken, or none ends, that have ended."""
         found = [thread.name for thread in self._threads if not thread.is_alive()]
         found += [] if self._events.alive else ["events"]
-        found += [] if self._lease.held else ["lease"]
-        taker = f"queue-worker-{QUEUE}"  # as DBOS names it
-        taken = not self._settings.solvers or any(thread.name == taker for thread in threading.enumerate())
-        return found if taken else [*found, taker]
+        return found if self._lease.held else [*found, "lease"]
 
     def close(self) -> None:
         """Stop; runs under way are put back into the queue."""
-        global _current
         self._stop.set()
+        self._woken.set()
         for cancel in list(self._active.values()):
             cancel.set()
+        until = time.monotonic() + PATIENCE
         for thread in self._threads:
             if thread.is_alive():
-                thread.join(PATIENCE)
-        DBOS.destroy(workflow_completion_timeout_sec=PATIENCE)
+                thread.join(max(0.0, until - time.monotonic()))
         self._events.close(PATIENCE)
-        _current = None
         self._lease.close()
 
-    def enqueue(self, run: str) -> None:
-        """Make sure that a queued run has a workflow that somebody will take; safe to do twice.
-
-        While the database is away nothing is done: `recover` makes up for it.
-        """
-        try:
-            self._enqueue(run)
-        except AWAY as error:
-            _log.warning("run %s is put into the queue later: %s", run, error)
-
-    def _enqueue(self, run: str) -> None:
-        status = DBOS.get_workflow_status(run)
-        if status is not None and status.status in ("SUCCESS", "ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED"):
-            DBOS.delete_workflow(run)  # of a former try
-            status = None
-        if status is None:
-            with SetWorkflowID(run):
-                DBOS.enqueue_workflow(QUEUE, _solve_run, run)
-        elif status.status != "ENQUEUED" and not self._held(run, status.executor_id):
-            DBOS.resume_workflow(run, queue_name=QUEUE)
+    def wake(self) -> None:
+        """Have the next run looked for at once: there is one."""
+        self._woken.set()
 
     def cancel(self, run: str, submission: str | None = None, everyone: bool = False) -> int:
         """Cancel a run, wherever it is, if nobody else wants it; return for how many it goes on."""
@@ -138,41 +91,52 @@ class RunQueue:
             event.set()
         return left
 
-    def forget(self, run: str) -> None:
-        """Delete what the queue knows of a run."""
-        with suppress(Exception):  # it may know nothing
-            DBOS.delete_workflow(run)
-
-    def recover(self, patience: float = LOST_AFTER) -> int:
-        """Put back the runs whose holder is gone, and those that no workflow stands for; return how many."""
+    def recover(self) -> int:
+        """Put back the runs whose holder is gone; return how many."""
         count = 0
         for record in self._runs.of_states(["running"]):
             holder = record["holder"]
             gone = record["id"] not in self._active if holder == self._lease.name else not self._lease.alive(holder)
-            if gone and self._runs.release(record["id"], holder):
-                self.enqueue(record["id"])
-                count += 1
-        before = self._runs.now() - patience
-        queued = [one["id"] for one in self._runs.of_states(["queued"]) if one["submitted"] <= before]
-        for begin in range(0, len(queued), AT_ONCE):
-            part = queued[begin : begin + AT_ONCE]
-            found = DBOS.list_workflows(workflow_ids=part, status="ENQUEUED", load_input=False, load_output=False)
-            for run in set(part) - {one.workflow_id for one in found} - set(self._active):
-                self.enqueue(run)
+            count += gone and self._runs.release(record["id"], holder)
+        if count:
+            self.wake()
         return count
 
-    def work(self, run: str) -> None:
-        """Solve a run that is queued; nothing is to be done for one that is not.
+    def _keep_taking(self) -> None:
+        while not self._stop.is_set():
+            try:
+                if (run := self._next()) is not None:
+                    self._work(run)
+            except AWAY as error:  # only once this queue is closed
+                _log.warning("the database is away: %s", error)
+            except Exception:  # a thread that ended would take no run any more
+                _log.exception("a run could not be taken or ended")
+                self._stop.wait(RESPITE)
+
+    def _next(self) -> str | None:
+        """The first queued run, from now on in the hands of the calling thread; None once this queue is closed."""
+        with self._looking:  # one thread looks for all
+            wait = AWAKE
+            while True:
+                self._woken.clear()
+                if self._stop.is_set():
+                    return None
+                run = until_written(lambda: self._runs.first_queued(list(self._active)), self._stop, "the next run")
+                if run is not None:
+                    self._active[run] = threading.Event()
+                    return run
+                wait = AWAKE if self._woken.wait(wait) else min(ASLEEP, DROWSE * wait)
+
+    def _work(self, run: str) -> None:
+        """Solve a run in hand, if this process is the first to begin it.
 
         What the database does not take is given to it again until it does, or this queue is closed: then the run is
         still held by this process, and another takes it once this one has ended.
         """
-        with self._activating:
-            if run in self._active:
-                return
-            cancel = self._active[run] = threading.Event()
+        holder, cancel = self._lease.name, self._active[run]
+        if self._stop.is_set():  # set before those in hand were cancelled, or while this one was taken
+            cancel.set()
         try:
-            holder = self._lease.name
             record = until_written(lambda: self._runs.begin(run, holder), self._stop, f"beginning of run {run}")
             if record is None:
                 return
@@ -184,6 +148,7 @@ class RunQueue:
                 self._record(run, end)
         finally:
             del self._active[run]
+            self.wake()  # it may have been submitted anew while it was in hand
 
     def _solved(self, record: Record, cancel: threading.Event) -> RunEnd:
         """How a run ended; an exception is an end."""
@@ -205,12 +170,6 @@ class RunQueue:
             refused = failed("bug", f"its end cannot be recorded: {type(error).__name__}")
             until_written(lambda: self._runs.end(run, self._lease.name, refused), self._stop, what)
 
-    def _held(self, run: str, executor: str | None) -> bool:
-        """Whether a workflow is in the hands of a process that lives and works on it."""
-        if executor == self._lease.name:
-            return run in self._active
-        return bool(executor) and self._lease.alive(str(executor))
-
     def _watch(self) -> None:
         """Cancel runs under way that somebody, perhaps elsewhere, wants cancelled."""
         while not self._stop.wait(LOOK):
@@ -224,29 +183,11 @@ class RunQueue:
                 _log.warning("runs to be cancelled cannot be looked up: %s", error)
 
     def _keep_recovering(self) -> None:
-        patience = 0.0
         while True:
             try:
-                count = self.recover(patience)
-                patience = LOST_AFTER
-                if count:
+                if count := self.recover():
                     _log.info("runs of ended processes put back", extra={"runs": count})
             except Exception as error:
                 _log.warning("runs of ended processes cannot be looked up: %s", error)
             if self._stop.wait(RECOVERY):
                 return
-
-
-_current: RunQueue | None = None
-
-
-@DBOS.workflow(name="optiplan.solve")
-def _solve_run(run: str) -> None:
-    """Solve a run, by the queue of this process."""
-    _work(run)
-
-
-@DBOS.step(name="optiplan.work")
-def _work(run: str) -> None:
-    queue: Any = _current
-    queue.work(run)

@@ -17,7 +17,9 @@ from optiplan.service.settings import ServiceSettings
 
 MODULE = "optiplan.service.execution.solver"
 POLL = 0.05
-"""s between two looks at the clock and at a process's memory."""
+"""s between two looks at the clock and at a process's memory, while it has a job."""
+LOOK = 0.5
+"""s between two looks at a process without a job: whether it lives."""
 START = 120.0
 """s within which a process has to be ready."""
 RESPITE = 1.0
@@ -93,7 +95,7 @@ class SolverPool:
 
     def __init__(self, settings: ServiceSettings, lanes: Mapping[Lane, int]) -> None:
         self._stop = threading.Event()
-        self._jobs: dict[Lane, queue.Queue[SolverJob]] = {lane: queue.Queue() for lane in lanes}
+        self._jobs: dict[Lane, queue.Queue[SolverJob | None]] = {lane: queue.Queue() for lane in lanes}
         self._slots = [
             _Slot(settings, lane, self._jobs[lane], self._stop) for lane in lanes for _ in range(lanes[lane])
         ]
@@ -129,22 +131,24 @@ class SolverPool:
     def close(self) -> None:
         """End all processes, whatever they are doing."""
         self._stop.set()
+        for slot in self._slots:
+            slot.wake()
         until = time.monotonic() + CLOSING
         for slot in self._slots:
             if slot.is_alive():
                 slot.join(max(0.0, until - time.monotonic()))
         for jobs in self._jobs.values():
             while not jobs.empty():
-                future = jobs.get_nowait().future
-                if future.set_running_or_notify_cancel():
-                    future.set_result(SolverAnswer(death="cancelled", detail="the server stopped"))
+                job = jobs.get_nowait()
+                if job is not None and job.future.set_running_or_notify_cancel():
+                    job.future.set_result(SolverAnswer(death="cancelled", detail="the server stopped"))
 
 
 class _Slot(threading.Thread):
     """One process and the thread that started it: processes die with that thread."""
 
     def __init__(
-        self, settings: ServiceSettings, lane: Lane, jobs: "queue.Queue[SolverJob]", stop: threading.Event
+        self, settings: ServiceSettings, lane: Lane, jobs: "queue.Queue[SolverJob | None]", stop: threading.Event
     ) -> None:
         super().__init__(name=f"solver-{lane}", daemon=True)
         self._settings, self._lane, self._jobs, self._stop_event = settings, lane, jobs, stop
@@ -152,6 +156,10 @@ class _Slot(threading.Thread):
         self._at_need = lane in AT_NEED
         self.warm = self._at_need
         self._seen = time.monotonic()
+
+    def wake(self) -> None:
+        """Have it look whether it is to end, by a job that is none."""
+        self._jobs.put(None)
 
     def memory(self) -> float:
         """Resident memory of the process and what it started, MB."""
@@ -176,17 +184,17 @@ class _Slot(threading.Thread):
 
     def _serve_one(self) -> None:
         """Serve the next job, if there is one soon; its future is set whatever happens."""
-        worker = None if self._at_need else self._ready()
+        if not self._at_need:
+            self._ready()
         try:
-            job = self._jobs.get(timeout=POLL)
+            job = self._jobs.get(timeout=LOOK)
         except queue.Empty:
             return
-        if not job.future.set_running_or_notify_cancel():
+        if job is None or not job.future.set_running_or_notify_cancel():
             return
         answer = SolverAnswer(death="crashed", detail="no process can be started")
         try:
-            worker = self._ready() if self._at_need else worker
-            if worker is not None:
+            if (worker := self._ready()) is not None:  # which may have ended since the last look
                 answer = self._carry_out(worker, job)
         except BaseException as error:
             answer = SolverAnswer(death="crashed", detail=f"internal error: {type(error).__name__}: {error}")

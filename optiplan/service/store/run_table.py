@@ -118,6 +118,12 @@ class RunTable:
         query = sa.select(runs).where(runs.c.status.in_(states)).order_by(runs.c.submitted)
         return self._all(query if holder is None else query.where(runs.c.holder == holder))
 
+    def first_queued(self, without: Sequence[str]) -> str | None:
+        """The queued run that was submitted first, of those that are not named; None if there is none."""
+        which = (runs.c.status == "queued") & runs.c.id.not_in(without)
+        with self._engine.connect() as connection:
+            return connection.scalar(sa.select(runs.c.id).where(which).order_by(runs.c.submitted).limit(1))
+
     def counts(self) -> dict[str, int]:
         """How many runs there are of each state."""
         with self._engine.connect() as connection:

@@ -1,7 +1,4 @@
-"""Tables of the service's database, the version of their layout, and how a database is opened.
-
-The same database holds the queue's own tables, which DBOS makes and migrates.
-"""
+"""Tables of the service's database, the version of their layout, and how a database is opened."""
 
 import sqlite3
 import time

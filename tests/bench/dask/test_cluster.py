@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -37,7 +38,7 @@ class Dask:
         home = self.folder / f"{what}{number}"
         home.mkdir()
         code = f"from distributed.cli.dask_{what} import main; main()"
-        paths = os.pathsep.join(sys.path)
+        paths = os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])  # where `bench_planners` is
         environment = {
             **os.environ,
             **PATIENT,
@@ -79,10 +80,24 @@ class Dask:
 
 
 @pytest.fixture
-def dask(tmp_path, planners, monkeypatch):
+def patient(planners, monkeypatch):
     monkeypatch.setattr(cluster, "CONNECT", PATIENCE)
     cluster_worker.signature.cache_clear()  # who edits optiplan while tests run has another one
+
+
+@pytest.fixture
+def dask(tmp_path, patient):
+    """A scheduler without workers, for tests that start or kill some, or it."""
     started = Dask(tmp_path)
+    yield started
+    started.close()
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory):
+    """A scheduler with a worker, for all tests that kill neither."""
+    started = Dask(tmp_path_factory.mktemp("dask"))
+    started.workers(1)
     yield started
     started.close()
 
@@ -119,12 +134,11 @@ def test_three_workers_one_killed_midway_give_what_a_local_run_gives(write_suite
     assert run_there(path, tmp_path / "there", dask.address)[0].made == 0
 
 
-def test_robots_and_meshes_travel(write_suite, tmp_path, dask, robot_of_ours):
-    (worker,) = dask.workers(1)
+def test_robots_and_meshes_travel(write_suite, tmp_path, patient, pair, robot_of_ours):
     path = write_suite(planners=["quintic"], problems=[{"glob": str(robot_of_ours / "p*.yaml")}])
-    rows = run_there(path, tmp_path / "there", dask.address)[1]
+    rows = run_there(path, tmp_path / "there", pair.address)[1]
     assert [(row["failure_kind"], row["verified"]) for row in rows.values()] == [(None, 1)] * 2
-    kept = worker.home / "cache" / "optiplan" / "travel"
+    kept = pair.processes[1].home / "cache" / "optiplan" / "travel"
     names = sorted(path.name for path in kept.rglob("*.*") if path.is_file())
     assert names == ["arm.urdf", "block.stl", "link.stl", "robot.yaml"]
     assert str(kept) in next(kept.rglob("arm.urdf")).read_text()
@@ -156,12 +170,11 @@ def test_a_client_whose_thread_starts_late_is_tried_again(late, answer, monkeypa
             DaskCluster("tcp://127.0.0.1:9")
 
 
-def test_a_worker_of_another_version_is_refused(write_suite, dask, tmp_path, monkeypatch):
+def test_a_worker_of_another_version_is_refused(patient, pair, monkeypatch):
     theirs = cluster_worker.signature()
-    dask.workers(1)
     monkeypatch.setattr(cluster_worker, "signature", lambda: theirs | {"numpy": "0.1", "code": "x"})
     with pytest.raises(ClusterError, match=r"worker tcp://.* numpy [\d.]+ there, 0.1 here; code None there, x here"):
-        DaskCluster(dask.address)
+        DaskCluster(pair.address)
 
 
 def test_one_that_comes_later_too(write_suite, dask, tmp_path, monkeypatch):
@@ -174,13 +187,12 @@ def test_one_that_comes_later_too(write_suite, dask, tmp_path, monkeypatch):
         next(cluster.outcomes(suite.tasks()))
 
 
-def test_stopping_gives_up_the_runs_under_way_and_ends_their_processes(write_suite, dask, tmp_path):
+def test_stopping_gives_up_the_runs_under_way_and_ends_their_processes(write_suite, patient, pair, tmp_path):
     path = write_suite(count=1, planners=["bench_planners:Hangs"], limits={"wall": 60})
-    workers = dask.workers(1)
-    cluster = DaskCluster(dask.address)
+    cluster = DaskCluster(pair.address)
     threading.Timer(3.0, cluster.close).start()
     assert list(cluster.outcomes(load_suite(path, tmp_path).tasks())) == []
-    found = subprocess.run(["pgrep", "-P", str(workers[0].pid)], capture_output=True, check=False)
+    found = subprocess.run(["pgrep", "-P", str(pair.processes[1].pid)], capture_output=True, check=False)
     assert found.stdout == b""
 
 
@@ -195,15 +207,14 @@ def test_a_scheduler_that_ends_is_an_error(write_suite, dask, tmp_path):
         run_there(path, tmp_path / "there", dask.address, end)
 
 
-def test_the_command_line(write_suite, dask, tmp_path, capfd, monkeypatch):
-    dask.workers(1)
+def test_the_command_line(write_suite, patient, pair, tmp_path, capfd, monkeypatch):
     words = ["bench", str(write_suite()), "--out", str(tmp_path / "there"), "--dask"]
-    assert main_run([*words, dask.address]) == 0
+    assert main_run([*words, pair.address]) == 0
     assert "2 of 2 runs" in capfd.readouterr().out
     monkeypatch.setattr(cluster, "CONNECT", 2.0)  # nobody will ever answer there
     assert main_run([*words, "tcp://127.0.0.1:9"]) == 2
     assert "no Dask scheduler at tcp://127.0.0.1:9" in capfd.readouterr().err
-    assert main_run([*words, dask.address, "--workers", "2"]) == 2
+    assert main_run([*words, pair.address, "--workers", "2"]) == 2
     assert "leave out --workers" in capfd.readouterr().err
 
 

@@ -17,11 +17,19 @@ from optiplan.problem.load import load_problem
 from optiplan.robot.frames import frame_pose
 from optiplan.runs.run_folder import load_run
 from optiplan.runs.stored_runs import judged
+from optiplan.service.execution import run_queue
 from optiplan.service.refusals import Refusal
 from optiplan.service.routes.runs import exported
 from optiplan.trajectory.trajectory import Trajectory
 from tests.service.conftest import NO_WAY, QUICK
-from tests.waiting import answer_of
+from tests.waiting import PATIENCE, answer_of
+
+
+def test_a_submission_wakes_who_takes_it(server, monkeypatch):
+    for wait in ("AWAKE", "ASLEEP"):
+        monkeypatch.setattr(run_queue, wait, 2 * PATIENCE)
+    for seed in (970, 971):  # before the second, nothing was to be looked for
+        assert server.ended(server.submit(seed=seed)["id"])["verified"]
 
 
 def test_a_submission_becomes_a_verified_run(server):
