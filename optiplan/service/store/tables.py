@@ -17,6 +17,8 @@ LAYOUT = 2
 
 BUSY = 10.0
 """s that a statement waits for another process that writes to the same SQLite file."""
+PAUSE = 0.01
+"""s between two tries where SQLite does not wait by itself."""
 CONNECT = 5
 """s in which PostgreSQL has to take a connection."""
 SILENT = "keepalives_idle=10 keepalives_interval=5 keepalives_count=3"
@@ -186,8 +188,23 @@ def _set_up_sqlite(connection: Any, _: Any) -> None:
     """Readers do not wait for a writer; a commit is on the disk; writers wait for one another."""
     connection.isolation_level = "IMMEDIATE"  # a writer waits at its first statement, not at its last
     connection.create_function("optiplan_clock", 0, time.time)  # a file is of one machine
-    for pragma in (f"busy_timeout={1000 * BUSY:.0f}", "journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
+    connection.execute(f"PRAGMA busy_timeout={1000 * BUSY:.0f}")
+    _log_ahead(connection)
+    for pragma in ("synchronous=FULL", "foreign_keys=ON"):
         connection.execute(f"PRAGMA {pragma}")
+
+
+def _log_ahead(connection: Any) -> None:
+    """Keep a log beside the file. SQLite does not wait for another that is about to do the same: it says "locked"."""
+    last = time.monotonic() + BUSY
+    while True:
+        try:
+            connection.execute("PRAGMA journal_mode=WAL")
+            return
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or time.monotonic() > last:
+                raise
+            time.sleep(PAUSE)
 
 
 def postgres_options(url: str) -> dict[str, Any]:

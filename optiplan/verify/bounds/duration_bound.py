@@ -22,6 +22,7 @@ class DurationBound:
         parts: boxes of configurations that were examined.
         history: (seconds of work, bound in s), each higher than the one before.
         left_out: what the problem demands and the bound does not count; with it motions can only be longer.
+        recorded: whether it was read from data, where nothing proves it; its sentence says so.
     """
 
     seconds: float
@@ -30,6 +31,7 @@ class DurationBound:
     parts: int = 0
     history: tuple[tuple[float, float], ...] = ()
     left_out: tuple[str, ...] = ()
+    recorded: bool = False
 
     def gap(self, duration: float) -> float | None:
         """Return the share by which a motion of this `duration`, s, can be longer than the shortest one, at most.
@@ -41,13 +43,14 @@ class DurationBound:
 
     def words(self, duration: float | None = None) -> str:
         """Return the bound in a sentence, with how far a motion of `duration`, s, is from the optimum at most."""
-        said = f"no motion is shorter than {self.seconds:.3f} s, proved"
+        proved = "as recorded, not proved again" if self.recorded else "proved"
+        said = f"no motion is shorter than {self.seconds:.3f} s, {proved}"
         gap = None if duration is None else self.gap(duration)
         if gap is None:
             return said
         if not gap >= 0.0:
             return f"a motion of {duration} s contradicts the bound, please report it: {said}"
-        return f"at most {100.0 * gap:.1f} % from the optimum, proved: {said}"
+        return f"at most {100.0 * gap:.1f} % from the optimum, {proved}: {said}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as plain data, JSON-ready."""
@@ -62,7 +65,7 @@ class DurationBound:
 
     @classmethod
     def from_dict(cls, data: Any, file: str = "bound") -> "DurationBound":
-        """Return a bound from the content of `to_dict`.
+        """Return a bound from the content of `to_dict`; it is a recorded one.
 
         Args:
             data: parsed JSON.
@@ -88,6 +91,7 @@ class DurationBound:
             found["parts"],
             tuple((float(when), float(seconds)) for when, seconds in found["history"]),
             tuple(found["left_out"]),
+            recorded=True,
         )
 
 
