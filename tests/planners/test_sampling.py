@@ -11,11 +11,12 @@ from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.path_timing import timed_path
+from optiplan.planners.sampling import sample_path as paths
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.ompl_search import rrt_connect
 from optiplan.planners.sampling.sample_path import SamplingOptions, path_check, sample_path
 from optiplan.planners.sampling.search import Search
-from optiplan.planners.sampling.shortcutting import path_time, shorten
+from optiplan.planners.sampling.shortcutting import path_cost, path_time, shorten
 from optiplan.planners.sampling.shrunk_obstacles import thinned, through_thinner
 from optiplan.planners.trajopt import planner as trajopt
 from optiplan.planners.trajopt.options import TrajOptOptions
@@ -147,14 +148,26 @@ def test_a_long_narrow_place_is_left_by_taking_turns():
     assert np.array_equal(path.waypoints, again.waypoints)
 
 
-def test_a_path_is_told_early_and_is_free_and_then_made_shorter():
-    told, problem = [], cases.wall()
-    path = sample(problem, early=told.append)
-    assert len(told) == 1
-    assert np.array_equal(told[0][[0, -1]], path.waypoints[[0, -1]])
-    assert polyline_contact(CollisionModel(problem.robot, problem.scene), told[0]) is None
-    velocity = problem.limits.velocity
-    assert path_time(path.waypoints, velocity).sum() < path_time(told[0], velocity).sum()
+def test_a_path_that_is_needed_soon_gets_shortcuts_while_they_gain(monkeypatch):
+    """Nearly straight, it gets few; else it is made shorter than by those, until they gain little."""
+    problem, tried = cases.wall(), []
+
+    def counted(check, path, velocity, draws, budget):
+        shorter = shorten(check, path, velocity, draws, budget)
+        tried.append((len(draws), path_cost(shorter, velocity)))
+        return shorter
+
+    monkeypatch.setattr(paths, "shorten", counted)
+    sample(problem, soon=True, attempts=10_000)
+    assert len(tried) == 1  # it costs less than 1.2 times the straight line
+    few = tried.pop()
+    monkeypatch.setattr(paths, "_STRAIGHT", 1.0)
+    path = sample(problem, soon=True, attempts=10_000)
+    assert tried[0] == few
+    assert few[0] < tried[1][0]
+    assert len(tried) < 10
+    assert path.cost == tried[-1][1] < few[1]
+    assert polyline_contact(CollisionModel(problem.robot, problem.scene), path.waypoints) is None
 
 
 def test_rounds_take_turns_and_so_do_the_goals():

@@ -29,7 +29,8 @@ _BEHIND = 1.0 / 3.0  # share of the budget for a search that has a straight line
 _NEAR, _PATIENCE, _GROWTH = 500, 1500, 3.0  # iterations near the ends, of the round after, and factor to each later one
 _LATE, _RELAXED = 2, 90e3  # round of the searcher, from 0, before which `relaxed` has one; its iterations
 _FRESH = 4  # new goals requested between two rounds
-_FEW = 60  # shortcuts before a path is reported to `early`
+_FEW, _MORE = 40, 120  # shortcuts of a path that is needed soon, and as many more at a time
+_STRAIGHT, _GAIN = 1.2, 0.03  # cost / cost of a straight line above which it gets more, while they save this share
 _SHORT = 0.5  # s: least distance of the ends assumed for the detour
 _STALE = 3  # rounds in a row that gain nothing end the search for shorter paths
 _IMPROVING = 0.7  # share of the budget for it; the rest is for timing
@@ -43,6 +44,7 @@ class SamplingOptions:
         budget: when to stop.
         seed: of all random numbers.
         attempts: random shortcuts to try.
+        soon: whether a path gets few of them where it is nearly straight, else more while they gain.
         searcher: finds a first path.
         alternate: second searcher, in turn with the first where that needs several rounds; None: none. Where the check
             is the native core's there is no such turn: the first searcher gets out of narrow places by itself there.
@@ -54,12 +56,12 @@ class SamplingOptions:
         more_goals: returns up to this many new goals between rounds; polls its second argument.
         relaxed: third searcher, in later rounds; None: none.
         begun: rounds of the schedule to skip, since earlier calls have made them; 0 begins near the ends.
-        early: receives the waypoints (k, n) of a first path after a few shortcuts.
     """
 
     budget: Budget
     seed: int = 0
     attempts: int = 120
+    soon: bool = False
     searcher: Searcher = rrt_connect
     alternate: Searcher | None = kpiece
     detour: float = 2.0
@@ -68,7 +70,6 @@ class SamplingOptions:
     more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
     relaxed: Searcher | None = None
     begun: int = 0
-    early: Callable[[Array], object] | None = None
 
 
 class SampledPath(NamedTuple):
@@ -114,12 +115,7 @@ def sample_path(
         found = _rounds(check, (start, free_goals), replace(options, budget=budget, improve=None), rng)
         if found.path is None and straight is None:
             return _no_path(model, found, limits, options.budget)
-        draws = rng.uniform(size=(options.attempts, 3))
-        if found.path is not None and straight is None and options.early is not None:
-            first = shorten(check, found.path, limits.velocity, draws[:_FEW], options.budget)
-            options.early(first)
-            found, draws = replace(found, path=first), draws[_FEW:]
-        path = _shorter(check, [straight, found.path], draws, options.budget)
+        path = _shorter(check, [straight, found.path], free_goals, options, rng)
         info = {"states": sum(found.sizes), "cut_short": found.cut_short or (budget.over and found.path is None)}
         if options.improve is not None:
             improving = replace(options, searcher=options.improve)
@@ -135,11 +131,30 @@ def path_check(model: CollisionModel, limits: Limits) -> MotionCheck:
     return MotionCheck(model, limits, Gravity(model.robot, limits.torque, _RESERVE))
 
 
-def _shorter(check: MotionCheck, paths: list[Array | None], draws: Array, budget: Budget) -> Array:
-    """Shorten each path and return the cheapest."""
-    velocity = check.limits.velocity
-    short = [shorten(check, path, velocity, draws, budget) for path in paths if path is not None]
+def _shorter(
+    check: MotionCheck, paths: list[Array | None], goals: Array, options: SamplingOptions, rng: np.random.Generator
+) -> Array:
+    """Shorten each path to one of some goals (k, n) and return the cheapest."""
+    velocity, draws = check.limits.velocity, rng.uniform(size=(options.attempts, 3))
+    known = [path for path in paths if path is not None]
+    if options.soon:
+        direct = path_times(np.broadcast_to(known[0][0], goals.shape), goals, velocity).min()
+        short = [_shorter_soon(check, path, float(direct), draws, options.budget) for path in known]
+    else:
+        short = [shorten(check, path, velocity, draws, options.budget) for path in known]
     return min(short, key=lambda path: path_cost(path, velocity))
+
+
+def _shorter_soon(check: MotionCheck, path: Array, direct: float, draws: Array, budget: Budget) -> Array:
+    """Shorten a path until it costs little more than a straight line (`direct`, s), or shortcuts gain little."""
+    velocity = check.limits.velocity
+    cost, count = np.inf, _FEW
+    while cost > _STRAIGHT * direct and len(draws):
+        path, draws, before = shorten(check, path, velocity, draws[:count], budget), draws[count:], cost
+        cost, count = path_cost(path, velocity), _MORE
+        if cost > (1.0 - _GAIN) * before:
+            break
+    return path
 
 
 def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.random.Generator) -> Search:
@@ -214,13 +229,13 @@ def _improved(
     cost = path_cost(path, velocity)
     while stale < _STALE and not late.over:
         within = goals[path_times(np.broadcast_to(start, goals.shape), goals, velocity) <= cost]
-        seed, draws = int(rng.integers(1, 2**31)), rng.uniform(size=(options.attempts, 3))
+        seed = int(rng.integers(1, 2**31))
         if not len(within):
             break
         each = np.full(len(within), cost)
         found = _near_the_ends(check, (start, within), each, replace(options, budget=late), seed)
         states, cut_short = states + sum(found.sizes), cut_short or found.cut_short
-        shorter = _shorter(check, [path, found.path], draws, options.budget)
+        shorter = _shorter(check, [path, found.path], within, options, rng)
         gained = cost - path_cost(shorter, velocity)
         stale = stale + 1 if gained < LEAST_GAIN * cost else 0
         path, cost = shorter, cost - gained

@@ -35,8 +35,11 @@ _SOON = 1.05
 _COMPARED, _PROMISING = 3, 0.9
 """Paths compared before one is optimised, and the cost / cost of the best curve of a coarse curve that ends it."""
 
-_SHORTCUTS, _FIRST_SHORTCUTS = 60, 120
-"""Shortcuts of a path for a coarse curve, and of a path that is itself a motion."""
+_SHORTCUTS, _FIRST_SHORTCUTS = 60, 760
+"""Shortcuts of a path for a coarse curve, and the most of one for a first motion."""
+
+_COUNTED = 120
+"""Shortcuts of a path that count as work, at most: what a first one mostly gets."""
 
 _DEPTHS = 0.015, 0.005, 0.0
 """Thickness, m, removed from all sides of obstacles; a failed attempt moves on to the next value."""
@@ -270,17 +273,19 @@ class PathSearch:
                 budget,
                 seed=self.problem.seed + 1000 * number,
                 attempts=_SHORTCUTS if self.incumbent.candidates else _FIRST_SHORTCUTS,
+                soon=not self.incumbent.candidates,
                 searcher=counted(rrt_connect, self.patience, most),
                 alternate=counted(kpiece, self.patience, most, STATE / ALTERNATE_RATIO),
                 relaxed=counted(relaxed, self.patience, most, STATE / ALTERNATE_RATIO) if relaxed else None,
                 longest=np.inf if real else self.incumbent.longest,
                 more_goals=sampler.more if aims is None else lambda count, stop: [],
                 begun=begun,
-                early=self._first if real and not self.incumbent.candidates else None,
             )
             path = sample_path(check, self.problem.start, goals, options)
-        self.patience.work(shortcuts=options.attempts if isinstance(path, SampledPath) else 0)
+        self.patience.work(shortcuts=min(options.attempts, _COUNTED) if isinstance(path, SampledPath) else 0)
         self.incumbent.info["cut_short"] |= isinstance(path, Failure) and budget.over
+        if real and isinstance(path, SampledPath) and not self.incumbent.candidates:
+            self._first(path.waypoints)
         return path
 
     def free(self, path: SampledPath) -> bool:
