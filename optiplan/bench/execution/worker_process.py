@@ -86,12 +86,15 @@ class WorkerProcess:
         """Send a task, JSON-ready; discard earlier output."""
         self._drain()
         self._tail = b""
-        self.say(task)
+        self._send(task)
 
     def say(self, words: Mapping[str, Any]) -> None:
-        """Send words, JSON-ready, to a task that listens while it runs."""
+        """Send words, JSON-ready, to a task that listens while it runs, as `said`: it may have ended by now."""
+        self._send({"said": words})
+
+    def _send(self, message: Mapping[str, Any]) -> None:
         try:
-            self._connection.send_bytes(json.dumps(words, allow_nan=False).encode())
+            self._connection.send_bytes(json.dumps(message, allow_nan=False).encode())
         except OSError:
             self.gone = True
 

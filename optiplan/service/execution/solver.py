@@ -55,6 +55,8 @@ def main(respite: float = 0.0) -> None:
             request = json.loads(connection.recv_bytes())
         except EOFError:
             return
+        if "said" in request:  # to a task that had ended meanwhile
+            continue
         if request["do"] == "set up":
             os.nice(request["nice"])
             limit_memory(request["memory"])
@@ -139,7 +141,7 @@ class Progress:
         found: list[Message] = []
         while self._connection.poll(0.0 if found else patience):
             try:
-                found.append(json.loads(self._connection.recv_bytes()))
+                found.append(json.loads(self._connection.recv_bytes())["said"])
             except EOFError:  # nobody is there any more
                 return [{"stop": True}]
         return found

@@ -124,6 +124,17 @@ def raising(_):
     raise AWAY
 
 
+def test_words_that_come_too_late_are_no_request(pool):
+    """A task that does not listen leaves them in the pipe, and so does one that has just ended."""
+    late, next_one = plan(), plan()
+    late.said.put({"stop": True})
+    late.said.put({"do": "alive", "number": 0})
+    for job in (late, next_one):
+        answer = pool.submit("queue", job).result(PATIENCE)
+        assert answer.death is None
+        assert answer.data["verified"]
+
+
 def test_a_slot_survives_who_listens(pool):
     first, second = plan(told=raising), plan(request={"early": True}, answered=raising)
     for job in (first, second):
