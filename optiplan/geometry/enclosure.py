@@ -59,10 +59,8 @@ class Enclosure:
     """
 
     def __init__(self, vertices: Array, triangles: Triangles) -> None:
-        distinct, same = np.unique(vertices, axis=0, return_inverse=True)
-        corners = same.reshape(-1)[triangles]
-        a, b, c = corners.T
-        faces, senses = _distinct_faces(corners[(a != b) & (b != c) & (c != a)])
+        distinct, corners = _merged(vertices, triangles)
+        faces, senses = _distinct_faces(_with_area(corners))
         self._closed: list[_Piece] = []
         open_: list[Array] = []
         self._torn = False  # an open piece that is no two-sided sheet, such as that between two adjacent boxes
@@ -113,9 +111,7 @@ class Enclosure:
 
 def evenly_wound(vertices: Array, triangles: Triangles) -> bool:
     """Return whether triangles pass every edge as often in one direction as in the other: then nothing gets in."""
-    corners = np.unique(vertices + 0.0, axis=0, return_inverse=True)[1].reshape(-1)[triangles]
-    a, b, c = corners.T
-    return not _Edges.of(corners[(a != b) & (b != c) & (c != a)]).uneven().any()
+    return not _Edges.of(_with_area(_merged(vertices, triangles)[1])).uneven().any()
 
 
 def winding_number(triangles: Array, point: Array) -> float:
@@ -134,12 +130,24 @@ def winding_number(triangles: Array, point: Array) -> float:
 
 def connected_parts(vertices: Array, triangles: Triangles) -> list[Array]:
     """Return the vertices (k, 3) of every part of a mesh that is connected by vertices."""
-    distinct, same = np.unique(vertices, axis=0, return_inverse=True)
-    corners = same.reshape(-1)[triangles]
+    distinct, corners = _merged(vertices, triangles)
     part = _components(len(distinct), corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel())
     used = np.unique(corners)
     order = used[np.argsort(part[used], kind="stable")]
     return np.split(distinct[order], np.flatnonzero(np.diff(part[order])) + 1)
+
+
+def _merged(vertices: Array, triangles: Triangles) -> tuple[Array, Triangles]:
+    """Merge vertices (k, 3) at the same place: return those that are left, and triangles (m, 3) of them."""
+    distinct, same = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # -0.0 is the same place as 0.0
+    return distinct, same.reshape(-1)[triangles]
+
+
+def _with_area(corners: Triangles) -> Triangles:
+    """Triangles (m, 3) whose corners are three."""
+    a, b, c = corners.T
+    chosen: Triangles = corners[(a != b) & (b != c) & (c != a)]
+    return chosen
 
 
 def _components(count: int, first: npt.NDArray[np.int64], second: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
