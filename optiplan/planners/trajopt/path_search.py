@@ -35,7 +35,7 @@ _SOON = 1.05
 _COMPARED, _PROMISING = 3, 0.9
 """Paths compared before one is optimised, and the cost / cost of the best curve of a coarse curve that ends it."""
 
-_SHORTCUTS, _FIRST_SHORTCUTS = 60, 760
+_SHORTCUTS, _FIRST_SHORTCUTS = 60, 1000
 """Shortcuts of a path for a coarse curve, and the most of one for a first motion."""
 
 _COUNTED = 120
