@@ -5,7 +5,7 @@ An invalid *input* is an exception from this file. "No solution" is a value: see
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from numbers import Integral
@@ -114,6 +114,16 @@ def path_argument(function: str, argument: str, value: object, expected: str) ->
     if not usable:
         raise wrong_argument(function, argument, described(value), expected)
     return Path(value)  # type: ignore[arg-type]  # it is text or a path
+
+
+def choice_argument(function: str, argument: str, value: object, choices: Collection[str]) -> None:
+    """Require one of some words.
+
+    Raises:
+        InputError: another value, of whatever type.
+    """
+    if not isinstance(value, str) or value not in choices:
+        raise wrong_argument(function, argument, described(value), f"one of: {', '.join(choices)}")
 
 
 def flag_argument(function: str, argument: str, value: object) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optiplan.api.loading import load_run
-from optiplan.errors import UnknownChoiceError, described, path_argument, wrong_argument
+from optiplan.errors import UnknownChoiceError, choice_argument, described, path_argument, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.viewer.plots.figures import (
     FIGURES,
@@ -63,11 +63,10 @@ def plot(
     path = None if out is None else path_argument("plot", "out", out, "the path of a file")
     if path is not None:
         figure_format(path)
-    if not isinstance(style, str) or style not in STYLES:
-        raise wrong_argument("plot", "style", described(style), f"one of: {', '.join(STYLES)}")
+    choice_argument("plot", "style", style, STYLES)
     known = figures_of(style)
-    if figure is not None and (not isinstance(figure, str) or figure not in known):
-        raise wrong_argument("plot", "figure", described(figure), f"one of: {', '.join(known)}")
+    if figure is not None:
+        choice_argument("plot", "figure", figure, known)
     name = figure or usual(style, len(runs))[0]
     drawn = comparable([_plotted(run) for run in runs], "op.plot") if runs or name in FIGURES else ()
     options = PlotOptions(_names(joints), bool(share), _count(frames), style)

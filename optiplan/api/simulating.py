@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from optiplan.arrays import is_finite
-from optiplan.errors import described, progress_argument, wrong_argument
+from optiplan.errors import choice_argument, described, progress_argument, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.simulation.execution import Engine, ExecutionOptions
 from optiplan.simulation.execution import execute as follow
@@ -89,8 +89,7 @@ def execute(
     if not isinstance(run, Run) or run.trajectory is None:
         found = "a run without a motion" if isinstance(run, Run) else described(run)
         raise wrong_argument("execute", "run", found, "a run of op.plan(…) with a trajectory")
-    if engine not in get_args(Engine):
-        raise wrong_argument("execute", "engine", described(engine), f"one of: {', '.join(get_args(Engine))}")
+    choice_argument("execute", "engine", engine, get_args(Engine))
     for name, value, least in (("delay", delay, 0.0), ("payload", payload, 0.0), ("frequency", frequency, 1e-3)):
         if not is_finite(value) or value < least:
             raise wrong_argument("execute", name, described(value), f"a finite number >= {least:g}")

@@ -11,7 +11,7 @@ from optiplan.arrays import Array, is_finite
 from optiplan.control.arguments import squares_are_finite
 from optiplan.control.defaults import ORDER
 from optiplan.control.limits.base import ControlLimit
-from optiplan.errors import described, flag_argument, wrong_argument
+from optiplan.errors import choice_argument, described, flag_argument, wrong_argument
 from optiplan.geometry.pose import Pose
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
@@ -56,8 +56,7 @@ def check_options(robot: Any, scene: Any, form: Any, damping: Any, relax: Any, g
         flag_argument("Controller", "guess", guess)
         words = "op.Controller: guess is deprecated; solver='native' begins at the active limits of the last step"
         warnings.warn(words, DeprecationWarning, stacklevel=3)
-    if not isinstance(form, str) or form not in get_args(Form):
-        raise wrong_argument("Controller", "form", described(form), f"one of: {', '.join(get_args(Form))}")
+    choice_argument("Controller", "form", form, get_args(Form))
     if not is_finite(damping) or damping <= 0.0:
         raise wrong_argument("Controller", "damping", described(damping), "a finite number > 0")
     if not is_finite(longest_step) or longest_step <= 0.0:

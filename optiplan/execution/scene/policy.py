@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from optiplan.arrays import is_finite
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import choice_argument, described, wrong_argument
 from optiplan.execution.paths.path_laws import PathLaws, PathPlace
 from optiplan.execution.scene.separation import Separation
 
@@ -52,9 +52,7 @@ class Policy:
     linger: float = 2.0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.reaction, str) or self.reaction not in get_args(Reaction):
-            choices = ", ".join(get_args(Reaction))
-            raise wrong_argument("Policy", "reaction", described(self.reaction), f"one of: {choices}")
+        choice_argument("Policy", "reaction", self.reaction, get_args(Reaction))
         for name in ("period", "latency"):
             value = getattr(self, name)
             if not (is_finite(value) and value > 0.0):

@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 
 from optiplan.arrays import is_finite
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import choice_argument, described, wrong_argument
 from optiplan.execution.drivers.base import Capabilities, DriverError
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Tick
@@ -71,8 +71,8 @@ class SimDriver:
         frequency: float = 20.0,
         payload: float = 0.0,
     ) -> None:
-        if engine is not None and engine not in get_args(SimEngine):
-            raise wrong_argument("driver", "engine", described(engine), f"one of: {', '.join(get_args(SimEngine))}")
+        if engine is not None:
+            choice_argument("driver", "engine", engine, get_args(SimEngine))
         for name, value, least in (("rate", rate, 10.0), ("frequency", frequency, 0.1), ("payload", payload, 0.0)):
             if not is_finite(value) or value < least:
                 raise wrong_argument("driver", name, described(value), f"a finite number >= {least:g}")

@@ -138,6 +138,8 @@ def test_a_wrong_argument_is_named(problem, name):
 
 
 MOTION_CASES = {
+    "engine of arrays": (lambda run: op.execute(run, engine=np.zeros(2)), "op.execute: engine", "one of"),
+    "driver of arrays": (lambda run: op.driver("sim", run, engine=np.zeros(2)), "op.driver: engine", "one of"),
     "time": (lambda run: run.trajectory("x"), "Trajectory: t", "times"),
     "time outside": (lambda run: run.trajectory(99.0), "Trajectory: t", "clamp=True"),
     "times in rows": (lambda run: run.trajectory(np.zeros((2, 2))), "Trajectory: t", r"\(k,\)"),
