@@ -1,8 +1,8 @@
 """Whether configurations of a problem are free, and how far its bodies are apart."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, overload
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, NamedTuple, overload
 
 import numpy as np
 
@@ -23,22 +23,41 @@ TOUCHING = 1e-12
 """Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""
 
 
-@dataclass(frozen=True)
-class FreeCheck:
-    """Whether bodies touch at a configuration; true where none do.
+class Meeting(NamedTuple):
+    """Bodies that touch at a configuration.
 
     Attributes:
-        pair: names of the two bodies that overlap most, or of a body and the mesh that it is inside of; None where the
-            configuration is free.
-        reason: every pair in contact, in words; empty where the configuration is free.
+        pair: names of the two that overlap most, or of a body and the mesh that it is inside of.
+        reason: every pair in contact, in words.
     """
 
-    pair: tuple[str, str] | None = None
-    reason: str = ""
+    pair: tuple[str, str]
+    reason: str
+
+
+class FreeCheck:
+    """Whether bodies touch at a configuration; true where none do. Which ones do is found out when it is asked."""
+
+    def __init__(self, free: bool, meeting: Callable[[], Meeting]) -> None:
+        self._free, self._meeting = free, meeting
 
     def __bool__(self) -> bool:
         """Return whether the configuration is free."""
-        return self.pair is None
+        return self._free
+
+    @property
+    def pair(self) -> tuple[str, str] | None:
+        """The two bodies that overlap most, or a body and the mesh that it is inside of; None where free."""
+        return None if self._free else self._met.pair
+
+    @property
+    def reason(self) -> str:
+        """Every pair in contact, in words; empty where the configuration is free."""
+        return "" if self._free else self._met.reason
+
+    @cached_property
+    def _met(self) -> Meeting:
+        return self._meeting()
 
     def __repr__(self) -> str:
         """Return the verdict, and what is in contact."""
@@ -46,7 +65,7 @@ class FreeCheck:
 
 
 class FreeChecks(Sequence[FreeCheck]):
-    """A `FreeCheck` of each of several configurations; the words of one are made when it is taken out.
+    """A `FreeCheck` of each of several configurations; see there.
 
     Attributes:
         free: (k,), whether each is free.
@@ -54,7 +73,7 @@ class FreeChecks(Sequence[FreeCheck]):
 
     def __init__(self, robot: Robot, scene: Scene, Q: Array) -> None:
         """Check configurations Q (k, n), rad or m."""
-        self._robot, self._scene, self._Q = robot, scene, Q
+        self._robot, self._scene, self._Q = robot, scene, Q.copy()
         self.free: Flags = ~touching_model(robot, scene).collides_at(Q)
         model = collision_model(robot, scene)
         if model.containment.possible:
@@ -73,14 +92,15 @@ class FreeChecks(Sequence[FreeCheck]):
         """Return the check of one configuration, or a list of several."""
         if isinstance(which, slice):
             return [self[k] for k in range(*which.indices(len(self)))]
-        if self.free[which]:
-            return FreeCheck()
-        q = self._Q[which]
-        if not (found := free_check(collision_model(self._robot, self._scene), q)):
+        return FreeCheck(bool(self.free[which]), partial(self._meeting, self._Q[which]))
+
+    def _meeting(self, q: Array) -> Meeting:
+        found = meeting(collision_model(self._robot, self._scene), q)
+        if found is not None:
             return found
         contact = touching_model(self._robot, self._scene).clearance(q)  # a hair's breadth decides
         names = ("", "") if contact is None else (contact.pair.name_a, contact.pair.name_b)
-        return FreeCheck(names, f"'{names[0]}' and '{names[1]}' touch")
+        return Meeting(names, f"'{names[0]}' and '{names[1]}' touch")
 
     def __repr__(self) -> str:
         """Return how many of them are free."""
@@ -153,15 +173,15 @@ class FreeSpace:
         return _distance(model, Q) if Q.ndim == 1 else np.array([_distance(model, row) for row in Q])
 
 
-def free_check(model: CollisionModel, q: Array) -> FreeCheck:
-    """Return whether q (n,) is free, with the bodies in contact in words, the deepest first."""
+def meeting(model: CollisionModel, q: Array) -> Meeting | None:
+    """Return the bodies in contact at q (n,), the deepest first; None where it is free."""
     contacts = sorted(model.touching(q, TOUCHING), key=lambda contact: contact.distance)
     if contacts:
         pair, rest = contacts[0].pair, len(contacts) - 3
         words = "; ".join(_depth(contact) for contact in contacts[:3])
-        return FreeCheck((pair.name_a, pair.name_b), words + (f"; and {rest} more pairs" if rest > 0 else ""))
+        return Meeting((pair.name_a, pair.name_b), words + (f"; and {rest} more pairs" if rest > 0 else ""))
     inside = model.contained(q)
-    return FreeCheck() if inside is None else FreeCheck(inside, f"'{inside[0]}' is inside '{inside[1]}'")
+    return None if inside is None else Meeting(inside, f"'{inside[0]}' is inside '{inside[1]}'")
 
 
 def _depth(contact: Contact) -> str:

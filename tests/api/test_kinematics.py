@@ -6,7 +6,7 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.kept_models import collision_model
-from optiplan.problem.free_space import free_check
+from optiplan.problem.free_space import meeting
 
 STEP = 1e-6
 
@@ -99,6 +99,14 @@ def test_free_says_the_pair_that_meets(shelf):
     assert repr(found[0]) == "FreeCheck: free"
 
 
+def test_the_pair_that_meets_is_that_of_the_check_whatever_its_array_holds_later(shelf):
+    q = np.zeros((1, 7))
+    found = shelf.is_free(q)
+    q[0] = shelf.start
+    assert not found[0]
+    assert "panda_hand" in found[0].pair
+
+
 @pytest.mark.parametrize("name", ["02_shelf", "06_attached", "09_ur5", "13_mesh", "14_half_space"])
 def test_free_of_many_is_free_of_each(name):
     problem = op.load_problem(name)
@@ -106,10 +114,11 @@ def test_free_of_many_is_free_of_each(name):
     lower, upper = np.maximum(limits.lower, -3.0), np.minimum(limits.upper, 3.0)
     Q = np.random.default_rng(1).uniform(lower, upper, (203, problem.robot.n))
     found, model = problem.is_free(Q), collision_model(problem.robot, problem.scene)
-    assert found.free.tolist() == [bool(free_check(model, q)) for q in Q]
+    assert found.free.tolist() == [meeting(model, q) is None for q in Q]
     assert found.free.tolist() == [bool(one) for one in found] == [bool(problem.is_free(q)) for q in Q]
     assert 0 < found.free.sum() < len(Q) == len(found)
-    assert [one.pair for one in found[:20]] == [free_check(model, q).pair for q in Q[:20]]
+    met = [meeting(model, q) for q in Q[:20]]
+    assert [(one.pair, one.reason) for one in found[:20]] == [(None, "") if one is None else one for one in met]
     assert repr(found) == f"FreeChecks: {found.free.sum()} of 203 free"
 
 
