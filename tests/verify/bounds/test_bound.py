@@ -13,6 +13,7 @@ from optiplan.problem.problem import derived
 from optiplan.robot.limits import Limits
 from optiplan.verify.bounds.bound import bound_of, unsupported
 from optiplan.verify.bounds.duration_bound import DurationBound
+from optiplan.verify.bounds.search import LONGEST
 
 needs_core = pytest.mark.skipif(core is None, reason="needs the native core")
 
@@ -87,6 +88,14 @@ def test_obstacles_raise_the_bound_and_the_history_tells_when():
     assert found.history[0] == (0.0, found.alone)
     assert [one[1] for one in found.history] == sorted(one[1] for one in found.history)
     assert found.history[-1][1] == found.seconds
+
+
+@needs_core
+def test_a_goal_that_obstacles_cut_off_ends_the_search_at_a_bound_that_can_be_read():
+    post = op.Box("post", size=(0.1, 0.1, 0.4), position=(0.5, 0.0, 0.0))
+    problem = op.Problem("two_links", start=[-1.0, 0.0], goal=[1.0, 0.0], scene=[post])
+    found = op.bound(problem, budget=60.0)
+    assert LONGEST < found.seconds < 2.0 * LONGEST
 
 
 @needs_core
