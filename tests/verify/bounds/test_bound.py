@@ -150,6 +150,14 @@ def test_a_motion_of_another_problem_is_refused():
         op.bound(op.load_problem("12_planar").with_limits(velocity=0.5), motion=run)
 
 
+def test_a_motion_of_another_problem_is_refused_where_neither_has_a_hash():
+    one = derived(op.load_problem("12_planar"), seed=1)
+    run = op.plan(one, budget=3.0)
+    assert run.verified
+    with pytest.raises(op.InputError, match=r"^op\.bound: motion: "):
+        op.bound(derived(one, limits=one.limits.scaled(velocity=0.5)), motion=run)
+
+
 def test_words_of_a_bound():
     found = DurationBound(2.0, 1.0)
     assert found.words() == "no motion is shorter than 2.000 s, proved"
