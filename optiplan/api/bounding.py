@@ -18,8 +18,9 @@ def bound(problem: Problem, budget: float = BUDGET, motion: Run | Trajectory | N
     closed: those in collision throughout, and those that are too far from start and goal to be passed in less than T.
     If no open ones join start and goal, no motion is shorter than T. The bound grows with the budget.
 
-    Holds at: all times, of every motion that `op.verify` accepts. Limits of torque, path constraints and via points are
-    not counted (`left_out`): with them motions can only be longer.
+    Holds at: all times, of every motion that `op.verify` accepts. Limits of torque, path constraints, via points, a
+    clearance, a tracking error and obstacles that move are not counted (`left_out`): with them motions can only be
+    longer.
 
     Args:
         problem: goals are values of joints, one or several; a bound of several is that of the least.

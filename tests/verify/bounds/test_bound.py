@@ -134,6 +134,13 @@ def test_what_is_left_out_is_said():
     assert "via points" in op.bound(problem, budget=0.2).left_out
 
 
+def test_what_makes_motions_longer_among_obstacles_is_said_to_be_left_out():
+    cart = op.Box("cart", size=(0.1, 0.1, 0.1), position=(3.0, 0.0, 0.0)).moving([[0.0], [0.0, 0.1], [0.0]])
+    scene = op.Scene([*BLOCKS[:1], cart], safety=0.005)
+    problem = op.load_problem("12_planar").with_parts(scene=scene, tracking_error=0.001)
+    assert {"a clearance", "a tracking error", "obstacles that move"} <= {*op.bound(problem, budget=0.1).left_out}
+
+
 @pytest.mark.parametrize(
     ("name", "field"), [("08_pose", "goal"), ("37_on_the_move", "start"), ("40_panda_sorts_cubes", "task")]
 )
