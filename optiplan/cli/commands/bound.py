@@ -24,8 +24,8 @@ def bound(
 ) -> int:
     """Prove how long any motion of a problem takes at least, obstacles included.
 
-    Goals are values of joints. Limits of torque, path constraints and via points are not counted: with them motions
-    can only be longer.
+    Goals are values of joints. What a problem demands beside that and is not counted is named: with it motions can
+    only be longer.
 
     [bold]Examples[/]
 

@@ -119,6 +119,12 @@ def _left_out(problem: Problem) -> tuple[str, ...]:
         found.append("via points")
     if problem.path_constraints:
         found.append("path constraints")
+    if problem.scene.safety is not None:
+        found.append("a clearance")
+    if problem.tracking_error.any():
+        found.append("a tracking error")
+    if problem.scene.dynamic_obstacles:
+        found.append("obstacles that move")
     if problem.robot.endless.any():
         found.append(f"obstacles, because of {ENDLESS}")
     return tuple(found)

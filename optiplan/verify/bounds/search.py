@@ -20,6 +20,9 @@ SMALL_GRIDS = (30, 100, 300, 800)
 
 MOST_BOXES = 1_000_000
 
+LONGEST = 1e6
+"""s; a greater bound is not looked for: where obstacles cut the goal off, every bound could be doubled for ever."""
+
 FIRST = 0.1
 """Share of what is between the bound and the known motion, or twice the bound, that is tried first."""
 
@@ -45,12 +48,12 @@ class BoundSearch:
     parts: int = 0
 
     def run(self, until: float) -> None:
-        """Raise the bound until the time `until`, s, or until it is near that of the known motion."""
+        """Raise the bound until the time `until`, s, until it is near that of the known motion, or above `LONGEST`."""
         for joints, count in self._grids():
             share, failed = FIRST, 0
             while failed < 2 and time.perf_counter() < until:
                 above = self.below if np.isfinite(self.below) else 2.0 * self.proved
-                if above <= self.proved * (1.0 + NEAR):
+                if above <= self.proved * (1.0 + NEAR) or self.proved > LONGEST:
                     return
                 T = self.proved + share * (above - self.proved)
                 grid = JointGrid(self.closing, T, joints, [count] * len(joints))

@@ -13,6 +13,7 @@ from optiplan.problem.problem import derived
 from optiplan.robot.limits import Limits
 from optiplan.verify.bounds.bound import bound_of, unsupported
 from optiplan.verify.bounds.duration_bound import DurationBound
+from optiplan.verify.bounds.search import LONGEST
 
 needs_core = pytest.mark.skipif(core is None, reason="needs the native core")
 
@@ -90,6 +91,14 @@ def test_obstacles_raise_the_bound_and_the_history_tells_when():
 
 
 @needs_core
+def test_a_goal_that_obstacles_cut_off_ends_the_search_at_a_bound_that_can_be_read():
+    post = op.Box("post", size=(0.1, 0.1, 0.4), position=(0.5, 0.0, 0.0))
+    problem = op.Problem("two_links", start=[-1.0, 0.0], goal=[1.0, 0.0], scene=[post])
+    found = op.bound(problem, budget=60.0)
+    assert LONGEST < found.seconds < 2.0 * LONGEST
+
+
+@needs_core
 def test_of_several_goals_the_bound_is_that_of_the_nearest():
     one = op.load_problem("12_planar")
     near = one.with_goal([-1.1, 0.4], [0.8, 0.5])
@@ -125,6 +134,13 @@ def test_what_is_left_out_is_said():
     assert "via points" in op.bound(problem, budget=0.2).left_out
 
 
+def test_what_makes_motions_longer_among_obstacles_is_said_to_be_left_out():
+    cart = op.Box("cart", size=(0.1, 0.1, 0.1), position=(3.0, 0.0, 0.0)).moving([[0.0], [0.0, 0.1], [0.0]])
+    scene = op.Scene([*BLOCKS[:1], cart], safety=0.005)
+    problem = op.load_problem("12_planar").with_parts(scene=scene, tracking_error=0.001)
+    assert {"a clearance", "a tracking error", "obstacles that move"} <= {*op.bound(problem, budget=0.1).left_out}
+
+
 @pytest.mark.parametrize(
     ("name", "field"), [("08_pose", "goal"), ("37_on_the_move", "start"), ("40_panda_sorts_cubes", "task")]
 )
@@ -139,6 +155,14 @@ def test_a_motion_of_another_problem_is_refused():
     run = op.plan(op.load_problem("12_planar"), budget=3.0)
     with pytest.raises(op.InputError, match=r"^op\.bound: motion: "):
         op.bound(op.load_problem("12_planar").with_limits(velocity=0.5), motion=run)
+
+
+def test_a_motion_of_another_problem_is_refused_where_neither_has_a_hash():
+    one = derived(op.load_problem("12_planar"), seed=1)
+    run = op.plan(one, budget=3.0)
+    assert run.verified
+    with pytest.raises(op.InputError, match=r"^op\.bound: motion: "):
+        op.bound(derived(one, limits=one.limits.scaled(velocity=0.5)), motion=run)
 
 
 def test_words_of_a_bound():
