@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
 from typing import Any, TypeVar
@@ -122,7 +123,8 @@ class Execution:
         self._loop.beat = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="optiplan execution", daemon=True)
         self._thread.start()
-        threading.Thread(target=self._report, name="optiplan execution reports", daemon=True).start()
+        for target, name in ((self._watch, "watch"), (self._report, "reports")):
+            threading.Thread(target=target, name=f"optiplan execution {name}", daemon=True).start()
 
     def wait(self, timeout: float | None = None) -> dict[str, Any]:
         """Wait until the execution is over, at most `timeout` s; return `snapshot()`."""
@@ -192,7 +194,7 @@ class Execution:
             A function that ends it.
         """
         self._subscribers.append(callback)
-        return lambda: self._subscribers.remove(callback) if callback in self._subscribers else None
+        return lambda: self._unsubscribe(callback)
 
     def snapshot(self) -> dict[str, Any]:
         """Return what the execution is doing, ready for JSON.
@@ -319,14 +321,19 @@ class Execution:
             log.warning("the driver '%s' raised at its stop: %s", self.capabilities.name, in_words(error))
             self._failed = f"{self._failed or reason}; its stop failed: {in_words(error)}"
 
-    def _report(self) -> None:
-        """The thread of subscribers, which also sees whether the loop still runs."""
-        done, last, silent = 0, -1.0, 0
+    def _watch(self) -> None:
+        """The thread that sees whether the loop still runs; it calls nobody that may keep it."""
+        silent = 0
         while not self._over.wait(1.0 / REPORTS):
             most = STOPPING if self._let_go else STALLED
             silent = silent + 1 if time.monotonic() - self._loop.beat > most else 0
             if silent > 1:  # once is also seen where the whole process stood still
                 self._give_up(f"the driver did not return from a call for {most:g} s")
+
+    def _report(self) -> None:
+        """The thread of subscribers."""
+        done, last = 0, -1.0
+        while not self._over.wait(1.0 / REPORTS):
             done = self._report_events(done)
             tick = self._loop.tick
             if tick is not None and tick.t != last:
@@ -345,6 +352,10 @@ class Execution:
         with self._lock:
             self._over.set()
 
+    def _unsubscribe(self, callback: Callable[[dict[str, Any]], None]) -> None:
+        with suppress(ValueError):  # it is gone already
+            self._subscribers.remove(callback)
+
     def _report_events(self, done: int) -> int:
         events = list(self._loop.events)
         for event in events[done:]:
@@ -355,9 +366,9 @@ class Execution:
         for callback in list(self._subscribers):
             try:
                 callback(message)
-            except Exception as error:  # a reader is no reason to stop a robot
+            except BaseException as error:  # a reader is no reason to stop a robot, nor to leave the others without
                 log.warning("a subscriber of an execution raised, and gets nothing more: %s", in_words(error))
-                self._subscribers.remove(callback)
+                self._unsubscribe(callback)
 
 
 def _checked(driver: Driver, executor: Executor, rate: float | None) -> Capabilities:

@@ -162,18 +162,26 @@ def test_a_driver_that_loses_its_state_stops_along_the_path(run):
     assert steps_within_limits(robot.ticks, 1e-3, run.problem.limits)
 
 
-def test_a_call_that_does_not_return_is_the_end_of_the_driver(run):
+def hanging(run):
+    """A robot that does not return from `send` until its `release` is set."""
+
     class Hanging(FollowingRobot):
+        release = threading.Event()
+
         def send(self, tick):
             super().send(tick)
             if len(self.ticks) == FAILS_AT:
-                release.wait(20.0)
+                self.release.wait(20.0)
 
-    release, robot = threading.Event(), Hanging(run)
+    return Hanging(run)
+
+
+def test_a_call_that_does_not_return_is_the_end_of_the_driver(run):
+    robot = hanging(run)
     execution = op.Execution(op.Executor(run), robot, clock=robot.clock)
     execution.start()
     found = execution.wait(10.0)
-    release.set()
+    robot.release.set()
     assert (found["phase"], found["over"]) == ("stopped", True)
     assert "did not return" in found["reason"]
     time.sleep(0.05)
@@ -246,3 +254,32 @@ def test_it_runs_once(run):
     execution.override(0.5)  # nothing happens any more
     assert execution.snapshot()["override"] == 1.0
     assert execution.lateness()["max"] < 1e-9
+
+
+def test_a_subscriber_that_does_not_return_hides_no_driver_that_hangs(run):
+    release, robot = threading.Event(), hanging(run)
+    execution = op.Execution(op.Executor(run), robot, clock=robot.clock)
+    execution.subscribe(lambda _: release.wait(20.0))
+    execution.start()
+    found = execution.wait(5.0)
+    release.set()
+    robot.release.set()
+    assert found["over"]
+    assert "did not return" in found["reason"]
+
+
+@pytest.mark.parametrize("error", [RuntimeError("a reader"), SystemExit(3)])
+def test_a_subscriber_that_ends_and_raises_keeps_nothing_from_the_others(run, error):
+    robot, got = FollowingRobot(run, rate=100.0, clock=SetClock(pause=0.005)), []
+    execution = op.Execution(op.Executor(run), robot, clock=robot.clock)
+
+    def once(_):
+        end()
+        raise error
+
+    end = execution.subscribe(once)
+    execution.subscribe(got.append)
+    execution.start()
+    execution.wait(20.0)
+    until(lambda: got and got[-1]["kind"] == "end")
+    assert len(got) > 3
