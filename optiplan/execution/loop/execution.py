@@ -20,7 +20,7 @@ from optiplan.execution.arguments import LONGEST_TICK, numbers
 from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
 from optiplan.execution.executor import Executor
 from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop, in_words
-from optiplan.execution.paths.proved_path import ProvedPath
+from optiplan.execution.paths.proved_path import AT_REST, ProvedPath
 from optiplan.execution.scene.seen_scene import SceneUpdate
 from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
@@ -100,8 +100,9 @@ class Execution:
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         times = clock or MonotonicClock()
         self._loop = TickLoop(executor, driver, self.capabilities, times, self._commands, float(patience))
-        self._lock, self._over = threading.Lock(), threading.Event()
+        self._lock, self._over = threading.RLock(), threading.Event()  # a signal may come while its thread holds it
         self._thread: threading.Thread | None = None
+        self._begun = False
         self._failed = ""  # why it ended at once
         self._let_go = False
         self._subscribers: list[Callable[[dict[str, Any]], None]] = []
@@ -112,11 +113,13 @@ class Execution:
         Raises:
             DriverError: it was started before, or the robot is not where the motion begins.
         """
-        if self._thread is not None:
+        with self._lock:
+            begun, self._begun = self._begun, True
+        if begun:
             raise DriverError("op.Execution.start: it was started before; expected a new one for each motion")
         try:
             self._check_start()
-        except Exception:
+        except BaseException:  # Ctrl-C, too
             self._stop_driver("not started")
             self._over.set()
             raise
@@ -285,16 +288,18 @@ class Execution:
             found = self._driver.state()
         if found is None or not found.age < FRESH:
             raise DriverError(f"the driver '{self.capabilities.name}' has had no new state for {FIRST_STATE:g} s")
-        motion = self._executor.run.trajectory
-        assert motion is not None
-        q, start = numbers(found.q), np.asarray(motion.start)
+        begins = self._executor.state_in(0.0)  # an executor may have come some way already
+        q, start, names = numbers(found.q), begins.q, self.capabilities.joint_names
         if q.shape != start.shape:
             raise DriverError(f"the driver's state has {q.size} joints; expected {len(start)}")
         off = np.nan_to_num(np.abs(q - start), nan=np.inf)
-        if off.max() > AT_START:
-            worst = int(off.argmax())
-            where = f"{self.capabilities.joint_names[worst]} is at {q[worst]:.4f}, where {start[worst]:.4f} is expected"
+        worst, fastest = int(off.argmax()), int(np.abs(begins.v).argmax())
+        if off[worst] > AT_START:
+            where = f"{names[worst]} is at {q[worst]:.4f}, where {start[worst]:.4f} is expected"
             raise DriverError(f"the robot does not stand where the motion begins: {where}; move it there first")
+        if abs(begins.v[fastest]) > AT_REST:
+            speed = f"{names[fastest]} at {begins.v[fastest]:.4g} rad/s or m/s"
+            raise DriverError(f"the motion begins with {speed}, and the robot stands; expected one from rest")
 
     def _run(self) -> None:
         """The thread of the set-points."""

@@ -283,3 +283,53 @@ def test_a_subscriber_that_ends_and_raises_keeps_nothing_from_the_others(run, er
     execution.wait(20.0)
     until(lambda: got and got[-1]["kind"] == "end")
     assert len(got) > 3
+
+
+def test_an_execution_that_was_refused_does_not_start_later(run):
+    robot = FollowingRobot(run)
+    robot.q = robot.q + 0.1
+    execution = op.Execution(op.Executor(run), robot, clock=robot.clock)
+    with pytest.raises(DriverError, match="does not stand"):
+        execution.start()
+    robot.q = np.array(run.trajectory.start)
+    with pytest.raises(DriverError, match="started before"):
+        execution.start()  # it is over, and takes no commands: nobody could stop it
+    assert robot.ticks == []
+
+
+def test_a_robot_is_compared_with_where_its_executor_is(run):
+    executor, robot = op.Executor(run), FollowingRobot(run)
+    for _ in range(300):
+        executor.tick(1e-3)
+    executor.pause()
+    while executor.status.phase != "paused":
+        tick = executor.tick(1e-3)
+    with pytest.raises(DriverError, match="does not stand where the motion begins"):
+        op.Execution(executor, robot).start()
+    robot.q = tick.q
+    execution = op.Execution(executor, robot, clock=robot.clock)
+    execution.resume()
+    execution.start()
+    assert execution.wait(20.0)["phase"] == "done"
+
+
+def test_a_robot_that_stands_is_not_sent_along_a_motion_that_begins_at_speed(run):
+    executor, robot = op.Executor(run), FollowingRobot(run)
+    for _ in range(300):
+        robot.q = executor.tick(1e-3).q
+    with pytest.raises(DriverError, match=r"begins with panda_joint\d at .*expected one from rest"):
+        op.Execution(executor, robot).start()
+    assert robot.ticks == []
+
+
+def test_a_signal_may_stop_an_execution_while_its_thread_gives_a_command(run):
+    execution = op.Execution(op.Executor(run), FollowingRobot(run))
+
+    def handler():  # of a signal: it runs in the thread that gives a command
+        with execution._lock:
+            execution.stop()
+
+    thread = threading.Thread(target=handler, daemon=True)
+    thread.start()
+    thread.join(5.0)
+    assert not thread.is_alive()
