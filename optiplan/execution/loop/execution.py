@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import replace
 from itertools import islice
 from typing import Any, TypeVar
 
@@ -17,9 +16,11 @@ from optiplan.arrays import is_finite
 from optiplan.cores import keeping_time
 from optiplan.errors import described, wrong_argument
 from optiplan.execution.arguments import LONGEST_TICK, numbers
-from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
+from optiplan.execution.drivers.base import Driver, DriverError
 from optiplan.execution.executor import Executor
-from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop, in_words
+from optiplan.execution.loop.driver_checks import checked_capabilities, in_words, measured_by
+from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop
+from optiplan.execution.measurement import Measurement
 from optiplan.execution.paths.proved_path import AT_REST, ProvedPath
 from optiplan.execution.scene.seen_scene import SceneUpdate
 from optiplan.geometry.pose import Values
@@ -41,9 +42,6 @@ FIRST_STATE = 2.0
 STALLED = 0.5
 """s: a call of the driver that does not return for so long is taken for its end."""
 
-MOST_RATE = 2000.0
-"""Hz: of set-points at most."""
-
 STOPPING = 10.0
 """s: the same for `stop`, in which a robot may still come to a stand."""
 
@@ -62,7 +60,7 @@ class Execution:
     Args:
         executor: that nothing else calls any more.
         driver: of a robot that stands where the motion begins.
-        rate: set-points per second, Hz; None: the driver's.
+        rate: set-points per second, Hz; None: the driver's. With a `lead`, at least three in it.
         patience: how late a set-point may come, s, before the robot stops along its path.
         clock: another one, for tests.
 
@@ -70,7 +68,8 @@ class Execution:
         capabilities: of the driver, with the rate that is used.
 
     Raises:
-        InputError: the driver has other joints, or the rate cannot be.
+        InputError: the driver has other joints, or is none; the rate cannot be.
+        DriverError: the driver does not say what it can do.
 
     Example:
         >>> import optiplan as op
@@ -96,7 +95,7 @@ class Execution:
             expected = f"seconds above 0, up to {LONGEST_TICK:g}"
             raise wrong_argument("Execution", "patience", described(patience), expected)
         self._executor, self._driver = executor, driver
-        self.capabilities = _checked(driver, executor, rate)
+        self.capabilities = checked_capabilities(driver, tuple(executor.run.problem.robot.joint_names), rate)
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         times = clock or MonotonicClock()
         self._loop = TickLoop(executor, driver, self.capabilities, times, self._commands, float(patience))
@@ -225,7 +224,7 @@ class Execution:
             "q": None if tick is None else tick.q.tolist(),
             "v": None if tick is None else tick.v.tolist(),
             "measured": None if seen is None else _finite(seen.q),
-            "age": None if seen is None else seen.age,
+            "age": float(seen.age) if seen is not None and is_finite(seen.age) else None,
             "events": [one.to_data() for one in list(loop.events)],
             "missed": loop.missed,
             "longest": loop.longest,
@@ -282,11 +281,11 @@ class Execution:
         """Refuse a robot that stands elsewhere: the first set-point would be a jump."""
         if not self.capabilities.measures:
             return
-        begin, found = time.monotonic(), self._driver.state()
-        while (found is None or not found.age < FRESH) and time.monotonic() < begin + FIRST_STATE:
+        begin, found = time.monotonic(), measured_by(self._driver)
+        while not _is_fresh(found) and time.monotonic() < begin + FIRST_STATE:
             time.sleep(0.01)
-            found = self._driver.state()
-        if found is None or not found.age < FRESH:
+            found = measured_by(self._driver)
+        if found is None or not _is_fresh(found):
             raise DriverError(f"the driver '{self.capabilities.name}' has had no new state for {FIRST_STATE:g} s")
         begins = self._executor.state_in(0.0)  # an executor may have come some way already
         q, start, names = numbers(found.q), begins.q, self.capabilities.joint_names
@@ -376,17 +375,8 @@ class Execution:
                 self._unsubscribe(callback)
 
 
-def _checked(driver: Driver, executor: Executor, rate: float | None) -> Capabilities:
-    """Return what the driver can do, at the rate that is wanted."""
-    found, names = driver.capabilities(), tuple(executor.run.problem.robot.joint_names)
-    if tuple(found.joint_names) != names:
-        other = f"a driver '{found.name}' of the joints {', '.join(found.joint_names)}"
-        raise wrong_argument("Execution", "driver", other, f"one of the run's joints, in order: {', '.join(names)}")
-    wanted = found.rate if rate is None else rate
-    if not is_finite(wanted) or not 0.0 < wanted <= MOST_RATE or wanted < 1.0 / LONGEST_TICK:
-        expected = f"{1.0 / LONGEST_TICK:g} to {MOST_RATE:g} Hz, or None for the driver's own"
-        raise wrong_argument("Execution", "rate", described(rate), expected)
-    return replace(found, rate=float(wanted))
+def _is_fresh(found: Measurement | None) -> bool:
+    return found is not None and is_finite(found.age) and found.age < FRESH
 
 
 def _finite(q: Any) -> list[float | None]:

@@ -9,7 +9,7 @@ import pytest
 
 import optiplan as op
 from optiplan.errors import InputError
-from optiplan.execution.drivers.base import DriverError
+from optiplan.execution.drivers.base import Capabilities, DriverError
 from optiplan.execution.measurement import Measurement
 from tests.execution.in_process import FollowingRobot, SetClock, executed, steps_within_limits
 
@@ -333,3 +333,59 @@ def test_a_signal_may_stop_an_execution_while_its_thread_gives_a_command(run):
     thread.start()
     thread.join(5.0)
     assert not thread.is_alive()
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("latency", np.nan), ("latency", np.inf), ("latency", -1.0), ("lead", np.nan), ("lead", 100.0), ("rate", "fast")],
+)
+def test_capabilities_that_cannot_be_are_refused(run, field, value):
+    """With a latency that is no number a motion never ended; ways ahead of an endless lead had no numbers."""
+    with pytest.raises(InputError, match=rf"op\.Capabilities: {field}: found"):
+        Capabilities(**{"name": "mine", "joint_names": ("a",), "rate": 100.0, field: value})
+
+
+def test_capabilities_without_text_or_truth_values_are_refused():
+    for field, value in (("name", None), ("name", 3), ("joint_names", None), ("joint_names", "ab"), ("measures", "no")):
+        with pytest.raises(InputError, match=field):
+            Capabilities(**{"name": "mine", "joint_names": ("a",), "rate": 100.0, field: value})
+
+
+def test_what_is_no_driver_is_refused(run):
+    executor, robot = op.Executor(run), FollowingRobot(run)
+    for driver in (None, run, object()):
+        with pytest.raises(InputError, match=r"driver: found .* without 'capabilities'"):
+            op.Execution(executor, driver)
+    robot.capabilities = lambda: None
+    with pytest.raises(InputError, match=r"expected one that returns an op\.Capabilities"):
+        op.Execution(executor, robot)
+    robot.capabilities = lambda: 1 / 0
+    with pytest.raises(DriverError, match="does not say what it can do: ZeroDivisionError"):
+        op.Execution(executor, robot)
+
+
+@pytest.mark.parametrize("state", [np.zeros(7), (1.0, 2.0), "here", op.State(np.zeros(7))], ids=lambda one: type(one))
+def test_a_state_that_is_no_measurement_ends_in_a_stop(run, state):
+    robot = FollowingRobot(run)
+    robot.state = lambda: state
+    with pytest.raises(DriverError, match=r"state\(\) returned .*; expected an op\.Measurement, or None"):
+        op.Execution(op.Executor(run), robot).start()
+    later = FollowingRobot(run)
+    states = later.state
+    later.state = lambda: state if len(later.ticks) > FAILS_AT else states()
+    found = executed(run, later).snapshot()
+    assert found["phase"] == "stopped"
+    assert "state() returned" in found["reason"]
+    assert steps_within_limits(later.ticks, 1e-3, run.problem.limits)
+
+
+@pytest.mark.parametrize("lead", [0.05, 0.1, 0.4])
+def test_the_slowest_rate_of_a_driver_with_a_lead_runs_to_the_end(run, lead):
+    """At 10 to 20 Hz a lead of 0.1 s was over before the next set-point, which was told as none coming."""
+    slowest = max(10.0, 3.0 / lead)
+    for rate in (slowest, 1.1 * slowest, 1.34 * slowest):
+        robot = FollowingRobot(run, rate, lead)
+        assert executed(run, robot).snapshot()["reason"] == ""
+    if slowest > 10.0:
+        with pytest.raises(InputError, match="at least 3 set-points in the driver's lead"):
+            op.Execution(op.Executor(run), FollowingRobot(run, lead=lead), rate=0.9 * slowest)
