@@ -305,7 +305,7 @@ class Execution:
         try:
             with keeping_time():
                 refused = self._loop.run()
-        except Exception as error:  # a bug of ours: the robot is to stand still, and it is to be seen
+        except BaseException as error:  # a bug of ours: the robot is to stand still, and it is to be seen
             log.exception("the loop of an execution failed")
             refused = f"the loop failed: {in_words(error)}"
         self._loop.beat = time.monotonic()
@@ -321,7 +321,7 @@ class Execution:
         self._let_go = True
         try:
             self._driver.stop(reason)
-        except Exception as error:
+        except BaseException as error:  # also one that ends its thread: this is no reason to be over in silence
             log.warning("the driver '%s' raised at its stop: %s", self.capabilities.name, in_words(error))
             self._failed = f"{self._failed or reason}; its stop failed: {in_words(error)}"
 

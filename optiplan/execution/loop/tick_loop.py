@@ -138,7 +138,7 @@ class TickLoop:
             return "ended"
         try:
             self._driver.send(tick)
-        except Exception as error:  # whatever a driver raises, the robot is to stand still
+        except BaseException as error:  # whatever a driver raises, the robot is to stand still
             return f"the driver takes no set-point: {in_words(error)}"
         self._ahead, self._fresh = self._fresh or self._ahead, None
         self.events += tick.events
@@ -164,7 +164,7 @@ class TickLoop:
             return None
         try:
             return measured_by(self._driver)
-        except Exception as error:  # set-points can still be sent: the robot stops along the path
+        except BaseException as error:  # set-points can still be sent: the robot stops along the path
             self._reads = False
             self._stop(f"the driver has no state: {in_words(error)}")
             return None

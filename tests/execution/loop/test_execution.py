@@ -1,5 +1,6 @@
 """`Execution`: commands from other threads, reports, and drivers that fail."""
 
+import sys
 import threading
 import time
 from itertools import pairwise
@@ -174,6 +175,18 @@ def hanging(run):
                 self.release.wait(20.0)
 
     return Hanging(run)
+
+
+@pytest.mark.parametrize("call", ["send", "state", "stop"])
+def test_a_driver_that_would_end_its_thread_does_not_end_in_silence(run, call):
+    robot = failing(run, call, SystemExit(3))
+    if call == "stop":
+        robot.stop = lambda _: sys.exit(3)
+    found = executed(run, robot).snapshot()
+    assert (found["phase"], found["over"]) == ("stopped", True)
+    assert "SystemExit: 3" in found["reason"]
+    if call == "state":
+        assert steps_within_limits(robot.ticks, 1e-3, run.problem.limits)
 
 
 def test_a_call_that_does_not_return_is_the_end_of_the_driver(run):
