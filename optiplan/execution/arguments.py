@@ -16,6 +16,9 @@ SAME_STATE = 1e-8
 LONGEST_TICK = 0.1
 """s: after a longer one the robot had no set-points for too long, and stops."""
 
+ROUNDED = 1e-9
+"""s by which the longest tick may be longer: the difference of two times of a loop at 10 Hz."""
+
 
 def is_share(value: Any) -> bool:
     """Whether a value is a number from 0 to 1."""
@@ -65,6 +68,6 @@ def checked_step(dt: Any) -> tuple[float, str]:
     """Return the length of a tick, s; where it cannot be, 0 or the longest, and why the robot must stop."""
     if not is_finite(dt) or dt < 0.0:
         return 0.0, f"tick: found a step of {told(dt)}; expected seconds >= 0"
-    if dt > LONGEST_TICK:
+    if dt > LONGEST_TICK + ROUNDED:
         return LONGEST_TICK, f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s"
     return float(dt), ""

@@ -402,3 +402,13 @@ def test_the_slowest_rate_of_a_driver_with_a_lead_runs_to_the_end(run, lead):
     if slowest > 10.0:
         with pytest.raises(InputError, match="at least 3 set-points in the driver's lead"):
             op.Execution(op.Executor(run), FollowingRobot(run, lead=lead), rate=0.9 * slowest)
+
+
+@pytest.mark.parametrize("lead", [0.0, 0.3])
+def test_a_loop_of_10_hz_has_ticks_of_the_longest_length(run, lead):
+    """Times of the loop differ by 0.1 s but for rounding, which was told as a step of more than 0.1 s."""
+    robot = FollowingRobot(run, 10.0, lead)
+    execution = op.Execution(op.Executor(run, override=0.1), robot, clock=robot.clock)
+    execution.start()
+    assert execution.wait(20.0)["reason"] == ""
+    assert len(robot.ticks) > 70
