@@ -71,3 +71,21 @@ def checked_step(dt: Any) -> tuple[float, str]:
     if dt > LONGEST_TICK + ROUNDED:
         return LONGEST_TICK, f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s"
     return float(dt), ""
+
+
+def checked_seconds(function: str, argument: str, value: Any) -> float:
+    """Require a number of seconds.
+
+    Raises:
+        InputError: another value.
+    """
+    if not is_finite(value) or value < 0.0:
+        raise wrong_argument(function, argument, told(value), "seconds >= 0")
+    return float(value)
+
+
+def stop_words(reason: Any, how: Any) -> tuple[str, bool]:
+    """Return the reason of a stop in words, whatever it is, and whether the joints are to stop off the path."""
+    if not isinstance(how, str) or how not in ("path", "joints"):
+        return f"stop: found {told(how)}; expected 'path' or 'joints'", False
+    return reason if isinstance(reason, str) else told(reason), how == "joints"

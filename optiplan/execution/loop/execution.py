@@ -14,8 +14,8 @@ import numpy as np
 
 from optiplan.arrays import is_finite
 from optiplan.cores import keeping_time
-from optiplan.errors import described, wrong_argument
-from optiplan.execution.arguments import LONGEST_TICK, numbers
+from optiplan.errors import described, whole_argument, wrong_argument
+from optiplan.execution.arguments import LONGEST_TICK, checked_seconds, numbers
 from optiplan.execution.drivers.base import Driver, DriverError
 from optiplan.execution.executor import Executor
 from optiplan.execution.loop.driver_checks import checked_capabilities, in_words, measured_by
@@ -129,8 +129,13 @@ class Execution:
             threading.Thread(target=target, name=f"optiplan execution {name}", daemon=True).start()
 
     def wait(self, timeout: float | None = None) -> dict[str, Any]:
-        """Wait until the execution is over, at most `timeout` s; return `snapshot()`."""
-        self._over.wait(timeout)
+        """Wait until the execution is over, at most `timeout` s; return `snapshot()`.
+
+        Raises:
+            InputError: the timeout is no number of seconds >= 0, infinity or None, which are for ever.
+        """
+        most = None if timeout is None or timeout == np.inf else checked_seconds("Execution.wait", "timeout", timeout)
+        self._over.wait(None if most is None else min(most, threading.TIMEOUT_MAX))
         return self.snapshot()
 
     @property
@@ -194,7 +199,12 @@ class Execution:
 
         Returns:
             A function that ends it.
+
+        Raises:
+            InputError: it is no function.
         """
+        if not callable(callback):
+            raise wrong_argument("Execution.subscribe", "callback", described(callback), "a function of a message")
         self._subscribers.append(callback)
         return lambda: self._unsubscribe(callback)
 
@@ -234,7 +244,12 @@ class Execution:
         }
 
     def lateness(self, last: int = KEPT_LATENESS) -> dict[str, float]:
-        """Return how late set-points were, s: `rms`, `p50`, `p99`, `max` of the last ticks, 100,000 unless given."""
+        """Return how late set-points were, s: `rms`, `p50`, `p99`, `max` of the last ticks, 100,000 unless given.
+
+        Raises:
+            InputError: `last` is no whole number >= 1.
+        """
+        whole_argument("Execution.lateness", "last", last, 1)
         late = np.abs(np.array(list(islice(reversed(self._loop.lateness), last)) or [0.0]))
         p50, p99 = np.percentile(late, [50, 99])
         return {"rms": float(np.sqrt(np.mean(late**2))), "p50": float(p50), "p99": float(p99), "max": float(late.max())}

@@ -255,6 +255,13 @@ def test_wrong_arguments_are_named(run):
         op.Execution(op.Executor(run), robot, rate=5000.0)
     with pytest.raises(InputError, match="patience"):
         op.Execution(op.Executor(run), robot, patience=0.5)
+    execution = op.Execution(op.Executor(run), robot)
+    for value in (-1.0, float("nan"), "soon", True):
+        with pytest.raises(InputError, match=r"op\.Execution\.wait: timeout: found"):
+            execution.wait(value)
+    for call, name in ((execution.subscribe, "callback"), (execution.lateness, "last")):
+        with pytest.raises(InputError, match=f"{name}: found the int -3"):
+            call(-3)
     robot.names = robot.names[::-1]
     with pytest.raises(InputError, match=r"driver: found a driver 'following' of the joints panda_joint7"):
         op.Execution(op.Executor(run), robot)
@@ -296,6 +303,13 @@ def test_a_subscriber_that_ends_and_raises_keeps_nothing_from_the_others(run, er
     execution.wait(20.0)
     until(lambda: got and got[-1]["kind"] == "end")
     assert len(got) > 3
+
+
+@pytest.mark.parametrize("timeout", [float("inf"), 1e12])
+def test_it_is_waited_for_as_long_as_can_be_said(run, timeout):
+    execution = op.Execution(op.Executor(run), FollowingRobot(run), clock=SetClock())
+    execution.start()
+    assert execution.wait(timeout)["over"]
 
 
 def test_an_execution_that_was_refused_does_not_start_later(run):
