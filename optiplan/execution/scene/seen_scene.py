@@ -48,7 +48,7 @@ class SeenScene:
             return f"update_scene: found {told(velocities)}; expected velocities by name"
         lost = next((name for name in velocities if name not in poses), None)
         for name, place in poses.items():
-            velocity = numbers(velocities.get(name, np.zeros(3)))
+            velocity = np.array(numbers(velocities.get(name, np.zeros(3))))  # the caller may write into its own again
             if velocity.shape != (3,) or not np.isfinite(velocity).all():
                 found = told(velocities[name])
                 return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
