@@ -370,3 +370,22 @@ def test_questions_with_wrong_numbers_are_refused(run_of):
     for value in (-1.0, np.nan, np.inf, "x", None):
         with pytest.raises(op.InputError, match="lead: found"):
             executor.ahead(value)
+
+
+@pytest.mark.parametrize("left", [0.002, 0.01, 0.03])
+def test_a_robot_that_is_asked_to_turn_just_before_an_end_turns_there(run_of, left):
+    """Where no stop fits in before the end, the law leads to it at speed: the robot stood there for ever."""
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    ticks = [executor.tick(DT)]
+    while ticks[-1].status.place < run.duration - left:
+        ticks.append(executor.tick(DT))
+    executor.reverse()
+    ticks += [executor.tick(DT) for _ in range(200)]
+    assert executor.status.place < run.duration - 2.0 * left
+    while ticks[-1].status.place > left:
+        ticks.append(executor.tick(DT))
+    executor.resume()
+    ticks += [executor.tick(DT) for _ in range(2500)]
+    assert executor.status.phase == "done"
+    assert_continuous(run, ticks)
