@@ -20,6 +20,16 @@ UNIT_TOLERANCE = 1e-3
 """How far the length of a unit vector or quaternion written by hand may be from 1; it is normalised then."""
 
 
+class ReadOnlyArrays:
+    """What has arrays that nobody may write into, also as a deep copy, or as it comes from another process."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+        self.__dict__.update(state)
+
+
 def is_finite(value: Any) -> TypeGuard[float]:
     """Whether it is a number that a float can hold, of Python or numpy: no truth value, NaN or infinity."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):

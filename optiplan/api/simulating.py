@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from optiplan.arrays import is_finite
-from optiplan.errors import choice_argument, described, progress_argument, wrong_argument
+from optiplan.errors import choice_argument, described, flag_argument, progress_argument, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.simulation.execution import Engine, ExecutionOptions
 from optiplan.simulation.execution import execute as follow
@@ -16,6 +16,9 @@ from optiplan.simulation.plants.imperfections import Imperfections
 from optiplan.simulation.plants.task_plant import FrictionGrip
 from optiplan.simulation.references.executed import ExecutedReference, Speeds
 from optiplan.simulation.simulation import Simulation, run_control
+
+MOST_DELAY = 10.0
+"""s, from measurement to torque."""
 
 
 def simulate(source: Path | str | Mapping[str, Any], progress: Callable[[float], None] | None = None) -> Simulation:
@@ -93,6 +96,11 @@ def execute(
     for name, value, least in (("delay", delay, 0.0), ("payload", payload, 0.0), ("frequency", frequency, 1e-3)):
         if not is_finite(value) or value < least:
             raise wrong_argument("execute", name, described(value), f"a finite number >= {least:g}")
+    steps = delay / ExecutionOptions.step
+    if delay > MOST_DELAY or abs(steps - round(steps)) > 1e-6:
+        expected = f"a multiple of the plant's step of {ExecutionOptions.step:g} s, up to {MOST_DELAY:g} s"
+        raise wrong_argument("execute", "delay", described(delay), expected)
+    flag_argument("execute", "wheels", wheels)
     if wheels and engine != "mujoco":
         raise wrong_argument(
             "execute", "wheels", f"{wheels!r} with the engine '{engine}'", "the engine mujoco, or False"
@@ -111,7 +119,7 @@ def execute(
 
 def _grip(grip: str | FrictionGrip) -> FrictionGrip | None:
     """Return a grip by friction; None for welds."""
-    if not isinstance(grip, FrictionGrip) and grip not in ("weld", "friction"):
+    if not isinstance(grip, FrictionGrip) and not (isinstance(grip, str) and grip in ("weld", "friction")):
         raise wrong_argument("execute", "grip", described(grip), "weld, friction, or an op.FrictionGrip")
     if isinstance(grip, FrictionGrip):
         return grip

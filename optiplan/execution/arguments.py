@@ -16,6 +16,9 @@ SAME_STATE = 1e-8
 LONGEST_TICK = 0.1
 """s: after a longer one the robot had no set-points for too long, and stops."""
 
+ROUNDED = 1e-9
+"""s by which the longest tick may be longer: the difference of two times of a loop at 10 Hz."""
+
 
 def is_share(value: Any) -> bool:
     """Whether a value is a number from 0 to 1."""
@@ -65,6 +68,24 @@ def checked_step(dt: Any) -> tuple[float, str]:
     """Return the length of a tick, s; where it cannot be, 0 or the longest, and why the robot must stop."""
     if not is_finite(dt) or dt < 0.0:
         return 0.0, f"tick: found a step of {told(dt)}; expected seconds >= 0"
-    if dt > LONGEST_TICK:
+    if dt > LONGEST_TICK + ROUNDED:
         return LONGEST_TICK, f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s"
     return float(dt), ""
+
+
+def checked_seconds(function: str, argument: str, value: Any) -> float:
+    """Require a number of seconds.
+
+    Raises:
+        InputError: another value.
+    """
+    if not is_finite(value) or value < 0.0:
+        raise wrong_argument(function, argument, told(value), "seconds >= 0")
+    return float(value)
+
+
+def stop_words(reason: Any, how: Any) -> tuple[str, bool]:
+    """Return the reason of a stop in words, whatever it is, and whether the joints are to stop off the path."""
+    if not isinstance(how, str) or how not in ("path", "joints"):
+        return f"stop: found {told(how)}; expected 'path' or 'joints'", False
+    return reason if isinstance(reason, str) else told(reason), how == "joints"

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from optiplan.arrays import is_finite
 from optiplan.errors import wrong_argument
-from optiplan.execution.arguments import LONGEST_TICK, checked_arguments, checked_step, is_share, same_state, told
+from optiplan.execution import arguments
+from optiplan.execution.arguments import same_state
 from optiplan.execution.due_events import DueEvents
 from optiplan.execution.law_follower import ELSEWHERE, LawFollower
 from optiplan.execution.paths.joint_stop import Detour, JointStops
@@ -89,9 +89,9 @@ class Executor(LawFollower):
         policy: Policy | Reaction = "wait",
         separation: Separation | None = None,
     ) -> None:
-        checked_arguments(run, override, deviation, clearance)
+        arguments.checked_arguments(run, override, deviation, clearance)
         if tracking is not None and not isinstance(tracking, TrackingPolicy):
-            raise wrong_argument("Executor", "tracking", told(tracking), "an op.TrackingPolicy(…), or None")
+            raise wrong_argument("Executor", "tracking", arguments.told(tracking), "an op.TrackingPolicy(…), or None")
         self._path = ProvedPath(run, "Executor")
         self._policy = Policy.of(policy, separation)
         watch = SceneWatch(self._path, float(clearance), self._policy.linger)
@@ -134,8 +134,8 @@ class Executor(LawFollower):
 
     @override.setter
     def override(self, speed: float) -> None:
-        if not is_share(speed):
-            self.stop(f"override: found {told(speed)}; expected a speed from 0 to 1")
+        if not arguments.is_share(speed):
+            self.stop(f"override: found {arguments.told(speed)}; expected a speed from 0 to 1")
             return
         self._override = float(speed)
         self._aim()
@@ -154,11 +154,10 @@ class Executor(LawFollower):
             how: `path`: along the path. `joints`: each joint as fast as its limits allow, off the path, where that is
                 proved clear and faster; `clearance` is kept from all obstacles. `resume` then leads back to the path.
         """
-        known = how in ("path", "joints")
         self._held, self._next, self._blocking = "stopped", None, None
-        self._reason = reason if known else f"stop: found {told(how)}; expected 'path' or 'joints'"
+        self._reason, off = arguments.stop_words(reason, how)
         self._aim()
-        if how == "joints" and self._detour is None and self._people is None and not self._rests:
+        if off and self._detour is None and self._people is None and not self._rests:
             self._detour = self._stops.leave(self._stretch, self._law, self.time, self._scene)
             if self._detour is not None:
                 self._stretch, self._law, self._pending = self._detour.stop, self._detour.law, False
@@ -260,9 +259,7 @@ class Executor(LawFollower):
         Raises:
             InputError: the latency is no number of seconds >= 0.
         """
-        if not is_finite(latency) or latency < 0.0:
-            raise wrong_argument("Executor.state_in", "latency", told(latency), "seconds >= 0")
-        then = self.time + float(latency)
+        then = self.time + arguments.checked_seconds("Executor.state_in", "latency", latency)
         point = self._stretch.laws.set_point(self._law, then)
         state = State(point.q, point.v, point.a)
         self._predicted.append((then, state, self._law))
@@ -270,7 +267,9 @@ class Executor(LawFollower):
 
     def ahead(self, lead: float) -> Ahead:
         """Return the next `lead` s, if nothing is changed, and the stop along the path from there, for a driver."""
-        return way_ahead(self._stretch.laws, self._law, self.time, lead)
+        return way_ahead(
+            self._stretch.laws, self._law, self.time, arguments.checked_seconds("Executor.ahead", "lead", lead)
+        )
 
     def is_along(self, ahead: Ahead) -> bool:
         """Whether the law is still the one that leads to `ahead`."""
@@ -290,7 +289,7 @@ class Executor(LawFollower):
         if self._detour is not None:
             self._detour.drop()
         while self.time < end:
-            now, self.time = self.time, min(end, self.time + LONGEST_TICK)
+            now, self.time = self.time, min(end, self.time + arguments.LONGEST_TICK)
             point = self._point()
             place = self._stretch.place(point.place.s)
             self._tracking.tick(None, now, self.time, point.q, place, on_path=self._detour is None)
@@ -331,7 +330,7 @@ class Executor(LawFollower):
             dt: s since the last tick.
             measured: positions of the joints (n,), rad or m, a `State` or a `Measurement`; None: not measured.
         """
-        step, reason = checked_step(dt)
+        step, reason = arguments.checked_step(dt)
         if reason:
             self.stop(reason)
         if self._planning is not None:
@@ -371,7 +370,7 @@ class Executor(LawFollower):
         return self._status(self._point())
 
     def stopping(self, places: int = STOP_PLACES) -> Stopping:
-        """Return the stop along the path from full speed, at equally spaced places of the motion."""
+        """Return the stop along the path from full speed, at equally spaced places of the motion, at least one."""
         return self._path.forwards.laws.stopping(places)
 
     def _take_over(self, coming: NextPath) -> None:

@@ -99,8 +99,9 @@ class LawFollower:
 
     @property
     def _rests(self) -> bool:
-        """Whether the robot stands still, and will."""
-        return self._law.target == 0.0 and self.time >= self._law.settled
+        """Whether the robot stands still, and will: also at the end of its path, whatever the law."""
+        stands = self._law.target == 0.0 and self.time >= self._law.settled
+        return stands or self._law.at(self.time)[0] >= self._stretch.laws.length
 
     def _aim(self) -> None:
         """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
@@ -137,7 +138,7 @@ class LawFollower:
         s = self._law.at(self.time)[0]
         length = self._stretch.laws.length
         if s >= length:  # at its end the robot stands still, whatever the law
-            if not self._rests:
+            if self._law.target != 0.0 or self.time < self._law.settled:
                 self._law = self._stretch.laws.steady(length, 0.0, self.time)
             self._pending = False
             if self._people is not None:
@@ -172,6 +173,8 @@ class LawFollower:
             return
         if self._held or not self._turns:
             return
+        if self._law.target != 0.0:  # it came to the end of its path before it could stop
+            self._replace_law()
         turned, self._turned = self._turned, None
         if turned is None or turned.begin != self._law.settled:
             turned = self._next_stretch(self.time)

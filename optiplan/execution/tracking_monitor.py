@@ -135,7 +135,7 @@ class TrackingMonitor:
             found, age, stamp = measured.q, measured.age, measured.stamp
         elif isinstance(measured, State):
             found = measured.q
-        at = found if type(found) is np.ndarray and found.dtype == np.float64 else numbers(found)
+        at = np.array(found if type(found) is np.ndarray and found.dtype == np.float64 else numbers(found))  # is kept
         if at.shape != q.shape or not np.isfinite(at).all():
             return f"measured: found {told(found)}; expected {len(q)} finite positions"
         if self._endless is not None:

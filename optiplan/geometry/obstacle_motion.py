@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, ReadOnlyArrays
 
 SLIDES = 3
 """Rows of a motion that are metres; a fourth one is the angle."""
 
 
 @dataclass(frozen=True, eq=False)
-class ObstacleMotion:
+class ObstacleMotion(ReadOnlyArrays):
     """Motion M(t) = Trans(d(t)) Rot(axis through point, a(t)) of everything that moves as one; it ends at `until`.
 
     A point x is at a + R(a(t)) (x - a) + d(t) with a the point of the axis; d(t) = sum_k c_k t^k, and a(t) likewise.

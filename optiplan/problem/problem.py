@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, ReadOnlyArrays
 from optiplan.errors import path_argument, seed_argument, wrong_argument
 from optiplan.files import write_text
 from optiplan.geometry.pose import Pose, Values
@@ -39,7 +39,7 @@ __all__ = ["Goal", "GoalEnd", "JointGoal", "Objective", "Pose", "PoseGoal", "Pro
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Problem(FreeSpace):
+class Problem(ReadOnlyArrays, FreeSpace):
     """A task: which robot goes from where to where, around what, within which limits; never changed.
 
     The arguments are checked as a problem file is, and give the same problem with the same hash.

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, ReadOnlyArrays
 from optiplan.config.document import Document
 from optiplan.config.messages import choices
 from optiplan.errors import InputError, Issue
@@ -38,7 +38,7 @@ def joint_units(quantity: str, revolute: Iterable[bool] = (True, False)) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class Limits(ReadOnlyArrays):
     """Bounds of the planned joints, each of shape (n,), in rad or m and seconds; torque in N·m or N.
 
     `lower` and `upper` are -inf and inf for joints that turn without end. The arrays are copied and made read-only:

@@ -197,12 +197,13 @@ class Log:
         }
 
     def __repr__(self) -> str:
-        """Length, errors and contact in one line."""
+        """Length, errors, contact and why it ended early in one line."""
         tool = f"tool error {1e3 * self.tracking.tool_rms:.3g} mm RMS, {1e3 * self.tracking.tool_peak:.3g} mm at most"
         touching = "" if self.contacts is None else "; contact" if self.touched else "; no contact"
         errors = [found.error for found in self.objects.values()]
         objects = f"; objects end within {1e3 * max(errors):.3g} mm of the plan" if errors else ""
-        return f"Log: {self.t[-1]:.3f} s, {tool}{touching}{objects}"
+        ended = f"; {self.stopped}" if self.stopped else ""
+        return f"Log: {self.t[-1]:.3f} s, {tool}{touching}{objects}{ended}"
 
 
 def npz_of(log: Log) -> bytes:

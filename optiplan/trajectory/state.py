@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, ReadOnlyArrays
 from optiplan.errors import described, wrong_argument
 from optiplan.robot.given_configurations import configuration
 from optiplan.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class State:
+class State(ReadOnlyArrays):
     """Positions, velocities and accelerations of the planned joints at one instant.
 
     Args:

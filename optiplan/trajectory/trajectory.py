@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array, Index
+from optiplan.arrays import Array, Index, ReadOnlyArrays
 from optiplan.errors import InputError, Issue, described
 from optiplan.trajectory import bspline, polynomial
 from optiplan.trajectory.pieces import defect, read_pieces
@@ -57,7 +57,7 @@ class _Refused(InputError, ValueError):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectory:
+class Trajectory(ReadOnlyArrays):
     """Motion q(t) of n joints for t in [0, duration].
 
     On piece i, for t in [t_i, t_{i+1}]:  q_j(t) = sum_k coefficients[i, k, j] (t - t_i)^k.

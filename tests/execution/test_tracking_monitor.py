@@ -200,3 +200,14 @@ def test_a_tick_with_a_state_is_fast(run):
         way.append(executor.tick(DT, state).q)
         spent.append(time.thread_time() - began)
     assert np.median(spent) < 5e-4  # some 25 µs, 100 on a slow and busy machine; the table is made on a quiet one
+
+
+def test_a_jump_is_seen_of_a_driver_that_writes_its_states_into_one_array(plain):
+    """The array of the state before is that of the new one: it was compared with itself."""
+    executor, q = op.Executor(plain, deviation=0.5), np.array(plain.trajectory.start)
+    for k in range(20):
+        q[:] = executor.tick(DT, op.Measurement(q, 0.0 * q, DT * k)).q
+    q[2] += 0.1
+    assert (
+        "the state of panda_joint3 jumped by 0.1" in executor.tick(DT, op.Measurement(q, 0.0 * q, 0.02)).status.reason
+    )

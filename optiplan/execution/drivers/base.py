@@ -1,14 +1,19 @@
 """The four calls of every driver."""
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
-from optiplan.errors import OptiPlanError
+from optiplan.arrays import is_finite
+from optiplan.errors import OptiPlanError, flag_argument, text_argument, wrong_argument
+from optiplan.execution.arguments import told
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Tick
 
 Quantity = Literal["position", "velocity", "torque"]
 """What a driver takes of a set-point."""
+
+MOST_LATENCY, MOST_LEAD = 10.0, 3.0
+"""s: of a driver at most; between samples of a longer way ahead a robot would leave the path."""
 
 
 class DriverError(OptiPlanError):
@@ -30,6 +35,9 @@ class Capabilities:
             then stops along the path, by itself; `Tick.ahead` has that way.
         waits: whether nothing moves between two set-points, so that they may be as late as they like.
         tried_on_hardware: whether it has moved a real robot.
+
+    Raises:
+        InputError: names, a rate, times or truth values that cannot be.
     """
 
     name: str
@@ -41,6 +49,27 @@ class Capabilities:
     lead: float = 0.0
     waits: bool = False
     tried_on_hardware: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the values: a driver may be anybody's."""
+        if self.name is None:
+            raise _wrong("name", self.name, "text")
+        text_argument("Capabilities", "name", self.name, "text")
+        names = self.joint_names
+        if not isinstance(names, tuple | list) or not all(isinstance(one, str) for one in names):
+            raise _wrong("joint_names", names, "names of joints")
+        if not is_finite(self.rate) or self.rate <= 0.0:
+            raise _wrong("rate", self.rate, "a finite number > 0, Hz")
+        for key, most in (("latency", MOST_LATENCY), ("lead", MOST_LEAD)):
+            value = getattr(self, key)
+            if not is_finite(value) or not 0.0 <= value <= most:
+                raise _wrong(key, value, f"0 to {most:g} s")
+        for key in ("measures", "waits", "tried_on_hardware"):
+            flag_argument("Capabilities", key, getattr(self, key))
+
+
+def _wrong(argument: str, found: Any, expected: str) -> OptiPlanError:
+    return wrong_argument("Capabilities", argument, told(found), expected)
 
 
 class Driver(Protocol):

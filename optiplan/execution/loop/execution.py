@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from dataclasses import replace
+from contextlib import suppress
 from itertools import islice
 from typing import Any, TypeVar
 
@@ -14,12 +14,14 @@ import numpy as np
 
 from optiplan.arrays import is_finite
 from optiplan.cores import keeping_time
-from optiplan.errors import described, wrong_argument
-from optiplan.execution.arguments import LONGEST_TICK, numbers
-from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
+from optiplan.errors import described, whole_argument, wrong_argument
+from optiplan.execution.arguments import LONGEST_TICK, checked_seconds, numbers
+from optiplan.execution.drivers.base import Driver, DriverError
 from optiplan.execution.executor import Executor
-from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop, in_words
-from optiplan.execution.paths.proved_path import ProvedPath
+from optiplan.execution.loop.driver_checks import checked_capabilities, in_words, measured_by
+from optiplan.execution.loop.tick_loop import KEPT_LATENESS, PATIENCE, MonotonicClock, TickClock, TickLoop
+from optiplan.execution.measurement import Measurement
+from optiplan.execution.paths.proved_path import AT_REST, ProvedPath
 from optiplan.execution.scene.seen_scene import SceneUpdate
 from optiplan.geometry.pose import Values
 from optiplan.runs.run import Run
@@ -40,9 +42,6 @@ FIRST_STATE = 2.0
 STALLED = 0.5
 """s: a call of the driver that does not return for so long is taken for its end."""
 
-MOST_RATE = 2000.0
-"""Hz: of set-points at most."""
-
 STOPPING = 10.0
 """s: the same for `stop`, in which a robot may still come to a stand."""
 
@@ -61,7 +60,7 @@ class Execution:
     Args:
         executor: that nothing else calls any more.
         driver: of a robot that stands where the motion begins.
-        rate: set-points per second, Hz; None: the driver's.
+        rate: set-points per second, Hz; None: the driver's. With a `lead`, at least three in it.
         patience: how late a set-point may come, s, before the robot stops along its path.
         clock: another one, for tests.
 
@@ -69,7 +68,8 @@ class Execution:
         capabilities: of the driver, with the rate that is used.
 
     Raises:
-        InputError: the driver has other joints, or the rate cannot be.
+        InputError: the driver has other joints, or is none; the rate cannot be.
+        DriverError: the driver does not say what it can do.
 
     Example:
         >>> import optiplan as op
@@ -95,12 +95,13 @@ class Execution:
             expected = f"seconds above 0, up to {LONGEST_TICK:g}"
             raise wrong_argument("Execution", "patience", described(patience), expected)
         self._executor, self._driver = executor, driver
-        self.capabilities = _checked(driver, executor, rate)
+        self.capabilities = checked_capabilities(driver, tuple(executor.run.problem.robot.joint_names), rate)
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         times = clock or MonotonicClock()
         self._loop = TickLoop(executor, driver, self.capabilities, times, self._commands, float(patience))
-        self._lock, self._over = threading.Lock(), threading.Event()
+        self._lock, self._over = threading.RLock(), threading.Event()  # a signal may come while its thread holds it
         self._thread: threading.Thread | None = None
+        self._begun = False
         self._failed = ""  # why it ended at once
         self._let_go = False
         self._subscribers: list[Callable[[dict[str, Any]], None]] = []
@@ -111,22 +112,30 @@ class Execution:
         Raises:
             DriverError: it was started before, or the robot is not where the motion begins.
         """
-        if self._thread is not None:
+        with self._lock:
+            begun, self._begun = self._begun, True
+        if begun:
             raise DriverError("op.Execution.start: it was started before; expected a new one for each motion")
         try:
             self._check_start()
-        except Exception:
+        except BaseException:  # Ctrl-C, too
             self._stop_driver("not started")
             self._over.set()
             raise
         self._loop.beat = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="optiplan execution", daemon=True)
         self._thread.start()
-        threading.Thread(target=self._report, name="optiplan execution reports", daemon=True).start()
+        for target, name in ((self._watch, "watch"), (self._report, "reports")):
+            threading.Thread(target=target, name=f"optiplan execution {name}", daemon=True).start()
 
     def wait(self, timeout: float | None = None) -> dict[str, Any]:
-        """Wait until the execution is over, at most `timeout` s; return `snapshot()`."""
-        self._over.wait(timeout)
+        """Wait until the execution is over, at most `timeout` s; return `snapshot()`.
+
+        Raises:
+            InputError: the timeout is no number of seconds >= 0, infinity or None, which are for ever.
+        """
+        most = None if timeout is None or timeout == np.inf else checked_seconds("Execution.wait", "timeout", timeout)
+        self._over.wait(None if most is None else min(most, threading.TIMEOUT_MAX))
         return self.snapshot()
 
     @property
@@ -190,9 +199,14 @@ class Execution:
 
         Returns:
             A function that ends it.
+
+        Raises:
+            InputError: it is no function.
         """
+        if not callable(callback):
+            raise wrong_argument("Execution.subscribe", "callback", described(callback), "a function of a message")
         self._subscribers.append(callback)
-        return lambda: self._subscribers.remove(callback) if callback in self._subscribers else None
+        return lambda: self._unsubscribe(callback)
 
     def snapshot(self) -> dict[str, Any]:
         """Return what the execution is doing, ready for JSON.
@@ -220,7 +234,7 @@ class Execution:
             "q": None if tick is None else tick.q.tolist(),
             "v": None if tick is None else tick.v.tolist(),
             "measured": None if seen is None else _finite(seen.q),
-            "age": None if seen is None else seen.age,
+            "age": float(seen.age) if seen is not None and is_finite(seen.age) else None,
             "events": [one.to_data() for one in list(loop.events)],
             "missed": loop.missed,
             "longest": loop.longest,
@@ -230,7 +244,12 @@ class Execution:
         }
 
     def lateness(self, last: int = KEPT_LATENESS) -> dict[str, float]:
-        """Return how late set-points were, s: `rms`, `p50`, `p99`, `max` of the last ticks, 100,000 unless given."""
+        """Return how late set-points were, s: `rms`, `p50`, `p99`, `max` of the last ticks, 100,000 unless given.
+
+        Raises:
+            InputError: `last` is no whole number >= 1.
+        """
+        whole_argument("Execution.lateness", "last", last, 1)
         late = np.abs(np.array(list(islice(reversed(self._loop.lateness), last)) or [0.0]))
         p50, p99 = np.percentile(late, [50, 99])
         return {"rms": float(np.sqrt(np.mean(late**2))), "p50": float(p50), "p99": float(p99), "max": float(late.max())}
@@ -277,29 +296,31 @@ class Execution:
         """Refuse a robot that stands elsewhere: the first set-point would be a jump."""
         if not self.capabilities.measures:
             return
-        begin, found = time.monotonic(), self._driver.state()
-        while (found is None or not found.age < FRESH) and time.monotonic() < begin + FIRST_STATE:
+        begin, found = time.monotonic(), measured_by(self._driver)
+        while not _is_fresh(found) and time.monotonic() < begin + FIRST_STATE:
             time.sleep(0.01)
-            found = self._driver.state()
-        if found is None or not found.age < FRESH:
+            found = measured_by(self._driver)
+        if found is None or not _is_fresh(found):
             raise DriverError(f"the driver '{self.capabilities.name}' has had no new state for {FIRST_STATE:g} s")
-        motion = self._executor.run.trajectory
-        assert motion is not None
-        q, start = numbers(found.q), np.asarray(motion.start)
+        begins = self._executor.state_in(0.0)  # an executor may have come some way already
+        q, start, names = numbers(found.q), begins.q, self.capabilities.joint_names
         if q.shape != start.shape:
             raise DriverError(f"the driver's state has {q.size} joints; expected {len(start)}")
         off = np.nan_to_num(np.abs(q - start), nan=np.inf)
-        if off.max() > AT_START:
-            worst = int(off.argmax())
-            where = f"{self.capabilities.joint_names[worst]} is at {q[worst]:.4f}, where {start[worst]:.4f} is expected"
+        worst, fastest = int(off.argmax()), int(np.abs(begins.v).argmax())
+        if off[worst] > AT_START:
+            where = f"{names[worst]} is at {q[worst]:.4f}, where {start[worst]:.4f} is expected"
             raise DriverError(f"the robot does not stand where the motion begins: {where}; move it there first")
+        if abs(begins.v[fastest]) > AT_REST:
+            speed = f"{names[fastest]} at {begins.v[fastest]:.4g} rad/s or m/s"
+            raise DriverError(f"the motion begins with {speed}, and the robot stands; expected one from rest")
 
     def _run(self) -> None:
         """The thread of the set-points."""
         try:
             with keeping_time():
                 refused = self._loop.run()
-        except Exception as error:  # a bug of ours: the robot is to stand still, and it is to be seen
+        except BaseException as error:  # a bug of ours: the robot is to stand still, and it is to be seen
             log.exception("the loop of an execution failed")
             refused = f"the loop failed: {in_words(error)}"
         self._loop.beat = time.monotonic()
@@ -315,18 +336,23 @@ class Execution:
         self._let_go = True
         try:
             self._driver.stop(reason)
-        except Exception as error:
+        except BaseException as error:  # also one that ends its thread: this is no reason to be over in silence
             log.warning("the driver '%s' raised at its stop: %s", self.capabilities.name, in_words(error))
             self._failed = f"{self._failed or reason}; its stop failed: {in_words(error)}"
 
-    def _report(self) -> None:
-        """The thread of subscribers, which also sees whether the loop still runs."""
-        done, last, silent = 0, -1.0, 0
+    def _watch(self) -> None:
+        """The thread that sees whether the loop still runs; it calls nobody that may keep it."""
+        silent = 0
         while not self._over.wait(1.0 / REPORTS):
             most = STOPPING if self._let_go else STALLED
             silent = silent + 1 if time.monotonic() - self._loop.beat > most else 0
             if silent > 1:  # once is also seen where the whole process stood still
                 self._give_up(f"the driver did not return from a call for {most:g} s")
+
+    def _report(self) -> None:
+        """The thread of subscribers."""
+        done, last = 0, -1.0
+        while not self._over.wait(1.0 / REPORTS):
             done = self._report_events(done)
             tick = self._loop.tick
             if tick is not None and tick.t != last:
@@ -345,6 +371,10 @@ class Execution:
         with self._lock:
             self._over.set()
 
+    def _unsubscribe(self, callback: Callable[[dict[str, Any]], None]) -> None:
+        with suppress(ValueError):  # it is gone already
+            self._subscribers.remove(callback)
+
     def _report_events(self, done: int) -> int:
         events = list(self._loop.events)
         for event in events[done:]:
@@ -355,22 +385,13 @@ class Execution:
         for callback in list(self._subscribers):
             try:
                 callback(message)
-            except Exception as error:  # a reader is no reason to stop a robot
+            except BaseException as error:  # a reader is no reason to stop a robot, nor to leave the others without
                 log.warning("a subscriber of an execution raised, and gets nothing more: %s", in_words(error))
-                self._subscribers.remove(callback)
+                self._unsubscribe(callback)
 
 
-def _checked(driver: Driver, executor: Executor, rate: float | None) -> Capabilities:
-    """Return what the driver can do, at the rate that is wanted."""
-    found, names = driver.capabilities(), tuple(executor.run.problem.robot.joint_names)
-    if tuple(found.joint_names) != names:
-        other = f"a driver '{found.name}' of the joints {', '.join(found.joint_names)}"
-        raise wrong_argument("Execution", "driver", other, f"one of the run's joints, in order: {', '.join(names)}")
-    wanted = found.rate if rate is None else rate
-    if not is_finite(wanted) or not 0.0 < wanted <= MOST_RATE or wanted < 1.0 / LONGEST_TICK:
-        expected = f"{1.0 / LONGEST_TICK:g} to {MOST_RATE:g} Hz, or None for the driver's own"
-        raise wrong_argument("Execution", "rate", described(rate), expected)
-    return replace(found, rate=float(wanted))
+def _is_fresh(found: Measurement | None) -> bool:
+    return found is not None and is_finite(found.age) and found.age < FRESH
 
 
 def _finite(q: Any) -> list[float | None]:

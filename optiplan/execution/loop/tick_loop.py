@@ -8,10 +8,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
-from optiplan.errors import OptiPlanError, named_reason
 from optiplan.execution.arguments import LONGEST_TICK
 from optiplan.execution.drivers.base import Capabilities, Driver
 from optiplan.execution.executor import Executor
+from optiplan.execution.loop.driver_checks import in_words, measured_by
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Ahead, Tick
 from optiplan.trajectory.segments import Segment
@@ -138,7 +138,7 @@ class TickLoop:
             return "ended"
         try:
             self._driver.send(tick)
-        except Exception as error:  # whatever a driver raises, the robot is to stand still
+        except BaseException as error:  # whatever a driver raises, the robot is to stand still
             return f"the driver takes no set-point: {in_words(error)}"
         self._ahead, self._fresh = self._fresh or self._ahead, None
         self.events += tick.events
@@ -153,8 +153,9 @@ class TickLoop:
         return self._executor.coast(past) if past > 0.0 else ()
 
     def _look_ahead(self) -> None:
-        """Renew the way ahead in good time, after the set-point was sent."""
-        if self._lead and self._ahead is not None and self._executor.time > self._ahead.t[0] + 0.5 * self._lead:
+        """Renew the way ahead in good time, after the set-point was sent; it goes with the next one."""
+        then = self._executor.time + self._period
+        if self._lead and self._ahead is not None and then > self._ahead.t[0] + 0.5 * self._lead:
             self._fresh = self._executor.ahead(self._lead)
 
     def _state(self) -> Measurement | None:
@@ -162,8 +163,8 @@ class TickLoop:
         if not self._reads:
             return None
         try:
-            return self._driver.state()
-        except Exception as error:  # set-points can still be sent: the robot stops along the path
+            return measured_by(self._driver)
+        except BaseException as error:  # set-points can still be sent: the robot stops along the path
             self._reads = False
             self._stop(f"the driver has no state: {in_words(error)}")
             return None
@@ -178,8 +179,3 @@ class TickLoop:
         ends = self.tick is not None and self.tick.status.phase in ("done", "stopped")
         self._still = self._still + self._period if ends else 0.0
         return self.ended or self._still > SETTLE + self._latency
-
-
-def in_words(error: BaseException) -> str:
-    """Return what an exception says, with its class unless it is one of ours."""
-    return " ".join(str(error).split()) if isinstance(error, OptiPlanError) and str(error) else named_reason(error)

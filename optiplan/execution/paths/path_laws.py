@@ -19,7 +19,7 @@ import numpy as np
 
 from optiplan._core import core
 from optiplan.arrays import Array
-from optiplan.errors import OptiPlanError
+from optiplan.errors import OptiPlanError, whole_argument
 from optiplan.execution.status import Stopping
 from optiplan.robot.native_tree import native_tree
 from optiplan.robot.robot import Limits, Robot
@@ -218,6 +218,7 @@ class PathLaws:
 
     def stopping(self, places: int) -> Stopping:
         """Return the stop along the path from full speed, at equally spaced places of the motion."""
+        whole_argument("Executor.stopping", "places", places, 1)
         T = self.motion.duration
         place = np.linspace(0.0, T, places)
         time, travel = np.zeros(places), np.zeros(places)

@@ -46,8 +46,9 @@ class SeenScene:
                 return f"update_scene: found {word} of {told(value)}; expected {unit}"
         if not isinstance(velocities, Mapping):
             return f"update_scene: found {told(velocities)}; expected velocities by name"
+        lost = next((name for name in velocities if name not in poses), None)
         for name, place in poses.items():
-            velocity = numbers(velocities.get(name, np.zeros(3)))
+            velocity = np.array(numbers(velocities.get(name, np.zeros(3))))  # the caller may write into its own again
             if velocity.shape != (3,) or not np.isfinite(velocity).all():
                 found = told(velocities[name])
                 return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
@@ -56,7 +57,7 @@ class SeenScene:
             reason = self._see(name, place, velocity, float(spread), now - float(age))
             if reason:
                 return reason
-        return ""
+        return "" if lost is None else f"update_scene: found a velocity of {told(lost)} without a pose; expected both"
 
     def _see(self, name: str, place: Pose | Obstacle | None, velocity: Array, spread: float, time: float) -> str:
         known = {one.name: one.shape for one in self._watch.scene.obstacles}

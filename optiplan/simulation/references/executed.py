@@ -68,7 +68,7 @@ class ExecutedReference:
 
 
 def _changes(speeds: Sequence[tuple[float, float]]) -> Callable[[Executor], None]:
-    waiting = sorted((float(t), float(speed)) for t, speed in speeds)
+    waiting = sorted(((float(t), float(speed)) for t, speed in speeds), key=lambda one: one[0])  # the last counts
 
     def change(executor: Executor) -> None:
         while waiting and waiting[0][0] <= executor.time:

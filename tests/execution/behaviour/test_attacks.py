@@ -203,6 +203,12 @@ def test_nothing_raises(run_of, value):
         ask()
         assert executor.status.reason
         executor.resume()
+    for reason, how in ((value, "path"), ("", value), ("", np.array([1, 2])), ("", ["joints"])):
+        executor.stop(reason, how)
+        executor.update_scene({"ball": op.Sphere("ball", 0.5)})  # the reason grows
+        assert executor.status.reason
+        executor.update_scene({"ball": None})
+        executor.resume()
     for measured in (value, [value] * 7, np.full(7, 1j), Hostile()):
         if measured is not None:
             executor.tick(DT, measured)
@@ -346,3 +352,40 @@ def test_a_run_is_refused_that_forgets_what_the_robot_holds(run_of):
     assert second.verified
     assert not executor.splice(second)
     assert "with nothing in hand" in executor.status.reason
+
+
+def test_a_velocity_without_a_pose_ends_in_a_stop(run_of):
+    """A name with a slip of the pen left the body standing."""
+    executor = op.Executor(run_of("01_reach"))
+    ball = op.Sphere("ball", 0.05, position=(2.0, 0.0, 0.5))
+    executor.update_scene({"ball": ball}, {"bal": (1.0, 0.0, 0.0)})
+    assert executor.status.reason == "update_scene: found a velocity of the str 'bal' without a pose; expected both"
+
+
+def test_questions_with_wrong_numbers_are_refused(run_of):
+    executor = op.Executor(run_of("01_reach"))
+    for value in (-1, 0, 2.5, "x", None, True):
+        with pytest.raises(op.InputError, match="places: found"):
+            executor.stopping(value)
+    for value in (-1.0, np.nan, np.inf, "x", None):
+        with pytest.raises(op.InputError, match="lead: found"):
+            executor.ahead(value)
+
+
+@pytest.mark.parametrize("left", [0.002, 0.01, 0.03])
+def test_a_robot_that_is_asked_to_turn_just_before_an_end_turns_there(run_of, left):
+    """Where no stop fits in before the end, the law leads to it at speed: the robot stood there for ever."""
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    ticks = [executor.tick(DT)]
+    while ticks[-1].status.place < run.duration - left:
+        ticks.append(executor.tick(DT))
+    executor.reverse()
+    ticks += [executor.tick(DT) for _ in range(200)]
+    assert executor.status.place < run.duration - 2.0 * left
+    while ticks[-1].status.place > left:
+        ticks.append(executor.tick(DT))
+    executor.resume()
+    ticks += [executor.tick(DT) for _ in range(2500)]
+    assert executor.status.phase == "done"
+    assert_continuous(run, ticks)

@@ -1,5 +1,6 @@
 """`Execution`: commands from other threads, reports, and drivers that fail."""
 
+import sys
 import threading
 import time
 from itertools import pairwise
@@ -9,7 +10,7 @@ import pytest
 
 import optiplan as op
 from optiplan.errors import InputError
-from optiplan.execution.drivers.base import DriverError
+from optiplan.execution.drivers.base import Capabilities, DriverError
 from optiplan.execution.measurement import Measurement
 from tests.execution.in_process import FollowingRobot, SetClock, executed, steps_within_limits
 
@@ -162,18 +163,38 @@ def test_a_driver_that_loses_its_state_stops_along_the_path(run):
     assert steps_within_limits(robot.ticks, 1e-3, run.problem.limits)
 
 
-def test_a_call_that_does_not_return_is_the_end_of_the_driver(run):
+def hanging(run):
+    """A robot that does not return from `send` until its `release` is set."""
+
     class Hanging(FollowingRobot):
+        release = threading.Event()
+
         def send(self, tick):
             super().send(tick)
             if len(self.ticks) == FAILS_AT:
-                release.wait(20.0)
+                self.release.wait(20.0)
 
-    release, robot = threading.Event(), Hanging(run)
+    return Hanging(run)
+
+
+@pytest.mark.parametrize("call", ["send", "state", "stop"])
+def test_a_driver_that_would_end_its_thread_does_not_end_in_silence(run, call):
+    robot = failing(run, call, SystemExit(3))
+    if call == "stop":
+        robot.stop = lambda _: sys.exit(3)
+    found = executed(run, robot).snapshot()
+    assert (found["phase"], found["over"]) == ("stopped", True)
+    assert "SystemExit: 3" in found["reason"]
+    if call == "state":
+        assert steps_within_limits(robot.ticks, 1e-3, run.problem.limits)
+
+
+def test_a_call_that_does_not_return_is_the_end_of_the_driver(run):
+    robot = hanging(run)
     execution = op.Execution(op.Executor(run), robot, clock=robot.clock)
     execution.start()
     found = execution.wait(10.0)
-    release.set()
+    robot.release.set()
     assert (found["phase"], found["over"]) == ("stopped", True)
     assert "did not return" in found["reason"]
     time.sleep(0.05)
@@ -234,6 +255,13 @@ def test_wrong_arguments_are_named(run):
         op.Execution(op.Executor(run), robot, rate=5000.0)
     with pytest.raises(InputError, match="patience"):
         op.Execution(op.Executor(run), robot, patience=0.5)
+    execution = op.Execution(op.Executor(run), robot)
+    for value in (-1.0, float("nan"), "soon", True):
+        with pytest.raises(InputError, match=r"op\.Execution\.wait: timeout: found"):
+            execution.wait(value)
+    for call, name in ((execution.subscribe, "callback"), (execution.lateness, "last")):
+        with pytest.raises(InputError, match=f"{name}: found the int -3"):
+            call(-3)
     robot.names = robot.names[::-1]
     with pytest.raises(InputError, match=r"driver: found a driver 'following' of the joints panda_joint7"):
         op.Execution(op.Executor(run), robot)
@@ -246,3 +274,155 @@ def test_it_runs_once(run):
     execution.override(0.5)  # nothing happens any more
     assert execution.snapshot()["override"] == 1.0
     assert execution.lateness()["max"] < 1e-9
+
+
+def test_a_subscriber_that_does_not_return_hides_no_driver_that_hangs(run):
+    release, robot = threading.Event(), hanging(run)
+    execution = op.Execution(op.Executor(run), robot, clock=robot.clock)
+    execution.subscribe(lambda _: release.wait(20.0))
+    execution.start()
+    found = execution.wait(5.0)
+    release.set()
+    robot.release.set()
+    assert found["over"]
+    assert "did not return" in found["reason"]
+
+
+@pytest.mark.parametrize("error", [RuntimeError("a reader"), SystemExit(3)])
+def test_a_subscriber_that_ends_and_raises_keeps_nothing_from_the_others(run, error):
+    robot, got = FollowingRobot(run, rate=100.0, clock=SetClock(pause=0.005)), []
+    execution = op.Execution(op.Executor(run), robot, clock=robot.clock)
+
+    def once(_):
+        end()
+        raise error
+
+    end = execution.subscribe(once)
+    execution.subscribe(got.append)
+    execution.start()
+    execution.wait(20.0)
+    until(lambda: got and got[-1]["kind"] == "end")
+    assert len(got) > 3
+
+
+@pytest.mark.parametrize("timeout", [float("inf"), 1e12])
+def test_it_is_waited_for_as_long_as_can_be_said(run, timeout):
+    execution = op.Execution(op.Executor(run), FollowingRobot(run), clock=SetClock())
+    execution.start()
+    assert execution.wait(timeout)["over"]
+
+
+def test_an_execution_that_was_refused_does_not_start_later(run):
+    robot = FollowingRobot(run)
+    robot.q = robot.q + 0.1
+    execution = op.Execution(op.Executor(run), robot, clock=robot.clock)
+    with pytest.raises(DriverError, match="does not stand"):
+        execution.start()
+    robot.q = np.array(run.trajectory.start)
+    with pytest.raises(DriverError, match="started before"):
+        execution.start()  # it is over, and takes no commands: nobody could stop it
+    assert robot.ticks == []
+
+
+def test_a_robot_is_compared_with_where_its_executor_is(run):
+    executor, robot = op.Executor(run), FollowingRobot(run)
+    for _ in range(300):
+        executor.tick(1e-3)
+    executor.pause()
+    while executor.status.phase != "paused":
+        tick = executor.tick(1e-3)
+    with pytest.raises(DriverError, match="does not stand where the motion begins"):
+        op.Execution(executor, robot).start()
+    robot.q = tick.q
+    execution = op.Execution(executor, robot, clock=robot.clock)
+    execution.resume()
+    execution.start()
+    assert execution.wait(20.0)["phase"] == "done"
+
+
+def test_a_robot_that_stands_is_not_sent_along_a_motion_that_begins_at_speed(run):
+    executor, robot = op.Executor(run), FollowingRobot(run)
+    for _ in range(300):
+        robot.q = executor.tick(1e-3).q
+    with pytest.raises(DriverError, match=r"begins with panda_joint\d at .*expected one from rest"):
+        op.Execution(executor, robot).start()
+    assert robot.ticks == []
+
+
+def test_a_signal_may_stop_an_execution_while_its_thread_gives_a_command(run):
+    execution = op.Execution(op.Executor(run), FollowingRobot(run))
+
+    def handler():  # of a signal: it runs in the thread that gives a command
+        with execution._lock:
+            execution.stop()
+
+    thread = threading.Thread(target=handler, daemon=True)
+    thread.start()
+    thread.join(5.0)
+    assert not thread.is_alive()
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("latency", np.nan), ("latency", np.inf), ("latency", -1.0), ("lead", np.nan), ("lead", 100.0), ("rate", "fast")],
+)
+def test_capabilities_that_cannot_be_are_refused(run, field, value):
+    """With a latency that is no number a motion never ended; ways ahead of an endless lead had no numbers."""
+    with pytest.raises(InputError, match=rf"op\.Capabilities: {field}: found"):
+        Capabilities(**{"name": "mine", "joint_names": ("a",), "rate": 100.0, field: value})
+
+
+def test_capabilities_without_text_or_truth_values_are_refused():
+    for field, value in (("name", None), ("name", 3), ("joint_names", None), ("joint_names", "ab"), ("measures", "no")):
+        with pytest.raises(InputError, match=field):
+            Capabilities(**{"name": "mine", "joint_names": ("a",), "rate": 100.0, field: value})
+
+
+def test_what_is_no_driver_is_refused(run):
+    executor, robot = op.Executor(run), FollowingRobot(run)
+    for driver in (None, run, object()):
+        with pytest.raises(InputError, match=r"driver: found .* without 'capabilities'"):
+            op.Execution(executor, driver)
+    robot.capabilities = lambda: None
+    with pytest.raises(InputError, match=r"expected one that returns an op\.Capabilities"):
+        op.Execution(executor, robot)
+    robot.capabilities = lambda: 1 / 0
+    with pytest.raises(DriverError, match="does not say what it can do: ZeroDivisionError"):
+        op.Execution(executor, robot)
+
+
+@pytest.mark.parametrize("state", [np.zeros(7), (1.0, 2.0), "here", op.State(np.zeros(7))], ids=lambda one: type(one))
+def test_a_state_that_is_no_measurement_ends_in_a_stop(run, state):
+    robot = FollowingRobot(run)
+    robot.state = lambda: state
+    with pytest.raises(DriverError, match=r"state\(\) returned .*; expected an op\.Measurement, or None"):
+        op.Execution(op.Executor(run), robot).start()
+    later = FollowingRobot(run)
+    states = later.state
+    later.state = lambda: state if len(later.ticks) > FAILS_AT else states()
+    found = executed(run, later).snapshot()
+    assert found["phase"] == "stopped"
+    assert "state() returned" in found["reason"]
+    assert steps_within_limits(later.ticks, 1e-3, run.problem.limits)
+
+
+@pytest.mark.parametrize("lead", [0.05, 0.1, 0.4])
+def test_the_slowest_rate_of_a_driver_with_a_lead_runs_to_the_end(run, lead):
+    """At 10 to 20 Hz a lead of 0.1 s was over before the next set-point, which was told as none coming."""
+    slowest = max(10.0, 3.0 / lead)
+    for rate in (slowest, 1.1 * slowest, 1.34 * slowest):
+        robot = FollowingRobot(run, rate, lead)
+        assert executed(run, robot).snapshot()["reason"] == ""
+    if slowest > 10.0:
+        with pytest.raises(InputError, match="at least 3 set-points in the driver's lead"):
+            op.Execution(op.Executor(run), FollowingRobot(run, lead=lead), rate=0.9 * slowest)
+
+
+@pytest.mark.parametrize("lead", [0.0, 0.3])
+def test_a_loop_of_10_hz_has_ticks_of_the_longest_length(run, lead):
+    """Times of the loop differ by 0.1 s but for rounding, which was told as a step of more than 0.1 s."""
+    robot = FollowingRobot(run, 10.0, lead)
+    execution = op.Execution(op.Executor(run, override=0.1), robot, clock=robot.clock)
+    execution.start()
+    assert execution.wait(20.0)["reason"] == ""
+    assert len(robot.ticks) > 70

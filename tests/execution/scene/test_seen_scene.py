@@ -104,3 +104,16 @@ def test_the_scene_of_a_plan_is_the_one_that_will_be_there(ahead):
     np.testing.assert_allclose(moved.X_WO.translation, (1.8, 0.0, 0.5), atol=1e-12)
     assert [one.name for one in scene.dynamic_obstacles] == ["flying"]
     assert [one.name for one in scene.standing.obstacles] == ["new"]
+
+
+def test_a_velocity_that_is_written_again_moves_no_obstacle_that_was_seen(ahead):
+    """A program may keep one array for all velocities that it hands over."""
+    run, at = ahead
+    ball, velocity = op.Sphere("ball", 0.05, position=(at[0], at[1] + 1.5, at[2])), np.zeros(3)
+    executor = started(run)
+    executor.update_scene({"ball": ball}, {"ball": velocity})
+    velocity[1] = -1.5 / (0.7 * run.duration - 0.1)  # of another one, seen next: this would be in the way
+    executor.update_scene({})
+    assert executor.status.reason == ""
+    executor.update_scene({"ball": ball}, {"ball": velocity})
+    assert "'ball'" in executor.status.reason

@@ -71,3 +71,16 @@ def test_a_read_only_pose_is_copied_and_pickled(problem, again):
     X = problem.scene.obstacles[0].X_WO
     assert again(X) == X
     assert (X * X.inverse()).isIdentity()
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_run_from_another_process_and_a_copy_are_read_only_as_well(again):
+    """Runs of `op.plan_many` come so: a motion edited in place kept its verdict, and was executed."""
+    run = again(op.plan(op.load_problem("38_falling_ball"), budget=2.0))
+    motions = [one.motion.coefficients for one in run.problem.scene.obstacles if one.motion is not None]
+    limits, start = run.problem.limits, run.problem.start_state
+    kept = [run.trajectory.coefficients, run.trajectory.breakpoints, limits.velocity, run.problem.start, start.q]
+    for array in [*kept, *motions]:
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+    assert op.verify(run.problem, run.trajectory).verified
