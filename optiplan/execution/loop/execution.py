@@ -369,7 +369,7 @@ def _checked(driver: Driver, executor: Executor, rate: float | None) -> Capabili
     wanted = found.rate if rate is None else rate
     if not is_finite(wanted) or not 0.0 < wanted <= MOST_RATE or wanted < 1.0 / LONGEST_TICK:
         expected = f"{1.0 / LONGEST_TICK:g} to {MOST_RATE:g} Hz, or None for the driver's own"
-        raise wrong_argument("Execution", "rate", described(rate), expected)
+        raise wrong_argument("Execution", "rate", described(wanted), expected)
     return replace(found, rate=float(wanted))
 
 
