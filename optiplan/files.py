@@ -9,6 +9,7 @@ same bytes, whatever happens to the file in between, so that a hash is of what w
 import errno
 import os
 import stat
+import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Set
 from contextlib import contextmanager
@@ -147,7 +148,8 @@ def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path` to write to, and rename it to `path` once what is there is on the disk.
 
     No reader ever sees half a file. After an exception the old file is as it was, and nothing else is left. Missing
-    folders are made.
+    folders are made. A link stays one, to the new file. What is no file, such as a device or a pipe, is not replaced:
+    it is given the content once that is whole.
 
     Raises:
         OSError: `path` is a folder, or it cannot be written; it names `path`.
@@ -155,14 +157,20 @@ def replacing(path: Path) -> Iterator[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    where = Path(os.path.realpath(path))
+    stays = path.exists() and not path.is_file()
     # The name ends as the path does, since that tells some writers the format.
-    temporary = path.with_name(f".{os.getpid()}-{threading.get_ident()}-{path.name[-200:]}")
+    name = f".{os.getpid()}-{threading.get_ident()}-{path.name[-200:]}"
+    temporary = Path(tempfile.gettempdir(), name) if stays else where.with_name(name)
     try:
         yield temporary
         flush(temporary)  # else a crash of the machine can leave the name with nothing behind it
-        temporary.replace(path)
+        if stays:
+            path.write_bytes(temporary.read_bytes())
+        else:
+            temporary.replace(where)
     except OSError as error:
-        if error.filename == str(temporary):
+        if error.filename in (None, str(temporary), str(where)):  # none: of a disk that became full
             error.filename = str(path)
         raise
     finally:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 UNWRAPPED = 1000
 """Columns of what is no terminal: other programs read lines, and wrapped ones are none."""
 
+ENDS = (signal.SIGTERM, signal.SIGHUP)
+"""How a process is asked to end, and what it gets when its terminal is closed."""
+
 
 class Exit(IntEnum):
     """Exit codes; `docs/reference/exit-codes.md` has the same table."""
@@ -115,15 +118,16 @@ def tell_interrupted(words: str, as_json: bool) -> int:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Defer Ctrl-C: it may end the process between two runs, not between the two files of one.
+    """Defer Ctrl-C and `ENDS`: they may end the process between two runs, not between the two files of one.
 
-    Uses a handler, not a signal mask: threads of libraries would take the signal.
+    Uses handlers, not a signal mask: threads of libraries would take the signal.
     """
     pressed: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _: pressed.append(number))
+    handlers = [(end, signal.signal(end, lambda number, _: pressed.append(number))) for end in (signal.SIGINT, *ENDS)]
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
+        for end, handler in handlers:
+            signal.signal(end, handler)
         for number in pressed[:1]:
             signal.raise_signal(number)

@@ -53,10 +53,16 @@ class Client:
     def __init__(self, url: str, token: str = "") -> None:
         if not isinstance(url, str) or not url.startswith(("http://", "https://")):
             raise wrong_argument("Client", "url", described(url), "an address such as http://127.0.0.1:7100")
+        if not isinstance(token, str) or not token.isascii() or not token.isprintable():
+            raise wrong_argument("Client", "token", "what no header can carry", "printable ASCII characters")
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         self.url = url.rstrip("/")
         self._name = uuid.uuid4().hex
-        self._http = httpx.Client(base_url=self.url, headers=headers, timeout=PATIENCE)
+        try:
+            self._http = httpx.Client(base_url=self.url, headers=headers, timeout=PATIENCE)
+        except (httpx.InvalidURL, UnicodeError) as error:
+            found = f"{described(url)} ({error})"
+            raise wrong_argument("Client", "url", found, "an address such as http://127.0.0.1:7100") from error
 
     def plan(
         self,
@@ -86,7 +92,7 @@ class Client:
         asked = _problem(problem)
         given = self._submission(asked, planner, options, budget, seed, deadline)
         given |= {"warm_start": warm_start, "rate": 0}
-        answer = self._send("POST", "/api/plan", json=given, timeout=(deadline or budget) + PATIENCE).json()
+        answer = self._sent("POST", "/api/plan", given, (deadline or budget) + PATIENCE)
         return self._run(asked, answer)
 
     def submit(
@@ -106,7 +112,7 @@ class Client:
         """
         given = self._submission(_problem(problem), planner, options, budget, seed, deadline)
         given |= {"warm_start": warm_start, "submission": self._name}
-        return str(self._send("POST", "/api/runs", json=given).json()["id"])
+        return str(self._sent("POST", "/api/runs", given)["id"])
 
     def status(self, run: str) -> dict[str, Any]:
         """How a run is: `status`, `verified`, `failure`, `timings`, ….
@@ -114,8 +120,7 @@ class Client:
         Raises:
             ServerError: there is none of that id.
         """
-        found: dict[str, Any] = self._send("GET", f"/api/runs/{run}").json()
-        return found
+        return self._sent("GET", f"/api/runs/{run}")
 
     def watch(self, run: str) -> Iterator[dict[str, Any]]:
         """What happens in a run, until it has ended; a connection that breaks on the way is made anew.
@@ -201,8 +206,15 @@ class Client:
             raise wrong_argument("Client.execute", "run", "a run that is not verified", "a verified run of op.plan(…)")
         return {"problem": self._data(run.problem), "trajectory": run.trajectory.to_dict()}
 
-    def _sent(self, method: str, path: str, body: Mapping[str, Any] | None, seconds: float = PATIENCE) -> Any:
-        return self._send(method, path, json=body, timeout=seconds).json()
+    def _sent(
+        self, method: str, path: str, body: Mapping[str, Any] | None = None, seconds: float = PATIENCE
+    ) -> dict[str, Any]:
+        """The data of an answer."""
+        answer = self._send(method, path, json=body, timeout=seconds)
+        try:
+            return _OurData(self.url, answer.json())
+        except (ValueError, TypeError):  # no JSON, or no mapping
+            raise _not_ours(self.url) from None
 
     def run(self, run: str, problem: Problem | None = None) -> Run:
         """A run that has ended; its motion is verified afresh here.
@@ -217,7 +229,7 @@ class Client:
         answer = self.status(run)
         if answer["status"] in ("done", "failed"):
             answer["trajectory"] = (
-                self._send("GET", f"/api/runs/{run}/{TRAJECTORY}").json() if answer["status"] == "done" else None
+                self._sent("GET", f"/api/runs/{run}/{TRAJECTORY}") if answer["status"] == "done" else None
             )
             return self._run(problem, answer)
         raise ServerError(409, f"the run {run} is {answer['status']}")
@@ -286,7 +298,7 @@ class Client:
         if problem is not None and answer["problem"] != problem.hash:
             raise ServerError(409, "the server planned another problem: its robot or meshes differ from those here")
         try:
-            record = self._send("GET", f"/api/runs/{answer['id']}/{RUN}").json()
+            record = self._sent("GET", f"/api/runs/{answer['id']}/{RUN}")
         except ServerError as error:
             failure = answer["failure"]
             if failure is None or error.status != 404:
@@ -300,10 +312,25 @@ class Client:
     def _send(self, method: str, path: str, **given: Any) -> httpx.Response:
         try:
             answer = self._http.request(method, path, **given)
-        except httpx.HTTPError as error:
+        except (httpx.HTTPError, UnicodeError) as error:  # UnicodeError: of a host whose name cannot be one
             raise ServerError(0, f"no server answers at {self.url} ({error or type(error).__name__})") from error
         _check(answer)
         return answer
+
+
+class _OurData(dict[str, Any]):
+    """Data of a server of ours: a key that is missing tells that it is another one."""
+
+    def __init__(self, url: str, data: Mapping[str, Any]) -> None:
+        super().__init__(data)
+        self._url = url
+
+    def __missing__(self, key: str) -> Any:
+        raise _not_ours(self._url)
+
+
+def _not_ours(url: str) -> ServerError:
+    return ServerError(0, f"what answers at {url} is no `optiplan serve`, or one of another version")
 
 
 def _problem(given: Any) -> Problem:
@@ -316,8 +343,11 @@ def _gone(url: str, error: Exception) -> ServerError:
 
 def _check(answer: httpx.Response) -> None:
     """Turn a refusal into an error."""
-    if answer.status_code < 400:
+    if answer.status_code < 300:
         return
+    if answer.is_redirect:
+        there = answer.headers.get("location", "")
+        raise ServerError(answer.status_code, f"{answer.request.url} sends on to '{there}'; give the address there")
     try:
         data = answer.json()
         issues = [Issue(**{**issue, "path": tuple(issue.get("path", ()))}) for issue in data["issues"]]

@@ -64,16 +64,17 @@ def test_other_errors_carry_their_choices(capsys):
     assert capsys.readouterr().err == "optiplan: unknown planner 'rrt'; choose from: quintic, trajopt\n"
 
 
-def test_interrupts_wait(monkeypatch):
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_interrupts_wait(end):
     seen = []
-    previous = signal.signal(signal.SIGINT, lambda *_: seen.append("interrupt"))
+    previous = signal.signal(end, lambda *_: seen.append("interrupt"))
     try:
         with interrupts_held():
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), end)
             seen.append("saved")
         assert seen == ["saved", "interrupt"]
     finally:
-        signal.signal(signal.SIGINT, previous)
+        signal.signal(end, previous)
 
 
 def test_lines_to_a_pipe_are_not_wrapped(optiplan, tmp_path, monkeypatch):

@@ -167,6 +167,11 @@ def test_inertia_of_round_bodies_is_that_of_points_inside(tmp_path):
         ("ROWS    - {name: x, joint: revolute}\n    - {name: x}\n", 7, "the name 'x', which comes 2 times"),
         ("ROWS    - {joint: revolute, mass: 2}\n", 7, "dh.rows[0].mass: a mass of 2 kg without a body"),
         ("ROWS    - {joint: revolute, mass: 2, centre: [0, 0, 0]}\n", 7, "mass alone, or all three"),
+        (
+            "ROWS    - {joint: revolute, mass: 2, centre: [0, 0, 0], inertia: [1, -1, 1]}\n",
+            7,
+            "dh.rows[0].inertia[1]: -1; expected a number ≥ 0",
+        ),
         ("ROWS    - {joint: revolute, geometry: [{}]}\n", 7, "no shape; expected exactly one of: box, sphere"),
         ("ROWS    - {joint: revolute, geometry: [{sphere: 1, box: [1, 1, 1]}]}\n", 7, "found box and sphere"),
         ("ROWS    - {joint: revolute}\n  parent: post\n", 8, "dh.parent: unknown link 'post'; expected one of"),

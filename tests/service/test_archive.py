@@ -1,4 +1,5 @@
-"""What is kept for how long: by age, by size, and what nobody refers to; databases of older layouts are brought up."""
+"""What is kept for how long: by age, by size, and what nobody refers to; databases of older layouts are brought up,
+and deleted ones told."""
 
 import time
 from dataclasses import replace
@@ -7,11 +8,13 @@ import pytest
 import sqlalchemy as sa
 
 from optiplan.service.archive import outdated, sweep
+from optiplan.service.health import WriteProbe
 from optiplan.service.settings import ServiceSettings
 from optiplan.service.store.contents import ContentFolder
 from optiplan.service.store.keyed_tables import ProblemTable
 from optiplan.service.store.run_table import NewRun, RunEnd, RunTable
-from optiplan.service.store.tables import LAYOUT, about, benches, open_database, runs
+from optiplan.service.store.tables import LAYOUT, DatabaseAwayError, about, benches, open_database, runs
+from tests.waiting import wait_until
 
 DAY = 86400.0
 
@@ -109,4 +112,20 @@ def test_a_database_of_an_older_layout_is_brought_up(tmp_path):
     assert sa.inspect(engine).has_table("optiplan_benches")
     with engine.connect() as connection:
         assert connection.scalar(sa.select(about.c.value).where(about.c.key == "layout")) == str(LAYOUT)
+    engine.dispose()
+
+
+def test_a_database_whose_file_was_deleted_is_away_until_it_is_back(tmp_path):
+    file, aside = tmp_path / "here.sqlite", tmp_path / "aside.sqlite"
+    engine = open_database(f"sqlite:///{file}")
+    probe, table = WriteProbe(engine), RunTable(engine)
+    wait_until(lambda: probe.fault() is None)
+    file.rename(aside)
+    for _ in range(2):
+        with pytest.raises(DatabaseAwayError, match="its file was deleted or replaced"):
+            table.tell([("0" * 32, {"type": "best"})])
+        file.touch()  # another one
+    wait_until(lambda: "its file was deleted or replaced" in (probe.fault() or ""))
+    aside.replace(file)
+    wait_until(lambda: probe.fault() is None)
     engine.dispose()

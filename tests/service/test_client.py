@@ -88,6 +88,38 @@ def test_errors_say_what_is_wrong(client, quick, server):
         op.Client("http://127.0.0.1:9").plan(quick)
 
 
+@pytest.mark.parametrize("url", ["http://256.1.1.1:7100", "http://[::1", "http://127.0.0.1:x", "http://\0"])
+def test_an_address_that_can_be_none_is_bad_input(url, quick, capsys):
+    assert command(["plan", str(quick), "--server", url]) == 2
+    assert capsys.readouterr().err.startswith("--server: url: found")
+
+
+def test_a_host_or_token_that_can_be_none_is_bad_input(quick):
+    with pytest.raises(ServerError, match="no server answers at"):
+        op.Client("http://a..b").status("0" * 32)
+    for token in ("é", "a\nb", None):
+        with pytest.raises(op.InputError, match="token: found what no header can carry"):
+            op.Client("http://127.0.0.1:9", token)
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (httpx.Response(200, content=b"<html>"), "is no `optiplan serve`"),
+        (httpx.Response(200, content=b"[]"), "is no `optiplan serve`"),
+        (httpx.Response(200, content=b"null"), "is no `optiplan serve`"),
+        (httpx.Response(200, content=b"{}"), "is no `optiplan serve`"),
+        (httpx.Response(302, headers={"location": "https://there/"}), "sends on to 'https://there/'"),
+    ],
+)
+def test_what_is_no_server_of_ours_is_told_so(quick, answer, words):
+    client = op.Client("http://elsewhere")
+    client._http = httpx.Client(transport=httpx.MockTransport(lambda request: answer), base_url="http://elsewhere")
+    for ask in (client.plan, client.submit, lambda _: client.run("0" * 32), lambda _: client.execute("0" * 32)):
+        with pytest.raises(ServerError, match=words):
+            ask(quick)
+
+
 def test_a_cell_gets_timed_points(server, quick):
     with CellPlanner(server.url, quick) as cell:
         motion = cell.plan([0.4, 1.0], joint_target=[-0.4, 1.1])

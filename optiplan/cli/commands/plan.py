@@ -210,7 +210,11 @@ def _run_there(server: str, problem: Any, planner: str, options: Any, seconds: f
     """Have a server plan; the motion is verified here."""
     from optiplan.service.client import Client
 
-    with Client(server, os.environ.get("OPTIPLAN_TOKEN", "").strip()) as client, stdout_is_ours():
+    try:
+        there = Client(server, os.environ.get("OPTIPLAN_TOKEN", "").strip())
+    except InputError as error:
+        raise error.about("op.Client", "--server") from None
+    with there as client, stdout_is_ours():
         return client.plan(problem, planner, options, budget=seconds)
 
 

@@ -1,5 +1,6 @@
 """`optiplan run`: plan a motion, or take a stored one, and execute it on a driver."""
 
+import math
 import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -29,6 +30,13 @@ PATIENCE = "seconds: a set-point that comes as late as this ends in a stop"
 VIEW = "begin, steer and stop it on a page, where obstacles can be dragged; Ctrl-C ends"
 
 
+def _distance(value: float) -> float:
+    """Require a finite number above 0."""
+    if not 0.0 < value < math.inf:
+        raise typer.BadParameter("expected a number above 0, rad or m")
+    return value
+
+
 def run(
     file: Annotated[str, typer.Argument(metavar="FILE", help=FILE, autocompletion=problem_names)],
     driver: Annotated[str, typer.Option(metavar="NAME", help=DRIVER)] = "sim",
@@ -37,7 +45,7 @@ def run(
     engine: Annotated[str | None, typer.Option(metavar="NAME", help=ENGINE)] = None,
     host: Annotated[str | None, typer.Option(metavar="HOST", help="of ros2_control and ur_rtde")] = None,
     to: Annotated[Path | None, typer.Option("--to", metavar="FILE", help="of the driver file: the table")] = None,
-    deviation: Annotated[float, typer.Option(callback=positive, metavar="D", help=DEVIATION)] = 0.05,
+    deviation: Annotated[float, typer.Option(callback=_distance, metavar="D", help=DEVIATION)] = 0.05,
     view: Annotated[bool, typer.Option("--view", help=VIEW)] = False,
     patience: Annotated[float, typer.Option(callback=positive, metavar="S", help=PATIENCE)] = 0.01,
     planner: Annotated[str | None, typer.Option(metavar="NAME", help=PLANNER, autocompletion=planner_names)] = None,

@@ -103,14 +103,14 @@ def _record(problem: "Problem", shown: "Sequence[ViewedRun]", path: Path) -> Non
 
 def _check(wanted: dict[str, Path | None], meshcat_port: int | None) -> None:
     """Raise InputError where a file to write is a folder, its name does not fit, or scripts would draw into a file."""
-    suffixes = {"export": (), "png": (".png",), "gif": (".gif", ".webp", ".mp4")}
+    suffixes = {"export": (".html", ".htm", ".mcap", ".rrd"), "png": (".png",), "gif": (".gif", ".webp", ".mp4")}
     issues = []
     if meshcat_port is not None and any(wanted.values()):
         issues.append(Issue("view", None, "meshcat-port", "a file to write", "no --export, --png and --gif beside it"))
     for name, path in wanted.items():
         if path is not None and path.is_dir():
             issues.append(Issue(str(path), None, name, "is a folder", "a file to write, such as page.html"))
-        elif path is not None and suffixes[name] and path.suffix.lower() not in suffixes[name]:
+        elif path is not None and path.suffix.lower() not in suffixes[name]:
             found = f"a name that ends with '{path.suffix}'"
             issues.append(Issue(str(path), None, name, found, " or ".join(suffixes[name])))
     if issues:

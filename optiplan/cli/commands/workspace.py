@@ -84,6 +84,8 @@ def workspace(
     from optiplan.runs.run_folder import check_folder
     from optiplan.workspace.accuracy import DEFAULT_RESOLUTION
 
+    if resolution is not None and not accuracy:
+        raise typer.BadParameter("goes with --accuracy", param_hint="--resolution")
     if out is not None:
         check_folder(out)
     wanted = (resolution or DEFAULT_RESOLUTION) if accuracy else None

@@ -32,11 +32,11 @@ class FileDriver:
     def __init__(self, run: Run, *, path: Path | str = "set_points.csv", rate: float = 500.0) -> None:
         self._names, self._rate = tuple(run.problem.robot.joint_names), rate
         self._path = path_argument("driver", "path", path, "the path of a file")
-        self._partial = self._path.with_name(self._path.name + PARTIAL)
         self._done = False
         try:
-            if self._path.is_dir():
-                raise IsADirectoryError(0, "a folder")
+            if self._path.exists() and not self._path.is_file():
+                raise OSError(0, "a folder" if self._path.is_dir() else "a device or a pipe")
+            self._partial = self._path.with_name(self._path.name + PARTIAL)
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self._partial.open("w", newline="", encoding="utf-8")
         except OSError as error:

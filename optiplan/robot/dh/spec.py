@@ -6,11 +6,13 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from optiplan.config.document import Number, Strict
+from optiplan.config.values import NotNegative
 from optiplan.geometry.poses import check_angles
 from optiplan.robot.dh.table import DhRow, DhTable
 from optiplan.robot.spec_values import Length, Name
 
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Moments = Annotated[list[NotNegative], Field(min_length=3, max_length=3)]
 Range = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
@@ -60,9 +62,9 @@ class LinkSpec(Strict):
     """
 
     geometry: list[BodySpec] | None = None
-    mass: Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)] | None = None
+    mass: NotNegative | None = None
     centre: Vector | None = None
-    inertia: Vector | None = None
+    inertia: Moments | None = None
 
     @model_validator(mode="after")
     def _known_together(self) -> Self:

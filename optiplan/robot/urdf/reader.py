@@ -19,6 +19,7 @@ import pinocchio as pin
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import is_file, read_bytes
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
+from optiplan.robot.urdf.left_out import leave_out
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies, read_bodies
 from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias
 
@@ -96,6 +97,7 @@ def read_urdf(path: Path, folder: Path, text: str | None = None) -> UrdfSource:
     if issues:
         raise InputError(issues)
     notes += odd_inertias(root)
+    notes += leave_out(root, joints)
     for link in root.findall("link"):
         _settle_visuals(link, finder, notes)
         _settle_collisions(link, finder)

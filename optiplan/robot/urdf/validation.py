@@ -27,6 +27,10 @@ RESERVED = "universe"
 """Pinocchio's name of the world, which no joint and no link may have."""
 
 
+VERSIONS = ("1.0", "1.1", "1.2")
+"""Of the format, as a file may say."""
+
+
 class Fault(NamedTuple):
     """A fault of a URDF: name of the link or joint, what was found, what is expected."""
 
@@ -56,9 +60,11 @@ _MASS = _Range(1, 0.0, 1e9, "a mass from 0 to 1e9 kg, as a plain number")
 _MOMENT = _Range(1, -1e-9, 1e12, "a moment of inertia from 0 to 1e12 kg m², as a plain number")
 _PRODUCT = _Range(1, -1e12, 1e12, "a number of at most 1e12 kg m²")
 
-_ORIGIN = {"xyz": _PLACE, "rpy": _TURN}
+_QUATERNION = _Range(4, -1.001, 1.001, "the four numbers of a unit quaternion")
+_ORIGIN = {"xyz": _PLACE, "rpy": _TURN, "quat_xyzw": _QUATERNION}
 _FACTOR = _Range(1, -1e12, 1e12, "a number of at most 1e12")
 _MIMIC = {"multiplier": _FACTOR, "offset": _FACTOR}
+_DYNAMICS = {"damping": _RATE, "friction": _RATE}
 _LIMIT = {"lower": _END, "upper": _END, "velocity": _RATE, "effort": _RATE}
 _INERTIA = {key: _MOMENT if key[1] == key[2] else _PRODUCT for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
 
@@ -96,6 +102,8 @@ def faults(root: ET.Element, joints: list[ET.Element]) -> Iterator[Fault]:
 
 def _part_faults(root: ET.Element, joints: list[ET.Element]) -> Iterator[Fault]:
     yield from _depth_faults(root)
+    if root.get("version", VERSIONS[0]) not in VERSIONS:
+        yield Fault(root.get("name", ""), f"version '{root.get('version')}'", f"one of: {', '.join(VERSIONS)}")
     links = root.findall("link")
     yield from _name_faults("link", links)
     yield from _name_faults("joint", joints)
@@ -128,10 +136,10 @@ def _name_faults(kind: str, elements: list[ET.Element]) -> Iterator[Fault]:
 
 def _link_faults(link: ET.Element) -> Iterator[tuple[str, str]]:
     for collision in link.findall("collision"):
-        yield from _shape_faults(collision.find("geometry"))
-        yield from _number_faults(collision.find("origin"), _ORIGIN)
+        yield from shape_faults(collision.find("geometry"))
+        yield from _origin_faults(collision.find("origin"))
     for visual in link.findall("visual"):
-        yield from _number_faults(visual.find("origin"), _ORIGIN)
+        yield from _origin_faults(visual.find("origin"))
     for inertial in link.findall("inertial"):
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
         if mass is None or inertia is None:
@@ -139,7 +147,7 @@ def _link_faults(link: ET.Element) -> Iterator[tuple[str, str]]:
             yield f"an <inertial> without {missing}", "both, or no <inertial>"
         yield from _number_faults(mass, {"value": _MASS}, required=True)
         yield from _number_faults(inertia, _INERTIA, required=True)
-        yield from _number_faults(inertial.find("origin"), _ORIGIN)
+        yield from _origin_faults(inertial.find("origin"))
 
 
 def _repetitions(element: ET.Element) -> Iterator[tuple[str, str]]:
@@ -182,33 +190,41 @@ def _joint_faults(joint: ET.Element) -> Iterator[tuple[str, str]]:
     kind = joint.get("type", "")
     if kind not in JOINT_TYPES:
         yield f"a joint of type '{kind}'", f"one of: {', '.join(JOINT_TYPES)}"
-    yield from _number_faults(joint.find("origin"), _ORIGIN)
+    yield from _origin_faults(joint.find("origin"))
     yield from _number_faults(joint.find("limit"), _LIMIT)
     yield from _number_faults(joint.find("mimic"), _MIMIC)
+    yield from _number_faults(joint.find("dynamics"), _DYNAMICS)
     axis = joint.find("axis")
-    if kind in MOVING and axis is not None:
-        numbers = _numbers(axis.get("xyz", "1 0 0"))
+    if kind in (*MOVING, "planar") and axis is not None:
+        numbers = plain_numbers(axis.get("xyz", "1 0 0"))
         if len(numbers) != 3 or not 1e-6 < math.hypot(*numbers) < 1e6:
             yield f"the axis '{axis.get('xyz')}'", "a direction: three numbers, not all 0"
 
 
-def _shape_faults(geometry: ET.Element | None) -> Iterator[tuple[str, str]]:
+def shape_faults(geometry: ET.Element | None, owner: str = "collision") -> Iterator[tuple[str, str]]:
+    """Find what is wrong with the shape of an element: what is there, and what is expected."""
     shapes = [] if geometry is None else [shape for shape in geometry if shape.tag in (*SIZES, "mesh")]
     if len(shapes) != 1:
-        yield f"a <collision> with {len(shapes)} shapes", f"one of: {', '.join(SIZES)}, mesh"
+        yield f"a <{owner}> with {len(shapes)} shapes", f"one of: {', '.join(SIZES)}, mesh"
         return
     shape = shapes[0]
     if shape.tag == "mesh":
         scale = shape.get("scale", "1 1 1")
-        numbers = _numbers(scale)
+        numbers = plain_numbers(scale)
         if len(numbers) != 3 or not all(1e-9 < abs(x) < 1e9 for x in numbers):  # a mirrored mesh has one below 0
             yield f"<mesh> with scale '{scale}'", "three numbers, none of them 0"
         return
     for name, count in SIZES[shape.tag].items():
-        numbers = _numbers(shape.get(name, ""))
+        numbers = plain_numbers(shape.get(name, ""))
         if len(numbers) != count or not all(0.0 < x < 1e6 for x in numbers):
             expected = "three numbers > 0" if count == 3 else "a number > 0"
             yield f"<{shape.tag}> with {name} '{shape.get(name, '')}'", expected
+
+
+def _origin_faults(origin: ET.Element | None) -> Iterator[tuple[str, str]]:
+    yield from _number_faults(origin, _ORIGIN)
+    if origin is not None and {"rpy", "quat_xyzw"} <= set(origin.attrib):
+        yield "<origin> with rpy and quat_xyzw", "one of them"
 
 
 def _number_faults(
@@ -221,13 +237,13 @@ def _number_faults(
         text = element.get(key)
         if text is None and not required:
             continue
-        numbers = _numbers(text or "")
+        numbers = plain_numbers(text or "")
         if len(numbers) != allowed.count or not all(allowed.low <= x <= allowed.high for x in numbers):
             found = f"no {key}" if text is None else f"{key}='{text}'"
             yield f"<{element.tag}> with {found}", allowed.words
 
 
-def _numbers(text: str) -> list[float]:
-    """The numbers of a text as every reader of URDFs takes them; none if one of its words is something else."""
+def plain_numbers(text: str) -> list[float]:
+    """Return the numbers of a text as every reader of URDFs takes them; none if one of its words is something else."""
     words = text.split()
     return [float(word) for word in words] if all(_NUMBER.match(word) for word in words) else []

@@ -1,5 +1,6 @@
 """Tables of the service's database, the version of their layout, and how a database is opened."""
 
+import os
 import sqlite3
 import time
 import uuid
@@ -170,6 +171,8 @@ def open_database(url: str) -> Engine:
         reason = str(getattr(error, "orig", None) or error.__cause__ or error).strip().split("\n")[0]
         shown = sa.make_url(url).render_as_string(hide_password=True) if "://" in url else url
         raise OptiPlanError(f"the database {shown} cannot be used: {reason}") from error
+    if sqlite:
+        _watch_file(engine)
     return engine
 
 
@@ -182,6 +185,33 @@ def store_name(engine: Engine) -> str:
             found = uuid.uuid4().hex
             connection.execute(about.insert().values(key="store", value=found))
     return str(found)
+
+
+def _watch_file(engine: Engine) -> None:
+    """Refuse every use of an SQLite file that is no longer the one that was opened.
+
+    A process that has a file open could write on into it after it was deleted, and nobody would find that again.
+    """
+    path = engine.url.database or ":memory:"
+    opened = _identity(path)
+    if opened is None:  # a database in memory
+        return
+
+    def check(*_: Any) -> None:
+        if _identity(path) != opened:
+            raise DatabaseAwayError("its file was deleted or replaced; put it back", False)
+
+    for moment in ("do_connect", "checkout"):
+        sa.event.listen(engine, moment, check)
+
+
+def _identity(path: str) -> tuple[int, int] | None:
+    """Return what tells a file from another one of its name; None where there is none."""
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
 
 
 def _set_up_sqlite(connection: Any, _: Any) -> None:

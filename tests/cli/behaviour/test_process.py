@@ -186,3 +186,11 @@ def test_a_reader_that_goes_away_is_no_error(free):
     err = process.stderr.read()
     process.wait(timeout=PATIENCE)
     assert "Traceback" not in err
+
+
+def test_ctrl_c_while_the_program_is_imported_ends_it_without_a_word(tmp_path):
+    (tmp_path / "typer.py").write_text("import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(1)\n")
+    search = os.pathsep.join((str(tmp_path), str(ROOT), os.environ.get("PYTHONPATH", "")))
+    command = [sys.executable, "-m", "optiplan", "--help"]
+    ended = subprocess.run(command, env={**os.environ, "PYTHONPATH": search}, capture_output=True, cwd=tmp_path)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (-signal.SIGINT, b"", b"")

@@ -110,11 +110,12 @@ def test_export_to_a_folder_says_what_to_give(optiplan, run, tmp_path):
     [
         ("--png", "page.jpg", ".png"),
         ("--gif", "film.avi", ".gif or .webp or .mp4"),
+        ("--export", "page.mcpa", ".html or .htm or .mcap or .rrd"),
         ("--size", "big", "such as 1280x800"),
         ("--at", "0.3", "such as t=0.4"),
     ],
 )
-def test_pictures_that_cannot_be_written_are_refused(optiplan, run, tmp_path, option, value, expected):
+def test_files_that_cannot_be_written_are_refused(optiplan, run, tmp_path, option, value, expected):
     code, _, err = optiplan("view", run, option, value if option in ("--size", "--at") else tmp_path / value)
     assert code == 2
     assert expected in err

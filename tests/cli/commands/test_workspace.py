@@ -76,6 +76,7 @@ def test_bad_input_is_told_with_what_is_valid(optiplan, tmp_path):
         (("nobody",), "ur5"),
         (("ur5", "--group", "none"), "none"),
         (("ur5", "--accuracy", "--resolution", "fine", *FEW), "encoder bits"),
+        (("ur5", "--resolution", "16bit", *FEW), "goes with --accuracy"),
         (("ur5", "--grid", "99"), "at most"),
         (("ur5", "--samples", "0"), "--samples"),
         (("ur5", "--out", tmp_path / "file"), "folder"),

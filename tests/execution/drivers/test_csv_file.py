@@ -51,3 +51,7 @@ def test_a_motion_that_was_stopped_stays_partial(run_of, tmp_path):
 def test_a_file_that_cannot_be_written_is_named(run_of, tmp_path):
     with pytest.raises(InputError, match="a folder; expected a file that can be written"):
         op.driver("file", run_of("01_reach"), path=tmp_path)
+    with pytest.raises(InputError, match="a folder; expected a file that can be written"):
+        op.driver("file", run_of("01_reach"), path=".")
+    with pytest.raises(InputError, match="a device or a pipe; expected a file that can be written"):
+        op.driver("file", run_of("01_reach"), path="/dev/null")

@@ -27,6 +27,11 @@ URDF = """<robot name="x"><link name="a"/>
         ('effort="1"', 'effort="1,5"', "j", "<limit> with effort='1,5'"),
         ('velocity="1"', 'velocity="-1"', "j", "<limit> with velocity='-1'"),
         ('upper="1"', 'upper="inf"', "j", "<limit> with upper='inf'"),
+        ('xyz="0 0 0"', 'xyz="0 0 0" quat_xyzw="x 0 0 1"', "b", "<origin> with quat_xyzw='x 0 0 1'"),
+        ('xyz="0 0 0"', 'rpy="0 0 0" quat_xyzw="0 0 0 1"', "b", "<origin> with rpy and quat_xyzw"),
+        ("</joint>", '<dynamics damping="x"/></joint>', "j", "<dynamics> with damping='x'"),
+        ("</joint>", '<dynamics friction="-1"/></joint>', "j", "<dynamics> with friction='-1'"),
+        ('name="x"', 'name="x" version="2.0"', "x", "version '2.0'"),
         ("</robot>", '<joint name="k" type="fixed"><parent link="a"/><child link="b"/></joint></robot>', "b", "two"),
     ],
 )
@@ -59,3 +64,33 @@ def test_the_line_is_that_of_the_link_or_joint(tmp_path):
         load_robot(str(tmp_path / "robot.yaml"))
     (issue,) = caught.value.issues
     assert text.splitlines()[issue.line - 1].startswith('<link name="b">')
+
+
+BODY = '<visual><geometry><box size="1 1 1"/></geometry></visual></link>'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "note"),
+    [
+        (BODY, "<visual/></link>", "link b: a <visual> with 0 shapes, not shown"),
+        (BODY, BODY.replace("1 1 1", "1 1"), "link b: <box> with size '1 1', not shown"),
+        (BODY, BODY.replace("</visual>", '<material><color rgba="1 0 0 1"/></material></visual>'), ""),
+        (BODY, BODY.replace("</visual>", '<material name="red"><color rgba="1 x"/></material></visual>'), ""),
+        (BODY, BODY.replace('<box size="1 1 1"/>', '<capsule radius="1" length="1"/>'), ""),
+        ("</robot>", '<material name="red"/><material name="red"/></robot>', ""),
+        ("</robot>", '<material><color rgba="1 1 1 1"/></material></robot>', ""),
+        ("</joint>", "<dynamics/></joint>", ""),
+        ("</joint>", '<safety_controller soft_upper_limit="a"/></joint>', ""),
+        ("</joint>", '<calibration rising="x"/></joint>', ""),
+        ('<robot name="x">', "<robot>", ""),
+    ],
+)
+def test_what_no_plan_needs_stops_no_robot(tmp_path, capfd, old, new, note):
+    whole = URDF.replace("</geometry></collision></link>", f"</geometry></collision>{BODY}")
+    assert old in whole
+    (tmp_path / "x.urdf").write_text(whole.replace(old, new))
+    (tmp_path / "robot.yaml").write_text("version: 1\nname: x\nurdf: x.urdf\n")
+    robot = load_robot(str(tmp_path / "robot.yaml"))
+    assert robot.joint_names == ("j",)
+    assert not note or note in robot.notes
+    assert capfd.readouterr().err == ""
