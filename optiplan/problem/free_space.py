@@ -23,7 +23,7 @@ TOUCHING = 1e-12
 """Bodies nearer than this, m, are in collision: contact itself is refused, rounding of a zero apart."""
 
 
-class Meeting(NamedTuple):
+class Touching(NamedTuple):
     """Bodies that touch at a configuration.
 
     Attributes:
@@ -36,9 +36,9 @@ class Meeting(NamedTuple):
 
 
 class FreeCheck:
-    """Whether bodies touch at a configuration; true where none do. Which ones do is found out when it is asked."""
+    """Whether bodies touch at a configuration; true where none do. Which ones do is computed on demand."""
 
-    def __init__(self, free: bool, meeting: Callable[[], Meeting]) -> None:
+    def __init__(self, free: bool, meeting: Callable[[], Touching]) -> None:
         self._free, self._meeting = free, meeting
 
     def __bool__(self) -> bool:
@@ -56,7 +56,7 @@ class FreeCheck:
         return "" if self._free else self._met.reason
 
     @cached_property
-    def _met(self) -> Meeting:
+    def _met(self) -> Touching:
         return self._meeting()
 
     def __repr__(self) -> str:
@@ -94,13 +94,13 @@ class FreeChecks(Sequence[FreeCheck]):
             return [self[k] for k in range(*which.indices(len(self)))]
         return FreeCheck(bool(self.free[which]), partial(self._meeting, self._Q[which]))
 
-    def _meeting(self, q: Array) -> Meeting:
+    def _meeting(self, q: Array) -> Touching:
         found = meeting(collision_model(self._robot, self._scene), q)
         if found is not None:
             return found
         contact = touching_model(self._robot, self._scene).clearance(q)  # a hair's breadth decides
         names = ("", "") if contact is None else (contact.pair.name_a, contact.pair.name_b)
-        return Meeting(names, f"'{names[0]}' and '{names[1]}' touch")
+        return Touching(names, f"'{names[0]}' and '{names[1]}' touch")
 
     def __repr__(self) -> str:
         """Return how many of them are free."""
@@ -173,15 +173,15 @@ class FreeSpace:
         return _distance(model, Q) if Q.ndim == 1 else np.array([_distance(model, row) for row in Q])
 
 
-def meeting(model: CollisionModel, q: Array) -> Meeting | None:
+def meeting(model: CollisionModel, q: Array) -> Touching | None:
     """Return the bodies in contact at q (n,), the deepest first; None where it is free."""
     contacts = sorted(model.touching(q, TOUCHING), key=lambda contact: contact.distance)
     if contacts:
         pair, rest = contacts[0].pair, len(contacts) - 3
         words = "; ".join(_depth(contact) for contact in contacts[:3])
-        return Meeting((pair.name_a, pair.name_b), words + (f"; and {rest} more pairs" if rest > 0 else ""))
+        return Touching((pair.name_a, pair.name_b), words + (f"; and {rest} more pairs" if rest > 0 else ""))
     inside = model.contained(q)
-    return None if inside is None else Meeting(inside, f"'{inside[0]}' is inside '{inside[1]}'")
+    return None if inside is None else Touching(inside, f"'{inside[0]}' is inside '{inside[1]}'")
 
 
 def _depth(contact: Contact) -> str:
