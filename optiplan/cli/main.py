@@ -11,6 +11,7 @@ import traceback
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
+from io import TextIOWrapper
 
 import typer
 from typer.core import TyperGroup
@@ -65,7 +66,10 @@ def main() -> None:
 
 
 def _open_streams() -> None:
-    """Replace a stdout or stderr that was closed before the start (`>&-`) by the null device."""
+    """Replace a stdout or stderr that was closed before the start (`>&-`) by the null device.
+
+    Characters that the encoding of stdout lacks become question marks; stderr writes their numbers.
+    """
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:
             opened = os.open(os.devnull, os.O_WRONLY)
@@ -73,6 +77,8 @@ def _open_streams() -> None:
                 os.dup2(opened, number)
                 os.close(opened)
             setattr(sys, name, os.fdopen(number, "w"))
+    if isinstance(sys.stdout, TextIOWrapper):  # a terminal that has no · or ≥ shows another character there
+        sys.stdout.reconfigure(errors="replace")
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -20,7 +20,7 @@ UNWRAPPED = 1000
 """Columns of what is no terminal: other programs read lines, and wrapped ones are none."""
 
 ENDS = (signal.SIGTERM, signal.SIGHUP)
-"""Signals that end a process, from its user or when its terminal is closed."""
+"""Signals that end a process: from the system, and from a terminal that is closed."""
 
 
 class Exit(IntEnum):

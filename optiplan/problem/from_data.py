@@ -274,9 +274,10 @@ def goal_or_task(document: Document) -> list[Issue]:
     data = document.data
     if not isinstance(data, Mapping):
         return []
-    if "goal" not in data and "task" not in data:
+    given = {key for key in ("goal", "task") if data.get(key) is not None}
+    if not given:
         return [document.issue(("goal",), "nothing", "this key, or `task`, one of which is required")]
-    if "task" not in data:
+    if "task" not in given:
         return []
     beside = [key for key in ("goal", "via") if data.get(key)]
     where = {"goal": "a step of the task", "via": "`via` of a step of the task"}

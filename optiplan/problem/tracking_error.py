@@ -57,5 +57,6 @@ def nearer_than_error(
         for j in np.flatnonzero((error > 0.0) & ((q - error < limits.lower) | (q + error > limits.upper))).tolist():
             low, high = limits.lower[j] + error[j], limits.upper[j] - error[j]
             found = f"{robot.joint_names[j]} = {q[j]:.10g}, nearer to its limit than the tracking error"
-            issues.append(document.issue(place, found, f"a value in [{low:.10g}, {high:.10g}]"))
+            fits = f"a value in [{low:.10g}, {high:.10g}]" if low <= high else "a smaller tracking error"
+            issues.append(document.issue(place, found, fits))
     return issues

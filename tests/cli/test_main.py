@@ -32,6 +32,11 @@ def test_the_package_is_the_program_too():
     assert done.stdout == f"optiplan {__version__}\n"
 
 
+def test_a_worker_needs_a_database(optiplan):
+    assert "default: SQLite" in optiplan("serve", "--help")[1]
+    assert "default: SQLite" not in optiplan("worker", "--help")[1]
+
+
 def test_no_arguments_is_help(optiplan):
     code, out, _ = optiplan()
     assert code == 0

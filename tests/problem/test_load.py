@@ -98,6 +98,16 @@ def test_what_does_not_fit_the_robot_is_told_with_its_place(write, old, new, lin
     assert check_file(path) == [issue]
 
 
+@pytest.mark.parametrize("empty", ["goal:", "goal: null\ntask:"])
+def test_an_empty_goal_is_none(write, empty):
+    path = write("goal: {joints: [1, 0.5]}", empty)
+    with pytest.raises(InputError) as caught:
+        load_problem(path)
+    (issue,) = caught.value.issues
+    assert str(issue).endswith(": goal: nothing; expected this key, or `task`, one of which is required")
+    assert check_file(path) == [issue]
+
+
 def test_unknown_robot_lists_the_choices(write, arm):
     (issue,) = check_file(write(str(arm), "armm"))
     assert (issue.line, issue.field, issue.found) == (2, "robot", "unknown robot 'armm'")

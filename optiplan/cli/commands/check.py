@@ -7,6 +7,8 @@ import typer
 from optiplan.cli.completion import problem_names
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.progress import ProgressLine
+from optiplan.errors import Issue
 
 
 def check(
@@ -29,8 +31,11 @@ def check(
     """
     from optiplan.api.checking import check as issues_of
 
-    with stdout_is_ours():
-        found = {file: issues_of(file) for file in files}
+    found: dict[str, list[Issue]] = {}
+    with stdout_is_ours(), ProgressLine() as progress:
+        for file in files:
+            progress(f"checking {file}", len(found) / len(files))
+            found[file] = issues_of(file)
     bad = any(found.values())
     if as_json:
         rows = [{"file": file, "issues": [vars(issue) for issue in issues]} for file, issues in found.items()]

@@ -14,7 +14,7 @@ from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
-from optiplan.errors import OptiPlanError
+from optiplan.errors import InputError, OptiPlanError
 
 if TYPE_CHECKING:
     from optiplan.execution.drivers.base import Driver
@@ -137,7 +137,8 @@ def _on_page(
 
 
 def _motion(file: str, planner: str | None, budget: float, progress: ProgressLine) -> "Run":
-    """Return the run of a folder, or plan one."""
+    """Return the run of a folder, or plan one; issues with the planner's options carry the file's lines."""
+    from optiplan.api.checking import choose, placed
     from optiplan.api.loading import load_run
     from optiplan.api.planning import plan
     from optiplan.problem.examples import find_problem
@@ -146,7 +147,13 @@ def _motion(file: str, planner: str | None, budget: float, progress: ProgressLin
     path = Path(file)
     if (path / "run.json").is_file() or path.name == "run.json":
         return load_run(path)
-    return plan(load_problem(find_problem(file)), planner, budget=budget, progress=progress)
+    path = find_problem(file)
+    problem = load_problem(path)
+    chosen, options = choose(path, problem, planner)
+    try:
+        return plan(problem, chosen, options or None, budget=budget, progress=progress)
+    except InputError as error:
+        raise placed(path, error) if options else error from None
 
 
 @contextmanager

@@ -11,13 +11,9 @@ import typer
 from optiplan.cores import cores
 from optiplan.errors import InputError, Issue, OptiPlanError
 
-Database = Annotated[
-    str,
-    typer.Option(
-        metavar="URL",
-        help="sqlite:///PATH or postgresql://USER@HOST/NAME (default: SQLite in the data folder)",
-    ),
-]
+URL = "sqlite:///PATH or postgresql://USER@HOST/NAME"
+Database = Annotated[str, typer.Option(metavar="URL", help=f"{URL} (default: SQLite in the data folder)")]
+OneDatabase = Annotated[str, typer.Option("--database", metavar="URL", help=URL)]
 PasswordFile = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="file with the database's password, which arguments show to all on the machine"),
@@ -142,7 +138,7 @@ def serve(
 
 
 def worker(
-    database: Database,
+    database: OneDatabase,
     database_password_file: PasswordFile = None,
     data: Data = None,
     folder: Folders = None,

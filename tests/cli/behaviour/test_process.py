@@ -194,3 +194,12 @@ def test_ctrl_c_while_the_program_is_imported_ends_it_without_a_word(tmp_path):
     command = [sys.executable, "-m", "optiplan", "--help"]
     ended = subprocess.run(command, env={**os.environ, "PYTHONPATH": search}, capture_output=True, cwd=tmp_path)
     assert (ended.returncode, ended.stdout, ended.stderr) == (-signal.SIGINT, b"", b"")
+
+
+def test_a_terminal_without_our_characters_shows_others(free):
+    search = os.pathsep.join((str(ROOT), os.environ.get("PYTHONPATH", "")))
+    environment = {**os.environ, "PYTHONPATH": search, "PYTHONIOENCODING": "ascii"}
+    command = [*PROGRAM, "plan", str(free), "--budget", "2"]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert ended.returncode == 0
+    assert ended.stdout.startswith("verified ? free ? planar2r")

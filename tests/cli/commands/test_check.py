@@ -1,3 +1,8 @@
+import sys
+
+from optiplan.cli.progress import ProgressLine
+
+
 def test_good_files_are_ok(optiplan, free):
     assert optiplan("check", free, "01_reach")[:2] == (0, f"{free}: ok\n01_reach: ok\n")
 
@@ -40,3 +45,15 @@ def test_options_that_do_not_go_with_the_goal(optiplan, free):
         good.replace("planner: quintic", "via: [{joints: [0.6, 1.1]}]\nplanner: {name: lspb, velocity: -1.0}")
     )
     assert optiplan("check", free)[0] == 0
+
+
+def test_many_files_are_told_on_the_way(optiplan, free, monkeypatch):
+    told = []
+
+    class Line(ProgressLine):
+        def __call__(self, stage, fraction):
+            told.append((stage, fraction))
+
+    monkeypatch.setattr(sys.modules["optiplan.cli.commands.check"], "ProgressLine", Line)
+    assert optiplan("check", free, "01_reach")[0] == 0
+    assert told == [(f"checking {free}", 0.0), ("checking 01_reach", 0.5)]

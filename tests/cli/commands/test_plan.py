@@ -201,5 +201,5 @@ def test_a_tracking_error_is_planned_for_and_said(optiplan, optiplan_json, free)
     )
     code, _, err = optiplan("plan", free, "--tracking-error", "9")
     assert code == 2
-    assert "nearer to its limit than the tracking error" in err
+    assert "nearer to its limit than the tracking error; expected a smaller tracking error" in err
     assert optiplan("plan", free, "--tracking-error", "-1")[0] == 2

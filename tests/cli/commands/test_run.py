@@ -55,6 +55,15 @@ def test_what_cannot_be_is_2(free, optiplan, arguments, words, tmp_path, monkeyp
     assert words in err
 
 
+def test_an_option_of_the_file_is_told_with_its_line(free, optiplan):
+    for option in ("nonsense: 3", "goals: -2"):
+        free.write_text(free.read_text().replace("planner: quintic", f"planner: {{name: quintic, {option}}}"))
+        code, _, err = optiplan("run", free)
+        assert code == 2
+        assert err.startswith(f"{free}:7: planner.{option.partition(':')[0]}: ")
+        free.write_text(free.read_text().replace(f"planner: {{name: quintic, {option}}}", "planner: quintic"))
+
+
 def test_no_motion_is_3(shut_in, optiplan):
     code, _, err = optiplan("run", shut_in, "--budget", "0.5")
     assert code == 3
