@@ -170,7 +170,8 @@ def replacing(path: Path) -> Iterator[Path]:
         else:
             temporary.replace(where)
     except OSError as error:
-        if error.filename in (None, str(temporary), str(where)):  # none: of a disk that became full
+        named = error.filename in (None, str(temporary), str(where))  # none: of a disk that became full
+        if named and error.errno is not None:
             error.filename = str(path)
         raise
     finally:
