@@ -18,12 +18,12 @@ def world(asked):
     """The robot among its obstacles, with pairs that are allowed to touch left out, and the site at its end."""
     root = ET.fromstring(locked_urdf(asked))
     for link in root.findall("link"):
-        for visual in link.findall("visual"):
-            link.remove(visual)
+        for unused in link.findall("visual") + link.findall("inertial"):  # Fetch's inertias are refused
+            link.remove(unused)
     for mesh in root.iter("mesh"):
         mesh.set("filename", mesh.get("filename").removeprefix("file://"))
     options = ET.SubElement(root, "mujoco")
-    ET.SubElement(options, "compiler", fusestatic="false", strippath="false", balanceinertia="true")
+    ET.SubElement(options, "compiler", fusestatic="false", strippath="false", inertiafromgeom="true")
     spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     bodies = {body.name for body in spec.bodies}
     links = [link.get("name") for link in root.findall("link")]
