@@ -45,7 +45,7 @@ def test_a_stored_run_is_run_in_the_simulation(free, optiplan, tmp_path):
         (["--driver", "file", "--to", "x.csv", "--patience", "3"], "patience: found the float 3.0"),
         (["--override", "2"], "'--override'"),
         (["--deviation", "0"], "'--deviation': expected a number above 0, rad or m"),
-        (["--rate", "1e9"], "rate: found the float 1000000000.0; expected 10 to 2000 Hz"),
+        (["--rate", "1e9"], "rate: found the driver's own, the float 1000000000.0; expected 30 to 2000 Hz"),
     ],
 )
 def test_what_cannot_be_is_2(free, optiplan, arguments, words, tmp_path, monkeypatch):
