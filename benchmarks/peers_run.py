@@ -7,11 +7,11 @@ Each peer has an adapter in `benchmarks/peers` and a virtual environment of its 
 the planner reports a motion. *Free*: our verifier proves that nothing touches, whatever the limits; *on meshes*:
 the second look of `mbm.py`, triangle meshes at small steps, sees no contact. *Within v, a*: position, velocity and
 acceleration limits are kept; *within all*: those of jerk and torque too, which no peer knows. *Verified*: all of
-that, proved. *Time* is the planner's own. Ours has two lines, the first verified answer and the last, each with the
-time and the duration of that answer, proofs included; of peers it is what their adapter counts of search, simplifying
-and their own timing, start of Python and loading left out. *Duration* is of the timed motion; over the best known of
-the problem where there is one, of those that are free. Jerk limits are lifted for all with `--no-jerk`. The last line
-printed is one JSON object.
+that, proved. *Time* is the planner's own. Ours has three lines, the first verified answer, that after 1 s and the last,
+each with the time and the duration of that answer, proofs included; of peers it is what their adapter counts of search,
+simplifying and their own timing, start of Python and loading left out. *Duration* is of the timed motion; over the best
+known of the problem where there is one, of those that are free. Jerk limits are lifted for all with `--no-jerk`. The
+last line printed is one JSON object.
 """
 
 import os
@@ -39,7 +39,9 @@ from optiplan.runs.pipeline import plan_and_verify_once
 
 STARTUP = 30.0
 """s beyond its budget after which a peer that has not answered is ended: Python, libraries and models are loaded."""
-FIRST, LAST = "ours, first", "ours, last"
+FIRST, SOON, LAST = "ours, first", "ours, 1 s", "ours, last"
+WITHIN = 1.0
+"""s of planning and proof at which our answer has a row of its own."""
 RATES, LIMITS = {"position", "velocity", "acceleration"}, {"jerk", "torque", "rest", "continuity"}
 JUDGED = ("claims", "free", "meshes", "rates", "limits", "verified")
 PEERS = Path(__file__).parent / "peers"
@@ -76,7 +78,7 @@ def main() -> None:
     arguments = parse()
     known = BestKnownTable(BEST_KNOWN / f"mbm-{arguments.robot}.csv")
     planners = {"ours": ("trajopt", {}), **dict(peer(text, arguments.budget) for text in arguments.peer)}
-    labels = [FIRST, LAST, *list(planners)[1:]]
+    labels = [FIRST, SOON, LAST, *list(planners)[1:]]
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
         sets = import_sets(arguments.robot, Path(folder), arguments.every, arguments.offset)
@@ -93,14 +95,14 @@ def main() -> None:
                 seconds = arguments.budget + (STARTUP if options else 0.0)
                 row = {"planner": label, "problem": f"{file.parent.name}/{file.stem}"}
                 row |= solve(problem, name, options, seconds, look)
-                for one in [row] if options else both(row):
+                for one in [row] if options else ours(row):
                     over = one["duration"] / best.duration if best and one["free"] else None
                     rows.append({**one, "over_best": over})
     table = [line(label, [row for row in rows if row["planner"] == label]) for label in labels]
     print_table(HEADINGS, table)
     write_markdown(arguments.markdown, HEADINGS, table)
     if arguments.picture is not None:
-        draw(rows, labels, arguments.picture)
+        draw(rows, [label for label in labels if label != SOON], arguments.picture)
     print_json({"robot": arguments.robot, "budget": arguments.budget, "commit": commit(), "runs": rows})
 
 
@@ -118,7 +120,7 @@ def solve(problem: Problem, name: str, options: dict[str, Any], budget: float, l
     """One planner on one problem."""
     done = plan_and_verify_once(problem, name, options, Budget(budget), silent)
     failed = {check.name for check in done.report.checks if not check.passed} if done.report else None
-    ours = sum(done.timings.get(key, 0.0) for key in ("plan", "verify", "other proofs"))
+    own = sum(done.timings.get(key, 0.0) for key in ("plan", "verify", "other proofs"))
     return {
         "claims": done.trajectory is not None,
         "free": failed is not None and "collision" not in failed,
@@ -126,7 +128,7 @@ def solve(problem: Problem, name: str, options: dict[str, Any], budget: float, l
         "rates": failed is not None and not failed & RATES,
         "limits": failed is not None and not failed & (RATES | LIMITS),
         "verified": done.verified,
-        "seconds": done.stages.get("peer", ours),
+        "seconds": done.stages.get("peer", own),
         "duration": done.duration,
         "improvements": done.improvements,
         "failure": None if done.failure is None else f"{done.failure.kind}: {done.failure.detail}",
@@ -134,12 +136,17 @@ def solve(problem: Problem, name: str, options: dict[str, Any], budget: float, l
     }
 
 
-def both(row: dict[str, Any]) -> list[dict[str, Any]]:
-    """Our first verified answer and our last as rows of their own, each with its time and its duration."""
-    rows = [{**row, "planner": label} for label in (FIRST, LAST)]
+def ours(row: dict[str, Any]) -> list[dict[str, Any]]:
+    """Our first verified answer, that after `WITHIN` and the last as rows, each with its time and its duration."""
+    first, soon, last = ({**row, "planner": label} for label in (FIRST, SOON, LAST))
     if row["improvements"]:
-        rows[0] |= dict(zip(("seconds", "duration"), row["improvements"][0], strict=True))
-    return rows
+        first["seconds"], first["duration"] = row["improvements"][0]
+        known = [found for found in row["improvements"] if found[0] <= WITHIN]
+        if known:
+            soon["seconds"], soon["duration"] = known[-1]
+        else:
+            soon |= dict.fromkeys(JUDGED, False) | {"seconds": None, "duration": None}
+    return [first, soon, last]
 
 
 def line(label: str, rows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
@@ -181,8 +188,8 @@ def draw(rows: Sequence[dict[str, Any]], labels: Sequence[str], path: Path) -> N
                 edgecolors=f"C{k}",
                 label=f"{label}, {'free' if free else 'touches'}: {len(some)}" if some else None,
             )
-    ours = ([row for row in rows if row["planner"] == label and row["claims"]] for label in (FIRST, LAST))
-    for first, last in zip(*ours, strict=True):
+    ends_of = ([row for row in rows if row["planner"] == label and row["claims"]] for label in (FIRST, LAST))
+    for first, last in zip(*ends_of, strict=True):
         ends = [[1e3 * row["seconds"] for row in (first, last)], [row["duration"] for row in (first, last)]]
         ax.plot(*ends, color="0.7", linewidth=0.6, zorder=0)
     ax.set(xscale="log", yscale="log", xlabel="time of planning, ms", ylabel="duration of the motion, s")
