@@ -77,6 +77,8 @@ def run(
     """
     from optiplan.cli.printing.executed import show_execution
 
+    if override == 0.0 and not view:
+        raise typer.BadParameter("at 0 the robot stands for ever; expected more, or --view", param_hint="--override")
     with stdout_is_ours(), ProgressLine() as progress:
         motion = _motion(file, planner, budget, progress)
     if motion.trajectory is None:

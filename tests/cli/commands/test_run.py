@@ -44,6 +44,7 @@ def test_a_stored_run_is_run_in_the_simulation(free, optiplan, tmp_path):
         (["--driver", "ur_rtde"], "an arm of 6 joints"),
         (["--driver", "file", "--to", "x.csv", "--patience", "3"], "patience: found the float 3.0"),
         (["--override", "2"], "'--override'"),
+        (["--override", "0"], "--override: at 0 the robot stands for ever; expected more, or --view"),
         (["--deviation", "0"], "'--deviation': expected a number above 0, rad or m"),
         (["--rate", "1e9"], "rate: found the driver's own, the float 1000000000.0; expected 30 to 2000 Hz"),
     ],
