@@ -3,6 +3,7 @@
 import math
 import os
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -32,11 +33,18 @@ BOUND = "then so many seconds to prove how near the motion is to the shortest on
 PLANNER = "instead of the file's; see: planners. all, or NAME,NAME,…: compares these"
 
 
-def positive(seconds: float) -> float:
-    """Require a finite number above 0."""
-    if not 0.0 < seconds < math.inf:
-        raise typer.BadParameter("expected a number of seconds above 0")
-    return seconds
+def above_zero(expected: str) -> Callable[[float], float]:
+    """Return a callback of an option that requires a finite number above 0."""
+
+    def check(value: float) -> float:
+        if not 0.0 < value < math.inf:
+            raise typer.BadParameter(f"expected {expected}")
+        return value
+
+    return check
+
+
+positive = above_zero("a number of seconds above 0")
 
 
 def positive_or_none(seconds: float | None) -> float | None:

@@ -1,6 +1,5 @@
 """`optiplan run`: plan a motion, or take a stored one, and execute it on a driver."""
 
-import math
 import signal
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from optiplan.cli.commands.plan import BUDGET, positive
+from optiplan.cli.commands.plan import BUDGET, above_zero, positive
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson
 from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
@@ -27,14 +26,8 @@ ENGINE = "of sim: mujoco, own or ideal (default: mujoco where it is installed)"
 PLANNER = "instead of the file's; see: planners"
 DEVIATION = "rad or m: a measured joint farther from the path ends in a stop"
 PATIENCE = "seconds: a set-point that comes as late as this ends in a stop"
+DISTANCE = above_zero("a number above 0, rad or m")
 VIEW = "begin, steer and stop it on a page, where obstacles can be dragged; Ctrl-C ends"
-
-
-def _distance(value: float) -> float:
-    """Require a finite number above 0."""
-    if not 0.0 < value < math.inf:
-        raise typer.BadParameter("expected a number above 0, rad or m")
-    return value
 
 
 def run(
@@ -45,7 +38,7 @@ def run(
     engine: Annotated[str | None, typer.Option(metavar="NAME", help=ENGINE)] = None,
     host: Annotated[str | None, typer.Option(metavar="HOST", help="of ros2_control and ur_rtde")] = None,
     to: Annotated[Path | None, typer.Option("--to", metavar="FILE", help="of the driver file: the table")] = None,
-    deviation: Annotated[float, typer.Option(callback=_distance, metavar="D", help=DEVIATION)] = 0.05,
+    deviation: Annotated[float, typer.Option(callback=DISTANCE, metavar="D", help=DEVIATION)] = 0.05,
     view: Annotated[bool, typer.Option("--view", help=VIEW)] = False,
     patience: Annotated[float, typer.Option(callback=positive, metavar="S", help=PATIENCE)] = 0.01,
     planner: Annotated[str | None, typer.Option(metavar="NAME", help=PLANNER, autocompletion=planner_names)] = None,
