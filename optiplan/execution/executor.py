@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from optiplan.errors import wrong_argument
 from optiplan.execution import arguments
-from optiplan.execution.arguments import same_state
 from optiplan.execution.due_events import DueEvents
 from optiplan.execution.law_follower import ELSEWHERE, LawFollower
 from optiplan.execution.paths.joint_stop import Detour, JointStops
@@ -381,7 +380,9 @@ class Executor(LawFollower):
             self._held, self._reason, self._planning.number = "", "", coming.number
         path, then, start = coming.path, coming.then, coming.path.run.problem.start_state
         point = self._stretch.laws.set_point(self._law, then)
-        if then < self.time or not same_state(State(point.q, point.v, point.a), start):  # whatever led elsewhere
+        if then < self.time or not arguments.same_state(
+            State(point.q, point.v, point.a), start
+        ):  # whatever led elsewhere
             self.stop(ELSEWHERE)
             return
         place = self._stretch.place(point.place.s)

@@ -100,8 +100,12 @@ class LawFollower:
     @property
     def _rests(self) -> bool:
         """Whether the robot stands still, and will: also at the end of its path, whatever the law."""
-        stands = self._law.target == 0.0 and self.time >= self._law.settled
-        return stands or self._law.at(self.time)[0] >= self._stretch.laws.length
+        return self._law_rests or self._law.at(self.time)[0] >= self._stretch.laws.length
+
+    @property
+    def _law_rests(self) -> bool:
+        """Whether the law leads to rest and has come to it."""
+        return self._law.target == 0.0 and self.time >= self._law.settled
 
     def _aim(self) -> None:
         """Let the law lead to the wanted speed, at once or as soon as limits leave room for it."""
@@ -138,7 +142,7 @@ class LawFollower:
         s = self._law.at(self.time)[0]
         length = self._stretch.laws.length
         if s >= length:  # at its end the robot stands still, whatever the law
-            if self._law.target != 0.0 or self.time < self._law.settled:
+            if not self._law_rests:
                 self._law = self._stretch.laws.steady(length, 0.0, self.time)
             self._pending = False
             if self._people is not None:

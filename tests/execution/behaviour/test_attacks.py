@@ -165,7 +165,7 @@ def test_at_the_end_of_a_way_back_the_object_is_still_carried(run_of):
 
 
 def test_events_before_another_run_takes_over_are_handed_out(run_of, monkeypatch):
-    monkeypatch.setattr("optiplan.execution.executor.same_state", lambda *_: True)  # it begins elsewhere
+    monkeypatch.setattr("optiplan.execution.arguments.same_state", lambda *_: True)  # it begins elsewhere
     run = run_of("40_panda_sorts_cubes")
     executor = op.Executor(run)
     attach = next(event for event in run.trajectory.segments if event.kind == "attach")
