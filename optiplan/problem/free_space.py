@@ -38,8 +38,8 @@ class Touching(NamedTuple):
 class FreeCheck:
     """Whether bodies touch at a configuration; true where none do. Which ones do is computed on demand."""
 
-    def __init__(self, free: bool, meeting: Callable[[], Touching]) -> None:
-        self._free, self._meeting = free, meeting
+    def __init__(self, free: bool, find: Callable[[], Touching]) -> None:
+        self._free, self._find = free, find
 
     def __bool__(self) -> bool:
         """Return whether the configuration is free."""
@@ -48,16 +48,16 @@ class FreeCheck:
     @property
     def pair(self) -> tuple[str, str] | None:
         """The two bodies that overlap most, or a body and the mesh that it is inside of; None where free."""
-        return None if self._free else self._met.pair
+        return None if self._free else self._found.pair
 
     @property
     def reason(self) -> str:
         """Every pair in contact, in words; empty where the configuration is free."""
-        return "" if self._free else self._met.reason
+        return "" if self._free else self._found.reason
 
     @cached_property
-    def _met(self) -> Touching:
-        return self._meeting()
+    def _found(self) -> Touching:
+        return self._find()
 
     def __repr__(self) -> str:
         """Return the verdict, and what is in contact."""
@@ -92,10 +92,10 @@ class FreeChecks(Sequence[FreeCheck]):
         """Return the check of one configuration, or a list of several."""
         if isinstance(which, slice):
             return [self[k] for k in range(*which.indices(len(self)))]
-        return FreeCheck(bool(self.free[which]), partial(self._meeting, self._Q[which]))
+        return FreeCheck(bool(self.free[which]), partial(self._touching, self._Q[which]))
 
-    def _meeting(self, q: Array) -> Touching:
-        found = meeting(collision_model(self._robot, self._scene), q)
+    def _touching(self, q: Array) -> Touching:
+        found = touching(collision_model(self._robot, self._scene), q)
         if found is not None:
             return found
         contact = touching_model(self._robot, self._scene).clearance(q)  # a hair's breadth decides
@@ -173,7 +173,7 @@ class FreeSpace:
         return _distance(model, Q) if Q.ndim == 1 else np.array([_distance(model, row) for row in Q])
 
 
-def meeting(model: CollisionModel, q: Array) -> Touching | None:
+def touching(model: CollisionModel, q: Array) -> Touching | None:
     """Return the bodies in contact at q (n,), the deepest first; None where it is free."""
     contacts = sorted(model.touching(q, TOUCHING), key=lambda contact: contact.distance)
     if contacts:

@@ -14,7 +14,7 @@ from optiplan.errors import InputError, Issue
 from optiplan.geometry.safety import WISHED
 from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler, RobotLoader, link_names
-from optiplan.problem.free_space import meeting
+from optiplan.problem.free_space import touching
 from optiplan.problem.goals_and_vias import GoalEnd, JointGoal, Via
 from optiplan.problem.hashing import problem_hash, shape_files_of
 from optiplan.problem.nonzero_ends import StatedState, impossible_states
@@ -395,15 +395,15 @@ def _collisions(document: Document, parts: _ProblemParts, compiler: Compiler) ->
     issues = []
     cure = "bodies that are apart (or a pair of scene.allowed_collisions)"
     if parts.start is not None and compiler.start_spec is not None:
-        found = meeting(model, parts.start.q)
+        found = touching(model, parts.start.q)
         if found is not None:
             place = ("start", compiler.start_spec.kind)
             issues.append(document.issue(place, f"the start is in collision: {found.reason}", cure))
     for via in parts.vias:
-        found = meeting(later, via.value.at.q) if isinstance(via.value.at, JointGoal) else None
+        found = touching(later, via.value.at.q) if isinstance(via.value.at, JointGoal) else None
         if found is not None:
             issues.append(document.issue(via.place, f"the via is in collision: {found.reason}", cure))
-    ends = [(end.place, meeting(later, end.value.q)) for end in parts.joint_goals]
+    ends = [(end.place, touching(later, end.value.q)) for end in parts.joint_goals]
     hits = [(place, found) for place, found in ends if found is not None]
     if len(hits) == len(compiler.goal_specs):
         issues += [document.issue(place, f"the goal is in collision: {met.reason}", cure) for place, met in hits]

@@ -6,7 +6,7 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.kept_models import collision_model
-from optiplan.problem.free_space import meeting
+from optiplan.problem.free_space import touching
 
 STEP = 1e-6
 
@@ -114,10 +114,10 @@ def test_free_of_many_is_free_of_each(name):
     lower, upper = np.maximum(limits.lower, -3.0), np.minimum(limits.upper, 3.0)
     Q = np.random.default_rng(1).uniform(lower, upper, (203, problem.robot.n))
     found, model = problem.is_free(Q), collision_model(problem.robot, problem.scene)
-    assert found.free.tolist() == [meeting(model, q) is None for q in Q]
+    assert found.free.tolist() == [touching(model, q) is None for q in Q]
     assert found.free.tolist() == [bool(one) for one in found] == [bool(problem.is_free(q)) for q in Q]
     assert 0 < found.free.sum() < len(Q) == len(found)
-    met = [meeting(model, q) for q in Q[:20]]
+    met = [touching(model, q) for q in Q[:20]]
     assert [(one.pair, one.reason) for one in found[:20]] == [(None, "") if one is None else one for one in met]
     assert repr(found) == f"FreeChecks: {found.free.sum()} of 203 free"
 

@@ -19,8 +19,8 @@ import pinocchio as pin
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import is_file, read_bytes
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
-from optiplan.robot.urdf.left_out import leave_out
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies, read_bodies
+from optiplan.robot.urdf.unused_elements import leave_out
 from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias
 
 log = logging.getLogger(__name__)

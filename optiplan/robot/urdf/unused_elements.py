@@ -1,4 +1,4 @@
-"""What no plan needs of a URDF, left out where parsers would refuse the file, or the link, for it."""
+"""Elements of a URDF that no plan needs: left out where parsers would refuse the file, or the link, for them."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
