@@ -380,9 +380,8 @@ class Executor(LawFollower):
             self._held, self._reason, self._planning.number = "", "", coming.number
         path, then, start = coming.path, coming.then, coming.path.run.problem.start_state
         point = self._stretch.laws.set_point(self._law, then)
-        if then < self.time or not arguments.same_state(
-            State(point.q, point.v, point.a), start
-        ):  # whatever led elsewhere
+        there = arguments.same_state(State(point.q, point.v, point.a), start)
+        if then < self.time or not there:  # whatever led elsewhere
             self.stop(ELSEWHERE)
             return
         place = self._stretch.place(point.place.s)
