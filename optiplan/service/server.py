@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import os
+import re
 import select
 import signal
 import socket
@@ -28,6 +29,8 @@ from optiplan.viewer.safety import LOOPBACK
 
 SHORTEST_TOKEN = 16
 """Characters."""
+TOKEN = re.compile(r"[A-Za-z0-9._~+/=-]+")
+"""What a header and a cookie carry unchanged (RFC 6750)."""
 SWITCH = 5e-4
 """s after which a thread that computes lets others run: answers do not wait for the queue's threads."""
 PATIENCE = 3
@@ -140,10 +143,12 @@ def check_token(settings: ServiceSettings) -> None:
     """Check that who can reach the server from elsewhere needs a token.
 
     Raises:
-        OptiPlanError: there is none, or a short one.
+        OptiPlanError: there is none, a short one, or one that no header and no cookie can carry.
     """
     if settings.token and len(settings.token) < SHORTEST_TOKEN:
         raise OptiPlanError(f"the token has {len(settings.token)} characters; expected at least {SHORTEST_TOKEN}")
+    if settings.token and not TOKEN.fullmatch(settings.token):
+        raise OptiPlanError("the token has characters that no cookie carries; expected letters, digits and ._~+/=-")
     if settings.host not in LOOPBACK and not settings.token:
         raise OptiPlanError(
             f"{settings.host} can be reached from other machines: give --token-file or OPTIPLAN_TOKEN "
@@ -178,6 +183,7 @@ def make_server(settings: ServiceSettings) -> "_Server":
     config = uvicorn.Config(
         make_application(service),
         http=guarded_protocol(settings),  # type: ignore[arg-type]  # what makes one will do
+        ws="none",  # else uvicorn takes a connection that asks for one away from its guard, who counts it for ever
         proxy_headers=bool(settings.proxies),
         forwarded_allow_ips=list(settings.proxies),
         log_config=None,

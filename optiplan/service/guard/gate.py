@@ -13,10 +13,10 @@ import math
 import time
 import uuid
 from collections.abc import MutableMapping
-from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
+from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from optiplan.service.guard.metrics import RequestCounts
@@ -104,13 +104,11 @@ class Gate:
         scheme, _, token = given.partition(" ")
         if scheme.lower() == "bearer":
             return self._same(token.strip())
-        cookies: SimpleCookie = SimpleCookie()
-        try:
-            cookies.load(call.headers.get("cookie", ""))
-        except CookieError:
-            return False
-        if COOKIE in cookies and self._same(cookies[COOKIE].value):
+        if self._same(HTTPConnection(scope).cookies.get(COOKIE, "")):
             return True
+        return self._token_comes_in_address(scope)
+
+    def _token_comes_in_address(self, scope: Scope) -> bool:
         return scope["method"] == "GET" and self._same(dict(_query(scope)).get("token", ""))
 
     def _same(self, token: str) -> bool:
@@ -118,10 +116,9 @@ class Gate:
 
     def _token_in_address(self, scope: Scope) -> str | None:
         """The address without the token that a person opened a page with; the token goes on as a cookie."""
-        query = _query(scope)
-        if not self._settings.token or scope["method"] != "GET" or "token" not in dict(query):
+        if not self._settings.token or not self._token_comes_in_address(scope):
             return None
-        rest = urlencode([pair for pair in query if pair[0] != "token"])
+        rest = urlencode([pair for pair in _query(scope) if pair[0] != "token"])
         path = self._settings.root_path + "/" + self._path(scope).lstrip("/")  # `//elsewhere` is another server
         return f"{path}?{rest}" if rest else path
 

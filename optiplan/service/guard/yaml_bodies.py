@@ -9,6 +9,8 @@ from urllib.parse import parse_qsl
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from optiplan.service.refusals import Refusal
+
 KINDS = (b"application/yaml", b"application/x-yaml", b"text/yaml", b"text/x-yaml")
 NUMBERS = {"budget": float, "deadline": float, "seed": int}
 
@@ -42,6 +44,8 @@ async def _whole(receive: Receive) -> bytes:
     parts = []
     while True:
         message = await receive()
+        if message["type"] == "http.disconnect":  # half a file may be a problem too, one without its last obstacles
+            raise Refusal(400, "the body of the request broke off")
         parts.append(message.get("body", b""))
         if not message.get("more_body"):
             return b"".join(parts)

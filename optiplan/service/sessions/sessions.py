@@ -4,7 +4,6 @@ import asyncio
 import uuid
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Mapping
-from contextlib import suppress
 from typing import Any, Generic, TypeVar
 
 import anyio
@@ -52,13 +51,11 @@ class Session:
         self.publish({"type": "state", **message})
 
     def publish(self, event: State) -> None:
-        """Hand an event to all watchers; of states, one that is slow sees the newest alone."""
+        """Hand an event to all watchers; a slow one misses the oldest, never the last."""
         for queue in self._watchers:
-            if event["type"] == "state" and queue.full():
-                with suppress(asyncio.QueueEmpty):
-                    queue.get_nowait()
-            with suppress(asyncio.QueueFull):
-                queue.put_nowait(event)
+            if queue.full():
+                queue.get_nowait()
+            queue.put_nowait(event)
 
     async def events(self, stopping: anyio.Event) -> AsyncIterator[State]:
         """States as they come, until it has ended or the server stops."""

@@ -6,7 +6,9 @@ import time
 import urllib.error
 import urllib.request
 from contextlib import contextmanager
+from urllib.parse import urlsplit
 
+import httpx
 import pytest
 import uvicorn
 
@@ -190,3 +192,14 @@ def test_the_head_of_a_stream_ends(server):
     assert server.http.head(f"/api/runs/{run}/events").headers["content-type"].startswith("text/event-stream")
     server.http.post(f"/api/runs/{run}/cancel")
     server.ended(run)
+
+
+def test_connections_that_ask_for_a_websocket_are_counted_until_they_close(server):
+    """uvicorn itself would take them over; pages of any origin may open them, so they could shut everybody out."""
+    asked = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: Upgrade, close\r\nUpgrade: websocket\r\n"
+    asked += b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+    port = urlsplit(server.url).port
+    for _ in range(server.service.settings.connections + 10):
+        with connected(port, asked) as client:
+            client.recv(100)
+    assert httpx.get(f"{server.url}/healthz", trust_env=False).status_code == 200

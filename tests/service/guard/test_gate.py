@@ -110,10 +110,23 @@ def test_without_the_token_nothing_is_answered_but_health(headers):
     assert ask(settings, path="/metrics", headers=encoded).status_code == 401
 
 
-def test_the_token_passes_as_header_or_cookie():
+@pytest.mark.parametrize(
+    "beside", ["", "plain=1; ", 'prefs={"dark": true}; ', "version=2; ", "note=two words; ", "a[b]; "]
+)
+def test_the_token_passes_as_header_or_cookie(beside):
+    """Also beside cookies of other programs on this machine: cookies know no ports."""
     settings = ServiceSettings(token=TOKEN)
-    for headers in ({"Authorization": f"Bearer {TOKEN}"}, {"Cookie": f"optiplan_token={TOKEN}"}):
+    for headers in ({"Authorization": f"Bearer {TOKEN}"}, {"Cookie": f"{beside}optiplan_token={TOKEN}"}):
         assert ask(settings, headers=headers).status_code == 200
+
+
+@pytest.mark.parametrize("path", ["/healthz", "/readyz", "/pages/service.css", "/optiplan/healthz"])
+@pytest.mark.parametrize("method", ["GET", "HEAD"])
+def test_a_wrong_token_in_an_open_address_earns_no_cookie(method, path):
+    for query in ("token=", "token=wrong", f"token={TOKEN}&token=wrong"):
+        answer = ask(ServiceSettings(token=TOKEN, root_path="/optiplan"), method, f"{path}?{query}")
+        assert answer.status_code == 200
+        assert TOKEN not in str(answer.headers)
 
 
 def test_a_token_in_the_address_becomes_a_cookie():
@@ -247,6 +260,8 @@ def test_an_open_address_needs_a_token():
         check_token(ServiceSettings(host="0.0.0.0"))
     with pytest.raises(OptiPlanError, match="at least 16"):
         check_token(ServiceSettings(host="0.0.0.0", token="short"))
+    with pytest.raises(OptiPlanError, match="no cookie carries"):
+        check_token(ServiceSettings(token="correct horse battery staple"))
     check_token(ServiceSettings(host="0.0.0.0", token=TOKEN))
     check_token(ServiceSettings(host="::1"))
 

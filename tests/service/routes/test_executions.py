@@ -1,16 +1,20 @@
 """Motions that are executed on a server by the driver `file`, which does as it is told."""
 
+import asyncio
 import json
 import os
 import signal
 import time
 
+import anyio
 import pytest
 
 from optiplan.robot.robot import load_robot
+from optiplan.service.execution.solver_pool import SolverJob
 from optiplan.service.sessions import execution_sessions
+from optiplan.service.sessions.execution_sessions import ExecutionSession
 from tests.service.conftest import NO_WAY, QUICK
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE, answer_of, wait_until
 
 ROUTE = "/api/executions"
 AWAY = [-1, 0.18, 1, 0, 0, 0, 1]
@@ -234,3 +238,28 @@ def test_a_motion_that_breaks_a_limit_is_not_executed(server, planned):
     assert list(events(server, first))[-1]["clean"]
     execution = start(server, execution=first)
     assert list(events(server, execution))[-1]["clean"]
+
+
+def test_a_watcher_that_is_slow_still_sees_the_end():
+    """Its queue is full of states by then."""
+    seen = []
+
+    async def watched():
+        session, begun, go_on = ExecutionSession({}, SolverJob({}, 1.0)), asyncio.Event(), asyncio.Event()
+
+        async def watch():
+            begun.set()
+            async for event in session.events(anyio.Event()):
+                seen.append(event["type"])
+                await go_on.wait()
+
+        task = asyncio.ensure_future(watch())
+        await begun.wait()
+        for k in range(8):
+            session.take({"state": {"t": 0.04 * k, "q": [0.0], "v": [0.0]}})
+        session.end("done", clean=True)
+        go_on.set()
+        await asyncio.wait_for(task, PATIENCE)
+
+    answer_of(watched())
+    assert seen[-1] == "end"
