@@ -93,8 +93,9 @@ def thousandths(revolute: Iterable[bool]) -> str:
 def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: Group) -> tuple[Limits, list[str]]:
     """Return the limits of the joints of a model reduced to `group`, and notes on every default value.
 
-    The limits of followers restrict their leader: lower_f <= m q + o <= upper_f, |m| v <= v_f. Torque is the
-    generalised force tau + sum m tau_f of the leader's drive; a follower has no drive.
+    The limits of followers restrict their leader: lower_f <= m q + o <= upper_f, and |m| v <= v_f where the leader's
+    velocity is the URDF's; a velocity of the robot.yaml replaces both. Torque is the generalised force
+    tau + sum m tau_f of the leader's drive; a follower has no drive.
 
     Raises:
         InputError: wrong sizes, values that are not positive.

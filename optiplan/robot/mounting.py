@@ -48,7 +48,7 @@ class Mounting:
     def key(self) -> str:
         """The key of the mounting, equal for equal mountings."""
         loads = [(link, inertia.toDynamicParameters().tolist()) for link, inertia in self.payload]
-        frames = [(one.name, one.link, one.X_LF.homogeneous.tolist()) for one in self.frames]
+        frames = [(one.name, one.link, one.X_LF.homogeneous.tolist(), one.held) for one in self.frames]
         return repr((self.X_WB.homogeneous.tolist(), np.asarray(self.gravity, dtype=float).tolist(), loads, frames))
 
     @property

@@ -31,7 +31,9 @@ def in_order(problem: Problem, trajectory: Trajectory) -> Problem:
     for step in problem.task:
         if isinstance(step.action, TargetTour):
             own = [one for one in trajectory.segments if one.step == step.number]
-            begin = problem.start if not own else trajectory(own[0].begin)
+            at = own[0].begin if own else -1.0
+            within = 0.0 <= at <= trajectory.duration  # a motion that is not is refused, but not here
+            begin = trajectory(at) if within else problem.start
             steps += tour_steps(step, step.action, _order(step.action, own), begin[columns_of(problem, step.action)])
         elif isinstance(step.action, SeamPath):
             steps += seam_steps(step, step.action)

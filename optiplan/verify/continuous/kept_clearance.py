@@ -30,7 +30,7 @@ from optiplan.verify.continuous.motion_bounds import Boxes, Motion, MotionQuery
 from optiplan.verify.continuous.separating_planes import PairDistances, unconfirmed
 from optiplan.verify.tolerances import CLEARANCE_ROUNDING
 
-VERSION = 2
+VERSION = 3
 """Counted up when clearances are proved in another way, so that what is kept is made again."""
 
 _FINE = 0.01
@@ -277,7 +277,10 @@ class _Maker:
         return bound, travel
 
     def _surfaces(self, pair: int, joint: int) -> tuple[Array, Array] | None:
-        """Triangles (k, 3, 3) of both bodies at the middle of the joint, in a frame whose z axis is the joint's."""
+        """Triangles (k, 3, 3) of both bodies at the middle of the joint, in a frame whose z axis is the joint's.
+
+        Those of the body that the joint turns come second.
+        """
         moved = np.flatnonzero(self._bodies.moves[pair].any(axis=0))
         bodies = self._bodies.pairs[pair]
         kinematics = self._model.kinematics
@@ -293,7 +296,9 @@ class _Maker:
             None if own is None else (own @ X[:3, :3].T + X[:3, 3] - point) @ axes.T
             for own, X in zip(found, placed, strict=True)
         )
-        return None if one is None or other is None else (one, other)
+        if one is None or other is None:
+            return None
+        return (one, other) if self._bodies.moves[pair, 1].any() else (other, one)
 
 
 class _Residue:

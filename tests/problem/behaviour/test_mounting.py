@@ -17,7 +17,7 @@ from optiplan.collision.native_model import planning_model
 from optiplan.kinematics.ik.closed_form import closed_form
 from optiplan.problem.problem import derived
 from optiplan.robot.loaded_robots import once_for_each_robot
-from optiplan.robot.mounting import Mounting
+from optiplan.robot.mounting import FixedFrame, Mounting
 from optiplan.robot.robot import load_robot
 from optiplan.verify.continuous.bodies import Bodies
 
@@ -322,3 +322,10 @@ def test_what_is_made_of_a_robot_goes_with_it():
     del arm
     gc.collect()
     assert kept() is None
+
+
+def test_what_is_held_is_no_tool_of_the_same_name():
+    """In one process, such as a server's, robots are kept by their mounting."""
+    robot = load_robot("panda")
+    frames = [FixedFrame("driver", "panda_link8", pin.SE3.Identity(), held) for held in (True, False)]
+    assert [robot.mounted(Mounting(frames=(one,))).mounting.frames[0].held for one in frames] == [True, False]

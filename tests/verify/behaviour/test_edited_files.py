@@ -190,3 +190,12 @@ def test_a_loaded_run_is_held_against_its_files_too(task, folder):
     run = op.load_run(folder)
     assert not run.verified
     assert replace(run, report=None).verified is False
+
+
+@pytest.mark.parametrize("begin", [5.0, -1.0, float("nan")])
+def test_a_tour_at_no_time_of_the_motion_is_refused(begin):
+    problem = op.load_problem("45_spot_tour")
+    number = next(step.number for step in problem.task if step.kind == "tour")
+    still = Trajectory(problem.robot.joint_names, np.array([0.0, 1.0]), problem.start[None, None])
+    motion = replace(still, segments=(Segment(number, "tour", "rib left", begin, begin),))
+    assert not verify(problem, motion).verified

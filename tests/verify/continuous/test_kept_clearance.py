@@ -37,6 +37,15 @@ ROBOT = """<robot name="discs"><link name="base"><collision><geometry><mesh file
 <limit lower="-1" upper="0.1" velocity="2" effort="9"/></joint></robot>"""
 
 
+STAND = """<robot name="discs"><link name="base"/>
+<link name="disc"><collision><geometry><mesh filename="disc.obj"/></geometry></collision></link>
+<link name="stand"><collision><geometry><mesh filename="base.obj"/></geometry></collision></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="disc"/><axis xyz="0 0 1"/>
+<limit lower="-3" upper="3" velocity="2" effort="9"/></joint>
+<joint name="{mount}" type="fixed"><parent link="base"/><child link="stand"/></joint></robot>"""
+"""The lower disc on a link of its own, whose place among the bodies the name of its joint decides."""
+
+
 def box(size: tuple[float, float, float], at: tuple[float, float, float]) -> trimesh.Trimesh:
     return trimesh.creation.box(size, trimesh.transformations.translation_matrix(at))
 
@@ -46,7 +55,7 @@ def disc(z: float) -> trimesh.Trimesh:
     return made.apply_translation((0.0, 0.0, z))
 
 
-def robot_in(folder: Path, kind: str = "revolute", stop: bool = True) -> Robot:
+def robot_in(folder: Path, kind: str = "revolute", stop: bool = True, urdf: str = ROBOT) -> Robot:
     """A disc that turns above another one, with an arm that may meet a stop; and a tip that is lifted."""
     folder.mkdir(exist_ok=True)
     place = (0.065 * np.cos(STOP), 0.065 * np.sin(STOP), 0.01)
@@ -54,7 +63,7 @@ def robot_in(folder: Path, kind: str = "revolute", stop: bool = True) -> Robot:
     trimesh.util.concatenate(base).export(folder / "base.obj")
     trimesh.util.concatenate([disc(0.01), box((0.05, 0.01, 0.01), (0.05, 0.0, 0.012))]).export(folder / "disc.obj")
     box((0.4, 0.02, 0.02), (0.0, 0.0, 0.0)).export(folder / "tip.obj")
-    (folder / "robot.urdf").write_text(ROBOT.format(kind=kind))
+    (folder / "robot.urdf").write_text(urdf.format(kind=kind))
     (folder / "robot.yaml").write_text("version: 1\nname: discs\nurdf: robot.urdf\ncollision: mesh\n")
     return load_robot(str(folder))
 
@@ -188,6 +197,23 @@ def test_pairs_of_two_joints_share_the_boxes_looked_at(tmp_path: Path, monkeypat
     monkeypatch.setattr(kept_clearance, "_IN_ALL", 4)
     prove_kept_clearances(robot)
     assert 1 <= sum(looked) <= 8  # the boxes that pass the bound are those of the last halving
+
+
+@pytest.mark.parametrize("mount", ["a_mount", "z_mount"])
+def test_whichever_body_of_a_pair_the_joint_turns(mount: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = robot_in(tmp_path / "robot", urdf=STAND.replace("{mount}", mount))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    model = CollisionModel(robot, Scene())
+    (names,) = [(pair.name_a, pair.name_b) for pair in model.pairs]
+    assert names == (("stand", "disc") if mount == "a_mount" else ("disc", "stand"))
+    table = prove_kept_clearances(robot)[0, 1]
+    Q = np.linspace(-2.9, 2.9, 117)[:, None]
+    kept = table.least(Q, np.zeros_like(Q))
+    true = np.array([model.distance(q, 0).distance for q in Q])
+    assert (kept <= true + 1e-9).all()
+    assert kept.max() > 0.8 * GAP
+    assert not certify(model, quintic(robot.joint_names, [0.0], [1.5], 3.0), VerifyPolicy()).proved
+    assert certify(model, quintic(robot.joint_names, [0.0], [-1.5], 3.0), VerifyPolicy()).proved
 
 
 def test_a_body_inside_another_is_not_proved_clear_of_it(tmp_path: Path) -> None:
