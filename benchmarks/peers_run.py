@@ -183,7 +183,8 @@ def draw(rows: Sequence[dict[str, Any]], labels: Sequence[str], path: Path) -> N
             ax.scatter(
                 [1e3 * row["seconds"] for row in some],
                 [row["duration"] for row in some],
-                s=22,
+                s=12,
+                linewidths=0.7,
                 facecolors=f"C{k}" if free else "none",
                 edgecolors=f"C{k}",
                 label=f"{label}, {'free' if free else 'touches'}: {len(some)}" if some else None,
@@ -191,7 +192,7 @@ def draw(rows: Sequence[dict[str, Any]], labels: Sequence[str], path: Path) -> N
     ends_of = ([row for row in rows if row["planner"] == label and row["claims"]] for label in (FIRST, LAST))
     for first, last in zip(*ends_of, strict=True):
         ends = [[1e3 * row["seconds"] for row in (first, last)], [row["duration"] for row in (first, last)]]
-        ax.plot(*ends, color="0.7", linewidth=0.6, zorder=0)
+        ax.plot(*ends, color="0.8", linewidth=0.4, zorder=0)
     ax.set(xscale="log", yscale="log", xlabel="time of planning, ms", ylabel="duration of the motion, s")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_formatter(ScalarFormatter())
