@@ -141,7 +141,7 @@ def test_a_constraint_on_a_part_of_a_path_with_events_is_refused(tmp_path):
     (issue,) = caught.value.issues
     assert (issue.line, issue.field) == (14, "task[0].path_constraints[0].tool_speed.during")
     assert "[0.2, 0.8] of a path with events" in issue.found
-    assert "the whole path" in issue.expected
+    assert "the whole step" in issue.expected
     assert read(tmp_path, body + event + keep.replace(", during: [0.2, 0.8]", "")).task[0].constraints
 
 
