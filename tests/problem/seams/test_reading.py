@@ -114,6 +114,8 @@ def test_bad_paths_are_refused_with_their_line(tmp_path, body, words):
         ("x,y,z\n0.4,0,0.3\n0.4,0,0.3\n", r"p.csv:3: position: the place of point 1"),
         ("x,y,z,nx,ny,nz\n0.4,0,0.3,0,0,-1\n0.5,0,0.3,0,0,1\n", r"p.csv:3: axis: .*nearly opposite"),
         ("x,y,z\n0.4,0,0.3\n", "1 rows; expected 2 to"),
+        ("x,y,z\n,,\n\n", "0 rows; expected 2 to"),
+        ("x,y,z\n\n0.4,0,0.3\n,,\n0.4,0,0.3\n", r"p.csv:5: position: the place of point 1"),
     ],
 )
 def test_bad_files_are_refused_with_their_line(tmp_path, text, words):
