@@ -95,7 +95,7 @@ class PlaceScore:
 
     def __init__(self, problem: Problem, budget: Budget) -> None:
         self.problem, self.budget = problem, budget
-        self.places = list(_places(problem))
+        self.places = [known for place in _places(problem) if (known := _of_known_frames(problem, place))]
         self._times = TravelTimes(problem.limits)
 
     def at(self, moved: Array) -> tuple[int, float]:
@@ -225,6 +225,12 @@ def _places(problem: Problem) -> Iterator[Sequence[GoalEnd]]:
             yield _regions([_of_all(problem, action.joints, end) for end in action.goal])
         elif isinstance(action, StraightLine) and action.ends and action.joints == main:
             yield _regions(action.ends)
+
+
+def _of_known_frames(problem: Problem, ends: Sequence[GoalEnd]) -> list[GoalEnd]:
+    """Return the ends of frames that the robot has at the start, so without those of objects that are held later."""
+    model = problem.robot.model
+    return [end for end in ends if not isinstance(end, RegionGoal) or model.existFrame(end.frame)]
 
 
 def _of_all(problem: Problem, joints: Sequence[str], end: GoalEnd) -> GoalEnd:
