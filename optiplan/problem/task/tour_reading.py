@@ -117,10 +117,9 @@ class _TargetReader:
 
     def duplicates(self, targets: tuple[Target, ...]) -> None:
         """Report targets at one place with one orientation, or with one free axis."""
-        poses = [one.goal.X_WR for one in targets]
-        for k, X in enumerate(poses):
-            near = np.array([other.translation for other in poses[:k]]).reshape(-1, 3) - X.translation
-            for i in np.flatnonzero(np.abs(near).max(axis=1, initial=0.0) < _SAME):
+        p = np.array([one.goal.X_WR.translation for one in targets])
+        for k in range(len(targets)):
+            for i in np.flatnonzero(np.abs(p[:k] - p[k]).max(axis=1, initial=0.0) < _SAME):
                 if _alike(targets[int(i)].goal, targets[k].goal):
                     found = f"the place of '{targets[int(i)].name}'"
                     self.report(k, "position", found, "a place of its own: every target is visited once")
