@@ -104,7 +104,8 @@ class OrderSearch:
         time = routing.GetDimensionOrDie("time")
         for k, (low, high) in enumerate(windows):
             index = manager.NodeToIndex(1 + k)
-            time.CumulVar(index).SetRange(int(np.ceil(low * _UNIT)), int(min(high, _LONGEST) * _UNIT))
+            earliest = int(np.ceil(low * _UNIT))
+            time.CumulVar(index).SetRange(earliest, max(earliest, int(min(high, _LONGEST) * _UNIT)))
         for i, j in zip(*np.nonzero(self._before), strict=True):
             first, second = (time.CumulVar(manager.NodeToIndex(1 + int(k))) for k in (i, j))
             routing.solver().Add(first <= second)
