@@ -107,7 +107,9 @@ def plan(  # noqa: PLR0913  # one keyword for each thing that may differ from th
     try:
         return pipeline.answer(problem, asked, chosen, clock, told, known)
     except UnknownChoiceError as error:
-        argument = "planner" if error.kind == "planner" else "options"
+        argument = {"planner": "planner", "option": "options"}.get(error.kind.partition(" ")[0])
+        if argument is None:
+            raise
         raise wrong_argument("plan", argument, f"'{error.found}'", choices(error.found, error.choices)) from None
 
 

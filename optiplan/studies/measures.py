@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.errors import InputError, OptiPlanError
+from optiplan.errors import InputError, Issue, OptiPlanError
 from optiplan.geometry.support_polygon import SupportPolygon
 from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, scaled, yoshikawa
 from optiplan.planners.base import Budget
@@ -20,6 +20,9 @@ from optiplan.workspace.reach import sampling_range, shoulder_point
 
 _SCORING = 30.0
 """s for the score of one task; it takes milliseconds."""
+
+_CUBES = 100
+"""Cubes along the largest reach at most: eight million in all, which take half a gigabyte while they are counted."""
 
 _POSE = 6
 """Joints that a pose of the tool needs; the manipulability of fewer is that of the tool's velocity alone."""
@@ -106,7 +109,7 @@ def _kinematic(robot: Robot, states: DesignStates, support: SupportPolygon | Non
     X_WT, J = ToolKinematics(robot).evaluate(states.Q)
     shoulder = shoulder_point(robot)
     away = X_WT[:, :3, 3] - shoulder
-    largest = max(float(np.linalg.norm(away, axis=1).max()), 1e-9)
+    largest = _largest(away)
     ground = -np.inf if support is None else support.height - float(shoulder[2])
     part: JacobianRows = "full" if robot.n >= _POSE else "translation"
     return {
@@ -115,14 +118,24 @@ def _kinematic(robot: Robot, states: DesignStates, support: SupportPolygon | Non
     }
 
 
+def _largest(away: Array) -> float:
+    """Return the largest distance, m, of points (K, 3) from the shoulder."""
+    return max(float(np.linalg.norm(away, axis=1).max()), 1e-9)
+
+
 def reached_volume(points: Array, edge: float, largest: float, ground: float = -np.inf) -> float:
     """Reached part, m³, of the ball of radius `largest`, m, about the origin, above z = `ground`.
 
     It is the ball's volume there times the share of its cubes of edge `edge`, m, in which one of the points (K, 3), m,
     lies; cubes go by their centre. Few points in small cubes miss some, so compare equal numbers only. No point is
     further away than `largest`.
+
+    Raises:
+        OptiPlanError: the cubes are so small that there are too many.
     """
     side = int(np.ceil(largest / edge))
+    if side > _CUBES:
+        raise OptiPlanError(f"found cubes of {edge:g} m; expected at most {_CUBES} along the reach of {largest:.3g} m")
     line = (np.arange(2 * side) - side + 0.5) * edge
     centres = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
     counted = (np.linalg.norm(centres, axis=1) <= largest) & (centres[:, 2] > ground)
@@ -166,6 +179,8 @@ def check_measures(study: DesignStudy) -> None:
         issues.append(document.issue(("robot",), "a robot whose links have no mass", "rows with `mass:`"))
     if "torque_share" in names and not np.isfinite(robot.limits.torque).any():
         issues.append(document.issue(("robot",), "a robot without limits of torque", "`limits: {torque: …}`"))
+    if names & {"reach_volume", "manipulability"}:
+        issues += _small_cubes(study)
     for k, task in enumerate(study.tasks):
         try:
             problem_from_dict(task.for_robot(robot), task.base)
@@ -177,3 +192,20 @@ def check_measures(study: DesignStudy) -> None:
             issues.append(document.issue(("tasks", k), str(error), "a problem that the design can be given"))
     if issues:
         raise InputError(issues)
+
+
+def _small_cubes(study: DesignStudy) -> list[Issue]:
+    """Return an issue of cubes that are too small for the reach of the given design, or of one at an end of the ranges.
+
+    Raises:
+        OptiPlanError: a sliding joint without limits.
+    """
+    spec, reach = study.spec.states, 0.0
+    for x in (study.given, study.lower, study.upper):
+        robot = study.robot(study.values(x))
+        X_WT, _ = ToolKinematics(robot).evaluate(states_of(robot, spec.count, spec.motion, spec.seed).Q)
+        reach = max(reach, _largest(X_WT[:, :3, 3] - shoulder_point(robot)))
+    if reach <= _CUBES * spec.voxel:
+        return []
+    expected = f"at least {1.01 * reach / _CUBES:.3g} m, for a reach of {reach:.3g} m"
+    return [study.document.issue(("states", "voxel"), f"{spec.voxel:g} m", expected)]

@@ -205,12 +205,14 @@ def _key(data: Any, key: str, must_exist: bool) -> Any:
 
 def _wrong_places(spec: StudySpec, document: Document, description: Mapping[str, Any]) -> list[Issue]:
     issues = []
-    for path in spec.changes:
+    changed = copy.deepcopy(dict(description))
+    for path, change in spec.changes.items():
         try:
-            place_in(description, path)
+            holder, last = place_in(changed, path)
+            holder[last] = copy.copy(change)
         except KeyError as error:
             key, known = error.args
-            found = f"a place that the robot file does not have: no '{key}' there"
+            found = f"a place that the robot file does not have, or that another change replaces: no '{key}' there"
             issues.append(document.issue(("changes", path), found, choices(key, known)))
     used = " ".join(str(amount) for amount in _amounts(spec))
     for name in spec.parameters:

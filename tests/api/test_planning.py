@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.api import planning
+from optiplan.errors import UnknownChoiceError
 
 
 def test_plan_honours_the_problems_own_planner(problem):
@@ -17,6 +19,15 @@ def test_plan_honours_the_problems_own_planner(problem):
     assert op.plan(slow, options={}).duration < 9.0
     assert op.plan(slow, "quintic").duration == pytest.approx(9.0)
     assert op.plan(slow, "septic").options == {}
+
+
+def test_a_name_that_planning_does_not_find_is_no_argument(problem, monkeypatch):
+    def lost(*_):
+        raise UnknownChoiceError("frame", "cube", ["hand"])
+
+    monkeypatch.setattr(planning.pipeline, "answer", lost)
+    with pytest.raises(UnknownChoiceError, match="unknown frame 'cube'"):
+        op.plan(problem)
 
 
 def test_seed_budget_and_progress_are_handed_on(problem):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from optiplan.errors import InputError, OptiPlanError
 from optiplan.studies.measures import MEASURES, DesignMeasures, check_measures, reached_volume
 from optiplan.studies.study import read_study
 
@@ -66,3 +67,10 @@ def test_a_task_out_of_reach_takes_for_ever():
     assert measured(1.0, 1.0, minimise=["cycle_time"], tasks=tasks)["cycle_time"] == pytest.approx(1.1547, abs=1e-3)
     far = [{"start": {"joints": [0, 0]}, "goal": {"pose": {"position": [9, 0, 0], "rpy": [0, 0, 0]}}}]
     assert np.isposinf(measured(1.0, 1.0, minimise=["cycle_time"], tasks=far)["cycle_time"])
+
+
+def test_cubes_that_would_take_all_memory_are_refused():
+    with pytest.raises(InputError, match=r"states.voxel: 0.005 m; expected at least 0.0202 m, for a reach of 2 m"):
+        measured(1.0, 1.0, states={"count": 1000, "motion": 0, "voxel": 0.005})
+    with pytest.raises(OptiPlanError, match="at most 100 along the reach"):
+        reached_volume(np.zeros((1, 3)), 0.005, 1.0)

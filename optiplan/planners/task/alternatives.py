@@ -40,7 +40,7 @@ def plan_alternatives(
     solved = sorted((one for one in found if one[0].trajectory is not None), key=_duration, reverse=True)
     info = {"either": told, "cut_short": cut_short}
     if not solved:
-        return PlanResult(None, _none([result for result, *_ in found]), {}, info)
+        return PlanResult(None, _none([result for result, *_ in found], len(tasks)), {}, info)
     best = solved[-1][0]
     earlier = tuple(Candidate(one.trajectory, seconds) for one, _, seconds in solved[:-1] if one.trajectory is not None)
     return replace(best, info={**best.info, **info}, earlier=(*earlier, *best.earlier))
@@ -51,10 +51,11 @@ def _duration(one: tuple[PlanResult, dict[int, int], float]) -> float:
     return float("inf") if motion is None else motion.duration
 
 
-def _none(results: list[PlanResult]) -> Failure:
-    """Return the failure of the task that came farthest."""
+def _none(results: list[PlanResult], count: int) -> Failure:
+    """Return the failure of the task that came farthest, of those tried; `count` are all."""
     failures = [result.failure for result in results if result.failure is not None]
     if not failures:
         return Failure("no-path", "no alternative was found that can be done")
     worst = max(failures, key=lambda one: int(one.witness.get("step", 0)))
-    return replace(worst, detail=f"none of {len(results)} alternatives can be done; of one, {worst.detail}")
+    tried = f"{count} alternatives" if len(results) == count else f"{len(results)} alternatives tried, of {count},"
+    return replace(worst, detail=f"none of {tried} can be done; of one, {worst.detail}")

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from optiplan.planners.task.planned_steps import Stretch, TaskPart, object_and_link
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.steps import TaskStep
 from optiplan.trajectory.joining import join_trajectories, standstill, with_resting_joints
 from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.tolerances import SHORTEST_DURATION
@@ -28,5 +29,13 @@ def joined_parts(problem: Problem, parts: Sequence[TaskPart]) -> Trajectory:
             segments.append(Segment(step.number, step.kind, step.name, since, begin + end, *held))
             since = begin + end
         begin = since
-    motion = join_trajectories(motions or [standstill(problem.robot.joint_names, problem.start, SHORTEST_DURATION)])
-    return replace(motion, segments=tuple(segments))
+    if not motions:
+        return standing_still(problem, [planned.step for part in parts for planned in part.steps], segments)
+    return replace(join_trajectories(motions), segments=tuple(segments))
+
+
+def standing_still(problem: Problem, steps: Sequence[TaskStep], segments: Sequence[Segment]) -> Trajectory:
+    """Return the motion of steps in which nothing moves: the last one that is no event takes the shortest time."""
+    T, last = SHORTEST_DURATION, max((k for k, step in enumerate(steps) if not step.event), default=len(steps))
+    timed = [replace(one, begin=T * (k > last), end=T * (k >= last)) for k, one in enumerate(segments)]
+    return replace(standstill(problem.robot.joint_names, problem.start, T), segments=tuple(timed))

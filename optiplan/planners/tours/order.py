@@ -12,7 +12,7 @@ from optiplan.arrays import Array, Flags
 from optiplan.errors import OptiPlanError
 from optiplan.libraries import loading
 from optiplan.problem.task.steps import TargetTour
-from optiplan.problem.task.tour_order import precedence
+from optiplan.problem.task.tour_order import implied, precedence
 
 _UNIT = 1e6
 """Whole numbers of the library in a second."""
@@ -104,7 +104,8 @@ class OrderSearch:
         time = routing.GetDimensionOrDie("time")
         for k, (low, high) in enumerate(windows):
             index = manager.NodeToIndex(1 + k)
-            time.CumulVar(index).SetRange(int(np.ceil(low * _UNIT)), int(min(high, _LONGEST) * _UNIT))
+            earliest = int(np.ceil(low * _UNIT))
+            time.CumulVar(index).SetRange(earliest, max(earliest, int(min(high, _LONGEST) * _UNIT)))
         for i, j in zip(*np.nonzero(self._before), strict=True):
             first, second = (time.CumulVar(manager.NodeToIndex(1 + int(k))) for k in (i, j))
             routing.solver().Add(first <= second)
@@ -114,5 +115,4 @@ class OrderSearch:
 
 def _without_implied(before: Flags) -> Flags:
     """Return a precedence relation (m, m) without the pairs that others imply."""
-    small = before.astype(np.uint8)
-    return np.asarray(before & ~(small @ small > 0))
+    return before & ~implied(before) if before.any() else before

@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.native_model import planning_model
+from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.planners.base import Budget
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.sampling.edge_checker import MotionCheck
@@ -26,6 +27,7 @@ from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.task.scene_change import columns
 from optiplan.problem.task.steps import Move, StraightLine, Target, TargetTour
 from optiplan.robot.frames import frame_pose
+from optiplan.robot.robot import Robot
 
 _TURNS = 8
 """Turns about a free axis that a score is of."""
@@ -95,7 +97,7 @@ class PlaceScore:
 
     def __init__(self, problem: Problem, budget: Budget) -> None:
         self.problem, self.budget = problem, budget
-        self.places = list(_places(problem))
+        self.places = [known for place in _places(problem) if (known := _of_known_frames(problem, place))]
         self._times = TravelTimes(problem.limits)
 
     def at(self, moved: Array) -> tuple[int, float]:
@@ -222,9 +224,23 @@ def _places(problem: Problem) -> Iterator[Sequence[GoalEnd]]:
             goals = goals if kept is None else [goals[k] for k in kept]
             yield from ([goal] for goal in (_nearest_next(goals) if action.free else goals))
         elif isinstance(action, Move):
-            yield _regions([_of_all(problem, action.joints, end) for end in action.goal])
+            leads = _leads(problem.robot, action.joints)
+            ends = [end for end in action.goal if leads or not isinstance(end, JointGoal)]
+            yield _regions([_of_all(problem, action.joints, end) for end in ends])
         elif isinstance(action, StraightLine) and action.ends and action.joints == main:
             yield _regions(action.ends)
+
+
+def _leads(robot: Robot, joints: Sequence[str]) -> bool:
+    """Whether some of these joints move a tool; fingers and positioners do not, so their values are no place of it."""
+    own = columns(robot, joints)
+    return any(joints_that_move(robot, frame)[own].any() for frame in {robot.tool_frame, *robot.tool_frames.values()})
+
+
+def _of_known_frames(problem: Problem, ends: Sequence[GoalEnd]) -> list[GoalEnd]:
+    """Return the ends of frames that the robot has at the start, so without those of objects that are held later."""
+    model = problem.robot.model
+    return [end for end in ends if not isinstance(end, RegionGoal) or model.existFrame(end.frame)]
 
 
 def _of_all(problem: Problem, joints: Sequence[str], end: GoalEnd) -> GoalEnd:

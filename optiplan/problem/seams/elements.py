@@ -126,7 +126,10 @@ def rounded(elements: Sequence[Element], blend: float) -> tuple[list[Element], l
         after = elements[k + 1]
         radius = min(blend, 0.5 * one.uniform, 0.5 * after.uniform)
         end, begin_after = 1.0 - radius / one.uniform, radius / after.uniform
-        found.append(one.cut(begin, end))
+        if (end - begin) * one.uniform > _NEAR:
+            found.append(one.cut(begin, end))
+        else:
+            end = begin  # two corners share all of the part
         found.append(_blend(one.end(end), after.end(begin_after), 2.0 * radius, one.point))
         begin = begin_after
     return found, corners

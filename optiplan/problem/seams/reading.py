@@ -15,7 +15,7 @@ from optiplan.problem.schema.seam import POINT_COLUMNS, SeamPointSpec, SeamSpec
 from optiplan.problem.seams.actions import PathEvent, SeamPath
 from optiplan.problem.seams.building import OPPOSITE, SeamShape
 from optiplan.problem.seams.coverage import CoverSpec, cover
-from optiplan.problem.task.csv_rows import RowsOf, read_rows
+from optiplan.problem.task.csv_rows import LocatedRow, RowsOf, read_rows
 from optiplan.robot.robot import Robot
 
 _SAME = 1e-6
@@ -26,7 +26,7 @@ _STRAIGHT = 1e-3
 """Sine below which an axis along the path leaves no side to weave or tilt to."""
 
 
-def read_points(file: Path) -> list[SeamPointSpec]:
+def read_points(file: Path) -> list[LocatedRow[SeamPointSpec]]:
     """Return the points of a CSV file, one a row, whose first row names the columns (`POINT_COLUMNS`).
 
     Raises:
@@ -47,7 +47,7 @@ def with_points(path: dict[str, Any], base: Path) -> dict[str, Any]:
         found = covering(CoverSpec.model_validate(path["cover"]), base)
         path = {key: value for key, value in path.items() if key != "cover"} | {"curve": "spline"}
     elif isinstance(path["points"], str):
-        found = read_points(base / path["points"])
+        found = [one.row for one in read_points(base / path["points"])]
     else:
         return path
     return {**path, "points": [one.model_dump(mode="json", exclude_none=True) for one in found]}
@@ -111,13 +111,14 @@ class _SeamReader:
     def __init__(self, compiler: Compiler, place: Place, spec: SeamSpec) -> None:
         self.compiler, self.place, self.spec = compiler, place, spec
         self.file = str(compiler.base / spec.points) if isinstance(spec.points, str) else None
+        self._lines: list[int] = []
 
     def report(self, k: int, key: str, found: str, expected: str) -> None:
         """Record an issue of point k."""
         if self.file is None:
             self.compiler.report((*self.place, "points", k, key), found, expected)
         else:
-            self.compiler.issues.append(Issue(self.file, k + 2, key, found, expected))
+            self.compiler.issues.append(Issue(self.file, self._lines[k], key, found, expected))
 
     def points(self) -> Sequence[SeamPointSpec]:
         """Return the points, different from one to the next; none where they cannot be read."""
@@ -132,10 +133,11 @@ class _SeamReader:
             found = [one for one in self.spec.points or () if isinstance(one, SeamPointSpec)]
         else:
             try:
-                found = read_points(Path(self.file))
+                rows = read_points(Path(self.file))
             except InputError as error:
                 self.compiler.issues.extend(error.issues)
                 return []
+            found, self._lines = [one.row for one in rows], [one.line for one in rows]
         p = np.array([one.position for one in found], float)
         for k in np.flatnonzero(np.linalg.norm(np.diff(p, axis=0), axis=1) < _SAME).tolist():
             self.report(k + 1, "position", f"the place of point {k + 1}", "a place of its own")

@@ -1,7 +1,7 @@
 """Read alternatives of steps: each begins with what is in hand before the choice, and all end with the same."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 
 from optiplan.config.simple_yaml import Place
@@ -61,6 +61,8 @@ class ChoiceReader:
             if any(end.hand != self._ended[0].hand for end in self._ended):
                 expected = "alternatives that end with the same objects and tool in hand, and with the arm at rest"
                 self._compiler.report(place, "alternatives before this step that end otherwise", expected)
+            moved = set[str]().union(*(end.moved for end in self._ended))
+            self._restore(replace(self._ended[-1], moved=moved))  # what some alternative moved is not where it was
             self._ended = []
         if self._option is None:
             return

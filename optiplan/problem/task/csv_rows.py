@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -17,6 +17,13 @@ MOST = 10_000
 """Rows of a file."""
 
 Row = TypeVar("Row", bound=BaseModel)
+
+
+class LocatedRow(NamedTuple, Generic[Row]):
+    """A row, and the line of the file on which it begins."""
+
+    line: int
+    row: Row
 
 
 @dataclass(frozen=True)
@@ -39,7 +46,7 @@ class RowsOf(Generic[Row]):
     least: int = 1
 
 
-def read_rows(file: Path, of: RowsOf[Row]) -> list[Row]:
+def read_rows(file: Path, of: RowsOf[Row]) -> list[LocatedRow[Row]]:
     """Return the rows of a file. Empty cells are as if the column were not there, and so are empty rows.
 
     Raises:
@@ -59,15 +66,15 @@ def read_rows(file: Path, of: RowsOf[Row]) -> list[Row]:
         if name not in known or header.index(name) < k
     ]
     issues += _incomplete(file, header, of.columns)
-    if not issues and not of.least < len(rows) <= MOST + 1:
+    filled = [(line, row) for line, row in rows[1:] if any(cell.strip() for cell in row)]
+    if not issues and not of.least <= len(filled) <= MOST:
         expected = f"{of.least} to {MOST} {of.words}, one a row"
-        issues = [Issue(str(file), None, of.words, f"{len(rows) - 1} rows", expected)]
-    found: list[Row] = []
-    for line, row in rows[1:] if not issues else ():
-        if any(cell.strip() for cell in row):
-            one = _row(file, line, (header, row), of)
-            found += [] if isinstance(one, Issue) else [one]
-            issues += [one] if isinstance(one, Issue) else []
+        issues = [Issue(str(file), None, of.words, f"{len(filled)} rows", expected)]
+    found: list[LocatedRow[Row]] = []
+    for line, row in filled if not issues else ():
+        one = _row(file, line, (header, row), of)
+        found += [] if isinstance(one, Issue) else [LocatedRow(line, one)]
+        issues += [one] if isinstance(one, Issue) else []
     if issues:
         raise InputError(issues)
     return found

@@ -94,7 +94,7 @@ class TaskReader:
             name = spec.name or _name(spec)
             for said in self._actions(part):
                 action, ride = self.rides.ridden(robot, (*part.place, spec.kind), spec, said)
-                self._whole_path(action, located)
+                self._whole_step(spec.kind, action, located)
                 if isinstance(action, Event):
                     self.robot = self.tools.seen(self._mounted)
                 freely = spec.kind == "approach" and isinstance(action, Move)  # contact is for the line
@@ -115,12 +115,13 @@ class TaskReader:
                 self._corner(found[k], found[after].value.action if alike and after is not None else None)
         return [one._replace(value=self._with_frame(one.value)) for one in found]
 
-    def _whole_path(self, action: Action, constraints: Sequence[LocatedValue[PathConstraint]]) -> None:
-        """Report constraints on a part of a path with events: it is several motions, each of which has parts."""
-        for one in constraints if isinstance(action, SeamPath) and action.events else ():
+    def _whole_step(self, kind: str, action: Action, constraints: Sequence[LocatedValue[PathConstraint]]) -> None:
+        """Report constraints on a part of a step that is several motions: each of these would have that part."""
+        several = _several(kind, action)
+        for one in constraints if several else ():
             if tuple(one.value.during) != WHOLE:
-                found = f"{list(one.value.during)} of a path with events, between which it is several motions"
-                self.compiler.report((*one.place, "during"), found, "no `during`: the whole path")
+                found = f"{list(one.value.during)} of {several}, which is several motions"
+                self.compiler.report((*one.place, "during"), found, "no `during`: the whole step")
 
     def _state(self) -> InHand:
         tools, rides = self.tools, self.rides
@@ -380,6 +381,15 @@ class TaskReader:
             found = f"'{name}', which is {'held already' if done == 'attached' else 'not held here'}"
         self.compiler.report(place, found, choices(name, sorted(needed)))
         return False
+
+
+def _several(kind: str, action: Action) -> str:
+    """Return what a step that is several motions is called, at the last of its actions; empty for any other."""
+    if isinstance(action, TargetTour):
+        return "a tour"
+    if isinstance(action, SeamPath) and action.events:
+        return "a path with events"
+    return "an approach" if kind == "approach" and isinstance(action, StraightLine) else ""
 
 
 def _speed(spec: StraightLineSpec | ApproachSpec | RetreatSpec) -> float:

@@ -78,6 +78,9 @@ class RideReader:
             self.now = self._begun(robot, place, getattr(spec, spec.kind), action)
             return action, self.now
         ride = self.now
+        if ride is not None and not robot.model.existFrame(ride.frame):
+            found = f"a {spec.kind} after '{ride.frame}', which went with '{ride.mover.name}', is released"
+            self._report(place, found, "a move, that does not go with it")
         if isinstance(action, StraightLine):
             self._line(place, getattr(spec, spec.kind), action)
         elif isinstance(action, Attach):

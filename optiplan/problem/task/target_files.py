@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.problem.schema.tour import TARGET_COLUMNS, TargetSpec
-from optiplan.problem.task.csv_rows import RowsOf, read_rows
+from optiplan.problem.task.csv_rows import LocatedRow, RowsOf, read_rows
 
 _ROWS = RowsOf(TargetSpec, TARGET_COLUMNS, "targets", ("name", "cluster"), ("after",))
 
@@ -17,10 +17,10 @@ def targets_data(targets: Any, base: Path) -> list[dict[str, Any]]:
     """
     if not isinstance(targets, str):
         return [dict(one) for one in targets]
-    return [one.model_dump(mode="json", exclude_none=True) for one in read_targets(base / targets)]
+    return [one.row.model_dump(mode="json", exclude_none=True) for one in read_targets(base / targets)]
 
 
-def read_targets(file: Path) -> list[TargetSpec]:
+def read_targets(file: Path) -> list[LocatedRow[TargetSpec]]:
     """Return the targets of a CSV file, one a row, whose first row names the columns (`TARGET_COLUMNS`).
 
     Several names in `after` are separated by semicolons: names may have spaces.

@@ -1,5 +1,6 @@
 """Read a tour, checked: names, duplicates, and that some order keeps to everything that is stated."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,17 +31,18 @@ def read_tour(
     count = len(compiler.issues)
     frame = compiler.frame(robot, place, spec.frame)
     carrier = _carrier(compiler, robot, place, spec, frame, joints)
-    file = None
+    file, lines = None, list[int]()
     if isinstance(spec.targets, str):
         file = str(compiler.base / spec.targets)
         try:
-            given = read_targets(compiler.base / spec.targets)
+            rows = read_targets(compiler.base / spec.targets)
         except InputError as error:
             compiler.issues.extend(error.issues)
             return None
+        given, lines = [one.row for one in rows], [one.line for one in rows]
     else:
         given = list(spec.targets)
-    reader = _TargetReader(compiler, (*place, "targets"), file)
+    reader = _TargetReader(compiler, (*place, "targets"), file, lines)
     named = [one if one.name else one.model_copy(update={"name": f"target {k}"}) for k, one in enumerate(given, 1)]
     reader.names(named)
     for key in ("first", "last"):
@@ -86,17 +88,17 @@ def _carrier(
 
 
 class _TargetReader:
-    """Reports issues of targets where they stand: in the problem file, or in a CSV `file`."""
+    """Reports issues of targets where they stand: in the problem file, or on their lines of a CSV file."""
 
-    def __init__(self, compiler: Compiler, place: Place, file: str | None) -> None:
-        self.compiler, self.place, self.file = compiler, place, file
+    def __init__(self, compiler: Compiler, place: Place, file: str | None, lines: Sequence[int]) -> None:
+        self.compiler, self.place, self.file, self.lines = compiler, place, file, lines
 
     def report(self, k: int, key: str, found: str, expected: str) -> None:
         """Record an issue of target k."""
         if self.file is None:
             self.compiler.report((*self.place, k, key), found, expected)
         else:
-            self.compiler.issues.append(Issue(self.file, k + 2, key, found, expected))
+            self.compiler.issues.append(Issue(self.file, self.lines[k], key, found, expected))
 
     def names(self, targets: list[TargetSpec]) -> None:
         """Report names that two targets have, and names in `after` that none has."""
@@ -115,10 +117,9 @@ class _TargetReader:
 
     def duplicates(self, targets: tuple[Target, ...]) -> None:
         """Report targets at one place with one orientation, or with one free axis."""
-        poses = [one.goal.X_WR for one in targets]
-        for k, X in enumerate(poses):
-            near = np.array([other.translation for other in poses[:k]]).reshape(-1, 3) - X.translation
-            for i in np.flatnonzero(np.abs(near).max(axis=1, initial=0.0) < _SAME):
+        p = np.array([one.goal.X_WR.translation for one in targets])
+        for k in range(len(targets)):
+            for i in np.flatnonzero(np.abs(p[:k] - p[k]).max(axis=1, initial=0.0) < _SAME):
                 if _alike(targets[int(i)].goal, targets[k].goal):
                     found = f"the place of '{targets[int(i)].name}'"
                     self.report(k, "position", found, "a place of its own: every target is visited once")

@@ -58,7 +58,8 @@ def columns_of(problem: Problem, tour: TargetTour) -> list[int]:
 def tour_steps(step: TaskStep, tour: TargetTour, order: Sequence[int], begin: Array) -> Iterator[TaskStep]:
     """Yield the steps of a tour that visits its targets in an order, from a configuration `begin` (k,) of its joints.
 
-    A move to each target, of the kind `tour` and with the target's name, and what is done there; `BACK` closes it.
+    A move to each target, of the kind `tour` and with the target's name, and what is done there; `BACK` closes it. The
+    constraints of the step hold during all of them.
     """
     for k in order:
         target = tour.targets[k]
@@ -66,7 +67,7 @@ def tour_steps(step: TaskStep, tour: TargetTour, order: Sequence[int], begin: Ar
         yield replace(step, kind=TOUR, name=target.name, action=move)
         for one in tour.at_each:
             kind = "process" if one.name else "dwell"
-            yield replace(step, kind=kind, name=one.name or kind, action=Dwell(one.seconds), constraints=())
+            yield replace(step, kind=kind, name=one.name or kind, action=Dwell(one.seconds))
     if tour.closed:
         yield replace(step, kind=TOUR, name=BACK, action=Move(tour.joints, (JointGoal(begin),), rests=True))
 

@@ -70,6 +70,25 @@ def test_the_arm_waits_while_it_goes_along():
     assert waited.end > waited.begin
 
 
+@pytest.mark.parametrize(
+    ("steps", "ends"),
+    [
+        (["cart.y > -0.9"], [0.001]),
+        (["cart.y > -0.9", "attach"], [0.001, 0.001]),
+        (["cart.y > -0.79", "attach", "cart.y > -0.78"], [0.1, 0.1, 0.2]),
+    ],
+)
+def test_waits_that_are_over_and_events_alone_take_no_time(steps, ends):
+    cart = op.Box("cart", size=(0.1, 0.1, 0.1), position=(0.5, -0.8, 0.1)).moving([[0], [0, 0.1], [0]])
+    cube = op.Box("cube", size=(0.03, 0.03, 0.03), position=(0.2, 0.6, 0.1))
+    task = op.Task()
+    for one in steps:
+        task = task.attach("cube", "panda_hand") if one == "attach" else task.wait_until(one)
+    run = op.plan(op.Problem("panda", "ready", task=task, scene=[cart, cube]), budget=60.0)
+    assert run.verified, run.failure or run.report.failures
+    assert [one.end for one in run.trajectory.segments] == pytest.approx(ends, abs=1e-4)
+
+
 def swing(angle):
     return {"move": {"joints": [angle, -0.785, 0, -2.356, 0, 1.571, 0.785]}}
 

@@ -42,3 +42,17 @@ def test_the_search_is_no_worse_than_its_map_and_the_given_base(problem):
     assert (np.abs(scores.moved) <= where.reach + 1e-12).all()
     grid = {tuple(row) for row in np.round(scores.moved, 6).tolist()}
     assert {(x, y, 0.0, 0.0) for x in (-0.2, 0.0, 0.2) for y in (-0.2, 0.0, 0.2)} <= grid
+
+
+def test_ends_of_what_is_held_later_are_left_out(problems):
+    score = PlaceScore(op.load_problem(problems / "51_tool_changer.yaml"), Budget(60.0))
+    assert len(score.places) == 10  # of two ends each of five approaches, without the plate's
+    assert score.at(np.zeros(4))[0] <= 10
+
+
+def test_fingers_that_close_are_no_way_back_to_the_start():
+    near, far = (op.Pose((0.5, y, 0.3), rpy=(np.pi, 0, 0)) for y in (0.3, 0.35))
+    plain, with_fingers = op.Task().move(near).move(far), op.Task().move(near).gripper("hand", [0.02]).move(far)
+    scores = [PlaceScore(op.Problem("panda", "ready", task=t), Budget(60.0)) for t in (plain, with_fingers)]
+    assert [len(score.places) for score in scores] == [2, 2]
+    assert len({score.at(np.zeros(4)) for score in scores}) == 1

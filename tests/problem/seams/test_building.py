@@ -22,6 +22,7 @@ def samples(curve, count=3001):
 CASES = {
     "exact": shape(),
     "rounded": shape(blend=0.02),
+    "raster": shape([[0, 0, 0], [0.1, 0, 0], [0.1, 0.04, 0], [0, 0.04, 0], [0, 0.08, 0]], blend=0.03),
     "spline": shape(smooth=True),
     "woven": shape(smooth=True, weave=(0.003, 0.03)),
     "arc": shape([[0.1, 0, 0], [0.0, 0.1, 0]], through={1: np.array([0.1, 0.1, 0]) / np.sqrt(2)}),

@@ -114,6 +114,8 @@ def test_bad_paths_are_refused_with_their_line(tmp_path, body, words):
         ("x,y,z\n0.4,0,0.3\n0.4,0,0.3\n", r"p.csv:3: position: the place of point 1"),
         ("x,y,z,nx,ny,nz\n0.4,0,0.3,0,0,-1\n0.5,0,0.3,0,0,1\n", r"p.csv:3: axis: .*nearly opposite"),
         ("x,y,z\n0.4,0,0.3\n", "1 rows; expected 2 to"),
+        ("x,y,z\n,,\n\n", "0 rows; expected 2 to"),
+        ("x,y,z\n\n0.4,0,0.3\n,,\n0.4,0,0.3\n", r"p.csv:5: position: the place of point 1"),
     ],
 )
 def test_bad_files_are_refused_with_their_line(tmp_path, text, words):
@@ -141,7 +143,7 @@ def test_a_constraint_on_a_part_of_a_path_with_events_is_refused(tmp_path):
     (issue,) = caught.value.issues
     assert (issue.line, issue.field) == (14, "task[0].path_constraints[0].tool_speed.during")
     assert "[0.2, 0.8] of a path with events" in issue.found
-    assert "the whole path" in issue.expected
+    assert "the whole step" in issue.expected
     assert read(tmp_path, body + event + keep.replace(", during: [0.2, 0.8]", "")).task[0].constraints
 
 

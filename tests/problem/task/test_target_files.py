@@ -15,7 +15,9 @@ c 1,0.5,0,0.3,,,,,,,
 
 def test_rows_are_targets(tmp_path):
     (tmp_path / "t.csv").write_text(GOOD)
-    a, b, c = read_targets(tmp_path / "t.csv")
+    rows = read_targets(tmp_path / "t.csv")
+    assert [one.line for one in rows] == [2, 3, 5]
+    a, b, c = (one.row for one in rows)
     assert (a.name, a.position, a.axis, a.cluster, a.window) == ("a", (0.45, 0.25, 0.3), (0, 0, -1), "left", None)
     assert (b.after, b.window, b.cluster) == (("a", "c 1"), (1.0, 9.0), None)
     assert c.axis is None
@@ -29,6 +31,7 @@ def test_rows_are_targets(tmp_path):
         ("x,y,z,colour\n1,2,3,red\n", 1, "'colour'"),
         ("x,y,z,x\n1,2,3,4\n", 1, "'x'"),
         ("x,y,z\n", None, "0 rows"),
+        ("x,y,z\n\n,,\n", None, "0 rows"),
         ("x,y,z\n1,2,3\n1,2\n", 3, "2 cells"),
         ("x,y,z\n1,two,3\n", 2, "'1', 'two', '3'"),
         ("x,y,z,nx,ny,nz\n1,2,3,1,1,1\n", 2, ""),

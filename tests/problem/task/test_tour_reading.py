@@ -44,6 +44,13 @@ def test_file_csv_and_python_are_one_problem(tmp_path):
     assert problem_from_dict(read.source).hash == read.hash  # the source holds the targets themselves
 
 
+def test_a_target_of_a_file_is_reported_on_its_line(tmp_path):
+    (tmp_path / "t.csv").write_text("x,y,z,nx,ny,nz\n0.4,0,0.3,0,0,-1\n\n,,,,,\n0.4,0,0.3,0,0,-1\n")
+    with pytest.raises(InputError) as error:
+        op.Problem("ur5", "ready", task=op.Tour(tmp_path / "t.csv"))
+    assert error.value.issues[0].line == 5
+
+
 def test_targets_stand_in_frames():
     """An axis and a place `in` a frame that is turned by a quarter about z."""
     tray = {"in": "world", "position": [0.4, 0.1, 0.2], "rpy_deg": [0, 0, 90]}

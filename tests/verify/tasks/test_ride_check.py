@@ -189,6 +189,24 @@ def test_what_is_let_go_on_something_that_moves_goes_on_with_it():
     assert "ride" in failed(derived(found.problem, task=task), motion)  # it would stand where the hand lets it go
 
 
+def test_what_is_held_is_brought_by_its_own_frame_to_what_moves():
+    x, y, z = op.load_robot("panda").fk("ready").to_data()["position"]
+    cube = {"name": "cube", "shape": {"box": [0.04, 0.04, 0.04]}, "pose": {"position": [x, y, z - 0.05]}}
+    pose = {"frame": "cube", "in": "belt", "position": [0, 0, 0.03]}
+    task = [
+        {"attach": {"object": "cube", "link": "panda_hand", "touch": ["panda_leftfinger", "panda_rightfinger"]}},
+        {"approach": {"pose": pose, "along": [0, 0, -1], "distance": 0.06}},
+        {"detach": {"object": "cube"}},
+        {"move": {"configuration": "ready"}},
+    ]
+    scene = {"scene": {"obstacles": [cube]}}
+    found = op.plan(problem_from_dict(on_belt(task=task) | scene), budget=300.0)
+    assert found.verified, found.failure or found.report.failures
+    task.insert(3, {"dwell": 0.1})
+    with pytest.raises(op.InputError, match="a dwell after 'cube', which went with 'belt', is released"):
+        problem_from_dict(on_belt(task=task) | scene)
+
+
 def test_a_wait_is_proved():
     task = [{"wait_until": "belt.y > -0.3"}, {"move": {"joints": [0.3, -0.785, 0, -2.356, 0, 1.571, 0.785]}}]
     found = op.plan(problem_from_dict(on_belt(task=task)), budget=300.0)

@@ -14,6 +14,7 @@ from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progres
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.seams.seam_motion import run_up
 from optiplan.planners.task.chains import of_step
+from optiplan.planners.task.joined import standing_still
 from optiplan.planners.task.planned_steps import PlannedStep, object_and_link
 from optiplan.planners.task.rides.meeting import MeetingSearch
 from optiplan.planners.task.rides.riding import TimedPart, free_in_time, until_end
@@ -97,7 +98,10 @@ class TaskInTime:
                 motions.append(found.motion)
             state, t = found.after, t + found.duration
             moving = section[0].ride is not None
-        whole = replace(join_trajectories(motions), segments=tuple(segments))
+        if not motions:
+            whole = standing_still(self.problem, self.problem.task, segments)
+        else:
+            whole = replace(join_trajectories(motions), segments=tuple(segments))
         return PlanResult(whole, None, watch.seconds, self.info)
 
     def _section(
@@ -188,7 +192,8 @@ class TaskInTime:
             if isinstance(step.action, Event):
                 at = segment.end
                 scene = scene_after(scene, step.action, self.problem.robot, motion(at, clamp=True), t + at)
-        bare = replace(motion, segments=())
+        lasts = any(one.end > one.begin for one in motion.segments)
+        bare = replace(motion, segments=()) if lasts else None  # events alone take no time
         return TimedPart(bare, motion.segments, WorldState(motion.end, scene))
 
 

@@ -118,7 +118,7 @@ class Rider:
     def _at_pace(self, state: WorldState, t: float, slower: float) -> TimedPart | Failure:
         robot, motion = self.problem.robot, self.ride.mover.motion
         first = self.steps[0]
-        begin = motion.pose(t).actInv(frame_pose(robot, state.q, self.ride.frame))
+        begin = motion.pose(t).actInv(frame_pose(carrying(robot, state.scene), state.q, self.ride.frame))
         rows, sections, X, now, q = list[_Row](), list[RideSection](), begin, t, np.array(state.q)
         for step in self.steps:
             row, section = self._row(step, now, q), None

@@ -3,6 +3,7 @@
 from itertools import count
 
 import numpy as np
+import pytest
 
 import optiplan as op
 from optiplan.planners import base
@@ -33,3 +34,12 @@ def test_a_step_that_contradicts_itself_is_named_though_the_budget_ends(monkeypa
     assert run.failure.witness["constraint"] == "plane"
     assert run.failure.witness["step"] == 2
     assert len(run.failure.witness["q"]) == 6
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_tour_to_where_the_arm_stands_is_done(closed):
+    here = op.load_robot("ur5").fk(START).to_data()
+    target = {"position": here["position"], "quaternion": here["quaternion"]}
+    run = op.plan(op.Problem("ur5", START, task=op.Tour([target], closed=closed)), budget=4.0)
+    assert run.verified, run.failure or run.report.failures
+    assert run.duration < 0.01
