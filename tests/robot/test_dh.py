@@ -1,5 +1,6 @@
 """Denavit–Hartenberg tables: against matrices typed here, against the source reports, against the URDF made of them."""
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -107,6 +108,7 @@ def test_capsules_stand_along_the_offsets_of_links_without_bodies(tmp_path, conv
     pin.framesForwardKinematics(robot.model, data, q)
     ends = []
     for item in robot.geometry.geometryObjects:
+        assert isinstance(item.geometry, coal.Capsule)
         assert item.geometry.radius == 0.02
         X = data.oMi[item.parentJoint] * item.placement
         ends += [X * np.array([0.0, 0.0, s * item.geometry.halfLength]) for s in (-1.0, 1.0)]

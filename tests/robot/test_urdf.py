@@ -1,5 +1,6 @@
 import os
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -110,6 +111,16 @@ def test_links_without_mass_or_with_shapes_of_one_name_load(tmp_path):
     assert robot.geometry.ngeoms == 2
     assert {robot.link_of(index) for index in range(2)} == {"b"}
     assert robot.link_geometry == {"b": "primitive"}
+
+
+def test_every_capsule_of_a_link_is_one(tmp_path):
+    """Pinocchio reads the first <collision_checking> of a link only; a cylinder lacks the caps."""
+    shape = '<collision name="{0}"><geometry><cylinder radius="0.1" length="0.2"/></geometry></collision>'
+    marks = "".join(f'<collision_checking><capsule name="{name}"/></collision_checking>' for name in "pq")
+    shapes = "".join(shape.format(name) for name in "prq")
+    parts = [BARE.format("a"), f'<link name="b">{shapes}{marks}</link>', joint("j1", "a", "b")]
+    bodies = load_robot(str(write_robot(tmp_path, parts))).geometry.geometryObjects
+    assert [type(body.geometry) for body in bodies] == [coal.Capsule, coal.Cylinder, coal.Capsule]
 
 
 def test_a_link_and_a_joint_of_one_name(tmp_path):

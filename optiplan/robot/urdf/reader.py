@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import coal
 import numpy as np
 import pinocchio as pin
 
@@ -148,11 +149,20 @@ def read_collisions(source: UrdfSource, model: pin.Model) -> UrdfBodies:
         bodies = read_bodies(model, source.xml, pin.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
         raise _unreadable(source, error, "collision meshes that can be read") from error
-    given, read = len(ET.fromstring(source.xml).findall("link/collision")), bodies.geometry.ngeoms
-    if read != given:  # the parser drops what it cannot read, and what is dropped would never be checked
-        found = f"{given} collision shapes, of which the parser could read {read} (see its messages above)"
-        raise InputError([Issue(str(source.path), None, "urdf", found, "shapes and origins of plain numbers")])
+    links = ET.fromstring(source.xml).findall("link")
+    given = [_is_capsule(collision, link) for link in links for collision in link.findall("collision")]
+    read = [isinstance(body.geometry, coal.Capsule) for body in bodies.geometry.geometryObjects]
+    for kind, stated, found in (("shapes", len(given), len(read)), ("capsules", sum(given), sum(read))):
+        if found != stated:  # what the parser drops would never be checked
+            words = f"{stated} collision {kind}, of which the parser could read {found} (see its messages above)"
+            raise InputError([Issue(str(source.path), None, "urdf", words, "shapes and origins of plain numbers")])
     return bodies
+
+
+def _is_capsule(collision: ET.Element, link: ET.Element) -> bool:
+    """Return whether a shape is a capsule, or a cylinder that the link marks as one."""
+    marked = collision.find("geometry/cylinder") is not None and collision.get("name") in _capsules(link)
+    return marked or collision.find("geometry/capsule") is not None
 
 
 def build_visuals(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
@@ -235,10 +245,18 @@ def _settle_visuals(link: ET.Element, finder: _MeshFinder, notes: list[str]) -> 
             mesh.set("filename", str(found))
 
 
+def _capsules(link: ET.Element) -> set[str]:
+    """Names of the cylinders of a link that are capsules."""
+    return {capsule.get("name", "") for capsule in link.iterfind("collision_checking/capsule")}
+
+
 def _settle_collisions(link: ET.Element, finder: _MeshFinder) -> None:
-    capsules = {capsule.get("name") for capsule in link.iterfind("collision_checking/capsule")}
+    marks = link.findall("collision_checking")
+    for mark in marks[1:]:  # pinocchio reads the first only, and takes the capsules of others for cylinders
+        marks[0].extend(list(mark))
+        link.remove(mark)
     for collision in link.findall("collision"):
-        if collision.get("name") not in capsules:  # names come twice in messy files; pinocchio makes its own
+        if collision.get("name") not in _capsules(link):  # names come twice in messy files; pinocchio makes its own
             collision.attrib.pop("name", None)
         for mesh in collision.iter("mesh"):
             name = mesh.get("filename", "")
