@@ -169,7 +169,7 @@ def _plain_joint(screw: Array) -> pin.JointModel:
 def _rebuilt(model: pin.Model, order: Sequence[int], kinds: Mapping[int, pin.JointModel]) -> pin.Model:
     """Return the model with its joints in another order (parents first), some of another kind."""
     result = pin.Model()
-    result.name, result.gravity = model.name, model.gravity
+    result.name, result.gravity, result.inertias[0] = model.name, model.gravity, model.inertias[0]
     place = {0: 0}
     for j in order:
         joint = model.joints[j]

@@ -16,6 +16,7 @@ from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
 from optiplan.planners.base import Budget
 from optiplan.problem.problem import JointGoal, derived
+from optiplan.robot.batched.base_reaction import base_reaction
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.mimic_joints import coupling, unfold
@@ -135,6 +136,14 @@ def test_torque_is_the_generalised_force_of_the_leader(robot, plain):
         np.testing.assert_allclose(pin.rnea(robot.model, data, q, v, a), expected, atol=1e-10)
         same = pin.rnea(unfolded.model, other, unfolded.A @ q + unfolded.b, unfolded.A @ v, unfolded.A @ a)
         np.testing.assert_allclose(unfolded.A.T @ same, expected, atol=1e-10)
+
+
+def test_the_base_keeps_its_mass(tmp_path):
+    heavy = [BODY.format("a", 100), *PARTS[1:]]
+    robot = load_robot(str(write_robot(tmp_path, heavy, BODILESS + "group: [lift, elbow]\n")))
+    q = np.zeros((1, robot.n))
+    assert base_reaction(robot, q, q, q)[0, 2] == pytest.approx(105.7 * 9.81)
+    assert robot.holding({"lift": 0.1, "elbow": 0.2}).model.inertias[0].mass == pytest.approx(105.7)
 
 
 def test_the_symbolic_twin_is_the_same_robot(robot):
