@@ -380,6 +380,7 @@ def _urdf(arms: Sequence[_Arm]) -> str:
     ET.SubElement(root, "link", name=ROOT)
     for arm in arms:
         own = ET.fromstring(arm.whole.urdf)
+        root.set("version", max(root.get("version", "1.0"), own.get("version", "1.0")))
         links = [link.get("name", "") for link in own.findall("link")]
         carried = {child.get("link", "") for child in own.findall("joint/child")}
         for element in _renamed(own, arm):

@@ -1,4 +1,5 @@
 import os
+import xml.etree.ElementTree as ET
 
 import coal
 import numpy as np
@@ -6,6 +7,7 @@ import pinocchio as pin
 import pytest
 import trimesh
 
+import optiplan as op
 from optiplan.errors import InputError
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import BARE, LINK, chain, joint, write_robot
@@ -111,6 +113,18 @@ def test_links_without_mass_or_with_shapes_of_one_name_load(tmp_path):
     assert robot.geometry.ngeoms == 2
     assert {robot.link_of(index) for index in range(2)} == {"b"}
     assert robot.link_geometry == {"b": "primitive"}
+
+
+@pytest.mark.parametrize("version", ["", ' version="1.0"', ' version="1.1"'])
+def test_a_quaternion_turns_whatever_the_version_says(tmp_path, version):
+    path = write_robot(tmp_path, [*chain(joint("j1", "a", "b")), joint("f", "b", "c", "fixed", ""), LINK.format("c")])
+    urdf = tmp_path / "robot.urdf"
+    turned = urdf.read_text().replace('xyz="0.5 0 0"', 'xyz="0 0 0" quat_xyzw="0 0 0.6 0.8"', 1)
+    urdf.write_text(turned.replace('name="r"', f'name="r"{version}'))
+    turn = load_robot(str(path)).fk([0.0], "c").position
+    np.testing.assert_allclose(turn, [0.5 * 0.28, 0.5 * 0.96, 0.0], atol=1e-12)
+    arms = {"a": str(path), "b": {"use": str(path), "base": op.Pose((0.0, 0.0, 1.0))}}
+    assert ET.fromstring(op.Robot.side_by_side(arms).urdf).get("version") == "1.1"
 
 
 def test_every_capsule_of_a_link_is_one(tmp_path):
