@@ -77,7 +77,7 @@ def read_robot(
     urdf, srdf, srdf_path = read_sources(spec, document)
     planned = planned_joints(spec, document, urdf, group)
     reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
-    limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
+    limits, limit_notes = build_limits(spec.limits, document, urdf, reduced, planned)
     treated = _bodies(reduced, spec, document)
     tool, chosen = _tool_frame(spec, document, reduced, urdf, planned)
     read = (document.path, urdf.path, srdf_path, *urdf.meshes)

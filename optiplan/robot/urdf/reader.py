@@ -54,6 +54,16 @@ class UrdfSource:
         """The link behind every joint, by the joint's name."""
         return {joint: child for joint, (_, child) in zip(self.joint_types, self.edges, strict=True)}
 
+    @cached_property
+    def _limits(self) -> dict[str | None, ET.Element]:
+        joints = ET.fromstring(self.xml).findall("joint")
+        return {joint.get("name"): limit for joint in joints for limit in joint.findall("limit")}
+
+    def limit(self, joint: str, *keys: str) -> float:
+        """The smallest of these limits that the <limit> of a joint states; 0 where it states none."""
+        limit = self._limits[joint]
+        return min((value for key in keys if (value := float(limit.get(key, "0"))) > 0.0), default=0.0)
+
     def fixed_to(self, joint: str) -> str | None:
         """The link in front of a fixed joint; None for one that moves."""
         if self.joint_types[joint] != "fixed":
