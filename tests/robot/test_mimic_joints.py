@@ -258,6 +258,14 @@ def test_a_follower_that_the_file_locks_stands_still(tmp_path):
     assert "joint late is locked here and does not follow elbow" in robot.notes
 
 
+@pytest.mark.parametrize(("group", "followers"), [("lift, elbow", {"late"}), ("elbow", {"late"})])
+def test_a_follower_that_stands_still_holds_what_follows_it(tmp_path, group, followers):
+    text = f"group: [{group}]\nlocked: {{early: 0.4}}\n"
+    robot = load_robot(str(write_robot(tmp_path, PARTS, text)))
+    assert set(robot.followers) == followers
+    assert robot.locked["slide"] == pytest.approx(-0.25 * 0.4 + 0.2)
+
+
 def test_a_multiplier_of_zero_is_a_joint_that_stands_still(tmp_path):
     parts = [*(BARE.format(n) for n in "abc"), joint("j", "a", "b"), joint("k", "b", "c", inside=follower("j", 0, 0.3))]
     robot = load_robot(str(write_robot(tmp_path, parts, BODILESS)))

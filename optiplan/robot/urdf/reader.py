@@ -8,7 +8,7 @@ import logging
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -55,14 +55,23 @@ class UrdfSource:
         return {joint: child for joint, (_, child) in zip(self.joint_types, self.edges, strict=True)}
 
     @cached_property
-    def _limits(self) -> dict[str | None, ET.Element]:
+    def _joints(self) -> dict[str, ET.Element]:
         joints = ET.fromstring(self.xml).findall("joint")
-        return {joint.get("name"): limit for joint in joints for limit in joint.findall("limit")}
+        return {joint.get("name", ""): joint for joint in joints if joint.find("parent") is not None}
 
     def limit(self, joint: str, *keys: str) -> float:
         """The smallest of these limits that the <limit> of a joint states; 0 where it states none."""
-        limit = self._limits[joint]
-        return min((value for key in keys if (value := float(limit.get(key, "0"))) > 0.0), default=0.0)
+        stated = [float(limit.get(key, "0")) for limit in self._joints[joint].findall("limit") for key in keys]
+        return min((value for value in stated if value > 0.0), default=0.0)
+
+    def mimics_beside(self, locked: Container[str]) -> dict[str, Mimic]:
+        """The joints that follow another one where some are locked: what follows a locked joint has it as its leader.
+
+        Raises:
+            InputError: a multiplier out of its range.
+        """
+        joints = [self._joints[name] for name in self.joint_types if name not in locked]
+        return _mimics(joints, self.joint_types, self.path)
 
     def fixed_to(self, joint: str) -> str | None:
         """The link in front of a fixed joint; None for one that moves."""
