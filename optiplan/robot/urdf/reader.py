@@ -8,7 +8,7 @@ import logging
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -307,17 +307,22 @@ def _edges(joints: list[ET.Element]) -> tuple[tuple[str, str], ...]:
     return tuple((a.get("link", ""), b.get("link", "")) for a, b in ends if a is not None and b is not None)
 
 
+def stated_mimics(joints: Iterable[ET.Element]) -> dict[str, Mimic]:
+    """What the <mimic> of joints states, by the name of the joint that has one."""
+    return {
+        joint.get("name", ""): Mimic(
+            mimic.get("joint", ""), float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+        )
+        for joint in joints
+        for mimic in joint.findall("mimic")
+    }
+
+
 def _mimics(joints: list[ET.Element], types: Mapping[str, str], path: Path) -> dict[str, Mimic]:
     """The joints that follow another, and which one that is in the end."""
     movable = [name for name, kind in types.items() if kind in MOVING]
-    stated: dict[str, Mimic] = {}
-    for joint in joints:
-        name, mimic = joint.get("name", ""), joint.find("mimic")
-        if mimic is not None and name in movable:
-            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
-            stated[name] = Mimic(mimic.get("joint", ""), multiplier, offset)
     try:
-        return resolve(stated, movable)
+        return resolve(stated_mimics(joints), movable)
     except MimicError as error:
         raise element_error(path, error.joint, error.found, error.expected) from error
 
