@@ -212,7 +212,7 @@ def held_model(
         followers: by name.
         held: positions, rad or m, of planned joints.
     """
-    plain = unfold(model).model
+    plain = leaders_first(unfold(model).model, followers)
     bodies = geometry.copy()
     for body in bodies.geometryObjects:  # joints may stand in another order in the plain model
         body.parentJoint = plain.getJointId(model.names[body.parentJoint])

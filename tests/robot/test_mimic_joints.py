@@ -266,6 +266,18 @@ def test_a_follower_that_stands_still_holds_what_follows_it(tmp_path, group, fol
     assert robot.locked["slide"] == pytest.approx(-0.25 * 0.4 + 0.2)
 
 
+def test_joints_are_held_where_a_leader_is_on_a_later_branch(tmp_path):
+    """Depth first, `a2` comes before `b1`, which it follows."""
+    parts = [*(BARE.format(name) for name in "abcde"), joint("a1", "a", "b"), joint("b1", "a", "d")]
+    parts += [joint("a2", "b", "c", inside=follower("b1", -2)), joint("z9", "d", "e")]
+    robot = load_robot(str(write_robot(tmp_path, parts, BODILESS + "group: [a1, b1, z9]\n")))
+    held = robot.holding({"z9": 0.3})
+    assert (held.joint_names, set(held.followers)) == (("a1", "b1"), {"a2"})
+    for frame in "ce":
+        found = frame_pose(held, np.array([0.4, 0.5]), frame).homogeneous
+        np.testing.assert_allclose(found, frame_pose(robot, np.array([0.4, 0.5, 0.3]), frame).homogeneous, atol=1e-12)
+
+
 def test_a_multiplier_of_zero_is_a_joint_that_stands_still(tmp_path):
     parts = [*(BARE.format(n) for n in "abc"), joint("j", "a", "b"), joint("k", "b", "c", inside=follower("j", 0, 0.3))]
     robot = load_robot(str(write_robot(tmp_path, parts, BODILESS)))
