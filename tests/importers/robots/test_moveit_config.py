@@ -89,6 +89,14 @@ def test_only_disabled_pairs_go_unchecked(robot):
     }
 
 
+def test_limits_of_joints_in_no_group_are_noted(tmp_path):
+    srdf = SRDF.replace('<group name="hand"><link name="jaw"/></group>', "").replace('<group name="hand"/>', "")
+    limits = LIMITS + "  slide: {has_velocity_limits: true, max_velocity: 0.1}\n"
+    files = {"cell_config/config/cell.srdf": srdf, "cell_config/config/joint_limits.yaml": limits}
+    robot = op.init_robot(config(tmp_path, **files), tmp_path / "made")
+    assert "left out: limits of rates of joints in no group, slide" in robot.source.read_text()
+
+
 def test_what_is_left_out_is_said(robot):
     head = robot.source.read_text()
     for words in ("limits of gone", "kinematics.yaml", "ompl_planning.yaml", "floating virtual joint", "gripper"):
