@@ -20,6 +20,7 @@ import pinocchio as pin
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import is_file, read_bytes
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
+from optiplan.robot.reference import DESCRIPTION
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies, read_bodies
 from optiplan.robot.urdf.unused_elements import leave_out
 from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias
@@ -87,8 +88,11 @@ class UrdfSource:
 def element_error(path: Path, name: str, found: str, expected: str) -> InputError:
     """An `InputError` about the element called `name` of an XML file, with the line where it stands.
 
-    That is a link or a joint of that name, else the first element that has it.
+    That is a link or a joint of that name, else the first element that has it. A robot inline in a problem has no file;
+    its URDF is made of its key `dh`.
     """
+    if path.name == DESCRIPTION:
+        return InputError([Issue(str(path), None, "dh", f"{name}: {found}", expected, ("dh",))])
     text = read_bytes(path).decode("utf-8", errors="replace")
     called = rf"\bname\s*=\s*[\"']{re.escape(name)}[\"']"
     match = re.search(rf"<(?:link|joint)\b[^>]*?{called}", text) or re.search(called, text)
