@@ -147,6 +147,13 @@ def test_a_link_and_a_joint_of_one_name(tmp_path):
     assert [note for note in robot.notes if "link b is called b_link" in note]
 
 
+def test_new_names_of_links_differ(tmp_path):
+    bodies = [LINK.format(name) for name in ("a", "b", "b_link")]
+    path = write_robot(tmp_path, [*bodies, joint("b", "a", "b"), joint("b_link", "b", "b_link")])
+    robot = load_robot(str(path))
+    assert [robot.link_of(index) for index in range(3)] == ["a", "b_link_link", "b_link_link_link"]
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -301,6 +301,7 @@ def _rename_links(root: ET.Element, joints: list[ET.Element]) -> dict[str, str]:
         if name in links:
             renamed[name] = next(new for count in range(1, 99) if (new := name + "_link" * count) not in taken)
             links[name].set("name", renamed[name])
+            taken.add(renamed[name])
     for end in (end for joint in joints for end in (joint.find("parent"), joint.find("child")) if end is not None):
         end.set("link", renamed.get(end.get("link", ""), end.get("link", "")))
     return renamed
