@@ -119,8 +119,12 @@ def build_limits(
         else:
             values[key] = _from_yaml(key, given, document, issues, group)
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    for name in (name for name, width in zip(names, upper - lower, strict=True) if width < 0):
-        issues.append(document.issue(("urdf",), f"joint {name} with a lower limit above the upper", "lower <= upper"))
+    plain = reduced.plain
+    for name in (*names, *reduced.followers):
+        k = plain.joints[plain.getJointId(name)].idx_q
+        if plain.lowerPositionLimit[k] > plain.upperPositionLimit[k]:
+            found = f"joint {name} with a lower limit above the upper"
+            issues.append(document.issue(("urdf",), found, "lower <= upper"))
     if not issues:
         _narrow_positions(reduced, names, (lower, upper), notes)
     for name in (name for name, width in zip(names, upper - lower, strict=True) if width < 0 and not issues):

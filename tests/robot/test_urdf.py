@@ -13,6 +13,7 @@ from optiplan.robot.robot import load_robot
 from tests.robot.robots import BARE, LINK, chain, joint, write_robot
 
 BACKWARDS = '<limit lower="1" upper="-1" velocity="3" effort="4"/>'
+BACKWARDS_FOLLOWER = joint("j", "b", "c", inside=BACKWARDS + '<mimic joint="i"/>')
 ODD_MIMIC = '<limit lower="-1" upper="1" velocity="3" effort="4"/><mimic joint="j" multiplier="x"/>'
 MESH = '<link name="m"><{0}><geometry><mesh filename="{1}" scale="2 2 2"/></geometry></{0}></link>'
 
@@ -168,6 +169,10 @@ def test_new_names_of_links_differ(tmp_path):
         (f"<robot name='r'>{LINK.format('a')}</robot>", "without movable joints"),
         (
             f"<robot name='r'>{''.join(chain(joint('j', 'a', 'b', inside=BACKWARDS)))}</robot>",
+            "j with a lower limit above",
+        ),
+        (
+            f"<robot name='r'>{''.join(chain(joint('i', 'a', 'b'), BACKWARDS_FOLLOWER))}</robot>",
             "j with a lower limit above",
         ),
         (
