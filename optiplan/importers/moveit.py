@@ -8,12 +8,16 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.geometry.pose import ToleranceSpec
 from optiplan.geometry.poses import pose_to_data
 from optiplan.importers.moveit_objects import CannotConvert, Frames, SceneConverter, joint_state, numbers, pose
 from optiplan.robot.robot import Robot
 
 CLAMP = 1e-3
 """A joint value this far outside its limits, rad or m, is rounding of whoever wrote the file: it is moved inside."""
+
+EXACT = ToleranceSpec()
+"""Stands for a tolerance of 0, which messages have where none is filled in; no solver meets that."""
 
 
 @dataclass
@@ -132,6 +136,8 @@ def _ends(item: Mapping[str, Any], robot: Robot, frames: Frames, notes: list[str
         raise CannotConvert("the goal constrains joints and a pose at once")
     if joints:
         values = {str(j["joint_name"]): float(j["position"]) for j in joints}
+        if others := sorted(values.keys() - set(robot.joint_names)):
+            notes.append(f"left out of the goal: joints that are not planned, {', '.join(others)}")
         return [{"joints": _planned(robot, values, "the goal", notes)}]
     if len(positions) != 1 or len(orientations) > 1:
         raise CannotConvert(f"the goal has {len(positions)} position and {len(orientations)} orientation constraints")
@@ -151,7 +157,7 @@ def _pose_ends(
     if orientation is not None:
         R_FL = pose({"orientation": orientation["orientation"]}).rotation
         R_WL = frames.pose(orientation.get("header")).rotation @ R_FL
-        angle = min(float(orientation.get(f"absolute_{axis}_axis_tolerance") or np.pi) for axis in "xyz")
+        angle = min(abs(float(orientation.get(f"absolute_{axis}_axis_tolerance") or 0.0)) for axis in "xyz")
     offset = numbers(position.get("target_point_offset") or [0, 0, 0], "xyz")
     if orientation is None and np.any(offset):
         raise CannotConvert("the goal is about a point beside the link's origin, without an orientation")
@@ -163,7 +169,7 @@ def _pose_ends(
     for shape, placement in zip(region["primitives"], region["primitive_poses"], strict=True):
         point = X_WF.act(pose(placement).translation)
         X_WL = pose_to_data(pin.SE3(R_WL, point - R_WL @ offset))
-        tolerance = {"position": _ball(shape), "orientation": min(angle, np.pi)}
+        tolerance = {"position": _ball(shape) or EXACT.position, "orientation": min(angle or EXACT.orientation, np.pi)}
         ends.append({"pose": {"frame": link, **X_WL, "tolerance": tolerance}})
     return ends
 

@@ -297,7 +297,7 @@ class Compiler:
 
     def _within_limits(self, robot: Robot, place: Place, q: Array) -> bool:
         lower, upper = robot.limits.lower, robot.limits.upper
-        outside = np.flatnonzero((q < lower) | (q > upper))
+        outside = np.flatnonzero(~((q >= lower) & (q <= upper)))
         for j in outside:
             at = (*place, int(j)) if place[-1] in ("joints", "joints_deg") else place
             degrees = place[-1] == "joints" and robot.revolute[j] and abs(q[j]) > 2.0 * np.pi

@@ -153,7 +153,7 @@ def _check_locked(wanted: Mapping[str, float], planned: Sequence[str], urdf: Urd
 def reduce_to(planned: Sequence[str], wanted: Mapping[str, float], urdf: UrdfSource, document: Document) -> Reduced:
     """Fix every joint that is not planned: at `wanted`, at its leader's position, or at zero moved into its limits.
 
-    Followers of planned joints move with them, except for joints in `wanted`.
+    Followers of planned joints move with them, except for joints in `wanted` and what follows those.
 
     Raises:
         InputError: `wanted` names a planned or an unknown joint; a follower carries its leader; a follower of an
@@ -164,16 +164,15 @@ def reduce_to(planned: Sequence[str], wanted: Mapping[str, float], urdf: UrdfSou
     notes: list[str] = []
     reference = pin.neutral(model)
     locked: dict[str, float] = {}
-    followers = {name: mimic for name, mimic in urdf.mimics.items() if mimic.source in planned}
-    followers = {name: mimic for name, mimic in followers.items() if mimic.multiplier != 0.0 and name not in wanted}
+    mimics = urdf.mimics_beside(wanted)
+    followers = {name: mimic for name, mimic in mimics.items() if mimic.source in planned and mimic.multiplier != 0.0}
     _refuse_broken_turns(followers, urdf)
     fixed = [name for name in model.names[1:] if name not in planned and name not in followers]
     for name in fixed:
         joint = model.joints[model.getJointId(name)]
         if joint.nq == 1:
             locked[name] = reference[joint.idx_q] = _rest(model, joint.idx_q, name, wanted.get(name), notes)
-    for name in (name for name in fixed if name in urdf.mimics and name not in wanted):
-        mimic = urdf.mimics[name]
+    for name, mimic in ((name, mimics[name]) for name in fixed if name in mimics):
         value = mimic.multiplier * locked.get(mimic.source, 0.0) + mimic.offset
         locked[name] = reference[model.joints[model.getJointId(name)].idx_q] = value
     for name, mimic in followers.items():

@@ -13,10 +13,14 @@ from optiplan.errors import InputError, Issue
 from optiplan.robot.joint_groups import Group, Reduced
 from optiplan.robot.mimic_joints import turning
 from optiplan.robot.spec import LimitsSpec
+from optiplan.robot.urdf.reader import UrdfSource
 
 DEFAULTS = {"velocity": 1.0, "acceleration": 10.0, "jerk": 500.0, "torque": np.inf}
 ORDERS = ("position", "velocity", "acceleration", "jerk")
 """Limited quantities by the order of the derivative."""
+
+_STATED = {"velocity": ("velocity",), "acceleration": ("acceleration", "deceleration"), "jerk": ("jerk",)}
+"""Attributes of a URDF's <limit>; all but `velocity` are of URDF 1.2."""
 
 UNBOUNDED = 1e6
 """m, stroke of a joint without bounds."""
@@ -90,11 +94,13 @@ def thousandths(revolute: Iterable[bool]) -> str:
     return " or ".join(f"m{unit}" for unit in joint_units("position", revolute).split(" or "))
 
 
-def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: Group) -> tuple[Limits, list[str]]:
+def build_limits(
+    spec: LimitsSpec, document: Document, urdf: UrdfSource, reduced: Reduced, group: Group
+) -> tuple[Limits, list[str]]:
     """Return the limits of the joints of a model reduced to `group`, and notes on every default value.
 
-    The limits of followers restrict their leader: lower_f <= m q + o <= upper_f, and |m| v <= v_f where the leader's
-    velocity is the URDF's; a velocity of the robot.yaml replaces both. Torque is the generalised force
+    The limits of followers restrict their leader: lower_f <= m q + o <= upper_f, and |m| v <= v_f, so for acceleration
+    and jerk, where the leader's are the URDF's; those of the robot.yaml replace both. Torque is the generalised force
     tau + sum m tau_f of the leader's drive; a follower has no drive.
 
     Raises:
@@ -103,7 +109,8 @@ def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: 
     issues: list[Issue] = []
     notes: list[str] = []
     model, names = reduced.model, list(group.joints)
-    own = {"velocity": _narrowed_velocity(reduced, names), "torque": model.upperEffortLimit}
+    own = {key: _narrowed_rates(keys, urdf, reduced, names) for key, keys in _STATED.items()}
+    own["torque"] = model.upperEffortLimit
     values: dict[str, Array] = {}
     for key in DEFAULTS:
         given = getattr(spec, key)
@@ -113,8 +120,12 @@ def build_limits(spec: LimitsSpec, document: Document, reduced: Reduced, group: 
         else:
             values[key] = _from_yaml(key, given, document, issues, group)
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    for name in (name for name, width in zip(names, upper - lower, strict=True) if width < 0):
-        issues.append(document.issue(("urdf",), f"joint {name} with a lower limit above the upper", "lower <= upper"))
+    plain = reduced.plain
+    for name in (*names, *reduced.followers):
+        k = plain.joints[plain.getJointId(name)].idx_q
+        if plain.lowerPositionLimit[k] > plain.upperPositionLimit[k]:
+            found = f"joint {name} with a lower limit above the upper"
+            issues.append(document.issue(("urdf",), found, "lower <= upper"))
     if not issues:
         _narrow_positions(reduced, names, (lower, upper), notes)
     for name in (name for name, width in zip(names, upper - lower, strict=True) if width < 0 and not issues):
@@ -140,16 +151,14 @@ def _narrow_positions(reduced: Reduced, names: list[str], limits: tuple[Array, A
             notes.append(f"joint {mimic.source} stays within [{lower[j]:g}, {upper[j]:g}], for {name} that follows it")
 
 
-def _narrowed_velocity(reduced: Reduced, names: list[str]) -> Array:
-    """Return the velocity limits of the URDF (n,), each at most v_f / |m| of every follower; 0 where none is given."""
-    velocity = np.array(reduced.model.upperVelocityLimit)
+def _narrowed_rates(keys: Sequence[str], urdf: UrdfSource, reduced: Reduced, names: list[str]) -> Array:
+    """Return the URDF's limits of a rate (n,), each at most x_f / |m| of every follower; 0 where none is given."""
+    values = np.array([urdf.limit(name, *keys) for name in names])
     for name, mimic in reduced.followers.items():
-        joint, j = reduced.plain.joints[reduced.plain.getJointId(name)], names.index(mimic.source)
-        own = float(reduced.plain.upperVelocityLimit[joint.idx_v])
-        if np.isfinite(own) and own > 0.0:
-            own /= abs(mimic.multiplier)
-            velocity[j] = min(velocity[j], own) if velocity[j] > 0.0 else own
-    return velocity
+        own, j = urdf.limit(name, *keys) / abs(mimic.multiplier), names.index(mimic.source)
+        if own > 0.0:
+            values[j] = min(values[j], own) if values[j] > 0.0 else own
+    return values
 
 
 def _by_name(

@@ -169,7 +169,7 @@ def _plain_joint(screw: Array) -> pin.JointModel:
 def _rebuilt(model: pin.Model, order: Sequence[int], kinds: Mapping[int, pin.JointModel]) -> pin.Model:
     """Return the model with its joints in another order (parents first), some of another kind."""
     result = pin.Model()
-    result.name, result.gravity = model.name, model.gravity
+    result.name, result.gravity, result.inertias[0] = model.name, model.gravity, model.inertias[0]
     place = {0: 0}
     for j in order:
         joint = model.joints[j]
@@ -212,7 +212,7 @@ def held_model(
         followers: by name.
         held: positions, rad or m, of planned joints.
     """
-    plain = unfold(model).model
+    plain = leaders_first(unfold(model).model, followers)
     bodies = geometry.copy()
     for body in bodies.geometryObjects:  # joints may stand in another order in the plain model
         body.parentJoint = plain.getJointId(model.names[body.parentJoint])

@@ -77,7 +77,7 @@ def read_robot(
     urdf, srdf, srdf_path = read_sources(spec, document)
     planned = planned_joints(spec, document, urdf, group)
     reduced = reduce_to(planned.joints, _wanted(spec, planned, locked or {}), urdf, document)
-    limits, limit_notes = build_limits(spec.limits, document, reduced, planned)
+    limits, limit_notes = build_limits(spec.limits, document, urdf, reduced, planned)
     treated = _bodies(reduced, spec, document)
     tool, chosen = _tool_frame(spec, document, reduced, urdf, planned)
     read = (document.path, urdf.path, srdf_path, *urdf.meshes)
@@ -89,6 +89,7 @@ def read_robot(
         reduced.model, treated.geometry, (limits.lower, limits.upper), declared, locked_joints
     )
     set_pairs(reduced.model, treated.geometry, allowed)
+    srdf_notes = () if srdf is None else srdf.notes
     return RobotParts(
         name=spec.name,
         source=document.path,
@@ -101,7 +102,7 @@ def read_robot(
         link_geometry=treated.kinds,
         over_cover=treated.over_cover,
         build_visual=bound(reduced.build_visual),
-        notes=(*chosen, *urdf.notes, *reduced.notes, *limit_notes, *treated.notes, *pair_notes),
+        notes=(*chosen, *urdf.notes, *srdf_notes, *reduced.notes, *limit_notes, *treated.notes, *pair_notes),
         locked=reduced.locked,
         allowed=allowed,
         files=files,
@@ -205,7 +206,7 @@ def _configurations(
             result[name] = np.where(turns, np.deg2rad(result[name]), result[name])
     if issues:
         raise InputError(issues)
-    for name, values in ({} if srdf is None else srdf.states).items():
+    for name, values in () if srdf is None else srdf.states:
         if set(group.joints) <= set(values):
             result.setdefault(name, np.array([values[joint] for joint in group.joints]))
     return result

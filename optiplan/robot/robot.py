@@ -119,7 +119,7 @@ class Robot(RobotParts):
             keys: `group` and `locked`, as of `op.load_robot`: `all`, an arm, or `left/hand`; several by `+`.
 
         Raises:
-            InputError: a robot that cannot be loaded, bases that collide.
+            InputError: a robot that cannot be loaded, arms that stand in each other.
 
         Example:
             >>> import optiplan as op

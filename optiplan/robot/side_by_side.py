@@ -140,7 +140,7 @@ def read_side_by_side(
         load: `load_robot`.
 
     Raises:
-        InputError: an arm that cannot be loaded, a joint that there is not, bases that collide.
+        InputError: an arm that cannot be loaded, a joint that there is not, arms that stand in each other.
         UnknownChoiceError: there is no such group.
     """
     spec = validate(SideBySideSpec, document)
@@ -154,7 +154,7 @@ def read_side_by_side(
             raise UnknownChoiceError("group", name, groups)
     arms = [_arm(document, name, spec, first[name], wanted, chosen, load) for name in first]
     model, geometry = _composed(arms, lambda robot: robot.geometry)
-    _refuse_meeting_bases(document, arms)
+    _refuse_meeting_arms(document, arms)
     limits = Limits(*(np.concatenate([getattr(arm.robot.limits, one.name) for arm in arms]) for one in fields(Limits)))
     allowed = _allowed(arms, model, geometry, limits)
     set_pairs(model, geometry, allowed)
@@ -318,8 +318,8 @@ def _allowed(
     return {**own, **fixed_pairs(model, geometry), **dict.fromkeys(sorted(survey.proved), PROVED)}
 
 
-def _refuse_meeting_bases(document: Document, arms: Sequence[_Arm]) -> None:
-    """Refuse arms of which a link that no joint moves collides with one of another arm, wherever the joints are."""
+def _refuse_meeting_arms(document: Document, arms: Sequence[_Arm]) -> None:
+    """Refuse arms with links that no planned joint moves and that collide: as a fixed pair they are never checked."""
     request = coal.CollisionRequest()
     issues = []
     for one, other in combinations(arms, 2):
@@ -338,14 +338,15 @@ def _refuse_meeting_bases(document: Document, arms: Sequence[_Arm]) -> None:
         ]
         if meeting:
             a, b = meeting[0]
-            found = f"a base that collides with that of {one.name}: {one.of(a.name)} and {other.of(b.name)}"
-            issues.append(document.issue((ROBOTS, other.name, "base"), found, "bases that are apart"))
+            found = f"an arm that stands in {one.name}: {one.of(a.name)} and {other.of(b.name)} collide"
+            expected = "arms that are apart where no planned joint moves them (`base`, `locked`)"
+            issues.append(document.issue((ROBOTS, other.name, "base"), found, expected))
     if issues:
         raise InputError(issues)
 
 
 def _standing(arm: _Arm) -> list[pin.GeometryObject]:
-    return [body for body in arm.whole.geometry.geometryObjects if body.parentJoint == 0]
+    return [body for body in arm.robot.geometry.geometryObjects if body.parentJoint == 0]
 
 
 def _tools(arm: _Arm, groups: Mapping[str, Sequence[str]]) -> dict[str, str]:
@@ -379,6 +380,7 @@ def _urdf(arms: Sequence[_Arm]) -> str:
     ET.SubElement(root, "link", name=ROOT)
     for arm in arms:
         own = ET.fromstring(arm.whole.urdf)
+        root.set("version", max(root.get("version", "1.0"), own.get("version", "1.0")))
         links = [link.get("name", "") for link in own.findall("link")]
         carried = {child.get("link", "") for child in own.findall("joint/child")}
         for element in _renamed(own, arm):

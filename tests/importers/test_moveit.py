@@ -195,6 +195,12 @@ def test_values_a_rounding_beyond_the_limits_are_moved_inside(robot):
     assert "the goal has shoulder beyond its limit by 4.0e-04: moved to the limit" in converted.notes
 
 
+def test_a_goal_of_a_joint_that_is_not_planned_is_noted(robot):
+    converted = convert(scene(), request_([joint_goal(shoulder=1, elbow=0, finger=0.02)]), robot, "1")
+    assert converted.data["goal"] == {"joints": [1.0, 0.0]}
+    assert "left out of the goal: joints that are not planned, finger" in converted.notes
+
+
 def test_scaling_factors_become_limits(robot):
     data = request_(max_velocity_scaling_factor=0.5, max_acceleration_scaling_factor=0)
     assert convert(scene(), data, robot, "1").data["limits"] == {"velocity": 0.5}
@@ -207,6 +213,15 @@ def test_pose_goal(robot):
     assert goal["tolerance"] == {"position": 0.01, "orientation": 0.1}
     assert np.allclose(goal["position"], [0.5, 0.5, 0])
     assert np.allclose(goal["quaternion"], QUARTER)
+
+
+@pytest.mark.parametrize("tolerance", [{"absolute_z_axis_tolerance": 0.0}, {}])
+def test_a_tolerance_of_0_is_exact_and_not_free(robot, tolerance):
+    orientation = {"link_name": "hand", "orientation": QUARTER, **tolerance}
+    point = {"primitives": [{"type": "sphere", "dimensions": [0.0]}], "primitive_poses": [{"position": [1, 0, 0]}]}
+    data = request_([pose_goal(orientation_constraints=[orientation], constraint_region=point)])
+    goal = convert(scene(), data, robot, "1").data["goal"]["pose"]
+    assert goal["tolerance"] == {"position": 1e-4, "orientation": 1e-3}
 
 
 def test_pose_goal_of_a_point_beside_the_link(robot):

@@ -1,9 +1,13 @@
 """Denavit–Hartenberg tables: against matrices typed here, against the source reports, against the URDF made of them."""
 
+import json
+
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 
+import optiplan as op
 from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
 from optiplan.geometry.scene import Scene
@@ -107,6 +111,7 @@ def test_capsules_stand_along_the_offsets_of_links_without_bodies(tmp_path, conv
     pin.framesForwardKinematics(robot.model, data, q)
     ends = []
     for item in robot.geometry.geometryObjects:
+        assert isinstance(item.geometry, coal.Capsule)
         assert item.geometry.radius == 0.02
         X = data.oMi[item.parentJoint] * item.placement
         ends += [X * np.array([0.0, 0.0, s * item.geometry.halfLength]) for s in (-1.0, 1.0)]
@@ -192,6 +197,18 @@ def test_what_is_wrong_is_said_with_line_and_row(tmp_path, text, line, words):
     told = str(caught.value)
     assert words.removeprefix("found ") in told
     assert line is None or any(issue.line == line for issue in caught.value.issues), told
+
+
+def test_what_is_wrong_in_a_table_without_a_file_is_reported(tmp_path):
+    """Found in the URDF that is made of it, which has no file either."""
+    dh = {"convention": "standard", "unit": "rad", "rows": [{"joint": "revolute", "a": 2e5, "limits": [-1, 1]}]}
+    words = "link_1_fixed: <origin> with xyz='200000.0 "
+    with pytest.raises(InputError, match=f"<robot>: dh: {words}"):
+        load_robot({"dh": dh, "collision": "none"})
+    text = f"version: 1\nstart: {{joints: [0]}}\ngoal: {{joints: [0.5]}}\nrobot:\n  dh: {json.dumps(dh)}\n"
+    (tmp_path / "p.yaml").write_text(text)
+    found = [(issue.line, issue.field) for issue in op.check(tmp_path / "p.yaml") if issue.found.startswith(words)]
+    assert found == [(5, "robot.dh")]
 
 
 @pytest.mark.parametrize("name", SHIPPED)

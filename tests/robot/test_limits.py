@@ -1,5 +1,6 @@
 """Units follow the type of the joint: a base that slides is in m and N, wherever a joint is named."""
 
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from optiplan.problem.objectives.objective import UNITS, part_unit
 from optiplan.problem.problem import Problem, derived
 from optiplan.robot.limits import joint_unit, joint_units, thousandths
 from optiplan.robot.robot import load_robot
+from optiplan.robot.urdf.export import export_urdf
 from optiplan.trajectory.given_files import GivenFiles
 from optiplan.trajectory.sample_file import Samples
 from optiplan.trajectory.state import State
@@ -118,6 +120,22 @@ def test_limits_by_name_leave_the_others_to_the_urdf(tmp_path):
     assert limits.velocity.tolist() == [plain.velocity[0], 0.5]
     assert limits.jerk.tolist() == [40.0, 500.0]
     assert (limits.acceleration == plain.acceleration).all()
+
+
+def test_rates_of_urdf_1_2(tmp_path):
+    """Of acceleration and deceleration the smaller counts; what follows a joint by m takes 1/m of its own limits."""
+    free = '<limit lower="-1" upper="1" velocity="1" effort="1" {}/>'
+    first = free.format('acceleration="0.5" deceleration="0.4" jerk="8"')
+    tail = free.format('jerk="3"') + '<mimic joint="j1" multiplier="-2"/>'
+    parts = chain(joint("j1", "a", "b", inside=first), joint("j2", "b", "c"), joint("f", "c", "d", inside=tail))
+    robot = load_robot(str(write_robot(tmp_path, parts)))
+    assert robot.limits.acceleration.tolist() == [0.4, 10.0]
+    assert robot.limits.jerk.tolist() == [1.5, 500.0]
+    assert any("no acceleration limit is given for j2:" in note for note in robot.notes)
+    own = load_robot(str(write_robot(tmp_path / "own", parts, "limits: {acceleration: 2, jerk: 30}")))
+    assert own.limits.acceleration.tolist() == [2.0, 2.0]
+    limit = ET.fromstring(export_urdf(own)).find("joint[@name='j1']/limit")
+    assert [limit.get(key) for key in ("acceleration", "deceleration", "jerk")] == ["2.0", "2.0", "30.0"]
 
 
 @pytest.mark.parametrize(

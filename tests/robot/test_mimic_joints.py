@@ -16,6 +16,7 @@ from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.kinematics.symbolic.functions import SymbolicRobot
 from optiplan.planners.base import Budget
 from optiplan.problem.problem import JointGoal, derived
+from optiplan.robot.batched.base_reaction import base_reaction
 from optiplan.robot.batched.kinematics import BatchKinematics
 from optiplan.robot.frames import frame_pose, geometric_jacobian
 from optiplan.robot.mimic_joints import coupling, unfold
@@ -137,6 +138,14 @@ def test_torque_is_the_generalised_force_of_the_leader(robot, plain):
         np.testing.assert_allclose(unfolded.A.T @ same, expected, atol=1e-10)
 
 
+def test_the_base_keeps_its_mass(tmp_path):
+    heavy = [BODY.format("a", 100), *PARTS[1:]]
+    robot = load_robot(str(write_robot(tmp_path, heavy, BODILESS + "group: [lift, elbow]\n")))
+    q = np.zeros((1, robot.n))
+    assert base_reaction(robot, q, q, q)[0, 2] == pytest.approx(105.7 * 9.81)
+    assert robot.holding({"lift": 0.1, "elbow": 0.2}).model.inertias[0].mass == pytest.approx(105.7)
+
+
 def test_the_symbolic_twin_is_the_same_robot(robot):
     twin, data = SymbolicRobot(robot.model, machine_code=False), robot.model.createData()
     rng = np.random.default_rng(2)
@@ -247,6 +256,26 @@ def test_a_follower_that_the_file_locks_stands_still(tmp_path):
     assert set(robot.followers) == {"early", "slide"}
     assert robot.locked == {"late": 0.2}
     assert "joint late is locked here and does not follow elbow" in robot.notes
+
+
+@pytest.mark.parametrize(("group", "followers"), [("lift, elbow", {"late"}), ("elbow", {"late"})])
+def test_a_follower_that_stands_still_holds_what_follows_it(tmp_path, group, followers):
+    text = f"group: [{group}]\nlocked: {{early: 0.4}}\n"
+    robot = load_robot(str(write_robot(tmp_path, PARTS, text)))
+    assert set(robot.followers) == followers
+    assert robot.locked["slide"] == pytest.approx(-0.25 * 0.4 + 0.2)
+
+
+def test_joints_are_held_where_a_leader_is_on_a_later_branch(tmp_path):
+    """Depth first, `a2` comes before `b1`, which it follows."""
+    parts = [*(BARE.format(name) for name in "abcde"), joint("a1", "a", "b"), joint("b1", "a", "d")]
+    parts += [joint("a2", "b", "c", inside=follower("b1", -2)), joint("z9", "d", "e")]
+    robot = load_robot(str(write_robot(tmp_path, parts, BODILESS + "group: [a1, b1, z9]\n")))
+    held = robot.holding({"z9": 0.3})
+    assert (held.joint_names, set(held.followers)) == (("a1", "b1"), {"a2"})
+    for frame in "ce":
+        found = frame_pose(held, np.array([0.4, 0.5]), frame).homogeneous
+        np.testing.assert_allclose(found, frame_pose(robot, np.array([0.4, 0.5, 0.3]), frame).homogeneous, atol=1e-12)
 
 
 def test_a_multiplier_of_zero_is_a_joint_that_stands_still(tmp_path):

@@ -13,6 +13,8 @@ from optiplan.robot.robot import load_robot
 from optiplan.robot.urdf.export import export_urdf
 
 FAR = {"use": "two_links", "base": op.Pose((0, 5.0, 0))}
+THROUGH = {"use": "planar2r", "base": op.Pose((-0.263, -0.11, 0))}
+"""In its first configuration its upper arm goes through the base of an arm at the origin."""
 TURNED = op.Pose((0.1, -0.6, 0.2), rpy=(0.1, 0.2, 2.0))
 
 
@@ -109,7 +111,9 @@ def test_up_to_eight_arms():
     ("robots", "keys", "words"),
     [
         ({"a": "planar2r"}, {}, "robots: .*at least 2"),
-        ({"a": "planar2r", "b": "planar2r"}, {}, "robots.b.base: a base that collides with that of a: .*apart"),
+        ({"a": "planar2r", "b": "planar2r"}, {}, "robots.b.base: an arm that stands in a: a/base_0 and b/base_0"),
+        ({"a": "planar2r", "b": THROUGH}, {"group": "a"}, "robots.b.base: an arm that stands in a: a/base_0 and b/"),
+        ({"a": THROUGH, "b": "planar2r", "c": FAR}, {"group": "c"}, "b.base: an arm that stands in a: a/.*apart"),
         ({"a": "planar2r", "b": "planar3r"}, {}, "robots.b.use: unknown robot 'planar3r'.*did you mean 'planar2r'"),
         ({"a": "planar2r", "b/c": "ur5"}, {}, "b/c"),
         ({"a": "planar2r", "b": {"use": "ur5", "bse": 1}}, {}, "robots.b.bse: unknown key"),

@@ -1,15 +1,19 @@
 import os
+import xml.etree.ElementTree as ET
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
 
+import optiplan as op
 from optiplan.errors import InputError
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import BARE, LINK, chain, joint, write_robot
 
 BACKWARDS = '<limit lower="1" upper="-1" velocity="3" effort="4"/>'
+BACKWARDS_FOLLOWER = joint("j", "b", "c", inside=BACKWARDS + '<mimic joint="i"/>')
 ODD_MIMIC = '<limit lower="-1" upper="1" velocity="3" effort="4"/><mimic joint="j" multiplier="x"/>'
 MESH = '<link name="m"><{0}><geometry><mesh filename="{1}" scale="2 2 2"/></geometry></{0}></link>'
 
@@ -112,6 +116,28 @@ def test_links_without_mass_or_with_shapes_of_one_name_load(tmp_path):
     assert robot.link_geometry == {"b": "primitive"}
 
 
+@pytest.mark.parametrize("version", ["", ' version="1.0"', ' version="1.1"'])
+def test_a_quaternion_turns_whatever_the_version_says(tmp_path, version):
+    path = write_robot(tmp_path, [*chain(joint("j1", "a", "b")), joint("f", "b", "c", "fixed", ""), LINK.format("c")])
+    urdf = tmp_path / "robot.urdf"
+    turned = urdf.read_text().replace('xyz="0.5 0 0"', 'xyz="0 0 0" quat_xyzw="0 0 0.6 0.8"', 1)
+    urdf.write_text(turned.replace('name="r"', f'name="r"{version}'))
+    turn = load_robot(str(path)).fk([0.0], "c").position
+    np.testing.assert_allclose(turn, [0.5 * 0.28, 0.5 * 0.96, 0.0], atol=1e-12)
+    arms = {"a": str(path), "b": {"use": str(path), "base": op.Pose((0.0, 0.0, 1.0))}}
+    assert ET.fromstring(op.Robot.side_by_side(arms).urdf).get("version") == "1.1"
+
+
+def test_every_capsule_of_a_link_is_one(tmp_path):
+    """Pinocchio reads the first <collision_checking> of a link only; a cylinder lacks the caps."""
+    shape = '<collision name="{0}"><geometry><cylinder radius="0.1" length="0.2"/></geometry></collision>'
+    marks = "".join(f'<collision_checking><capsule name="{name}"/></collision_checking>' for name in "pq")
+    shapes = "".join(shape.format(name) for name in "prq")
+    parts = [BARE.format("a"), f'<link name="b">{shapes}{marks}</link>', joint("j1", "a", "b")]
+    bodies = load_robot(str(write_robot(tmp_path, parts))).geometry.geometryObjects
+    assert [type(body.geometry) for body in bodies] == [coal.Capsule, coal.Cylinder, coal.Capsule]
+
+
 def test_a_link_and_a_joint_of_one_name(tmp_path):
     path = write_robot(tmp_path, chain(joint("b", "a", "b"), joint("j2", "b", "c")), "srdf: r.srdf\n")
     (tmp_path / "r.srdf").write_text('<robot name="r"><disable_collisions link1="b" link2="c"/></robot>')
@@ -120,6 +146,13 @@ def test_a_link_and_a_joint_of_one_name(tmp_path):
     assert [robot.link_of(index) for index in range(3)] == ["a", "b_link", "c"]
     assert ("b_link", "c") in robot.allowed
     assert [note for note in robot.notes if "link b is called b_link" in note]
+
+
+def test_new_names_of_links_differ(tmp_path):
+    bodies = [LINK.format(name) for name in ("a", "b", "b_link")]
+    path = write_robot(tmp_path, [*bodies, joint("b", "a", "b"), joint("b_link", "b", "b_link")])
+    robot = load_robot(str(path))
+    assert [robot.link_of(index) for index in range(3)] == ["a", "b_link_link", "b_link_link_link"]
 
 
 @pytest.mark.parametrize(
@@ -136,6 +169,10 @@ def test_a_link_and_a_joint_of_one_name(tmp_path):
         (f"<robot name='r'>{LINK.format('a')}</robot>", "without movable joints"),
         (
             f"<robot name='r'>{''.join(chain(joint('j', 'a', 'b', inside=BACKWARDS)))}</robot>",
+            "j with a lower limit above",
+        ),
+        (
+            f"<robot name='r'>{''.join(chain(joint('i', 'a', 'b'), BACKWARDS_FOLLOWER))}</robot>",
             "j with a lower limit above",
         ),
         (

@@ -113,7 +113,8 @@ def write_robot(source: RobotSource, folder: Path, robot: Robot, choices: Choice
     data = _data(urdf, source, chosen)
     if states := _states(source, robot):
         data["configurations"] = states
-    comment = "\n".join([f"Made by `optiplan robots init {described.source.name}`.", *described.notes])
+    notes = [*described.notes, *_unplanned_limits(described.limits, data)]
+    comment = "\n".join([f"Made by `optiplan robots init {described.source.name}`.", *notes])
     write_text(folder / SRDF_NAME, srdf_text(robot.name, robot.allowed))
     write_text(folder / YAML_NAME, problem_text(data, comment))
 
@@ -158,6 +159,17 @@ def _data(urdf: str, source: RobotSource, choices: Choices) -> dict[str, Any]:
 
 def _limits(stated: Mapping[str, Mapping[str, float]], data: Mapping[str, Any]) -> dict[str, Any]:
     """The limits that the source states for joints of some group."""
-    listed = {*data.get("group", ()), *(joint for joints in data.get("groups", {}).values() for joint in joints)}
+    listed = _listed(data)
     kept = {key: {joint: x for joint, x in values.items() if joint in listed} for key, values in stated.items()}
     return {key: values for key, values in kept.items() if values}
+
+
+def _unplanned_limits(stated: Mapping[str, Mapping[str, float]], data: Mapping[str, Any]) -> Iterator[str]:
+    """Name the joints whose limits the source states and no group plans."""
+    if others := sorted({joint for values in stated.values() for joint in values} - _listed(data)):
+        yield f"left out: limits of rates of joints in no group, {', '.join(others)}"
+
+
+def _listed(data: Mapping[str, Any]) -> set[str]:
+    """The joints of all groups of a robot.yaml."""
+    return {*data.get("group", ()), *(joint for joints in data.get("groups", {}).values() for joint in joints)}

@@ -13,7 +13,7 @@ from optiplan.importers.motion_bench_maker import Importer, find_pairs, number_o
 from optiplan.importers.moveit_objects import CannotConvert
 from optiplan.robot.robot import load_robot
 
-CONVERSION = 1
+CONVERSION = 2
 """Counted up when files are converted in another way, so that cached ones are converted again."""
 
 

@@ -17,6 +17,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from optiplan.config.messages import describe
 from optiplan.errors import InputError, Issue
 from optiplan.files import is_file, read_bytes
 from optiplan.importers.robots.description import Description
@@ -94,7 +95,8 @@ def describe_moveit(folder: Path) -> Description:
 def _named_files(folder: Path, packages: RosPackages) -> _Named:
     if not folder.is_dir():
         raise InputError([Issue(str(folder), None, "robots init", "no folder", "a MoveIt configuration folder")])
-    setup = _yaml(folder / ".setup_assistant").get("moveit_setup_assistant_config") or {}
+    file = folder / ".setup_assistant"
+    setup = _part(file, _yaml(file), "moveit_setup_assistant_config")
     parts = {str(key).lower(): value for key, value in setup.items() if isinstance(value, Mapping)}
     urdf, srdf = _stated_urdf(parts.get("urdf") or {}, packages, folder), None
     relative = str((parts.get("srdf") or {}).get("relative_path") or "")
@@ -154,6 +156,24 @@ def _yaml(path: Path) -> dict[str, Any]:
     return data if isinstance(data, dict) else {}
 
 
+def _part(path: Path, data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """A mapping inside a YAML file; an empty one where it is missing or nothing stands behind its key.
+
+    Raises:
+        InputError: it is something else.
+    """
+    part = data.get(key)
+    if part is not None and not isinstance(part, Mapping):
+        raise InputError([Issue(str(path), _line(path, key), key, describe(part), "keys with values, or nothing")])
+    return part or {}
+
+
+def _line(path: Path, key: str) -> int | None:
+    """The line of a YAML file on which a key stands first."""
+    lines = read_bytes(path).decode("utf-8", errors="replace").splitlines()
+    return next((number for number, line in enumerate(lines, 1) if line.strip().startswith(f"{key}:")), None)
+
+
 def _joint_limits(
     folder: Path, urdf: UrdfSource
 ) -> tuple[dict[str, dict[str, float]], dict[str, tuple[float | None, float | None]], list[str]]:
@@ -167,14 +187,16 @@ def _joint_limits(
     notes = [
         f"left out: {key} of {LIMITS_FILE}; `limits:` of a problem scales them"
         for key in ("default_velocity_scaling_factor", "default_acceleration_scaling_factor")
-        if float(data.get(key) or 1.0) != 1.0
+        if (data.get(key) or 1.0) != 1.0
     ]
     rates: dict[str, dict[str, float]] = {key: {} for key in RATES}
     positions: dict[str, tuple[float | None, float | None]] = {}
-    for joint, stated in (data.get("joint_limits") or {}).items():
+    listed = _part(path, data, "joint_limits")
+    for joint in listed:
         if joint not in urdf.joint_types:
             notes.append(f"left out: limits of {joint}, which the robot does not have")
             continue
+        stated = _part(path, listed, joint)
         for key in RATES:
             if stated.get(f"has_{key}_limits", False):
                 rates[key][joint] = _number(path, joint, f"max_{key}", stated.get(f"max_{key}"))
@@ -190,10 +212,8 @@ def _joint_limits(
 def _number(path: Path, joint: str, key: str, value: object, signed: bool = False) -> float:
     good = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e12
     if not good or (not signed and not float(value) > 0.0):  # type: ignore[arg-type]  # a number, by `good`
-        text = read_bytes(path).decode("utf-8", errors="replace")
-        lines = [number for number, line in enumerate(text.splitlines(), 1) if line.strip().startswith(f"{joint}:")]
         expected = "a number" if signed else "a number > 0, rad or m and seconds"
-        raise InputError([Issue(str(path), lines[0] if lines else None, f"{joint}.{key}", f"{value!r}", expected)])
+        raise InputError([Issue(str(path), _line(path, joint), f"{joint}.{key}", f"{value!r}", expected)])
     return float(value)  # type: ignore[arg-type]
 
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.importers.robots.polyhedra import stl_bytes
-from optiplan.robot.urdf.elements import number_words, origin_element
+from optiplan.robot.urdf.elements import mark_capsule, number_words, origin_element
 
 
 class MeshFiles:
@@ -53,7 +53,7 @@ def add_shape(link: ET.Element, tag: str, X_LS: pin.SE3, shape: ET.Element, colo
     if shape.tag == "capsule" and tag == "collision":
         name = f"{link.get('name')}_{len(link)}"
         element.set("name", name)
-        ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
+        mark_capsule(link, name)
     elif shape.tag == "capsule":
         half = 0.5 * float(shape.get("length", "0"))
         for end in (-half, half):

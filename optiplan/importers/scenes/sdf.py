@@ -1,8 +1,8 @@
 """SDF worlds of Gazebo as obstacles: the collision shapes of all models, where the file puts them.
 
 Poses: `relative_to` names a model, a link or a frame; without it a pose is in the parent element. Frames may lie in
-`<frame attached_to>`. `<include>` takes `model://NAME` from the folders above the file. Source: sdformat.org, SDF 1.4
-to 1.12.
+`<frame attached_to>`; `placement_frame` names the frame of a model that its pose is of. `<include>` takes
+`model://NAME` from the folders above the file. Source: sdformat.org, SDF 1.4 to 1.12.
 """
 
 import xml.etree.ElementTree as ET
@@ -41,6 +41,8 @@ def read_sdf_scene(path: Path) -> ImportedScene:
         count = len(list(root.iter(tag)))
         if count and tag not in ("light", "plugin"):
             scene.notes.append(f"left out: {count} <{tag}>")
+    if root.find("world/state") is not None:
+        scene.notes.append("left out: <state>; models stand where their own <pose> puts them")
     return scene
 
 
@@ -71,7 +73,9 @@ def _read_models(parent: ET.Element, X_WP: pin.SE3, place: _Place, scene: Import
         if included is None:
             raise place.issue(include, f"no <model> in {file}", "a model")
         name = (include.findtext("name") or included.get("name") or "model").strip()
-        X_WM = frames.pose(include) if include.find("pose") is not None else X_WP * _own_pose(included, place)
+        X_WF = frames.pose(include) if include.find("pose") is not None else X_WP * _own_pose(included, place)
+        frame = (include.findtext("placement_frame") or included.get("placement_frame") or "").strip()
+        X_WM = X_WF * _model_in(frame, included, place.inside(name, file))
         _read_model(included, X_WM, place.inside(name, file), scene)
 
 
@@ -106,10 +110,12 @@ class _Frames:
         default = self.X_WP if X_WD is None else X_WD
         if element.tag == "joint" and not relative:
             relative = (element.findtext("child") or "").strip()
-        X_WR = self._named(relative, element, within) if relative else default
-        return X_WR * _own_pose(element, self.place)
+        X_WR = self.named(relative, element, within) if relative else default
+        inside = _model_in(element.get("placement_frame", ""), element, self.place)
+        return X_WR * _own_pose(element, self.place) * inside
 
-    def _named(self, name: str, element: ET.Element, within: tuple[str, ...]) -> pin.SE3:
+    def named(self, name: str, element: ET.Element, within: tuple[str, ...] = ()) -> pin.SE3:
+        """X of the frame called `name` in the world; errors are about `element`."""
         if name not in self.found:
             if name not in self.elements or name in within:
                 known = ", ".join(sorted(key for key in self.elements if key)) or "none"
@@ -117,6 +123,13 @@ class _Frames:
                 raise self.place.issue(element, told, f"one of: {known}")
             self.found[name] = self.pose(self.elements[name], within=(*within, name))
         return self.found[name]
+
+
+def _model_in(frame: str, model: ET.Element, place: _Place) -> pin.SE3:
+    """Pose of a model in its `placement_frame`, which its <pose> places; the identity without one."""
+    if not frame:
+        return pin.SE3.Identity()
+    return _Frames(model, pin.SE3.Identity(), place).named(frame, model).inverse()
 
 
 def _own_pose(element: ET.Element, place: _Place) -> pin.SE3:

@@ -26,7 +26,9 @@ from optiplan.problem.grasps.antipodal import graspable, least_width
 from optiplan.problem.partial import fit, mapping
 from optiplan.problem.schema.ends import exactly_one
 from optiplan.problem.schema.scene import LARGEST_MASS, ObstacleSpec
+from optiplan.robot.mimic_joints import resolve
 from optiplan.robot.robot import Robot
+from optiplan.robot.urdf.reader import stated_mimics
 
 _AWAY = 0.1
 """m of the lines to an object and away from it, where no other length is said."""
@@ -235,21 +237,21 @@ def _bare(pose: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class _Fingers:
-    """The joints of a hand, with those that follow them, as the URDF has them."""
+    """The joints of a hand, with those that follow them, as the URDF has them.
+
+    Fingers that slide by q each open by `_travel` q in all: 1 for each joint, |m| for what follows it by m.
+    """
 
     def __init__(self, robot: Robot, group: str) -> None:
         root = ET.fromstring(robot.urdf)
-        joints = {str(one.get("name")): one for one in root.iter("joint")}
+        joints = {str(one.get("name")): one for one in root.findall("joint")}
         self.names = [name for name in robot.groups[group] if name in joints]
-        followers = [
-            name
-            for name, one in joints.items()
-            if (mimic := one.find("mimic")) is not None and mimic.get("joint") in self.names
-        ]
+        mimics = resolve(stated_mimics(joints.values()), list(joints))
+        followers = {name: mimic for name, mimic in mimics.items() if mimic.source in self.names}
         moved = [*self.names, *followers]
         self._sliding = bool(moved) and all(joints[name].get("type") == "prismatic" for name in moved)
         self._upper = [float(_limit(joints[name])) for name in self.names]
-        self._count = len(moved)
+        self._travel = len(self.names) + sum(abs(mimic.multiplier) for mimic in followers.values())
         own = {_link(joints[name], "child") for name in moved}
         for _ in joints:
             own |= {_link(one, "child") for one in joints.values() if _link(one, "parent") in own}
@@ -263,11 +265,11 @@ class _Fingers:
     @property
     def opening(self) -> float | None:
         """How far apart fingers that slide are then, m, if they meet at 0."""
-        return max(self._upper) * self._count if self._sliding and self._upper else None
+        return max(self._upper) * self._travel if self._sliding and self._upper else None
 
     def closed(self, width: float) -> list[float] | None:
         """Values at which they hold a width, m."""
-        return [width / self._count] * len(self.names) if self._sliding else None
+        return [width / self._travel] * len(self.names) if self._sliding else None
 
 
 def _limit(joint: ET.Element) -> str:

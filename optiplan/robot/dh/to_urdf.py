@@ -22,7 +22,7 @@ from optiplan.config.simple_yaml import Place
 from optiplan.errors import InputError, Issue
 from optiplan.robot.dh.spec import BodySpec, DhPoseSpec, DhRoundSpec, DhSpec, LinkSpec
 from optiplan.robot.dh.table import DhTable, JointKind, along_x, along_z
-from optiplan.robot.urdf.elements import inertial_element, number_words, origin_element
+from optiplan.robot.urdf.elements import inertial_element, mark_capsule, number_words, origin_element
 
 PLACE: Place = ("dh",)
 
@@ -165,7 +165,7 @@ class _Writer:
                 ET.SubElement(geometry, "cylinder", radius=repr(round_.radius), length=repr(round_.length))
         if body.capsule is not None:
             element.set("name", name)
-            ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
+            mark_capsule(link, name)
             for end in (-0.5, 0.5):
                 cap = ET.SubElement(link, "visual")
                 origin_element(cap, X_LB * pin.SE3(np.eye(3), np.array([0.0, 0.0, end * body.capsule.length])))

@@ -20,6 +20,12 @@ def origin_element(element: ET.Element, X: pin.SE3) -> None:
     ET.SubElement(element, "origin", xyz=number_words(X.translation), rpy=number_words(rpy))
 
 
+def mark_capsule(link: ET.Element, name: str) -> None:
+    """Mark the cylinder called `name` of a link as a capsule; pinocchio reads the first <collision_checking> only."""
+    first = link.find("collision_checking")
+    ET.SubElement(ET.SubElement(link, "collision_checking") if first is None else first, "capsule", name=name)
+
+
 def inertial_element(link: ET.Element, inertia: pin.Inertia) -> None:
     """Add the <inertial> of a spatial inertia in the frame of the link: kg, m and kg·m² about the centre of mass."""
     element = ET.SubElement(link, "inertial")

@@ -11,13 +11,17 @@ from optiplan.robot.self_collision.pairs import srdf_words
 from optiplan.robot.urdf.reader import ENDLESS
 from optiplan.robot.urdf.srdf import srdf_text
 
+_RATES = {"acceleration": "acceleration", "deceleration": "acceleration", "jerk": "jerk"}
+"""Attributes of <limit> in URDF 1.2, and the limits of a robot that they state."""
+
 
 def export_urdf(robot: Robot) -> str:
     """The URDF of the whole robot, with the limits of its planned joints; meshes by their absolute paths.
 
     Position, velocity and effort limits are those of `robot.limits`; joints without an end are `continuous`.
-    A URDF has no word for acceleration and jerk limits, and none for capsules: see `dh_urdf`. Mecanum wheels that
-    planned joints stand for are continuous joints, `wheel_front_left` and so on, which turn about y of the base.
+    Those of acceleration and jerk, which only readers of URDF 1.2 take, are where the source states some. A capsule is
+    a cylinder with a mark: see `dh.to_urdf`. Mecanum wheels that planned joints stand for are continuous joints,
+    `wheel_front_left` and so on, which turn about y of the base.
     """
     root = ET.fromstring(robot.urdf)
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
@@ -31,6 +35,8 @@ def export_urdf(robot: Robot) -> str:
         limit = joints[name].find("limit")
         assert limit is not None  # `read_urdf` gives one to every joint that can be planned
         limit.set("velocity", repr(float(robot.limits.velocity[i])))
+        for key in limit.attrib.keys() & _RATES.keys():
+            limit.set(key, repr(float(getattr(robot.limits, _RATES[key])[i])))
         if np.isfinite(robot.limits.torque[i]):
             limit.set("effort", repr(float(robot.limits.torque[i])))
     _add_wheels(root, robot)

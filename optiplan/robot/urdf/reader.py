@@ -8,17 +8,19 @@ import logging
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import coal
 import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import is_file, read_bytes
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
+from optiplan.robot.reference import DESCRIPTION
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies, read_bodies
 from optiplan.robot.urdf.unused_elements import leave_out
 from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias
@@ -53,6 +55,25 @@ class UrdfSource:
         """The link behind every joint, by the joint's name."""
         return {joint: child for joint, (_, child) in zip(self.joint_types, self.edges, strict=True)}
 
+    @cached_property
+    def _joints(self) -> dict[str, ET.Element]:
+        joints = ET.fromstring(self.xml).findall("joint")
+        return {joint.get("name", ""): joint for joint in joints if joint.find("parent") is not None}
+
+    def limit(self, joint: str, *keys: str) -> float:
+        """The smallest of these limits that the <limit> of a joint states; 0 where it states none."""
+        stated = [float(limit.get(key, "0")) for limit in self._joints[joint].findall("limit") for key in keys]
+        return min((value for value in stated if value > 0.0), default=0.0)
+
+    def mimics_beside(self, locked: Container[str]) -> dict[str, Mimic]:
+        """The joints that follow another one where some are locked: what follows a locked joint has it as its leader.
+
+        Raises:
+            InputError: a multiplier out of its range.
+        """
+        joints = [self._joints[name] for name in self.joint_types if name not in locked]
+        return _mimics(joints, self.joint_types, self.path)
+
     def fixed_to(self, joint: str) -> str | None:
         """The link in front of a fixed joint; None for one that moves."""
         if self.joint_types[joint] != "fixed":
@@ -67,8 +88,11 @@ class UrdfSource:
 def element_error(path: Path, name: str, found: str, expected: str) -> InputError:
     """An `InputError` about the element called `name` of an XML file, with the line where it stands.
 
-    That is a link or a joint of that name, else the first element that has it.
+    That is a link or a joint of that name, else the first element that has it. A robot inline in a problem has no file;
+    its URDF is made of its key `dh`.
     """
+    if path.name == DESCRIPTION:
+        return InputError([Issue(str(path), None, "dh", f"{name}: {found}", expected, ("dh",))])
     text = read_bytes(path).decode("utf-8", errors="replace")
     called = rf"\bname\s*=\s*[\"']{re.escape(name)}[\"']"
     match = re.search(rf"<(?:link|joint)\b[^>]*?{called}", text) or re.search(called, text)
@@ -148,11 +172,20 @@ def read_collisions(source: UrdfSource, model: pin.Model) -> UrdfBodies:
         bodies = read_bodies(model, source.xml, pin.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
         raise _unreadable(source, error, "collision meshes that can be read") from error
-    given, read = len(ET.fromstring(source.xml).findall("link/collision")), bodies.geometry.ngeoms
-    if read != given:  # the parser drops what it cannot read, and what is dropped would never be checked
-        found = f"{given} collision shapes, of which the parser could read {read} (see its messages above)"
-        raise InputError([Issue(str(source.path), None, "urdf", found, "shapes and origins of plain numbers")])
+    links = ET.fromstring(source.xml).findall("link")
+    given = [_is_capsule(collision, link) for link in links for collision in link.findall("collision")]
+    read = [isinstance(body.geometry, coal.Capsule) for body in bodies.geometry.geometryObjects]
+    for kind, stated, found in (("shapes", len(given), len(read)), ("capsules", sum(given), sum(read))):
+        if found != stated:  # what the parser drops would never be checked
+            words = f"{stated} collision {kind}, of which the parser could read {found} (see its messages above)"
+            raise InputError([Issue(str(source.path), None, "urdf", words, "shapes and origins of plain numbers")])
     return bodies
+
+
+def _is_capsule(collision: ET.Element, link: ET.Element) -> bool:
+    """Return whether a shape is a capsule, or a cylinder that the link marks as one."""
+    marked = collision.find("geometry/cylinder") is not None and collision.get("name") in _capsules(link)
+    return marked or collision.find("geometry/capsule") is not None
 
 
 def build_visuals(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
@@ -235,10 +268,18 @@ def _settle_visuals(link: ET.Element, finder: _MeshFinder, notes: list[str]) -> 
             mesh.set("filename", str(found))
 
 
+def _capsules(link: ET.Element) -> set[str]:
+    """Names of the cylinders of a link that are capsules."""
+    return {capsule.get("name", "") for capsule in link.iterfind("collision_checking/capsule")}
+
+
 def _settle_collisions(link: ET.Element, finder: _MeshFinder) -> None:
-    capsules = {capsule.get("name") for capsule in link.iterfind("collision_checking/capsule")}
+    marks = link.findall("collision_checking")
+    for mark in marks[1:]:  # pinocchio reads the first only, and takes the capsules of others for cylinders
+        marks[0].extend(list(mark))
+        link.remove(mark)
     for collision in link.findall("collision"):
-        if collision.get("name") not in capsules:  # names come twice in messy files; pinocchio makes its own
+        if collision.get("name") not in _capsules(link):  # names come twice in messy files; pinocchio makes its own
             collision.attrib.pop("name", None)
         for mesh in collision.iter("mesh"):
             name = mesh.get("filename", "")
@@ -260,6 +301,7 @@ def _rename_links(root: ET.Element, joints: list[ET.Element]) -> dict[str, str]:
         if name in links:
             renamed[name] = next(new for count in range(1, 99) if (new := name + "_link" * count) not in taken)
             links[name].set("name", renamed[name])
+            taken.add(renamed[name])
     for end in (end for joint in joints for end in (joint.find("parent"), joint.find("child")) if end is not None):
         end.set("link", renamed.get(end.get("link", ""), end.get("link", "")))
     return renamed
@@ -270,17 +312,22 @@ def _edges(joints: list[ET.Element]) -> tuple[tuple[str, str], ...]:
     return tuple((a.get("link", ""), b.get("link", "")) for a, b in ends if a is not None and b is not None)
 
 
+def stated_mimics(joints: Iterable[ET.Element]) -> dict[str, Mimic]:
+    """What the <mimic> of joints states, by the name of the joint that has one."""
+    return {
+        joint.get("name", ""): Mimic(
+            mimic.get("joint", ""), float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+        )
+        for joint in joints
+        for mimic in joint.findall("mimic")
+    }
+
+
 def _mimics(joints: list[ET.Element], types: Mapping[str, str], path: Path) -> dict[str, Mimic]:
     """The joints that follow another, and which one that is in the end."""
     movable = [name for name, kind in types.items() if kind in MOVING]
-    stated: dict[str, Mimic] = {}
-    for joint in joints:
-        name, mimic = joint.get("name", ""), joint.find("mimic")
-        if mimic is not None and name in movable:
-            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
-            stated[name] = Mimic(mimic.get("joint", ""), multiplier, offset)
     try:
-        return resolve(stated, movable)
+        return resolve(stated_mimics(joints), movable)
     except MimicError as error:
         raise element_error(path, error.joint, error.found, error.expected) from error
 

@@ -1,7 +1,8 @@
 """SRDF files: pairs of links that need no check, and named states."""
 
+import math
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,10 +14,14 @@ LinkPair = tuple[str, str]
 
 
 class Srdf(NamedTuple):
-    """Content of an SRDF: reasons of disabled pairs by (sorted) link names, states by name."""
+    """Content of an SRDF: reasons of disabled pairs by (sorted) link names, states with their names, remarks.
+
+    A name may come several times: each group has states of its own.
+    """
 
     disabled: Mapping[LinkPair, str]
-    states: Mapping[str, Mapping[str, float]]
+    states: Sequence[tuple[str, Mapping[str, float]]]
+    notes: Sequence[str]
 
 
 def link_pair(a: str, b: str) -> LinkPair:
@@ -42,7 +47,8 @@ def read_srdf(path: Path, renamed: Mapping[str, str]) -> Srdf:
     for item in root.iter("disable_collisions"):
         a, b = (renamed.get(name, name) for name in (item.get("link1", ""), item.get("link2", "")))
         disabled[link_pair(a, b)] = item.get("reason") or "User"
-    return Srdf(disabled, dict(_states(root)))
+    notes: list[str] = []
+    return Srdf(disabled, _states(root, notes), notes)
 
 
 def srdf_text(name: str, allowed: Mapping[LinkPair, str]) -> str:
@@ -54,12 +60,15 @@ def srdf_text(name: str, allowed: Mapping[LinkPair, str]) -> str:
     return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
 
-def _states(root: ET.Element) -> list[tuple[str, dict[str, float]]]:
+def _states(root: ET.Element, notes: list[str]) -> list[tuple[str, dict[str, float]]]:
     states = []
     for state in root.iter("group_state"):
         try:
             values = {joint.get("name", ""): float(joint.get("value", "")) for joint in state.iter("joint")}
         except ValueError:  # joints of several values (floating bases) cannot be planned anyway
             continue
-        states.append((state.get("name", ""), values))
+        if all(map(math.isfinite, values.values())):
+            states.append((state.get("name", ""), values))
+        else:
+            notes.append(f"left out: state {state.get('name')} of the SRDF, which has values that are not finite")
     return states

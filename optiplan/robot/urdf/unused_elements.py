@@ -8,13 +8,16 @@ from optiplan.robot.urdf.validation import MOVING, plain_numbers, shape_faults
 UNUSED = ("safety_controller", "calibration")
 """Elements of a joint that nothing reads."""
 
+NEWER = ("link/*/geometry/capsule", ".//origin[@quat_xyzw]")
+"""What parsers take from version 1.1 on."""
+
 
 def leave_out(root: ET.Element, joints: list[ET.Element]) -> Iterator[str]:
     """Take out of a URDF what would stop its parser and is of no use to a planner; say what is then not shown."""
     if not root.get("name"):
         root.set("name", "robot")
-    if next(root.iterfind("link/*/geometry/capsule"), None) is not None and root.get("version", "1.0") == "1.0":
-        root.set("version", "1.1")  # parsers take capsules from then on
+    if root.get("version", "1.0") == "1.0" and any(root.find(place) is not None for place in NEWER):
+        root.set("version", "1.1")  # parsers ignore these in older files
     for joint in joints:
         _settle_joint(joint)
     _settle_materials(root)

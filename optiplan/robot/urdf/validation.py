@@ -65,7 +65,8 @@ _ORIGIN = {"xyz": _PLACE, "rpy": _TURN, "quat_xyzw": _QUATERNION}
 _FACTOR = _Range(1, -1e12, 1e12, "a number of at most 1e12")
 _MIMIC = {"multiplier": _FACTOR, "offset": _FACTOR}
 _DYNAMICS = {"damping": _RATE, "friction": _RATE}
-_LIMIT = {"lower": _END, "upper": _END, "velocity": _RATE, "effort": _RATE}
+_LIMIT = {"lower": _END, "upper": _END}
+_LIMIT |= dict.fromkeys(("velocity", "effort", "acceleration", "deceleration", "jerk"), _RATE)
 _INERTIA = {key: _MOMENT if key[1] == key[2] else _PRODUCT for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
 
 

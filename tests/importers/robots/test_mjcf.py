@@ -119,6 +119,13 @@ def test_what_is_left_out_is_said(arm):
         assert words in notes
 
 
+@pytest.mark.parametrize(("stated", "name"), [("", "m"), ('model="my arm"', "my_arm")])
+def test_a_comment_with_dashes_is_one_for_mujoco(tmp_path, stated, name):
+    body = '<worldbody><body><joint/><geom size="0.1"/></body></worldbody>'
+    (tmp_path / "m.xml").write_text(f"<mujoco {stated}><!-- ------ arm ------ -->{body}</mujoco>")
+    assert describe(tmp_path / "m.xml").name == name
+
+
 def test_the_hull_of_a_mesh_is_where_mujoco_has_it(robot):
     (body,) = [item for item in robot.geometry.geometryObjects if item.name.startswith("fore_link")]
     body.geometry.computeLocalAABB()

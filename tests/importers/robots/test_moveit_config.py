@@ -89,6 +89,14 @@ def test_only_disabled_pairs_go_unchecked(robot):
     }
 
 
+def test_limits_of_joints_in_no_group_are_noted(tmp_path):
+    srdf = SRDF.replace('<group name="hand"><link name="jaw"/></group>', "").replace('<group name="hand"/>', "")
+    limits = LIMITS + "  slide: {has_velocity_limits: true, max_velocity: 0.1}\n"
+    files = {"cell_config/config/cell.srdf": srdf, "cell_config/config/joint_limits.yaml": limits}
+    robot = op.init_robot(config(tmp_path, **files), tmp_path / "made")
+    assert "left out: limits of rates of joints in no group, slide" in robot.source.read_text()
+
+
 def test_what_is_left_out_is_said(robot):
     head = robot.source.read_text()
     for words in ("limits of gone", "kinematics.yaml", "ompl_planning.yaml", "floating virtual joint", "gripper"):
@@ -108,6 +116,9 @@ def test_a_plan_is_verified(robot):
         ("cell_config/config/cell.srdf", SRDF.replace('<link name="jaw"', '<group name="all"'), "contains itself"),
         ("cell_config/config/joint_limits.yaml", LIMITS.replace("4.0", "-4.0"), "joint_limits.yaml:2: j1.max_acc"),
         ("cell_config/config/joint_limits.yaml", "joint_limits: [", "joint_limits.yaml:"),
+        ("cell_config/config/joint_limits.yaml", "joint_limits: [j1]", "joint_limits.yaml:1: joint_limits: "),
+        ("cell_config/config/joint_limits.yaml", "joint_limits:\n  j1: [1]", "joint_limits.yaml:2: j1: "),
+        ("cell_config/.setup_assistant", "moveit_setup_assistant_config: [1]", ".setup_assistant:1: moveit_setup"),
         ("cell_config/.setup_assistant", SETUP.replace("two.urdf", "one.urdf"), "no URDF"),
     ],
 )
@@ -115,6 +126,13 @@ def test_bad_files_are_named(tmp_path, file, text, words):
     with pytest.raises(op.InputError) as caught:
         describe(config(tmp_path, **{file: text}))
     assert words in str(caught.value)
+
+
+def test_what_says_nothing_of_limits_is_no_fault(tmp_path):
+    text = "default_velocity_scaling_factor: slow\njoint_limits:\n  j1:\n"
+    described = describe(config(tmp_path, **{"cell_config/config/joint_limits.yaml": text}))
+    assert not described.limits
+    assert any("left out: default_velocity_scaling_factor" in note for note in described.notes)
 
 
 def test_xacro_is_expanded_without_ros(tmp_path):

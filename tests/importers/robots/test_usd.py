@@ -198,12 +198,19 @@ def test_a_body_weighs_what_is_stated_else_what_its_colliders_do(stage, kilogram
     assert float(inertial.find("inertia").get("ixx")) == pytest.approx(expected * 0.1**2 / 6.0, rel=1e-6)
 
 
-def test_what_is_not_driven_is_held_and_what_follows_follows(stage):
+@pytest.mark.parametrize(
+    ("kind", "factor", "offset"),
+    [
+        (UsdPhysics.RevoluteJoint, -2.0, -np.pi / 2),
+        (UsdPhysics.PrismaticJoint, -0.02 * 180.0 / np.pi, -0.9),  # 2 cm and 90 cm, a degree of the leader
+    ],
+)
+def test_what_is_not_driven_is_held_and_what_follows_follows(stage, kind, factor, offset):
     joint = two(stage)
     UsdPhysics.DriveAPI.Apply(joint.GetPrim(), "angular").CreateMaxForceAttr(2e4)
     for name, height in (("/c", 40.0), ("/d", 60.0)):
         body(stage, name, height)
-    follower = hinge(stage, "/follower", ["/b", "/c"]).GetPrim()
+    follower = hinge(stage, "/follower", ["/b", "/c"], kind).GetPrim()
     follower.SetMetadata("apiSchemas", Sdf.TokenListOp.Create(["PhysxMimicJointAPI:rotX"]))
     follower.CreateRelationship("physxMimicJoint:rotX:referenceJoint").SetTargets([Sdf.Path("/hinge")])
     follower.CreateAttribute("physxMimicJoint:rotX:gearing", Sdf.ValueTypeNames.Float).Set(2.0)
@@ -212,8 +219,8 @@ def test_what_is_not_driven_is_held_and_what_follows_follows(stage):
     read = described(stage)
     root = ET.fromstring(read.text)
     mimic = root.find("joint[@name='follower']/mimic")
-    assert (mimic.get("joint"), float(mimic.get("multiplier"))) == ("hinge", -2.0)
-    assert float(mimic.get("offset")) == pytest.approx(-np.pi / 2)
+    assert (mimic.get("joint"), float(mimic.get("multiplier"))) == ("hinge", pytest.approx(factor))
+    assert float(mimic.get("offset")) == pytest.approx(offset)
     assert root.find("joint[@name='loose']").get("type") == "fixed"
     assert any("held where they are drawn" in note and "/loose" in note for note in read.notes)
     assert float(root.find("joint[@name='hinge']/limit").get("effort")) == pytest.approx(2.0)  # kg cm²/s² to N m

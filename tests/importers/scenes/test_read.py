@@ -169,6 +169,33 @@ def test_meshes_and_included_models_come_along(tmp_path):
     np.testing.assert_allclose(np.ptp(np.array(vertices, float), axis=0), 0.2, atol=1e-9)
 
 
+def test_a_placement_frame_stands_where_the_model_is_put(tmp_path):
+    """The frame `f` is 5 m above the origin of the model, a quarter turn about z; its link stands at the origin."""
+    box = "<geometry><box><size>0.1 0.2 0.3</size></box></geometry>"
+    shape = f'<link name="l"><collision name="c">{box}</collision></link>'
+    inside = f'<pose>1 0 0 0 0 0</pose><frame name="f"><pose degrees="true">0 0 5 0 0 90</pose></frame>{shape}'
+    model = '<model name="{}" placement_frame="{}">' + inside + "</model>"
+    (tmp_path / "m.sdf").write_text(f'<sdf version="1.9">{model.format("m", "l")}</sdf>')
+    include = "<include><uri>m.sdf</uri><name>{}</name>{}</include>"
+    placed = "<placement_frame>f</placement_frame><pose>0 2 0 0 0 0</pose>"
+    models = model.format("a", "f") + model.format("b", "__model__")
+    below = '<model name="d"><pose relative_to="a">0 0 1 0 0 0</pose>' + shape + "</model>"
+    includes = include.format("e", "") + include.format("g", placed)
+    state = '<state world_name="w"><model name="a"><pose>2 0 0 0 0 0</pose></model></state>'
+    text = f'<sdf version="1.9"><world name="w">{models}{below}{includes}{state}</world></sdf>'
+    (tmp_path / "w.sdf").write_text(text)
+    scene = read_scene(tmp_path / "w.sdf")
+    found = {body["name"].partition("::")[0]: pose_from_data(body["pose"]) for body in scene.obstacles}
+    places = {"a": [1, 0, -5], "b": [1, 0, 0], "d": [1, 0, -4], "e": [1, 0, 0], "g": [0, 2, -5]}
+    for name, place in places.items():
+        np.testing.assert_allclose(found[name].translation, place, atol=1e-9)
+    np.testing.assert_allclose(found["g"].rotation[:2, :2], [[0, 1], [-1, 0]], atol=1e-9)
+    assert any("left out: <state>" in note for note in scene.notes)
+    (tmp_path / "w.sdf").write_text(text.replace('placement_frame="f"', 'placement_frame="h"'))
+    with pytest.raises(op.InputError, match=r"a: the frame 'h'; expected one of: f, l"):
+        read_scene(tmp_path / "w.sdf")
+
+
 @pytest.mark.parametrize(
     ("name", "old", "new", "words"),
     [

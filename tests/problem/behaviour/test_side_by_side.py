@@ -53,7 +53,7 @@ def test_bases_may_be_in_frames_and_the_whole_may_stand_elsewhere(write):
     ("old", "new", "line", "field", "found"),
     [
         ("b: {use: planar2r", "b: {use: planar9r", 5, "robots.b.use", "unknown robot 'planar9r'"),
-        ("1.0, 0]", "0.0, 0]", 5, "robots.b.base", "a base that collides"),
+        ("1.0, 0]", "0.0, 0]", 5, "robots.b.base", "an arm that stands in"),
         ("use: planar2r, base", "base", 5, "robots.b.use", "nothing"),
         ("name: two", "robot: panda", 3, "robots", "`robots` beside `robot`"),
         ("start:", "group: c\nstart:", 6, "group", "unknown group 'c'"),

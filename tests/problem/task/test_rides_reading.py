@@ -11,8 +11,10 @@ from optiplan.errors import InputError
 from optiplan.problem.from_data import read_problem
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
+from optiplan.problem.schema.picks import with_picks
 from optiplan.problem.task.rides import Mover, WaitUntil
 from optiplan.problem.task.steps import Detach, StraightLine
+from tests.robot.robots import LIMIT, LINK, joint, write_robot
 
 FILE = """\
 version: 1
@@ -80,6 +82,22 @@ def test_picks_and_places_are_steps_with_their_rides():
     assert release.mover.name == "table"
     again = problem_from_dict(problem.source)
     assert again.hash == problem.hash
+
+
+def test_fingers_close_by_what_each_slides(tmp_path):
+    """One by q, one by 2 q, and one that follows that: 4 q in all."""
+    follower = LIMIT + '<mimic joint="{}" multiplier="{}"/>'
+    parts = [*(LINK.format(name) for name in "abcde"), joint("j", "a", "b"), joint("f", "b", "c", "prismatic")]
+    parts += [joint("g", "b", "d", "prismatic", follower.format("f", 2))]
+    parts += [joint("h", "b", "e", "prismatic", follower.format("g", -0.5))]
+    robot = op.load_robot(write_robot(tmp_path, parts, "groups: {arm: [j], hand: [f]}\ntool_frame: b\n"))
+    text = "scene: {obstacles: [{name: cube, shape: {box: [0.4, 0.4, 0.5]}}]}\n"
+    text += "task: [{pick: {object: cube, grasps: [{position: [0, 0, 0]}]}}]\n"
+    document, issues = with_picks(parse_yaml(text, Path("p.yaml")), lambda: robot)
+    assert issues == []
+    attach, gripper = document.data["task"][1:3]
+    assert gripper["gripper"]["joints"] == [0.1]
+    assert attach["attach"]["touch"] == ["c", "d", "e"]
 
 
 def test_python_states_the_same_steps():

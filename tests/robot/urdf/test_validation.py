@@ -26,6 +26,7 @@ URDF = """<robot name="x"><link name="a"/>
         ('type="revolute"', 'type="turning"', "j", "a joint of type 'turning'"),
         ('effort="1"', 'effort="1,5"', "j", "<limit> with effort='1,5'"),
         ('velocity="1"', 'velocity="-1"', "j", "<limit> with velocity='-1'"),
+        ('effort="1"', 'effort="1" jerk="x"', "j", "<limit> with jerk='x'"),
         ('upper="1"', 'upper="inf"', "j", "<limit> with upper='inf'"),
         ('xyz="0 0 0"', 'xyz="0 0 0" quat_xyzw="x 0 0 1"', "b", "<origin> with quat_xyzw='x 0 0 1'"),
         ('xyz="0 0 0"', 'rpy="0 0 0" quat_xyzw="0 0 0 1"', "b", "<origin> with rpy and quat_xyzw"),

@@ -70,7 +70,7 @@ def ask(load: Callable[[Choices], Robot], choices: Choices) -> Choices:
     limits = dict(choices.limits)
     for key in ("acceleration", "jerk"):
         if key not in limits:
-            default = float(getattr(robot.limits, key)[0])
+            default = float(getattr(robot.limits, key).min())
             unit = joint_units(key, robot.revolute)
             asked = typer.prompt(f"{key} limit of all joints, {unit}", default=default, type=float, err=True)
             limits[key] = checked_limit(key, asked)[1]

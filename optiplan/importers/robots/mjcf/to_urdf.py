@@ -28,6 +28,9 @@ FAR = 100.0
 
 WORLD = "world"
 
+UNNAMED = "MuJoCo Model"
+"""MuJoCo's name of a model whose file has none."""
+
 
 def describe_mjcf(path: Path) -> Description:
     """Read the robot of an MJCF file.
@@ -37,7 +40,7 @@ def describe_mjcf(path: Path) -> Description:
         OptiPlanError: the package `mujoco` is not installed.
     """
     mujoco, model, remarks = compile_mjcf(path)
-    writer = _MjcfWriter(mujoco, model, _model_name(path))
+    writer = _MjcfWriter(mujoco, model, _model_name(model, path))
     for body in range(model.nbody):
         writer.body(body)
     states, rest = writer.keyframes()
@@ -60,9 +63,10 @@ def describe_mjcf(path: Path) -> Description:
     )
 
 
-def _model_name(path: Path) -> str:
-    name = ET.parse(path).getroot().get("model") or path.stem
-    return name.replace(" ", "_")
+def _model_name(model: Any, path: Path) -> str:
+    """The name that MuJoCo read, whose XML may have comments that Python's parser refuses; else that of the file."""
+    name = bytes(model.names).partition(b"\0")[0].decode(errors="replace")
+    return (path.stem if name in ("", UNNAMED) else name).replace(" ", "_")
 
 
 class _MjcfWriter:

@@ -190,7 +190,7 @@ def _limits(stage: UsdStage, prim: Any, kind: str, key: str) -> tuple[float, flo
     lower, upper = (stage.number(prim, name, end) for name, end in zip(names, (-np.inf, np.inf), strict=True))
     if lower > upper:
         raise stage.issue(prim, f"{lower:g} above {upper:g}", "a lower limit that is not above the upper one", names[0])
-    unit = np.pi / 180.0 if kind == TURNS else stage.metres
+    unit = _unit(stage, kind)
     ends = [
         value * unit if abs(value * unit) < ENDLESS else float(np.copysign(np.inf, value)) for value in (lower, upper)
     ]
@@ -211,21 +211,35 @@ def _effort(stage: UsdStage, prim: Any, kind: str, drive: str) -> float:
 def _velocity(stage: UsdStage, prim: Any, kind: str) -> float:
     """rad/s or m/s, as PhysX states it."""
     value = stage.number(prim, "physxJoint:maxJointVelocity", np.inf)
-    rate = value * (np.pi / 180.0 if kind == TURNS else stage.metres)
+    rate = value * _unit(stage, kind)
     return rate if 0.0 < value < ENDLESS else np.inf
 
 
 def _mimic(stage: UsdStage, prim: Any, kind: str) -> tuple[str, float, float] | None:
-    """Leader, factor and offset, by Newton's schema (q = c0 + c1 q_L) or that of PhysX (q + g q_L + o = 0)."""
-    unit = np.pi / 180.0 if kind == TURNS else stage.metres
+    """Leader, factor and offset, by Newton's schema (q = c0 + c1 q_L) or that of PhysX (q + g q_L + o = 0).
+
+    There q and q_L are in degrees or units of length of the stage.
+    """
     if "NewtonMimicAPI" in schemas(prim) and bool(stage.value(prim, "newton:mimicEnabled", True)):
         leaders = stage.targets(prim, "newton:mimicJoint")
         offset, factor = (stage.number(prim, f"newton:mimicCoef{k}", float(k)) for k in (0, 1))
-        return (str(leaders[0].GetPath()), factor, offset * unit) if leaders else None
+        return _in_metres(stage, kind, leaders[0], factor, offset) if leaders else None
     for name in (schema.split(":")[1] for schema in schemas(prim) if schema.startswith("PhysxMimicJointAPI:")):
         leaders = stage.targets(prim, f"physxMimicJoint:{name}:referenceJoint")
         gearing = stage.number(prim, f"physxMimicJoint:{name}:gearing", 1.0)
         offset = stage.number(prim, f"physxMimicJoint:{name}:offset", 0.0)
         if leaders:
-            return str(leaders[0].GetPath()), -gearing, -offset * unit
+            return _in_metres(stage, kind, leaders[0], -gearing, -offset)
     return None
+
+
+def _in_metres(stage: UsdStage, kind: str, leader: Any, factor: float, offset: float) -> tuple[str, float, float]:
+    """The path of a leader, and factor and offset of a joint of this kind that follows it, in rad or m."""
+    its_kind = _kind(stage, leader)[0] if str(leader.GetTypeName()) in TYPES else kind
+    unit = _unit(stage, kind)
+    return str(leader.GetPath()), factor * (unit / _unit(stage, its_kind)), offset * unit
+
+
+def _unit(stage: UsdStage, kind: str) -> float:
+    """Degrees in rad, or the stage's unit of length in m."""
+    return np.pi / 180.0 if kind == TURNS else stage.metres
