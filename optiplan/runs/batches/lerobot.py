@@ -69,8 +69,8 @@ def write_lerobot(store: BatchStore, folder: Path) -> list[Path]:
 
 
 def _free_name(robot: str, taken: Collection[str]) -> str:
-    """A folder for a robot: its name, with a number where another one has it."""
-    plain = "".join(c if c.isalnum() or c in "-_." else "_" for c in robot) or "robot"
+    """A folder for a robot: its name, with a number where another one has it; `.` and `..` are folders already."""
+    plain = "".join(c if c.isalnum() or c in "-_." else "_" for c in robot).strip(".") or "robot"
     numbered = (plain if k == 0 else f"{plain}_{k + 1}" for k in range(len(taken) + 1))
     return next(name for name in numbered if name not in taken)
 
