@@ -86,6 +86,16 @@ def test_statistics_are_those_of_all_frames(made):
     np.testing.assert_allclose(found["q50"], np.average(medians, axis=0, weights=LENGTHS), rtol=1e-6)
 
 
+def test_a_robot_without_verified_episodes_has_no_data_set(tmp_path):
+    with BatchStore(tmp_path / "batch", {}) as store:
+        for states in (("verified", "verified"), ("verified", "no-plan")):
+            for k, (state, robot) in enumerate(zip(states, ("left", "right"), strict=True)):
+                store.add(episode(k, state, robot=robot))
+            store.flush()
+            made = write_lerobot(store, tmp_path / "sets")
+    assert made == [*(tmp_path / "sets").iterdir()] == [tmp_path / "sets" / "left"]
+
+
 def test_a_robot_called_like_a_folder_above_deletes_nothing(tmp_path):
     with BatchStore(tmp_path / "batch", {}) as store:
         store.add(episode(0, robot=".."))
