@@ -1,14 +1,17 @@
 """`op.plan_batch`: rows with proofs, resumed without redoing, bad files and dead workers that end no other."""
 
 import json
+from multiprocessing import active_children
 
 import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.runs.batches import workers
 from optiplan.runs.batches.episode import EpisodeRequest, planned_episode
 from optiplan.runs.batches.store import BatchStore, array_of
 from optiplan.runs.batches.workers import in_processes, on_cluster
+from tests.waiting import wait_until
 
 pytest.importorskip("pyarrow")
 
@@ -107,8 +110,20 @@ def request(root, planner):
 
 
 def test_a_worker_that_dies_costs_one_episode(problems):
-    wanted = [request(problems, name) for name in ("quintic", f"{HERE}:Killed", "quintic")]
-    assert [row.state for row in in_processes(wanted, 1)] == ["verified", "crashed", "verified"]
+    others = set(active_children())
+    rows = in_processes([request(problems, name) for name in ("quintic", f"{HERE}:Killed", *["quintic"] * 2)], 1)
+    states = [next(rows).state]
+    wait_until(lambda: others >= set(active_children()))  # it dies before the fourth is given to it
+    assert states + [row.state for row in rows] == ["verified", "crashed", "verified", "verified"]
+
+
+def test_processes_are_replaced_every_so_often(problems, monkeypatch):
+    pools = []
+    monkeypatch.setattr(workers, "CHILD_LIFE", 2)
+    monkeypatch.setattr(workers, "_pool", lambda count, make=workers._pool: pools.append(make(count)) or pools[-1])
+    rows = in_processes([request(problems, "quintic")] * 3, 1)
+    assert [row.state for row in rows] == ["verified"] * 3
+    assert len(pools) == 2
 
 
 def test_a_dask_client_in_place_of_processes(problems):

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from itertools import chain, islice
 from typing import Any
 
 from optiplan.runs.batches.episode import CRASHED, Episode, EpisodeRequest, digest_of, planned_episode
@@ -15,7 +16,7 @@ AHEAD = 3
 """Episodes in hand for each worker: while the oldest one is waited for, the others have something to do."""
 
 CHILD_LIFE = 2000
-"""Episodes after which a process is replaced by a new one, against memory that libraries do not give back."""
+"""Episodes of each process after which all are replaced by new ones, against memory that libraries do not give back."""
 
 
 def is_dask_client(workers: Any) -> bool:
@@ -25,12 +26,18 @@ def is_dask_client(workers: Any) -> bool:
 
 def in_processes(requests: Iterable[EpisodeRequest], count: int) -> Iterator[Episode]:
     """Yield the episodes in order; a process that dies costs only the episode that kills it again, alone."""
-    source, pending = iter(requests), deque[tuple[EpisodeRequest, Future[Episode]]]()
+    source = iter(requests)  # and not `max_tasks_per_child`, which may leave a pool without processes (gh-115634)
+    while (first := next(source, None)) is not None:
+        yield from _in_one_pool(chain([first], islice(source, CHILD_LIFE * count - 1)), count)
+
+
+def _in_one_pool(source: Iterator[EpisodeRequest], count: int) -> Iterator[Episode]:
+    pending = deque[tuple[EpisodeRequest, Future[Episode]]]()
     pool = _pool(count)
     try:
         while True:
             while len(pending) < AHEAD * count and (request := next(source, None)) is not None:
-                pending.append((request, pool.submit(planned_episode, request)))
+                pending.append((request, _submitted(pool, request)))
             if not pending:
                 return
             request, future = pending[0]
@@ -70,6 +77,16 @@ def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Epis
         client.cancel([future for _, future in pending])
 
 
+def _submitted(pool: ProcessPoolExecutor, request: EpisodeRequest) -> "Future[Episode]":
+    """Return the future of an episode, which has failed where a process of the pool died since the last one."""
+    try:
+        return pool.submit(planned_episode, request)
+    except BrokenProcessPool as error:
+        failed: Future[Episode] = Future()
+        failed.set_exception(error)
+        return failed
+
+
 def _alone(request: EpisodeRequest) -> Episode:
     """Plan an episode in a process of its own."""
     pool = _pool(1)
@@ -88,7 +105,7 @@ def _crashed(request: EpisodeRequest, detail: str) -> Episode:
 
 def _pool(count: int) -> ProcessPoolExecutor:
     context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
-    return ProcessPoolExecutor(count, context, initializer=_begin, max_tasks_per_child=CHILD_LIFE)
+    return ProcessPoolExecutor(count, context, initializer=_begin)
 
 
 def _begin() -> None:
