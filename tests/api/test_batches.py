@@ -2,6 +2,7 @@
 
 import json
 from multiprocessing import active_children
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -132,6 +133,33 @@ def test_a_dask_client_in_place_of_processes(problems):
         rows = list(on_cluster([request(problems, "quintic"), request(problems, f"{HERE}:Broken")], client))
     assert [row.state for row in rows] == ["verified", "no-plan"]
     assert "one by zero" in rows[1].detail
+
+
+def test_what_a_cluster_loses_is_no_row(problems):
+    distributed = pytest.importorskip("distributed")
+
+    class Failing:
+        """Stands for a client whose workers lack optiplan, or die of an episode."""
+
+        def __init__(self, error):
+            self.error = error
+
+        def nthreads(self):
+            return {}
+
+        def submit(self, function, request, pure):
+            return self
+
+        def result(self):
+            raise self.error
+
+        def cancel(self, futures):
+            pass
+
+    with pytest.raises(op.OptiPlanError, match=r"'a/one\.yaml' was lost \(ModuleNotFoundError: optiplan\)"):
+        list(on_cluster([request(problems, "quintic")], Failing(ModuleNotFoundError("optiplan"))))
+    (row,) = on_cluster([request(problems, "quintic")], Failing(distributed.KilledWorker("task", SimpleNamespace(address="tcp://a"), 3)))
+    assert row.state == "crashed"
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
 from typing import Any
 
+from optiplan.errors import OptiPlanError
 from optiplan.runs.batches.episode import CRASHED, Episode, EpisodeRequest, digest_of, planned_episode
 
 AHEAD = 3
@@ -59,7 +60,13 @@ def _in_one_pool(source: Iterator[EpisodeRequest], count: int) -> Iterator[Episo
 
 
 def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Episode]:
-    """Yield the episodes in order, planned by the workers of a `distributed.Client`, which see the same files."""
+    """Yield the episodes in order, planned by the workers of a `distributed.Client`, which see the same files.
+
+    Raises:
+        OptiPlanError: the cluster failed; its episodes have no rows, so that a later call plans them.
+    """
+    from distributed import KilledWorker
+
     source, pending = iter(requests), deque[tuple[EpisodeRequest, Any]]()
     try:
         while True:
@@ -71,8 +78,11 @@ def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Epis
             request, future = pending.popleft()
             try:
                 yield future.result()
+            except KilledWorker as error:
+                yield _crashed(request, str(error))
             except Exception as error:
-                yield _crashed(request, f"{type(error).__name__}: {error}")
+                told = f"'{request.file}' was lost ({type(error).__name__}: {error}); rows before it are kept"
+                raise OptiPlanError(f"op.plan_batch: {told}") from error
     finally:
         client.cancel([future for _, future in pending])
 
