@@ -106,6 +106,11 @@ def test_other_settings_do_not_continue_a_batch(batch, problems):
         op.plan_batch(problems, batch.out, rate=30)
 
 
+def test_a_second_call_at_the_same_time_is_refused(batch):
+    with BatchStore(batch.out, settings(batch)), pytest.raises(op.InputError, match="at this moment"):
+        BatchStore(batch.out, settings(batch))
+
+
 def request(root, planner):
     return EpisodeRequest(root, "a/one.yaml", 1, planner, None, 5.0, 20.0)
 

@@ -7,6 +7,7 @@ A row is the last one of its file and seed: a file that changed since is planned
 """
 
 import json
+import os
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -20,10 +21,10 @@ from typing import Any, Self
 import numpy as np
 
 from optiplan.errors import InputError, Issue, OptiPlanError
-from optiplan.files import read_bytes, replacing, write_text
+from optiplan.files import lock, read_bytes, replacing, write_text
 from optiplan.runs.batches.episode import Episode
 
-SETTINGS, EPISODES = "batch.json", "episodes"
+SETTINGS, EPISODES, LOCK = "batch.json", "episodes", "lock"
 
 ROWS, SECONDS = 500, 30.0
 """A file is written after so many rows or seconds: what a crash of the machine costs at most."""
@@ -52,7 +53,7 @@ class BatchStore:
         """Open a folder, or make it.
 
         Raises:
-            InputError: the folder holds a batch of other settings, or something else.
+            InputError: the folder holds a batch of other settings, or something else, or another call writes to it.
             OptiPlanError: pyarrow is not installed.
         """
         self.folder = folder
@@ -62,6 +63,11 @@ class BatchStore:
         self._first = 0.0
         _check_settings(folder, settings)
         (folder / EPISODES).mkdir(parents=True, exist_ok=True)
+        try:
+            self._lock = lock(folder / LOCK)
+        except BlockingIOError:
+            found = "a batch is being planned into it at this moment"
+            raise InputError([Issue(str(folder), None, "out", found, "one call a folder")]) from None
         self._next = 1 + max((int(path.stem.partition("-")[2]) for path in self.parts()), default=-1)
 
     def __enter__(self) -> Self:
@@ -70,7 +76,10 @@ class BatchStore:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.flush()
+        try:
+            self.flush()
+        finally:
+            os.close(self._lock)
 
     def parts(self) -> list[Path]:
         """The files with rows, oldest first."""
