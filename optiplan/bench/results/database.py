@@ -257,6 +257,19 @@ class Store:
             self._db.execute(INSERT, (*(row[name] for name in COLUMNS), self.session))
 
     @contextmanager
+    def of_one_moment(self) -> Iterator[None]:
+        """Read the results of one moment within it, whatever is stored meanwhile."""
+        if self._db.in_transaction:
+            yield
+            return
+        with self._translated_errors():
+            self._db.execute("BEGIN")
+            try:
+                yield
+            finally:
+                self._db.execute("COMMIT")
+
+    @contextmanager
     def _transaction(self) -> Iterator[None]:
         with self._translated_errors():
             self._db.execute("BEGIN IMMEDIATE")
