@@ -6,13 +6,23 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 from typing import Annotated, Any
 
 import typer
 
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson, Full
-from optiplan.cli.output import Exit, interrupts_held, messages, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.output import (
+    Exit,
+    interruptible,
+    interrupts_held,
+    messages,
+    print_error,
+    print_json,
+    results,
+    stdout_is_ours,
+)
 from optiplan.cli.progress import KeptAnswer
 from optiplan.errors import InputError
 from optiplan.problem.examples import find_problem
@@ -133,7 +143,7 @@ def plan(
     else:
         progress, more = KeptAnswer(), {} if workers is None else {"workers": workers}
         run = _run(path, problem, planner, more, budget, server, progress)
-        found = _bound(run, None if progress.cancel.is_set() else bound)
+        found = _bound(run, bound, progress.cancel)
         runs = [replace(run, timings={"load": loaded, **run.timings}, proved_bound=found)]
         code = _finish(runs[0], out, as_json, full, interrupted=progress.cancel.is_set())
     if view:
@@ -204,14 +214,18 @@ def _check_bound(problem: Any, seconds: float | None) -> None:
         require_bound(problem)
 
 
-def _bound(run: Any, seconds: float | None) -> Any:
-    """The bound that is proved in so many seconds; None without a number of them."""
-    if seconds is None:
+def _bound(run: Any, seconds: float | None, cancel: Event) -> Any:
+    """The bound that is proved in so many seconds; None without them, or after Ctrl-C, which sets `cancel`."""
+    if seconds is None or cancel.is_set():
         return None
     from optiplan.api.bounding import bound
 
-    with stdout_is_ours():
-        return bound(run.problem, seconds, run if run.verified else None)
+    try:
+        with interruptible(), stdout_is_ours():
+            return bound(run.problem, seconds, run if run.verified else None)
+    except KeyboardInterrupt:
+        cancel.set()
+        return None
 
 
 def _run_there(server: str, problem: Any, planner: str, options: Any, seconds: float) -> Any:
