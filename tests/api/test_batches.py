@@ -89,6 +89,11 @@ def test_again_it_plans_only_what_is_new_or_changed(tmp_path):
     (root / "bad.yaml").write_text(PROBLEM.replace("GOAL", "0.6"))
     more = op.plan_batch(root, out, workers=1)
     assert (more.made, more.kept, dict(more.counts), more.bad) == (2, 2, {"verified": 4}, ())
+    (root / "bad.yaml").unlink()
+    (root / "a/one.yaml").rename(root / "a/four.yaml")
+    less = op.plan_batch(root, out, workers=1, lerobot=True)
+    assert (less.made, less.kept, dict(less.counts)) == (1, 2, {"verified": 3})
+    assert json.loads((less.data_sets[0] / "meta" / "info.json").read_text())["total_episodes"] == 3
 
 
 def test_what_was_made_before_an_interruption_is_kept(problems, tmp_path):

@@ -3,14 +3,15 @@
     batch.json                     planner, options, seconds, seeds, rate: a batch is continued with the same only
     episodes/part-000000.parquet   rows in the order in which they were made, `episode.Episode` a row
 
-A row is the last one of its file and seed: a file that changed since is planned again.
+A row is the last one of its file and seed: a file that changed since is planned again. Rows of files that are gone do not
+count.
 """
 
 import json
 import os
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from importlib import import_module
 from importlib.util import find_spec
@@ -59,6 +60,7 @@ class BatchStore:
         self.folder = folder
         self._pa, self._pq = pyarrow_modules()
         self._schema = self._schema_of_rows()
+        self._root = str(settings.get("root", ""))
         self._buffer: list[Episode] = []
         self._first = 0.0
         _check_settings(folder, settings)
@@ -114,25 +116,35 @@ class BatchStore:
         return found
 
     def states(self) -> Counter[str]:
-        """How many rows there are of each state."""
+        """How many rows there are of each state, of files that are there."""
         last: dict[Key, str] = {}
         for part in self.parts():
             table = self._pq.read_table(part, columns=["file", "wanted_seed", "state"]).to_pydict()
             last |= dict(zip(zip(table["file"], table["wanted_seed"], strict=True), table["state"], strict=True))
-        return Counter(last.values())
+        gone = self._gone(last)
+        return Counter(state for (file, _), state in last.items() if file not in gone)
 
     def rows(self, columns: list[str] | None = None) -> Iterator[dict[str, Any]]:
-        """Yield the last row of every file and seed, in the order in which they were written, one file in memory."""
+        """Yield the last row of every file and seed, in the order in which they were written, one part in memory.
+
+        Those of files that are gone are left out.
+        """
         last: dict[Key, tuple[int, int]] = {}
         for number, part in enumerate(self.parts()):
             keys = self._pq.read_table(part, columns=["file", "wanted_seed"]).to_pydict()
             for k, key in enumerate(zip(keys["file"], keys["wanted_seed"], strict=True)):
                 last[key] = number, k
+        gone = self._gone(last)
         wanted = None if columns is None else [*dict.fromkeys([*columns, "file", "wanted_seed"])]
         for number, part in enumerate(self.parts()):
             for k, row in enumerate(self._pq.read_table(part, columns=wanted).to_pylist()):
-                if last[row["file"], row["wanted_seed"]] == (number, k):
+                if last[row["file"], row["wanted_seed"]] == (number, k) and row["file"] not in gone:
                     yield row
+
+    def _gone(self, keys: Iterable[Key]) -> set[str]:
+        """Return the files of rows that are not there any more; none where the root is not known."""
+        files = {file for file, _ in keys} if self._root else ()
+        return {file for file in files if not (Path(self._root) / file).is_file()}
 
     def _schema_of_rows(self) -> Any:
         pa = self._pa
