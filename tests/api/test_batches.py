@@ -1,7 +1,9 @@
 """`op.plan_batch`: rows with proofs, resumed without redoing, bad files and dead workers that end no other."""
 
 import json
+import os
 from multiprocessing import active_children
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -186,6 +188,14 @@ def test_errors_name_the_argument(problems, tmp_path, arguments, words):
     with pytest.raises(op.InputError) as caught:
         op.plan_batch(**{"problems": problems, "out": tmp_path / "out", **arguments})
     assert words in str(caught.value)
+
+
+def test_a_name_that_is_not_utf_8_is_named(problems, tmp_path):
+    (tmp_path / "in").mkdir()
+    odd = Path(os.fsdecode(b"\xff.yaml"))
+    (tmp_path / "in" / odd).write_bytes((problems / "a/one.yaml").read_bytes())
+    with pytest.raises(op.InputError, match=r"\?\.yaml: problems: a name that is not UTF-8"):
+        op.plan_batch(tmp_path / "in", tmp_path / "out", workers=1)
 
 
 def test_a_folder_with_other_files_is_refused(problems):
