@@ -3,8 +3,8 @@
     batch.json                     planner, options, seconds, seeds, rate: a batch is continued with the same only
     episodes/part-000000.parquet   rows in the order in which they were made, `episode.Episode` a row
 
-A row is the last one of its file and seed: a file that changed since is planned again. Rows of files that are gone do not
-count.
+A row is the last one of its file and seed: a file that changed since is planned again. Rows of files that are gone do
+not count.
 """
 
 import json
