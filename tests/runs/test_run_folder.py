@@ -38,6 +38,13 @@ def test_the_problem_can_be_rebuilt_from_the_record(done, tmp_path):
     assert problem_from_dict(load_run(tmp_path).record["problem"]).hash == done.problem.hash
 
 
+def test_the_lower_bound_of_a_loaded_run_is_computed_anew(done, tmp_path):
+    save_run(done, tmp_path)
+    record = json.loads((tmp_path / "run.json").read_text())
+    (tmp_path / "run.json").write_text(json.dumps({**record, "lower_bound": 10.0 * record["lower_bound"]}))
+    assert op.load_run(tmp_path).lower_bound == done.lower_bound
+
+
 def test_a_trajectory_from_elsewhere_has_no_record(done, tmp_path):
     save_run(done, tmp_path)
     (tmp_path / "mine.json").write_bytes((tmp_path / "trajectory.json").read_bytes())
