@@ -116,7 +116,7 @@ def plan(
     asked = {"seeds": seeds, "rate": rate, "lerobot": lerobot or None, "dask": dask or None}
     if is_folder_of_problems(file):
         one = {"--seed": seed, "--view": view or None, "--server": server or None, "--tracking-error": tracking_error}
-        one["--bound"] = bound
+        one |= {"--bound": bound, "--full": full or None}
         return _folder(Path(file), out, planner, budget, as_json, {**asked, "workers": workers}, one)
     if wrong := [f"--{flag}" for flag, value in asked.items() if value is not None]:
         raise typer.BadParameter("goes with a folder of problems", param_hint=wrong[0])
@@ -127,7 +127,7 @@ def plan(
 
     path, names = find_problem(file), plan_comparison.several(planner)
     if names:
-        _of_several_planners(server, {"--workers": workers, "--bound": bound})
+        _of_several_planners(server, {"--workers": workers, "--bound": bound, "--full": full or None})
     if out is not None:
         for folder in [out / name for name in names] or [out]:
             check_folder(folder)
