@@ -1,7 +1,5 @@
 """`plan_many`: many problems, side by side in processes or on a Dask cluster."""
 
-import multiprocessing
-import os
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -9,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from optiplan.api.planning import BUDGET, checked_problem, checked_seconds
-from optiplan.cores import cores
+from optiplan.cores import OneThreadContext, cores
 from optiplan.errors import (
     InputError,
     OptiPlanError,
@@ -84,8 +82,7 @@ def plan_many(
     if workers is not None:
         whole_argument("plan_many", "workers", workers, 1, "a whole number >= 1, or a Dask client (distributed.Client)")
     count = min(workers or cores(), max(len(requests), 1))
-    context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
-    pool = ProcessPoolExecutor(count, context, initializer=_one_thread)
+    pool = ProcessPoolExecutor(count, OneThreadContext())
     return _Runs(_ordered(requests, [pool.submit(_planned, one) for one in requests], progress), lambda: end_pool(pool))
 
 
@@ -134,10 +131,6 @@ def _planned(request: _Request) -> Run:
     """Plan one problem, in a worker."""
     budget = Budget(request.seconds)
     return plan_and_verify_once(request.problem, request.planner, request.options, budget, silent, by=answer)
-
-
-def _one_thread() -> None:
-    os.environ["OMP_NUM_THREADS"] = "1"
 
 
 def _arriving(there: Any) -> "Future[Run]":

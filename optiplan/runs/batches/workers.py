@@ -1,7 +1,5 @@
 """Episodes planned side by side, in processes or on a Dask cluster, in the order of the requests."""
 
-import multiprocessing
-import os
 import signal
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -10,6 +8,7 @@ from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
 from typing import Any
 
+from optiplan.cores import OneThreadContext
 from optiplan.errors import OptiPlanError
 from optiplan.runs.batches.episode import CRASHED, Episode, EpisodeRequest, digest_of, planned_episode
 
@@ -114,13 +113,11 @@ def _crashed(request: EpisodeRequest, detail: str) -> Episode:
 
 
 def _pool(count: int) -> ProcessPoolExecutor:
-    context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
-    return ProcessPoolExecutor(count, context, initializer=_begin)
+    return ProcessPoolExecutor(count, OneThreadContext(), initializer=_begin)
 
 
 def _begin() -> None:
-    """Begin a process of one thread, which its parent ends: Ctrl-C reaches all processes of a terminal."""
-    os.environ["OMP_NUM_THREADS"] = "1"
+    """Begin a process that its parent ends: Ctrl-C reaches all processes of a terminal."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
