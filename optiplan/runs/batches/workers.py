@@ -80,8 +80,8 @@ def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Epis
             except KilledWorker as error:
                 yield _crashed(request, str(error))
             except Exception as error:
-                told = f"'{request.file}' was lost ({type(error).__name__}: {error}); rows before it are kept"
-                raise OptiPlanError(f"op.plan_batch: {told}") from error
+                why = f"'{request.file}' was lost ({type(error).__name__}: {error}); rows before it are kept"
+                raise OptiPlanError(f"op.plan_batch: {why}") from error
     finally:
         client.cancel([future for _, future in pending])
 

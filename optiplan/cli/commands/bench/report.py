@@ -108,7 +108,7 @@ def show(
 def compare(
     before: Annotated[Path, typer.Argument(metavar="A", help="folder of the old results")],
     after: Annotated[Path, typer.Argument(metavar="B", help="folder of the new results")],
-    gate: Annotated[bool, typer.Option("--gate", help="exit 1 on a significant regression, or without common runs")] = False,
+    gate: Annotated[bool, typer.Option("--gate", help="exit 1 on a regression, or without common runs")] = False,
     as_json: AsJson = False,
 ) -> int:
     """Name what became worse and better, and how sure that is; only runs that both have are compared.
