@@ -1,10 +1,11 @@
-"""The processor cores that this process is given, and how its threads share them."""
+"""The processor cores that this process is given, and how its threads and processes share them."""
 
 import os
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 
 _GROUP = Path("/sys/fs/cgroup")
@@ -13,6 +14,10 @@ _GROUP = Path("/sys/fs/cgroup")
 QUICK = 5e-4
 """s after which a thread of Python gives way, where one keeps time; of Python itself 5 ms, five ticks of 1 kHz."""
 
+THREADS = "OMP_NUM_THREADS"
+"""Variable by which numerical libraries, when they are loaded, set their number of threads."""
+
+_starting = threading.Lock()
 _switching = threading.Lock()
 _before: list[float] = []
 
@@ -39,6 +44,30 @@ def _share(group: Path) -> float | None:
     except (OSError, ValueError, ZeroDivisionError):  # `max`: no limit
         return None
     return share if share > 0.0 else None
+
+
+class OneThreadProcess(SpawnProcess):
+    """A process whose numerical libraries have one thread each.
+
+    It inherits the variable, since it may load them before any code of ours runs there.
+    """
+
+    def start(self) -> None:
+        """Start the process; the variable is as before then."""
+        with _starting:
+            before = os.environ.get(THREADS)
+            os.environ[THREADS] = "1"
+            try:
+                super().start()
+            finally:
+                del os.environ[THREADS]
+                os.environ.update({} if before is None else {THREADS: before})
+
+
+class OneThreadContext(SpawnContext):
+    """Context of such processes; they are spawned, since a fork would copy locks of threads."""
+
+    Process = OneThreadProcess
 
 
 def take_turns() -> None:

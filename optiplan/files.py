@@ -7,6 +7,7 @@ same bytes, whatever happens to the file in between, so that a hash is of what w
 """
 
 import errno
+import fcntl
 import os
 import stat
 import tempfile
@@ -211,6 +212,22 @@ def user_folder(variable: str, default: str) -> Path:
         return Path.home() / default
     except RuntimeError:
         raise FileNotFoundError(errno.ENOENT, "this user has no home folder") from None
+
+
+def lock(path: Path) -> int:
+    """Lock a file, which is made, and return its descriptor: closing it, or the end of this process, frees it.
+
+    Raises:
+        BlockingIOError: it is locked.
+        OSError: it cannot be made or locked.
+    """
+    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        raise
+    return handle
 
 
 def _check(path: Path) -> Path:

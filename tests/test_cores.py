@@ -3,10 +3,11 @@
 import os
 import sys
 import threading
+from concurrent.futures import ProcessPoolExecutor
 
 import pytest
 
-from optiplan.cores import QUICK, cores, keeping_time, take_turns
+from optiplan.cores import QUICK, THREADS, OneThreadContext, cores, keeping_time, take_turns
 
 ALL = len(os.sched_getaffinity(0))
 
@@ -30,6 +31,13 @@ def test_groups_of_the_first_version_say_it_in_two_files(tmp_path, quota, given)
 
 def test_without_a_group_all_cores_are_given(tmp_path):
     assert cores(tmp_path) == ALL
+
+
+def test_processes_of_one_thread_inherit_that(monkeypatch):
+    monkeypatch.delenv(THREADS, raising=False)
+    with ProcessPoolExecutor(1, OneThreadContext()) as pool:
+        assert pool.submit(os.getenv, THREADS).result() == "1"
+    assert THREADS not in os.environ
 
 
 def test_a_thread_that_keeps_time_runs_before_others_until_it_gives_way():

@@ -91,7 +91,7 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
 
     Raises:
         InputError: an argument does not fit, no such planner, no problem file, or `out` is of another batch.
-        OptiPlanError: pyarrow is not installed.
+        OptiPlanError: pyarrow is not installed, or the Dask cluster failed; rows that came before are kept.
 
     A script that calls it guards its own start with `if __name__ == "__main__":`, since the processes import it.
 
@@ -115,6 +115,7 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
     if planner is not None:
         make_planner(planner, options or {})
     root, files = _files(problems)
+    _check_names(root, files)
     seconds = checked_seconds("plan_batch", budget)
     told = {"planner": planner, "options": options and dict(options), "budget": seconds, "seeds": seeds, "rate": rate}
     with BatchStore(target, {**told, "root": str(root)}) as store:
@@ -146,6 +147,14 @@ def _episodes(requests: Iterator[EpisodeRequest], workers: Any, count: int) -> I
     if is_dask_client(workers):
         return on_cluster(requests, workers)
     return in_processes(requests, min(workers or cores(), count))
+
+
+def _check_names(root: Path, files: Sequence[str]) -> None:
+    """Refuse names that no row can hold, before anything is planned."""
+    shown = {path: path.encode("utf-8", "replace").decode() for path in (str(root / file) for file in files)}
+    odd = [name for path, name in shown.items() if name != path]
+    if odd:
+        raise InputError([Issue(name, None, "problems", "a name that is not UTF-8", "one that is") for name in odd])
 
 
 def _files(problems: Any) -> tuple[Path, list[str]]:

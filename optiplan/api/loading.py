@@ -67,6 +67,8 @@ def load_robot(source: Path | str, *, group: str | None = None, locked: Mapping[
         if not is_finite(q):
             raise wrong_argument("load_robot", f"locked[{joint!r}]", described(q), "a finite number, rad or m")
     if Path(source).suffix.lower() == ".urdf":
+        if group is not None:
+            raise wrong_argument("load_robot", "group", f"'{group}'", "none, since a URDF alone has no groups")
         return Robot.from_urdf(source, locked=locked)
     try:
         return robot.load_robot(str(source), locked=locked, group=group)

@@ -1,15 +1,13 @@
 """`plan_many`: many problems, side by side in processes or on a Dask cluster."""
 
-import multiprocessing
-import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from typing import Any
 
 from optiplan.api.planning import BUDGET, checked_problem, checked_seconds
-from optiplan.cores import cores
+from optiplan.cores import OneThreadContext, cores
 from optiplan.errors import (
     InputError,
     OptiPlanError,
@@ -80,13 +78,33 @@ def plan_many(
     if is_dask_client(workers):
         client: Any = workers
         there = [client.submit(_planned, one, pure=False) for one in requests]
-        return _ordered(requests, [_arriving(one) for one in there], progress, lambda: client.cancel(there))
+        return _Runs(_ordered(requests, [_arriving(one) for one in there], progress), lambda: client.cancel(there))
     if workers is not None:
         whole_argument("plan_many", "workers", workers, 1, "a whole number >= 1, or a Dask client (distributed.Client)")
     count = min(workers or cores(), max(len(requests), 1))
-    context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
-    pool = ProcessPoolExecutor(count, context, initializer=_one_thread)
-    return _ordered(requests, [pool.submit(_planned, one) for one in requests], progress, lambda: end_pool(pool))
+    pool = ProcessPoolExecutor(count, OneThreadContext())
+    return _Runs(_ordered(requests, [pool.submit(_planned, one) for one in requests], progress), lambda: end_pool(pool))
+
+
+class _Runs(Iterator[Run]):
+    """The runs in order; their end, `close` or dropping them ends the work, also before the first one."""
+
+    def __init__(self, runs: Generator[Run, None, None], end: Callable[[], None]) -> None:
+        self._runs, self._end = runs, end
+
+    def __next__(self) -> Run:
+        try:
+            return next(self._runs)
+        except BaseException:
+            self._end()
+            raise
+
+    def close(self) -> None:
+        """End the work."""
+        self._runs.close()
+        self._end()
+
+    __del__ = close
 
 
 def _requests(problems: Any, planner: str | None, options: Mapping[str, Any] | None, seconds: float) -> list[_Request]:
@@ -115,10 +133,6 @@ def _planned(request: _Request) -> Run:
     return plan_and_verify_once(request.problem, request.planner, request.options, budget, silent, by=answer)
 
 
-def _one_thread() -> None:
-    os.environ["OMP_NUM_THREADS"] = "1"
-
-
 def _arriving(there: Any) -> "Future[Run]":
     """Return a future of a Dask cluster as one of Python's own."""
     future: Future[Run] = Future()
@@ -137,9 +151,8 @@ def _ordered(
     requests: Sequence[_Request],
     futures: "Sequence[Future[Run]]",
     progress: Progress | None,
-    end: Callable[[], None],
-) -> Iterator[Run]:
-    """Yield the runs in order; `end` is called in the end, whatever that is."""
+) -> Generator[Run, None, None]:
+    """Yield the runs in order."""
     names = {future: one.problem.name for future, one in zip(futures, requests, strict=True)}
     pending = set(futures)
     try:
@@ -153,7 +166,6 @@ def _ordered(
     finally:
         for future in pending:
             future.cancel()
-        end()
 
 
 def _answer(future: "Future[Run]", request: _Request) -> Run:

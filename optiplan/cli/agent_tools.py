@@ -151,19 +151,26 @@ def _examples() -> list[tuple[str, str]]:
     return found
 
 
-def _problem(text: str) -> Problem:
-    """Return the problem of a text or of an example."""
+def _problem(text: str, planner: str | None = None) -> Problem:
+    """Return the problem of a text or of an example, for a planner, or else its own.
+
+    Raises:
+        InputError: the problem has an error, or the planner is not a bundled one.
+    """
     if "\n" not in text.strip() and ":" not in text:
-        return op.load_problem(text.strip())
-    return Problem.of(read_problem(parse_yaml(text, Path("problem.yaml")), Path.cwd()))
+        problem = op.load_problem(text.strip())
+    else:
+        problem = Problem.of(read_problem(parse_yaml(text, Path("problem.yaml")), Path.cwd()))
+    name = problem.planner if planner is None else planner
+    if name not in PLANNERS:  # `module:Class` would run the agent's choice of code
+        raise InputError([Issue("plan", None, "planner", f"unknown planner '{name}'", ", ".join(PLANNERS))])
+    return problem
 
 
 def _planned(text: str, budget: float, planner: str | None) -> Run | str:
     """Return the run, or the answer that says what is wrong with the input."""
     try:
-        if planner is not None and planner not in PLANNERS:  # `module:Class` would run the agent's choice of code
-            raise InputError([Issue("plan", None, "planner", f"unknown planner '{planner}'", ", ".join(PLANNERS))])
-        return op.plan(_problem(text), planner, budget=budget)
+        return op.plan(_problem(text, planner), planner, budget=budget)
     except InputError as error:
         return _answer({"verified": False, "issues": [vars(issue) for issue in error.issues]})
 

@@ -7,6 +7,7 @@ from optiplan.arrays import Array
 from optiplan.collision.kept_models import collision_model
 from optiplan.geometry.scene import Scene
 from optiplan.kinematics.ik.solve import answer
+from optiplan.problem.write import flow
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 
@@ -55,13 +56,13 @@ def first_problem(robot: Robot, name: str, start: str | None, goal: list[float],
     q = _q(robot, start)
     rpy = pin.rpy.matrixToRpy(frame_pose(robot, q, robot.tool_frame).rotation)
     position, turned = (", ".join(f"{round(float(x), 4) + 0.0:g}" for x in row) for row in (goal, rpy))
-    begins = f"{{configuration: {start}}}" if start is not None else f"{{joints: [{', '.join(f'{x:g}' for x in q)}]}}"
+    begins = flow({"configuration": start}) if start is not None else f"{{joints: [{', '.join(f'{x:g}' for x in q)}]}}"
     rows = [
         f"# yaml-language-server: $schema={schema}",
         "# Metres and radians. optiplan plan --view shows the motion; optiplan check tells what is wrong.",
         "version: 1",
-        f"name: {title}",
-        f"robot: {name}",
+        f"name: {flow(title)}",
+        f"robot: {flow(name)}",
         f"start: {begins}",
         "goal:",
         f"  pose: {{position: [{position}], rpy: [{turned}]}}",

@@ -16,7 +16,7 @@ from io import TextIOWrapper
 import typer
 from typer.core import TyperGroup
 
-from optiplan.cli.output import Exit, print_error, print_json, report_error
+from optiplan.cli.output import Exit, end_with, print_error, print_json, report_error
 from optiplan.cli.program import program
 from optiplan.errors import InputError, Issue, OptiPlanError
 
@@ -164,8 +164,4 @@ def _bug(error: Exception, as_json: bool) -> int:
     with os.fdopen(handle, "w", encoding="utf-8") as file:
         traceback.print_exception(error, file=file)
     text = f"internal error, please report it: {type(error).__name__}: {error} (traceback in {path})"
-    if as_json:
-        print_json({"error": text, "issues": [], "exit_code": int(Exit.BUG)})
-    else:
-        print_error(f"optiplan: {text}")
-    return Exit.BUG
+    return end_with(Exit.BUG, text, as_json)

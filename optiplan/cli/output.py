@@ -107,13 +107,18 @@ def interruptible() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
+def end_with(code: Exit, why: str, as_json: bool) -> Exit:
+    """Print why a command that has nothing to show ends with this code, and return it."""
+    if as_json:
+        print_json({"error": why, "issues": [], "exit_code": int(code)})
+    else:
+        print_error(f"optiplan: {why}")
+    return code
+
+
 def tell_interrupted(words: str, as_json: bool) -> int:
     """Say that Ctrl-C ended a command that has nothing to show, and what is kept; return `INTERRUPTED`."""
-    if as_json:
-        print_json({"error": f"interrupted: {words}", "issues": [], "exit_code": Exit.INTERRUPTED})
-    else:
-        print_error(f"optiplan: interrupted: {words}")
-    return Exit.INTERRUPTED
+    return end_with(Exit.INTERRUPTED, f"interrupted: {words}", as_json)
 
 
 @contextmanager

@@ -104,6 +104,11 @@ def split_expressions(constraints: Any) -> "tuple[Any, list[Expression]]":
     return ([one for one in constraints if not isinstance(one, Expression)] if own else constraints), own
 
 
+def expression_names(constraints: Any) -> list[str]:
+    """Return the names of the constraints that no file holds."""
+    return [one.name for one in split_expressions(constraints)[1]]
+
+
 def read_data(data: Mapping[str, Any], robot: Robot | None = None) -> Mapping[str, Any]:
     """Return the attributes of a problem of plain data, with this robot, if one is given.
 

@@ -329,13 +329,12 @@ class Problem(ReadOnlyArrays, FreeSpace):
         Raises:
             InputError: the file cannot be written, or the problem was put together by hand.
         """
-        from optiplan.problem.constraints.expression import Expression
+        from optiplan.problem.from_python import expression_names
 
         if not self.source:
             found = "a problem that was put together by hand"
             raise wrong_argument("Problem.save", "problem", found, "one that was read, or made by op.Problem(…)")
-        names = [one.name for one in self.path_constraints if isinstance(one, Expression)]
-        if names:
+        if names := expression_names(self.path_constraints):
             found = f"a problem with the expression '{names[0]}'"
             raise wrong_argument("Problem.save", "problem", found, "constraints that a file can hold")
         try:

@@ -26,19 +26,20 @@ def problem_text(data: Mapping[str, Any], comment: str = "") -> str:
             lines.append("scene:")
             for group, bodies in value.items():
                 lines.append(f"  {group}:" + ("" if bodies else " []"))
-                lines += [f"    - {_flow(body)}" for body in bodies]
+                lines += [f"    - {flow(body)}" for body in bodies]
         elif key == "via" and value:
-            lines += ["via:", *(f"  - {_flow(via)}" for via in value)]
+            lines += ["via:", *(f"  - {flow(via)}" for via in value)]
         else:
-            lines.append(f"{key}: {_flow(value)}")
+            lines.append(f"{key}: {flow(value)}")
     return "\n".join(lines) + "\n"
 
 
-def _flow(value: Any) -> str:
+def flow(value: Any) -> str:
+    """Return plain data as YAML 1.2 in one line."""
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_flow(key)}: {_flow(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{flow(key)}: {flow(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_flow, value)) + "]"
+        return "[" + ", ".join(map(flow, value)) + "]"
     if isinstance(value, str) and PLAIN_TEXT.fullmatch(value) and value.lower() not in NOT_TEXT:
         return value
     return _quoted(value) if isinstance(value, str) else json.dumps(value, allow_nan=False)

@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from optiplan.config.built_later import BuiltLater
 from optiplan.config.document import Number, Strict
 from optiplan.config.values import FileVersion
+from optiplan.config.values import Name as RobotName
 from optiplan.robot.spec_values import Length, Name
 
 Treatment = Literal["auto", "hull", "mesh", "convex_pieces"]
@@ -62,7 +63,7 @@ class RobotSpec(Strict):
     """A robot.yaml: required are the first two keys, and one of `urdf` and `dh`."""
 
     version: FileVersion
-    name: Name
+    name: RobotName
     urdf: Name | PackageSource | None = None
     dh: Annotated[Any, BuiltLater(_dh)] = None
     srdf: Name | None = None

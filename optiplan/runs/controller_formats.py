@@ -65,6 +65,7 @@ def urscript(trajectory: Trajectory, t: Array) -> bytes:
     for before, after, q in zip(t[:-1], t[1:], Q[1:], strict=True):
         servos += [f"  # at {at:.3f} s: {words}" for at, words in events if before <= at < after]
         servos.append(f"  servoj({_row(q)}, t={cycle:.6g}, lookahead_time=0.03, gain=500)")
+    servos += [f"  # at {at:.3f} s: {words}" for at, words in events if at >= t[-1]]
     lines = [
         f"# {trajectory.duration:.3f} s, {len(Q)} samples at {1.0 / cycle:g} Hz, rad; joints: {', '.join(names)}",
         "def optiplan_motion():",

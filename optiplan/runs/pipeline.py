@@ -80,12 +80,15 @@ def run(
     began, spent, loaded = clock(), processor_time(), time_loading()
     within = budget.leaving(reserve(budget.seconds))
     proofs, asked = ProofsOnTheWay(problem, progress, within), planned_in_tube(problem)
-    if problem.task or (problem.vias and chosen.joins_legs):
-        from optiplan.planners.task.planner import plan_task
+    try:
+        if problem.task or (problem.vias and chosen.joins_legs):
+            from optiplan.planners.task.planner import plan_task
 
-        result = plan_task(chosen, asked, within, proofs)
-    else:
-        result = plan_through(chosen, asked, within, proofs, earlier)
+            result = plan_task(chosen, asked, within, proofs)
+        else:
+            result = plan_through(chosen, asked, within, proofs, earlier)
+    except SystemExit as error:  # it would end the program, with exit code 0 as if a motion were verified
+        raise RuntimeError(f"the planner raised SystemExit({error.code!r})") from error
     timings = {**prepared, "plan": clock() - began - proofs.seconds}
     spent = processor_time() - spent - proofs.processor
     if time_loading() - loaded > _NOTHING:

@@ -51,6 +51,11 @@ def _failure(value: Any) -> bool:
     return told and isinstance(value.get("witness") or {}, Mapping)
 
 
+def _info(value: Any) -> bool:
+    names = value.get("expressions", []) if isinstance(value, Mapping) else None
+    return isinstance(names, list) and all(isinstance(name, str) for name in names)
+
+
 def _improvements(value: Any) -> bool:
     return isinstance(value, list) and all(
         isinstance(one, list) and len(one) == 2 and all(map(is_finite, one)) for one in value
@@ -66,7 +71,7 @@ _FITS: Mapping[str, Callable[[Any], bool]] = {
     "report": _mapping,
     "lower_bound": is_finite,
     "timings": _timings,
-    "info": _mapping,
+    "info": _info,
     "improvements": _improvements,
 }
 

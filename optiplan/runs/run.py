@@ -13,6 +13,7 @@ import optiplan
 from optiplan._core import variant
 from optiplan.errors import path_argument, wrong_argument
 from optiplan.planners.base import Failure
+from optiplan.problem.from_python import expression_names
 from optiplan.problem.problem import Problem
 from optiplan.runs.metrics import Metrics
 from optiplan.trajectory.segments import segment_data
@@ -205,7 +206,7 @@ class Run:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `run.json`: everything but the motion, JSON-ready but for numpy numbers."""
-        failure = self.failure
+        failure, unsaved = self.failure, expression_names(self.problem.path_constraints)
         return {
             "name": self.problem.name,
             "hash": self.problem.hash,
@@ -228,7 +229,7 @@ class Run:
             "geometry": dict(self.problem.robot.link_geometry),
             "over_cover": dict(self.problem.robot.over_cover),
             "notes": list(self.problem.robot.notes),
-            "info": dict(self.info),
+            "info": {**self.info, **({"expressions": unsaved} if unsaved else {})},
             "improvements": [list(improvement) for improvement in self.improvements],
             "versions": versions(),
             "core": variant,

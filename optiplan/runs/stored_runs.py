@@ -7,6 +7,7 @@ from typing import Any
 from optiplan.planners.base import Failure
 from optiplan.problem.load import problem_from_dict
 from optiplan.problem.problem import Problem
+from optiplan.runs.common_bound import duration_bound
 from optiplan.runs.metrics import measure
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import StoredRun
@@ -38,6 +39,7 @@ def run_of_record(
     if problem is None:
         problem = problem_from_dict(record["problem"])
     report = None if motion is None else verify(problem, motion, given=given)
+    metrics = None if motion is None or report is None else measure(problem, motion, report)
     timings = dict(record.get("timings") or {})
     failed = record.get("failure")
     return Run(
@@ -47,8 +49,8 @@ def run_of_record(
         trajectory=motion,
         failure=None if failed is None else Failure(failed["kind"], failed["detail"], failed.get("witness") or {}),
         report=report,
-        lower_bound=record.get("lower_bound"),
-        metrics=None if motion is None or report is None else measure(problem, motion, report),
+        lower_bound=None if motion is None or metrics is None else duration_bound(problem, motion),
+        metrics=metrics,
         timings={key: value for key, value in timings.items() if key not in ("stages", "plan_cpu")},
         stages=timings.get("stages") or {},
         info=record.get("info") or {},

@@ -7,6 +7,7 @@ import numpy as np
 
 from optiplan.arrays import is_finite
 from optiplan.kinematics.mecanum import WHEELS, wheel_matrix
+from optiplan.problem.from_python import expression_names
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.arms import in_task_order
 from optiplan.robot.limits import ORDERS
@@ -21,7 +22,10 @@ SAME_TIME = 1e-6
 
 
 def file_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, given: GivenFiles) -> Iterator[Check]:
-    """Yield a check of each part of the files that is there: samples, events, duration, wheels."""
+    """Yield a check of each part of the files that is there: expressions, samples, events, duration, wheels."""
+    stated = (given.record.get("info") or {}).get("expressions", ())
+    if lost := sorted({*stated} - {*expression_names(problem.path_constraints)}):
+        yield Check("problem", "unchecked", False, detail=f"constraints that no file holds: {', '.join(lost)}")
     if given.samples is not None:
         yield samples(problem, trajectory, policy, given.samples)
     if trajectory.segments or any(key in file for file in _files(given).values() for key in ("segments", "events")):

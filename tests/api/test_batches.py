@@ -1,14 +1,20 @@
 """`op.plan_batch`: rows with proofs, resumed without redoing, bad files and dead workers that end no other."""
 
 import json
+import os
+from multiprocessing import active_children
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.runs.batches import workers
 from optiplan.runs.batches.episode import EpisodeRequest, planned_episode
 from optiplan.runs.batches.store import BatchStore, array_of
 from optiplan.runs.batches.workers import in_processes, on_cluster
+from tests.waiting import wait_until
 
 pytest.importorskip("pyarrow")
 
@@ -85,6 +91,11 @@ def test_again_it_plans_only_what_is_new_or_changed(tmp_path):
     (root / "bad.yaml").write_text(PROBLEM.replace("GOAL", "0.6"))
     more = op.plan_batch(root, out, workers=1)
     assert (more.made, more.kept, dict(more.counts), more.bad) == (2, 2, {"verified": 4}, ())
+    (root / "bad.yaml").unlink()
+    (root / "a/one.yaml").rename(root / "a/four.yaml")
+    less = op.plan_batch(root, out, workers=1, lerobot=True)
+    assert (less.made, less.kept, dict(less.counts)) == (1, 2, {"verified": 3})
+    assert json.loads((less.data_sets[0] / "meta" / "info.json").read_text())["total_episodes"] == 3
 
 
 def test_what_was_made_before_an_interruption_is_kept(problems, tmp_path):
@@ -102,13 +113,30 @@ def test_other_settings_do_not_continue_a_batch(batch, problems):
         op.plan_batch(problems, batch.out, rate=30)
 
 
+def test_a_second_call_at_the_same_time_is_refused(batch):
+    with BatchStore(batch.out, settings(batch)), pytest.raises(op.InputError, match="at this moment"):
+        BatchStore(batch.out, settings(batch))
+
+
 def request(root, planner):
     return EpisodeRequest(root, "a/one.yaml", 1, planner, None, 5.0, 20.0)
 
 
 def test_a_worker_that_dies_costs_one_episode(problems):
-    wanted = [request(problems, name) for name in ("quintic", f"{HERE}:Killed", "quintic")]
-    assert [row.state for row in in_processes(wanted, 1)] == ["verified", "crashed", "verified"]
+    others = set(active_children())
+    rows = in_processes([request(problems, name) for name in ("quintic", f"{HERE}:Killed", *["quintic"] * 2)], 1)
+    states = [next(rows).state]
+    wait_until(lambda: others >= set(active_children()))  # it dies before the fourth is given to it
+    assert states + [row.state for row in rows] == ["verified", "crashed", "verified", "verified"]
+
+
+def test_processes_are_replaced_every_so_often(problems, monkeypatch):
+    pools = []
+    monkeypatch.setattr(workers, "CHILD_LIFE", 2)
+    monkeypatch.setattr(workers, "_pool", lambda count, make=workers._pool: pools.append(make(count)) or pools[-1])
+    rows = in_processes([request(problems, "quintic")] * 3, 1)
+    assert [row.state for row in rows] == ["verified"] * 3
+    assert len(pools) == 2
 
 
 def test_a_dask_client_in_place_of_processes(problems):
@@ -117,6 +145,34 @@ def test_a_dask_client_in_place_of_processes(problems):
         rows = list(on_cluster([request(problems, "quintic"), request(problems, f"{HERE}:Broken")], client))
     assert [row.state for row in rows] == ["verified", "no-plan"]
     assert "one by zero" in rows[1].detail
+
+
+def test_what_a_cluster_loses_is_no_row(problems):
+    distributed = pytest.importorskip("distributed")
+
+    class Failing:
+        """Stands for a client whose workers lack optiplan, or die of an episode."""
+
+        def __init__(self, error):
+            self.error = error
+
+        def nthreads(self):
+            return {}
+
+        def submit(self, function, request, pure):
+            return self
+
+        def result(self):
+            raise self.error
+
+        def cancel(self, futures):
+            pass
+
+    with pytest.raises(op.OptiPlanError, match=r"'a/one\.yaml' was lost \(ModuleNotFoundError: optiplan\)"):
+        list(on_cluster([request(problems, "quintic")], Failing(ModuleNotFoundError("optiplan"))))
+    killed = distributed.KilledWorker("task", SimpleNamespace(address="tcp://a"), 3)
+    (row,) = on_cluster([request(problems, "quintic")], Failing(killed))
+    assert row.state == "crashed"
 
 
 @pytest.mark.parametrize(
@@ -133,6 +189,14 @@ def test_errors_name_the_argument(problems, tmp_path, arguments, words):
     with pytest.raises(op.InputError) as caught:
         op.plan_batch(**{"problems": problems, "out": tmp_path / "out", **arguments})
     assert words in str(caught.value)
+
+
+def test_a_name_that_is_not_utf_8_is_named(problems, tmp_path):
+    (tmp_path / "in").mkdir()
+    odd = Path(os.fsdecode(b"\xff.yaml"))
+    (tmp_path / "in" / odd).write_bytes((problems / "a/one.yaml").read_bytes())
+    with pytest.raises(op.InputError, match=r"\?\.yaml: problems: a name that is not UTF-8"):
+        op.plan_batch(tmp_path / "in", tmp_path / "out", workers=1)
 
 
 def test_a_folder_with_other_files_is_refused(problems):

@@ -1,8 +1,11 @@
 """`plan_many`: order, progress, failures that end no other, workers that die, a Dask client."""
 
+from multiprocessing import active_children
+
 import pytest
 
 import optiplan as op
+from tests.waiting import wait_until
 
 HERE = "tests.api.unruly_planners"
 
@@ -40,6 +43,14 @@ def test_options_that_do_not_go_with_one_problem_are_its_failure(problems):
 def test_a_worker_that_dies_ends_it_loudly(problems):
     with pytest.raises(op.OptiPlanError, match=r"^op.plan_many: a worker process died before 'planar' was planned"):
         list(op.plan_many(problems, f"{HERE}:Killed", workers=1))
+
+
+def test_closed_before_the_first_run_the_work_ends(problems):
+    others = set(active_children())
+    runs = op.plan_many(problems, "quintic", workers=1)
+    assert set(active_children()) - others
+    runs.close()
+    wait_until(lambda: not set(active_children()) - others)
 
 
 def test_none_are_no_runs():

@@ -24,6 +24,7 @@ def answers(tmp_path_factory) -> dict:
         "example": ("plan", {"problem": "19_lspb"}),
         "wrong": ("plan", {"problem": "robot: panda\n"}),
         "code": ("plan", {"problem": QUICK, "planner": "os:system"}),
+        "own code": ("explain_failure", {"problem": QUICK.replace("quintic", "{name: 'os:system'}")}),
         "failure": ("explain_failure", {"problem": NO_WAY.replace("rrtconnect", "quintic"), "budget": 2.0}),
     }
 
@@ -57,7 +58,8 @@ def test_problems_are_checked_and_planned(answers):
     assert answers["example"]["verified"] is True
     assert answers["wrong"]["verified"] is False
     assert any(issue["field"] == "version" for issue in answers["wrong"]["issues"])
-    assert "unknown planner" in answers["code"]["issues"][0]["found"]
+    for name in ("code", "own code"):
+        assert answers[name]["issues"][0]["found"] == "unknown planner 'os:system'"
     assert answers["refused"].is_error
 
 

@@ -39,6 +39,8 @@ def test_a_folder_is_planned_and_continued(optiplan, tmp_path):
     [
         ("in", (), "--out"),
         ("in", ("--out", "out", "--seed", "3"), "goes with one problem, not with a folder"),
+        ("in", ("--out", "out", "--full"), "goes with one problem, not with a folder"),
+        ("in/one.yaml", ("--planner", "quintic,cubic", "--full"), "goes with one planner at a time"),
         ("in/one.yaml", ("--seeds", "3"), "goes with a folder of problems"),
         ("in", ("--out", "out", "--dask", "tcp://127.0.0.1:1", "--workers", "2"), "not with --dask"),
     ],

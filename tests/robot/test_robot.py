@@ -193,10 +193,17 @@ def test_locked_joints_given_by_a_problem_are_checked(tmp_path):
     assert "locked.j7: unknown joint 'j7'" in issues_of(path, locked={"j7": 0.0})
 
 
-def test_version_1_is_the_only_one(tmp_path):
+@pytest.mark.parametrize(
+    ("line", "instead", "words"),
+    [
+        ("version: 1", "version: 2", "version: 2; expected 1"),
+        ("name: r", r'name: "a\x1b[2J"', "expected text of one line without control characters"),
+    ],
+)
+def test_the_version_is_1_and_the_name_printable(tmp_path, line, instead, words):
     path = write_robot(tmp_path, TWO)
-    path.write_text(path.read_text().replace("version: 1", "version: 2"))
-    assert "version: 2; expected 1" in issues_of(path)
+    path.write_text(path.read_text().replace(line, instead))
+    assert words in issues_of(path)
 
 
 def test_references(tmp_path):

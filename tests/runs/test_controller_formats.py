@@ -2,14 +2,17 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
 from optiplan.robot.robot import load_robot
+from optiplan.runs.controller_formats import ros_yaml, urscript
 from optiplan.runs.export import FORMATS, export_trajectory
 from optiplan.trajectory.fixed_rate import difference, interpolation_errors, on_cycle
+from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.timing.stops import stop_at_corners
 from optiplan.trajectory.trajectory import Trajectory
 
@@ -51,6 +54,13 @@ def test_a_program_for_an_arm_servos_through_samples_of_the_motion(motion, tmp_p
     assert text.index("halt") < text.index("servoj"), "where the arm stands is looked at first"
     assert text.startswith("#")
     assert text.endswith("optiplan_motion()\n")
+
+
+def test_an_event_at_the_end_is_in_both_languages(motion):
+    last = Segment(1, "detach", "let go", motion.duration, motion.duration, "cube", "tool0")
+    held, times = replace(motion, segments=(last,)), np.linspace(0.0, motion.duration, 11)
+    for program in (ros_yaml(held, times), urscript(held, times)):
+        assert program.count(b"step 1, let go") == 1
 
 
 def test_a_motion_on_a_cycle_is_slower_by_less_than_one(motion):

@@ -1,4 +1,5 @@
 import json
+import sys
 
 import pytest
 
@@ -81,6 +82,12 @@ def test_nowhere_to_go_has_no_ratio():
 def test_a_bug_of_a_planner_is_not_swallowed(problem, monkeypatch):
     monkeypatch.setattr(Quintic, "plan", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
+        run(problem, "quintic", {}, Budget(10.0), silent)
+
+
+def test_a_planner_that_exits_does_not_end_the_program(problem, monkeypatch):
+    monkeypatch.setattr(Quintic, "plan", lambda *_: sys.exit(0))
+    with pytest.raises(RuntimeError, match=r"SystemExit\(0\)"):
         run(problem, "quintic", {}, Budget(10.0), silent)
 
 

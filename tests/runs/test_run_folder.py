@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import optiplan as op
+from optiplan.cli.viewing import open_runs
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget
 from optiplan.problem.load import problem_from_dict
@@ -35,6 +36,13 @@ def test_what_is_saved_is_loaded_without_loss(done, tmp_path, place):
 def test_the_problem_can_be_rebuilt_from_the_record(done, tmp_path):
     save_run(done, tmp_path)
     assert problem_from_dict(load_run(tmp_path).record["problem"]).hash == done.problem.hash
+
+
+def test_the_lower_bound_of_a_loaded_run_is_computed_anew(done, tmp_path):
+    save_run(done, tmp_path)
+    record = json.loads((tmp_path / "run.json").read_text())
+    (tmp_path / "run.json").write_text(json.dumps({**record, "lower_bound": 10.0 * record["lower_bound"]}))
+    assert op.load_run(tmp_path).lower_bound == done.lower_bound
 
 
 def test_a_trajectory_from_elsewhere_has_no_record(done, tmp_path):
@@ -112,6 +120,7 @@ def test_a_failed_run_loads_without_trajectory(tmp_path):
         ("timings", {"plan": None}),
         ("timings", {"stages": 1.0}),
         ("info", [[1]]),
+        ("info", {"expressions": "level"}),
         ("improvements", {"a": 1}),
         ("improvements", [[1.0]]),
         ("proved_bound", {"a": 1}),
@@ -123,6 +132,19 @@ def test_a_value_of_another_kind_is_bad_input(done, tmp_path, key, value):
     (tmp_path / "run.json").write_text(json.dumps({**record, key: value}))
     with pytest.raises(InputError, match=rf"run\.json.*{key}"):
         op.load_run(tmp_path)
+
+
+def test_a_run_with_a_constraint_that_no_file_holds_is_not_verified_once_it_is_loaded(tmp_path):
+    plain = op.load_problem(FREE)
+    own = plain.with_constraint(op.Expression("first joint", lambda k: k.q[0], upper=0.6))
+    made = op.retime(own, [plain.start, (0.9, 1.0), plain.goal[0].q])
+    assert not made.verified
+    made.save(tmp_path / "made")
+    op.load_run(tmp_path / "made").save(tmp_path)
+    assert op.load_run(tmp_path).why_not == "problem: constraints that no file holds: first joint"
+    assert not open_runs([tmp_path])[1][0].report["verified"]
+    assert not op.verify(plain, tmp_path).verified
+    assert "problem" not in {check.name for check in op.verify(made.problem, tmp_path / "made").failures}
 
 
 @pytest.mark.parametrize("key", ["t", "q", "v", "a"])

@@ -241,6 +241,7 @@ def change(data, path, value):
         (["pieces"], None, "pieces"),
         (["joint_names"], "abc", "joint_names"),
         (["joint_names"], ["j0", "j1", "j1"], "joint_names"),
+        (["joint_names"], ["j0", "j1", "j\npopup(2)"], "joint_names"),
         (["joint_names"], ["j0"], "pieces.coefficients"),
         (["pieces", "breakpoints"], [0.0], "pieces.breakpoints"),
         (["pieces", "breakpoints", 0], 0.1, "pieces.breakpoints"),

@@ -196,7 +196,7 @@ def _base(problem: Problem, moved: Sequence[float]) -> Mapping[str, Any]:
 def _with_robot(problem: Problem, robot: Robot | str | Path) -> Problem:
     """Return the problem for another robot, at the same base, from its own first configuration."""
     other = robot if isinstance(robot, Robot) else load_robot(str(robot))
-    if other.name == problem.robot.name:
+    if other.fingerprint == problem.robot.fingerprint:
         return problem
     names = list(other.configurations)
     if not names:
@@ -204,7 +204,7 @@ def _with_robot(problem: Problem, robot: Robot | str | Path) -> Problem:
         raise wrong_argument("place", "robot", found, "the robot of the problem, or one with `configurations`")
     start = {"configuration": "ready" if "ready" in names else names[0]}
     source = {key: value for key, value in problem.source.items() if key not in ("group", "locked")}
-    return problem_from_dict({**source, "robot": str(other.source or other.name), "start": start})
+    return problem_from_dict({**source, "robot": other.reference.robot or other.name, "start": start})
 
 
 def _refuse_several(robot: Robot, argument: str) -> None:

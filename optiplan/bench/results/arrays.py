@@ -104,11 +104,12 @@ class Runs:
 
 def load_runs(store: Store) -> Runs:
     """All runs that are stored at this moment."""
-    problems = store.query("SELECT id, set_name, difficulty FROM problems ORDER BY position")
-    planners = tuple(row["label"] for row in store.query("SELECT label FROM planners ORDER BY position"))
+    with store.of_one_moment():
+        problems = store.query("SELECT id, set_name, difficulty FROM problems ORDER BY position")
+        planners = tuple(row["label"] for row in store.query("SELECT label FROM planners ORDER BY position"))
+        rows = [tuple(row) for batch in store.batches(SELECT) for row in batch]
     ids = tuple(row["id"] for row in problems)
     numbers = {id_: k for k, id_ in enumerate(ids)}, {label: k for k, label in enumerate(planners)}
-    rows = [tuple(row) for batch in store.batches(SELECT) for row in batch]
     values = dict(zip(COLUMNS, zip(*rows, strict=True) if rows else [()] * len(COLUMNS), strict=True))
 
     def column(name: str, kind: Any) -> Any:

@@ -52,7 +52,13 @@ class BestKnownTable:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._rows = {row.hash: row for row in _read(path)} if path.exists() else {}
+        self._rows: dict[str, BestKnown] = {}
+        self._take_file()
+
+    def _take_file(self) -> None:
+        """Offer every line of the file: of two lines about one problem the shorter duration counts."""
+        for row in _read(self.path) if self.path.exists() else ():
+            self.offer(row)
 
     def __len__(self) -> int:
         """Return the number of problems."""
@@ -80,7 +86,8 @@ class BestKnownTable:
         return None if known is None else duration / known.duration
 
     def write(self) -> None:
-        """Write the file whole or not at all."""
+        """Write the file whole or not at all, with what others wrote into it meanwhile."""
+        self._take_file()
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(_NAMES)

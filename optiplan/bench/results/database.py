@@ -6,7 +6,6 @@ stored and nothing of any other. `synchronous = NORMAL` leaves the last runs to 
 the machine itself goes down they are made again, and the file is whole all the same.
 """
 
-import fcntl
 import json
 import os
 import sqlite3
@@ -30,7 +29,7 @@ from optiplan.bench.results.tables import (
     VIEW,
 )
 from optiplan.errors import InputError, Issue, OptiPlanError, UnknownChoiceError
-from optiplan.files import replacing
+from optiplan.files import lock, replacing
 from optiplan.trajectory.trajectory import Trajectory
 
 FILE = "results.sqlite"
@@ -91,7 +90,7 @@ class Store:
         """
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            lock = _locked(folder)
+            held = _locked(folder)
             try:
                 if (folder / FILE).exists():
                     raise _unusable(folder, f"a {FILE} is there already", "a folder without results")
@@ -100,7 +99,7 @@ class Store:
                     rows = {"schema_version": SCHEMA_VERSION, "created_at": now(), **meta}
                     db.executemany("INSERT INTO meta VALUES (?, ?)", [(k, json.dumps(v)) for k, v in rows.items()])
             finally:
-                os.close(lock)
+                os.close(held)
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"{folder}: the results cannot be written: {error}") from error
         return cls(folder, write=True)
@@ -258,6 +257,19 @@ class Store:
             self._db.execute(INSERT, (*(row[name] for name in COLUMNS), self.session))
 
     @contextmanager
+    def of_one_moment(self) -> Iterator[None]:
+        """Read the results of one moment within it, whatever is stored meanwhile."""
+        if self._db.in_transaction:
+            yield
+            return
+        with self._translated_errors():
+            self._db.execute("BEGIN")
+            try:
+                yield
+            finally:
+                self._db.execute("COMMIT")
+
+    @contextmanager
     def _transaction(self) -> Iterator[None]:
         with self._translated_errors():
             self._db.execute("BEGIN IMMEDIATE")
@@ -320,15 +332,11 @@ def _connected(path: Path, write: bool) -> sqlite3.Connection:
 def _locked(folder: Path) -> int:
     """Take a lock that is released when this process ends."""
     try:
-        handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+        return lock(folder / LOCK)
+    except BlockingIOError as error:
+        raise _unusable(folder, "a suite is being run into it at this moment", "one runner a folder") from error
     except OSError as error:
         raise _unusable(folder, error.strerror or str(error), "a folder that can be written") from error
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        os.close(handle)
-        raise _unusable(folder, "a suite is being run into it at this moment", "one runner a folder") from error
-    return handle
 
 
 def _unusable(path: Path, found: str, expected: str) -> InputError:

@@ -97,6 +97,11 @@ class Results:
 
 def load_results(store: Store) -> Results:
     """All that is stored at this moment."""
+    with store.of_one_moment():
+        return _results(store)
+
+
+def _results(store: Store) -> Results:
     names = _metric_names(store)
     picked = [f"json_extract(metrics, '$.\"{name}\"')" for name in names]
     columns = ", ".join([*COLUMNS, *picked, "improvements", "verified", "verify_time"])

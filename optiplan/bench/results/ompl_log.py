@@ -82,10 +82,11 @@ def _lines(store: Store, name: str) -> Iterator[str]:
     yield f"OptiPlan version {optiplan.__version__}"
     yield f"Experiment {_word(store.meta('name'))}/{_word(name)}"
     yield "0 experiment properties"
-    yield f"Running on {_word(machine['host']) or 'UNKNOWN'}"
+    yield f"Running on {_word(machine.get('host', '')) or 'UNKNOWN'}"
     yield f"Starting at {session['started_at']}"
     yield from ("<<<|", f"set {name} of the suite {store.meta('name')}", "|>>>")
-    yield from ("<<<|", f"{machine['cpu']}, {machine['cores']} cores", "|>>>")
+    where = f"{machine['cpu']}, {machine['cores']} cores" if "cpu" in machine else "imported"
+    yield from ("<<<|", where, "|>>>")
     yield f"{parts['seeds'][0]} is the random seed"
     yield f"{parts['budget']:g} seconds per run"
     yield f"{parts['limits']['memory']:g} MB per run"

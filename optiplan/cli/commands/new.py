@@ -1,6 +1,7 @@
 """`optiplan new`: a first problem after a few questions; `optiplan schema`: the schema for editors."""
 
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -67,7 +68,9 @@ def new(
     proposed = proposed_goal(loaded, start)
     offered = ",".join(f"{x:g}" for x in proposed)
     said = goal or (typer.prompt("Where should the tool go? x,y,z in m", default=offered) if ask else offered)
-    text = first_problem(loaded, chosen, start, _point(said), file.stem, SCHEMA)
+    bundled = loaded.reference.robot == chosen  # else a path, which stands relative to the file
+    name = chosen if bundled else os.path.relpath(Path(chosen).resolve(), file.parent.resolve())
+    text = first_problem(loaded, name, start, _point(said), file.stem, SCHEMA)
     if not (beside := file.parent / SCHEMA).exists():
         schema(beside)
     write_text(file, text)

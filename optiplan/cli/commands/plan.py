@@ -6,13 +6,23 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 from typing import Annotated, Any
 
 import typer
 
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson, Full
-from optiplan.cli.output import Exit, interrupts_held, messages, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.output import (
+    Exit,
+    interruptible,
+    interrupts_held,
+    messages,
+    print_error,
+    print_json,
+    results,
+    stdout_is_ours,
+)
 from optiplan.cli.progress import KeptAnswer
 from optiplan.errors import InputError
 from optiplan.problem.examples import find_problem
@@ -106,7 +116,7 @@ def plan(
     asked = {"seeds": seeds, "rate": rate, "lerobot": lerobot or None, "dask": dask or None}
     if is_folder_of_problems(file):
         one = {"--seed": seed, "--view": view or None, "--server": server or None, "--tracking-error": tracking_error}
-        one["--bound"] = bound
+        one |= {"--bound": bound, "--full": full or None}
         return _folder(Path(file), out, planner, budget, as_json, {**asked, "workers": workers}, one)
     if wrong := [f"--{flag}" for flag, value in asked.items() if value is not None]:
         raise typer.BadParameter("goes with a folder of problems", param_hint=wrong[0])
@@ -117,7 +127,7 @@ def plan(
 
     path, names = find_problem(file), plan_comparison.several(planner)
     if names:
-        _of_several_planners(server, {"--workers": workers, "--bound": bound})
+        _of_several_planners(server, {"--workers": workers, "--bound": bound, "--full": full or None})
     if out is not None:
         for folder in [out / name for name in names] or [out]:
             check_folder(folder)
@@ -133,7 +143,7 @@ def plan(
     else:
         progress, more = KeptAnswer(), {} if workers is None else {"workers": workers}
         run = _run(path, problem, planner, more, budget, server, progress)
-        found = _bound(run, None if progress.cancel.is_set() else bound)
+        found = _bound(run, bound, progress.cancel)
         runs = [replace(run, timings={"load": loaded, **run.timings}, proved_bound=found)]
         code = _finish(runs[0], out, as_json, full, interrupted=progress.cancel.is_set())
     if view:
@@ -204,14 +214,18 @@ def _check_bound(problem: Any, seconds: float | None) -> None:
         require_bound(problem)
 
 
-def _bound(run: Any, seconds: float | None) -> Any:
-    """The bound that is proved in so many seconds; None without a number of them."""
-    if seconds is None:
+def _bound(run: Any, seconds: float | None, cancel: Event) -> Any:
+    """The bound that is proved in so many seconds; None without them, or after Ctrl-C, which sets `cancel`."""
+    if seconds is None or cancel.is_set():
         return None
     from optiplan.api.bounding import bound
 
-    with stdout_is_ours():
-        return bound(run.problem, seconds, run if run.verified else None)
+    try:
+        with interruptible(), stdout_is_ours():
+            return bound(run.problem, seconds, run if run.verified else None)
+    except KeyboardInterrupt:
+        cancel.set()
+        return None
 
 
 def _run_there(server: str, problem: Any, planner: str, options: Any, seconds: float) -> Any:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from optiplan.cli.commands.plan import BUDGET, above_zero, positive
+from optiplan.cli.commands.plan import BUDGET, above_zero, positive, positive_or_none
 from optiplan.cli.completion import planner_names, problem_names
 from optiplan.cli.options import AsJson
-from optiplan.cli.output import Exit, print_error, print_json, results, stdout_is_ours
+from optiplan.cli.output import Exit, end_with, print_error, print_json, results, stdout_is_ours
 from optiplan.cli.progress import ProgressLine
 from optiplan.errors import InputError, OptiPlanError
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 FILE = "a problem file, the name of an example, or the folder of a run"
 DRIVER = "what moves: sim (a simulated robot in real time), file, ros2_control or ur_rtde"
 ENGINE = "of sim: mujoco, own or ideal (default: mujoco where it is installed)"
+SECONDS = f"seconds of wall time for planning and proof (default: {BUDGET:g})"
 PLANNER = "instead of the file's; see: planners"
 DEVIATION = "rad or m: a measured joint farther from the path ends in a stop"
 PATIENCE = "seconds: a set-point that comes as late as this ends in a stop"
@@ -42,9 +43,7 @@ def run(
     view: Annotated[bool, typer.Option("--view", help=VIEW)] = False,
     patience: Annotated[float, typer.Option(callback=positive, metavar="S", help=PATIENCE)] = 0.01,
     planner: Annotated[str | None, typer.Option(metavar="NAME", help=PLANNER, autocompletion=planner_names)] = None,
-    budget: Annotated[
-        float, typer.Option(callback=positive, metavar="S", help="seconds of wall time for planning and proof")
-    ] = BUDGET,
+    budget: Annotated[float | None, typer.Option(callback=positive_or_none, metavar="S", help=SECONDS)] = None,
     as_json: AsJson = False,
 ) -> int:
     """Execute a verified motion on a robot, a simulated one by default.
@@ -75,11 +74,10 @@ def run(
     with stdout_is_ours(), ProgressLine() as progress:
         motion = _motion(file, planner, budget, progress)
     if motion.trajectory is None:
-        print_error(f"optiplan: no motion to run: {motion.failure.detail if motion.failure else 'no reason given'}")
-        return Exit.NO_PLAN
+        why = motion.failure.detail if motion.failure else "no reason given"
+        return end_with(Exit.NO_PLAN, f"no motion to run: {why}", as_json)
     if not motion.verified:
-        print_error("optiplan: the motion is not verified; nothing moved")
-        return Exit.NOT_VERIFIED
+        return end_with(Exit.NOT_VERIFIED, "the motion is not verified; nothing moved", as_json)
     given = {"rate": rate, "engine": engine, "host": host, "path": to}
     options = {name: value for name, value in given.items() if value is not None}
     steering = {"override": override, "deviation": deviation, "patience": patience}
@@ -131,7 +129,7 @@ def _on_page(
     return done, bool(pressed)
 
 
-def _motion(file: str, planner: str | None, budget: float, progress: ProgressLine) -> "Run":
+def _motion(file: str, planner: str | None, budget: float | None, progress: ProgressLine) -> "Run":
     """Return the run of a folder, or plan one; issues with the planner's options carry the file's lines."""
     from optiplan.api.checking import choose, placed
     from optiplan.api.loading import load_run
@@ -141,12 +139,14 @@ def _motion(file: str, planner: str | None, budget: float, progress: ProgressLin
 
     path = Path(file)
     if (path / "run.json").is_file() or path.name == "run.json":
+        if wrong := [flag for flag, given in {"--planner": planner, "--budget": budget}.items() if given is not None]:
+            raise typer.BadParameter("goes with a problem, not with the folder of a run", param_hint=wrong[0])
         return load_run(path)
     path = find_problem(file)
     problem = load_problem(path)
     chosen, options = choose(path, problem, planner)
     try:
-        return plan(problem, chosen, options or None, budget=budget, progress=progress)
+        return plan(problem, chosen, options or None, budget=budget or BUDGET, progress=progress)
     except InputError as error:
         raise placed(path, error) if options else error from None
 

@@ -2,7 +2,6 @@
 
 import contextlib
 import logging
-import multiprocessing
 import time
 from collections import deque
 from collections.abc import Callable
@@ -10,6 +9,7 @@ from dataclasses import dataclass, replace
 from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING
 
+from optiplan.cores import OneThreadContext
 from optiplan.errors import OptiPlanError, wrong_argument
 from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.proved_path import ProvedPath
@@ -71,7 +71,7 @@ class PlanningProcess:
         self._done: deque[PlannedPath] = deque()
         self._asked: tuple[PlannedPath, ReplanRequest] | None = None
         self._ready, self.lost, self.number, self._last = Event(), False, 0, 0
-        context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
+        context = OneThreadContext()
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs,), daemon=True)
         self._process.start()

@@ -2,7 +2,6 @@
 
 import contextlib
 import gc
-import os
 import time
 from collections.abc import Mapping
 from functools import cache
@@ -82,7 +81,6 @@ class FirstMotion(NamedTuple):
 
 def serve(pipe: Connection) -> None:
     """Plan what is asked for, until the other end is closed."""
-    os.environ["OMP_NUM_THREADS"] = "1"
     first, motions = None, dict[int, Trajectory]()
     with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
         while True:

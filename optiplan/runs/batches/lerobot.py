@@ -33,12 +33,14 @@ EPISODES_A_FILE = 10_000
 
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 EPISODES_PATH = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+PROOFS = "meta/proofs"
+"""Only data sets of ours have it."""
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 PROOF = ("file", "name", "seed", "hash", "planner", "duration", "lower_bound", "versions", "report", "trajectory")
 
 
 def write_lerobot(store: BatchStore, folder: Path) -> list[Path]:
-    """Write the verified episodes of a batch below `folder`, one data set a robot; an older one is replaced whole.
+    """Write the verified episodes of a batch below `folder`, one data set a robot, in place of all older ones.
 
     Returns:
         The folders of the data sets.
@@ -65,12 +67,14 @@ def write_lerobot(store: BatchStore, folder: Path) -> list[Path]:
             shutil.rmtree(target)
         data.folder.rename(target)
         made.append(target)
+    for older in {path.parents[1] for path in folder.glob(f"*/{PROOFS}")} - {*made}:
+        shutil.rmtree(older)
     return made
 
 
 def _free_name(robot: str, taken: Collection[str]) -> str:
-    """A folder for a robot: its name, with a number where another one has it."""
-    plain = "".join(c if c.isalnum() or c in "-_." else "_" for c in robot) or "robot"
+    """A folder for a robot: its name, with a number where another one has it; `.` and `..` are folders already."""
+    plain = "".join(c if c.isalnum() or c in "-_." else "_" for c in robot).strip(".") or "robot"
     numbered = (plain if k == 0 else f"{plain}_{k + 1}" for k in range(len(taken) + 1))
     return next(name for name in numbered if name not in taken)
 
@@ -193,7 +197,7 @@ class _DataSet:
         rows = [{**row, **{f"meta/episodes/{key}": value for key, value in place.items()}} for row in self._rows]
         for path, content in (
             (self.folder / EPISODES_PATH.format(**place), rows),
-            (self.folder / "meta" / "proofs" / f"file-{number:03d}.parquet", self._proofs),
+            (self.folder / PROOFS / f"file-{number:03d}.parquet", self._proofs),
         ):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._pq.write_table(self._pa.Table.from_pylist(content), path, compression="snappy")

@@ -3,13 +3,15 @@
     batch.json                     planner, options, seconds, seeds, rate: a batch is continued with the same only
     episodes/part-000000.parquet   rows in the order in which they were made, `episode.Episode` a row
 
-A row is the last one of its file and seed: a file that changed since is planned again.
+A row is the last one of its file and seed: a file that changed since is planned again. Rows of files that are gone do
+not count.
 """
 
 import json
+import os
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from importlib import import_module
 from importlib.util import find_spec
@@ -20,10 +22,10 @@ from typing import Any, Self
 import numpy as np
 
 from optiplan.errors import InputError, Issue, OptiPlanError
-from optiplan.files import read_bytes, replacing, write_text
+from optiplan.files import lock, read_bytes, replacing, write_text
 from optiplan.runs.batches.episode import Episode
 
-SETTINGS, EPISODES = "batch.json", "episodes"
+SETTINGS, EPISODES, LOCK = "batch.json", "episodes", "lock"
 
 ROWS, SECONDS = 500, 30.0
 """A file is written after so many rows or seconds: what a crash of the machine costs at most."""
@@ -52,16 +54,22 @@ class BatchStore:
         """Open a folder, or make it.
 
         Raises:
-            InputError: the folder holds a batch of other settings, or something else.
+            InputError: the folder holds a batch of other settings, or something else, or another call writes to it.
             OptiPlanError: pyarrow is not installed.
         """
         self.folder = folder
         self._pa, self._pq = pyarrow_modules()
         self._schema = self._schema_of_rows()
+        self._root = str(settings.get("root", ""))
         self._buffer: list[Episode] = []
         self._first = 0.0
         _check_settings(folder, settings)
         (folder / EPISODES).mkdir(parents=True, exist_ok=True)
+        try:
+            self._lock = lock(folder / LOCK)
+        except BlockingIOError:
+            found = "a batch is being planned into it at this moment"
+            raise InputError([Issue(str(folder), None, "out", found, "one call a folder")]) from None
         self._next = 1 + max((int(path.stem.partition("-")[2]) for path in self.parts()), default=-1)
 
     def __enter__(self) -> Self:
@@ -70,7 +78,10 @@ class BatchStore:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.flush()
+        try:
+            self.flush()
+        finally:
+            os.close(self._lock)
 
     def parts(self) -> list[Path]:
         """The files with rows, oldest first."""
@@ -105,25 +116,35 @@ class BatchStore:
         return found
 
     def states(self) -> Counter[str]:
-        """How many rows there are of each state."""
+        """How many rows there are of each state, of files that are there."""
         last: dict[Key, str] = {}
         for part in self.parts():
             table = self._pq.read_table(part, columns=["file", "wanted_seed", "state"]).to_pydict()
             last |= dict(zip(zip(table["file"], table["wanted_seed"], strict=True), table["state"], strict=True))
-        return Counter(last.values())
+        gone = self._gone(last)
+        return Counter(state for (file, _), state in last.items() if file not in gone)
 
     def rows(self, columns: list[str] | None = None) -> Iterator[dict[str, Any]]:
-        """Yield the last row of every file and seed, in the order in which they were written, one file in memory."""
+        """Yield the last row of every file and seed, in the order in which they were written, one part in memory.
+
+        Those of files that are gone are left out.
+        """
         last: dict[Key, tuple[int, int]] = {}
         for number, part in enumerate(self.parts()):
             keys = self._pq.read_table(part, columns=["file", "wanted_seed"]).to_pydict()
             for k, key in enumerate(zip(keys["file"], keys["wanted_seed"], strict=True)):
                 last[key] = number, k
+        gone = self._gone(last)
         wanted = None if columns is None else [*dict.fromkeys([*columns, "file", "wanted_seed"])]
         for number, part in enumerate(self.parts()):
             for k, row in enumerate(self._pq.read_table(part, columns=wanted).to_pylist()):
-                if last[row["file"], row["wanted_seed"]] == (number, k):
+                if last[row["file"], row["wanted_seed"]] == (number, k) and row["file"] not in gone:
                     yield row
+
+    def _gone(self, keys: Iterable[Key]) -> set[str]:
+        """Return the files of rows that are not there any more; none where the root is not known."""
+        files = {file for file, _ in keys} if self._root else ()
+        return {file for file in files if not (Path(self._root) / file).is_file()}
 
     def _schema_of_rows(self) -> Any:
         pa = self._pa

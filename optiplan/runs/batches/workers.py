@@ -1,21 +1,22 @@
 """Episodes planned side by side, in processes or on a Dask cluster, in the order of the requests."""
 
-import multiprocessing
-import os
 import signal
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from itertools import chain, islice
 from typing import Any
 
+from optiplan.cores import OneThreadContext
+from optiplan.errors import OptiPlanError
 from optiplan.runs.batches.episode import CRASHED, Episode, EpisodeRequest, digest_of, planned_episode
 
 AHEAD = 3
 """Episodes in hand for each worker: while the oldest one is waited for, the others have something to do."""
 
 CHILD_LIFE = 2000
-"""Episodes after which a process is replaced by a new one, against memory that libraries do not give back."""
+"""Episodes of each process after which all are replaced by new ones, against memory that libraries do not give back."""
 
 
 def is_dask_client(workers: Any) -> bool:
@@ -25,12 +26,18 @@ def is_dask_client(workers: Any) -> bool:
 
 def in_processes(requests: Iterable[EpisodeRequest], count: int) -> Iterator[Episode]:
     """Yield the episodes in order; a process that dies costs only the episode that kills it again, alone."""
-    source, pending = iter(requests), deque[tuple[EpisodeRequest, Future[Episode]]]()
+    source = iter(requests)  # and not `max_tasks_per_child`, which may leave a pool without processes (gh-115634)
+    while (first := next(source, None)) is not None:
+        yield from _in_one_pool(chain([first], islice(source, CHILD_LIFE * count - 1)), count)
+
+
+def _in_one_pool(source: Iterator[EpisodeRequest], count: int) -> Iterator[Episode]:
+    pending = deque[tuple[EpisodeRequest, Future[Episode]]]()
     pool = _pool(count)
     try:
         while True:
             while len(pending) < AHEAD * count and (request := next(source, None)) is not None:
-                pending.append((request, pool.submit(planned_episode, request)))
+                pending.append((request, _submitted(pool, request)))
             if not pending:
                 return
             request, future = pending[0]
@@ -52,7 +59,13 @@ def in_processes(requests: Iterable[EpisodeRequest], count: int) -> Iterator[Epi
 
 
 def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Episode]:
-    """Yield the episodes in order, planned by the workers of a `distributed.Client`, which see the same files."""
+    """Yield the episodes in order, planned by the workers of a `distributed.Client`, which see the same files.
+
+    Raises:
+        OptiPlanError: the cluster failed; its episodes have no rows, so that a later call plans them.
+    """
+    from distributed import KilledWorker
+
     source, pending = iter(requests), deque[tuple[EpisodeRequest, Any]]()
     try:
         while True:
@@ -64,10 +77,23 @@ def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Epis
             request, future = pending.popleft()
             try:
                 yield future.result()
+            except KilledWorker as error:
+                yield _crashed(request, str(error))
             except Exception as error:
-                yield _crashed(request, f"{type(error).__name__}: {error}")
+                why = f"'{request.file}' was lost ({type(error).__name__}: {error}); rows before it are kept"
+                raise OptiPlanError(f"op.plan_batch: {why}") from error
     finally:
         client.cancel([future for _, future in pending])
+
+
+def _submitted(pool: ProcessPoolExecutor, request: EpisodeRequest) -> "Future[Episode]":
+    """Return the future of an episode, which has failed where a process of the pool died since the last one."""
+    try:
+        return pool.submit(planned_episode, request)
+    except BrokenProcessPool as error:
+        failed: Future[Episode] = Future()
+        failed.set_exception(error)
+        return failed
 
 
 def _alone(request: EpisodeRequest) -> Episode:
@@ -87,13 +113,11 @@ def _crashed(request: EpisodeRequest, detail: str) -> Episode:
 
 
 def _pool(count: int) -> ProcessPoolExecutor:
-    context = multiprocessing.get_context("spawn")  # a fork would copy locks of threads
-    return ProcessPoolExecutor(count, context, initializer=_begin, max_tasks_per_child=CHILD_LIFE)
+    return ProcessPoolExecutor(count, OneThreadContext(), initializer=_begin)
 
 
 def _begin() -> None:
-    """Begin a process of one thread, which its parent ends: Ctrl-C reaches all processes of a terminal."""
-    os.environ["OMP_NUM_THREADS"] = "1"
+    """Begin a process that its parent ends: Ctrl-C reaches all processes of a terminal."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

@@ -106,6 +106,7 @@ CASES = {
     "option kind": (lambda p: op.plan(p, "quintic", {1: 2}), "op.plan: options", "duration"),
     "motion huge": (lambda p: op.verify(p, ([0, 10**400], [[0, 0], [1, 1]])), "op.verify: motion", "times"),
     "waypoints huge": (lambda p: op.retime(p, 10**400), "op.retime: waypoints", r"\(k, 2\)"),
+    "group of a URDF": (lambda p: op.load_robot("arm.urdf", group="left"), "op.load_robot: group", "no groups"),
     "group kind": (lambda p: op.load_robot("baxter", group=[]), "op.load_robot: group", "name of a group"),
     "locked kind": (lambda p: op.load_robot("baxter", locked=3), "op.load_robot: locked", "by joint"),
     "locked NaN": (lambda p: op.load_robot("baxter", locked={"right_s0": np.nan}), "locked.*right_s0", "finite"),

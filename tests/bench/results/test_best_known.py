@@ -65,6 +65,19 @@ def test_a_table_is_read_as_it_was_written(tmp_path):
     assert path.read_bytes() == before
 
 
+def test_two_suites_with_one_table_lose_nothing(tmp_path):
+    path = tmp_path / "best.csv"
+    one, other = BestKnownTable(path), BestKnownTable(path)
+    one.offer(ENTRY)
+    one.write()
+    other.offer(replace(ENTRY, hash="cd34"))
+    other.write()
+    assert len(BestKnownTable(path)) == 2
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines, lines[1].replace("1.25", "2.5")]) + "\n")
+    assert BestKnownTable(path).get("ab12").duration == 1.25
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

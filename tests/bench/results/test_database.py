@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from optiplan.bench.execution.run_task import hash_and_pack
+from optiplan.bench.results import measures
 from optiplan.bench.results.database import SCHEMA_VERSION, Store, StoreError
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row
 from optiplan.errors import InputError, UnknownChoiceError
@@ -78,6 +79,18 @@ def test_reading_while_somebody_writes(store):
         store.add(outcome(1))
         assert len(reader.done()) == 2
         assert sum(map(len, batches)) == 2
+
+
+def test_a_report_is_of_one_moment(store, monkeypatch):
+    def meanwhile(reader, load=measures.load_runs):
+        store.add(outcome(0))
+        return load(reader)
+
+    store.add(outcome(1))
+    monkeypatch.setattr(measures, "load_runs", meanwhile)
+    with Store(store.folder) as reader:
+        assert measures.load_results(reader).runs.seed.tolist() == [1]
+        assert len(reader.done()) == 2
 
 
 def test_closed_it_is_one_file(store):

@@ -1,6 +1,7 @@
 """`optiplan new` writes a problem that can be planned; `optiplan schema` writes what editors read."""
 
 import json
+from pathlib import Path
 
 import jsonschema
 import pytest
@@ -23,6 +24,23 @@ def test_a_first_problem_is_planned(tmp_path, robot):
     with_box = file.read_text().replace("# scene:    #", "scene:    #").replace("#   obstacles", "  obstacles")
     file.write_text(with_box.replace("#     - {name: box", "    - {name: box"))
     assert load_problem(file).scene.names == ("box",)
+
+
+@pytest.mark.parametrize("name", ["2026.yaml", "null.yaml", "cell: a.yaml"])
+def test_any_name_of_a_file_can_be_that_of_the_problem(tmp_path, name):
+    assert optiplan(["new", str(tmp_path / name), "--yes"]) == 0
+    assert load_problem(tmp_path / name).name == name.removesuffix(".yaml")
+
+
+def test_a_robot_by_its_path_is_found_from_the_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    urdf = Path(__file__).parents[3] / "examples" / "my_arm.urdf"
+    Path("arm").mkdir()
+    Path("arm/robot.yaml").write_text(
+        f"version: 1\nname: arm\nurdf: {urdf}\nconfigurations: {{ready: [0.6, 0.8, 0.1]}}\n"
+    )
+    assert optiplan(["new", "cells/first.yaml", "--robot", "arm/robot.yaml", "--yes"]) == 0
+    assert load_problem("cells/first.yaml").robot.name == "arm"
 
 
 def test_answers_are_checked_and_nothing_is_overwritten(tmp_path, capsys):

@@ -1,4 +1,5 @@
 import json
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -165,6 +166,13 @@ def test_the_bound_says_what_it_is_about(optiplan, optiplan_json, free):
     free.write_text(free.read_text().replace("{joints: [-0.5, 1.2]}", choice))
     assert "bound of this end configuration" in " ".join(optiplan("plan", free)[1].split())
     assert optiplan_json("plan", free)[1]["lower_bound_of"] == "end"
+
+
+def test_ctrl_c_while_the_bound_is_proved_keeps_the_motion(optiplan_json, free, tmp_path, monkeypatch):
+    monkeypatch.setattr("optiplan.api.bounding.bound", lambda *given: signal.raise_signal(signal.SIGINT))
+    code, data = optiplan_json("plan", free, "--bound", 60, "--out", tmp_path / "run")
+    assert (code, data["exit_code"], data["verified"]) == (130, 130, True)
+    assert (tmp_path / "run" / "run.json").is_file()
 
 
 def test_the_report_is_printed_even_when_saving_fails(optiplan, optiplan_json, free, tmp_path, monkeypatch):

@@ -65,10 +65,21 @@ def test_an_option_of_the_file_is_told_with_its_line(free, optiplan):
         free.write_text(free.read_text().replace(f"planner: {{name: quintic, {option}}}", "planner: quintic"))
 
 
-def test_no_motion_is_3(shut_in, optiplan):
+def test_no_motion_is_3(shut_in, optiplan, optiplan_json):
     code, _, err = optiplan("run", shut_in, "--budget", "0.5")
     assert code == 3
     assert "no motion to run" in err
+    code, told = optiplan_json("run", shut_in, "--budget", "0.5")
+    assert code == told["exit_code"] == 3
+    assert "no motion to run" in told["error"]
+
+
+def test_a_stored_run_has_its_planner(free, optiplan, tmp_path):
+    assert optiplan("plan", free, "--out", tmp_path / "run")[0] == 0
+    for flag, value in (("--planner", "quintic"), ("--budget", "3")):
+        code, _, err = optiplan("run", tmp_path / "run", flag, value)
+        assert code == 2
+        assert f"{flag}: goes with a problem, not with the folder of a run" in err
 
 
 def test_ctrl_c_stops_along_the_path(free, tmp_path):

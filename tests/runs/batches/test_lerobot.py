@@ -14,9 +14,9 @@ RNG = np.random.default_rng(0)
 LENGTHS = (5, 3, 8)
 
 
-def episode(k, state="verified", joints=("j1", "j2")):
+def episode(k, state="verified", joints=("j1", "j2"), robot="arm"):
     samples = RNG.normal(size=(LENGTHS[k % 3], len(joints))).astype(np.float32).ravel()
-    said = {"name": f"p{k}", "hash": f"h{k}", "seed": k, "robot": "arm", "task": f"set {k % 2}", "report": "{}"}
+    said = {"name": f"p{k}", "hash": f"h{k}", "seed": k, "robot": robot, "task": f"set {k % 2}", "report": "{}"}
     return Episode(f"{k}.yaml", "d", -1, state, **said, joints=joints, rate=10.0, positions=samples, trajectory=b"{}")
 
 
@@ -84,6 +84,24 @@ def test_statistics_are_those_of_all_frames(made):
     assert found["count"] == [16]
     medians = [np.median(np.array(row["positions"]).reshape(-1, 2), axis=0) for row in rows[:3]]
     np.testing.assert_allclose(found["q50"], np.average(medians, axis=0, weights=LENGTHS), rtol=1e-6)
+
+
+def test_a_robot_without_verified_episodes_has_no_data_set(tmp_path):
+    with BatchStore(tmp_path / "batch", {}) as store:
+        for states in (("verified", "verified"), ("verified", "no-plan")):
+            for k, (state, robot) in enumerate(zip(states, ("left", "right"), strict=True)):
+                store.add(episode(k, state, robot=robot))
+            store.flush()
+            made = write_lerobot(store, tmp_path / "sets")
+    assert made == [*(tmp_path / "sets").iterdir()] == [tmp_path / "sets" / "left"]
+
+
+def test_a_robot_called_like_a_folder_above_deletes_nothing(tmp_path):
+    with BatchStore(tmp_path / "batch", {}) as store:
+        store.add(episode(0, robot=".."))
+        store.flush()
+        assert write_lerobot(store, tmp_path / "batch" / "lerobot") == [tmp_path / "batch" / "lerobot" / "robot"]
+        assert len(store.parts()) == 1
 
 
 def test_tasks_are_a_table_by_text(made):

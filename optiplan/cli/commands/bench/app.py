@@ -121,7 +121,7 @@ def export(
     others = {"problems": tables.write_problems, "ompl": write_logs, "robometrics": tables.write_metrics}
     if kind not in (*tables.FORMATS, "all", *others):
         raise UnknownChoiceError("format", kind, (*tables.FORMATS, "all", *others))
-    with Store(folder) as store:
+    with Store(folder) as store, store.of_one_moment():
         wanted = tables.FORMATS if kind == "all" else (kind,)
         if kind in others:
             written = others[kind](store, to or folder)

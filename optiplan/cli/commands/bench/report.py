@@ -108,7 +108,7 @@ def show(
 def compare(
     before: Annotated[Path, typer.Argument(metavar="A", help="folder of the old results")],
     after: Annotated[Path, typer.Argument(metavar="B", help="folder of the new results")],
-    gate: Annotated[bool, typer.Option("--gate", help="exit 1 when there is a significant regression")] = False,
+    gate: Annotated[bool, typer.Option("--gate", help="exit 1 on a regression, or without common runs")] = False,
     as_json: AsJson = False,
 ) -> int:
     """Name what became worse and better, and how sure that is; only runs that both have are compared.
@@ -121,7 +121,7 @@ def compare(
 
       optiplan bench compare results/main results/branch --gate
 
-    Exit code: 0 compared · 1 with --gate: there is a regression · 2 bad input.
+    Exit code: 0 compared · 1 with --gate: there is a regression, or no run in common · 2 bad input.
     """
     from optiplan.bench.results.database import Store
     from optiplan.bench.statistics.compare import REGRESSION
@@ -130,7 +130,7 @@ def compare(
 
     with Store(before) as old, Store(after) as new:
         found = compared(old, new)
-    failed = gate and bool(found.of(REGRESSION))
+    failed = gate and (not found.common or bool(found.of(REGRESSION)))
     if as_json:
         print_json({**comparison_data(found), "exit_code": int(failed)})
     else:

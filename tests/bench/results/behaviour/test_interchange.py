@@ -91,6 +91,8 @@ def test_metrics_out_and_in_again(results, tmp_path, capsys):
     assert first["eef_orientation_path_length"] == pytest.approx(math.degrees(turned), rel=1e-12)
     assert json.loads(row["metrics"])["tool_rotation"] == pytest.approx(turned, rel=1e-12)
     assert second["motion_time"] > 0
+    assert main(["bench", "export", str(tmp_path / "in"), "--format", "ompl"]) == 0
+    assert [*parsed((tmp_path / "in" / "ompl" / "plain.log").read_text().splitlines())] == ["theirs"]
 
 
 @pytest.fixture

@@ -79,6 +79,7 @@ def test_results_grow_and_are_shown_together(folder, tmp_path, optiplan, optipla
     assert (code, "--add" in err) == (2, True)
     apart = tmp_path / "apart"
     assert optiplan("bench", suite, "--out", apart, "--workers", 1)[0] == 0
+    assert optiplan("bench", "compare", folder, apart, "--gate")[0] == 1  # no run in common
     code, out = optiplan_json("bench", suite, "--out", folder, "--workers", 1, "--add")
     assert (code, out["found"], out["made"], list(out["planners"])) == (0, 0, 2, ["quintic", "scurve"])
     code, out, _ = optiplan("bench", "show", folder, "s/free", "all", "--export", tmp_path / "all.html")

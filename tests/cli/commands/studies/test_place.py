@@ -4,6 +4,9 @@ import re
 
 import pytest
 
+import optiplan as op
+from optiplan.api.studies.placing import _with_robot
+
 TASK = """version: 1
 name: three
 robot: ur5
@@ -55,6 +58,14 @@ def test_several_robots_are_not_placed(optiplan, robot):
     code, _, err = optiplan("place", robot, "48_two_arms", *FEW)
     assert code == 2
     assert "several robots, each with a base of its own; expected one robot" in err
+
+
+def test_another_robot_with_the_same_name_is_another():
+    problem = op.load_problem("12_planar")
+    urdf = problem.robot.source.parent / "planar2r.urdf"
+    other = op.Robot.from_urdf(urdf, name=problem.robot.name, configurations={"ready": [0.1, 0.2]})
+    assert _with_robot(problem, other).robot.fingerprint == other.fingerprint
+    assert _with_robot(problem, problem.robot.name) is problem
 
 
 def test_another_robot_starts_in_its_own_configuration(optiplan_json, task):
