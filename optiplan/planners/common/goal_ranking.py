@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.poses import pose_error
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import end_collides, end_too_heavy, out_of_time
 from optiplan.planners.common.gravity import Gravity
@@ -302,8 +303,6 @@ class _Draw:
 
     def __call__(self, box: Box | None = None) -> Array | None:
         """Return a configuration (n,) within half the tolerance, in a box; None if this guess does not converge."""
-        from optiplan.kinematics.ik.numeric import pose_error
-
         goal, seed = self._goal, _guess(self._problem, self._moving, self._rng, box)
         if box is not None:
             self._descent.hold_within(*box)
