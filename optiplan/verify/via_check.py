@@ -95,8 +95,7 @@ def _entry(trajectory: Trajectory, q: Array, tolerance: float, since: float) -> 
 
     On a piece such times make up intervals that begin at its start or at a root of some q_j(t) - q_j ± tolerance.
     """
-    starts, h = trajectory.breakpoints[:-1], np.diff(trajectory.breakpoints)
-    c = np.swapaxes(trajectory.coefficients, 1, 2) * h[:, None, None] ** np.arange(trajectory.coefficients.shape[1])
+    starts, h, c = trajectory.breakpoints[:-1], trajectory.widths, trajectory.unit_pieces(0).copy()
     c[:, :, 0] -= q
     reach = (np.abs(c[:, :, 0]) - np.abs(c[:, :, 1:]).sum(axis=2)).max(axis=1)  # the distance is nowhere smaller
     near = (reach <= tolerance) & (trajectory.breakpoints[1:] >= since)
