@@ -153,9 +153,7 @@ def _solve(robot: Robot, descent: Descent, X_WG: pin.SE3, seeds: Iterable[Array]
 
 def random_seeds(robot: Robot, near: Array, rng: np.random.Generator, count: int) -> list[Array]:
     """Draw uniform configurations within the limits; a joint without bounds is within pi of `near` (n,)."""
-    low = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, near - np.pi)
-    high = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, near + np.pi)
-    return list(rng.uniform(low, high, (count, robot.n)))
+    return list(rng.uniform(*robot.limits.range_about(near, near), (count, robot.n)))
 
 
 def joints_that_move(robot: Robot, frame: str) -> npt.NDArray[np.bool_]:
