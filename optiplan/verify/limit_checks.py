@@ -247,7 +247,7 @@ def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: 
 
 
 class _Between(NamedTuple):
-    """Bounds of the derivative of this order, and the largest rounding of a sum of its terms that is let pass: (n,)."""
+    """Bounds of the derivative of this order, and the largest rounding of a sum of its terms that is accepted: (n,)."""
 
     order: int
     low: Array
