@@ -22,8 +22,8 @@ from optiplan.verify.warm_proof import MOST_DEGREE, MOST_JOINTS, WarmProof
 MOST_SET_POINTS = 1000
 """In one chunk."""
 
-AT_REST = 1e-10
-"""rad or m per s and s²: a joint that is no faster stands still."""
+ROUNDED_TO_REST = 1e-10
+"""rad or m per s and s²: a joint that is no faster stands still but for rounding."""
 
 _kept: WeakKeyDictionary[Problem, Prepared] = WeakKeyDictionary()
 
@@ -164,7 +164,7 @@ def _state(problem: Problem, start: State | Trajectory | None) -> Array:
 
 def _still(state: Array) -> Array:
     """Return a state (3, n) without the rounding that a motion at rest has left."""
-    state[1:][np.abs(state[1:]) < AT_REST] = 0.0
+    state[1:][np.abs(state[1:]) < ROUNDED_TO_REST] = 0.0
     return state
 
 
