@@ -97,7 +97,7 @@ def plan(  # noqa: PLR0913  # one keyword for each thing that may differ from th
     checked_problem(problem, "plan")
     asked, chosen = _planner(problem, planner, options)
     progress_argument("plan", progress, "a function of a stage's name and a fraction")
-    clock = budget if isinstance(budget, Budget) else Budget(checked_seconds("plan", budget))
+    clock = budget if isinstance(budget, Budget) else Budget(positive_seconds("plan", budget))
     told = progress or silent
     if seed is not None:
         problem = problem.with_seed(seed_argument("plan", seed))
@@ -247,7 +247,7 @@ def _planner(problem: Problem, planner: Any, options: Any) -> tuple[str | Planne
     return found, {}
 
 
-def checked_seconds(function: str, budget: Any) -> float:
+def positive_seconds(function: str, budget: Any) -> float:
     """Return the seconds of a budget that is a number.
 
     Raises:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.api.planning import checked_seconds, plan
+from optiplan.api.planning import plan, positive_seconds
 from optiplan.arrays import is_finite
 from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
 from optiplan.files import write_bytes
@@ -146,7 +146,7 @@ def place(
     if not isinstance(robot, Robot | str | Path | None):
         expected = "a Robot, the name of a shipped one, or the path of a robot.yaml"
         raise wrong_argument("place", "robot", described(robot), expected)
-    seconds = checked_seconds("place", budget)
+    seconds = positive_seconds("place", budget)
     where = _checked(where or PlaceRange())
     folder = None if out is None else path_argument("place", "out", out, "the path of a folder")
     if folder is not None:
