@@ -210,7 +210,7 @@ class GoalSampler:
         new = [
             end
             for end in found
-            if all(apart(end, other, limits) for other in self._nearest) and not self._gravity.too_much(end)
+            if all(are_distinct(end, other, limits) for other in self._nearest) and not self._gravity.too_much(end)
         ]
         self._nearest += new
         self._slid += new
@@ -329,7 +329,7 @@ class _Draw:
         return np.asarray(direction / np.linalg.norm(direction) * self._rng.uniform() ** (1.0 / 3.0))
 
 
-def apart(q: Array, other: Array, limits: Limits) -> bool:
+def are_distinct(q: Array, other: Array, limits: Limits) -> bool:
     """Return whether two ends (n,) are not one: some joint takes a tenth of a second from one to the other."""
     return float((np.abs(q - other) / limits.velocity).max()) > _APART
 
