@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite
 from optiplan.errors import OptiPlanError, described, wrong_argument
-from optiplan.execution.arguments import numbers, told
+from optiplan.execution.arguments import numbers, shown
 from optiplan.execution.chunks.chunk import Chunk
 from optiplan.execution.chunks.search import ChunkSearch, Prepared
 from optiplan.geometry.pose import Pose
@@ -139,7 +139,7 @@ def _numbers(name: str, values: object) -> Array:
         return np.array(values, order="C")
     found = numbers(values)
     if not found.size:
-        raise wrong_argument("certify", name, told(values), "an array of numbers")
+        raise wrong_argument("certify", name, shown(values), "an array of numbers")
     return np.ascontiguousarray(found)
 
 
@@ -173,7 +173,7 @@ def _poses(proof: WarmProof, poses: Mapping[str, Pose] | None) -> dict[str, pin.
     if poses is None:
         return {}
     if not isinstance(poses, Mapping) or not all(isinstance(pose, Pose) for pose in poses.values()):
-        raise wrong_argument("certify", "poses", told(poses), "poses by name")
+        raise wrong_argument("certify", "poses", shown(poses), "poses by name")
     for name in poses:
         if name not in proof.obstacles:
             expected = f"one of: {', '.join(proof.obstacles)}" if proof.obstacles else "a scene with obstacles"
