@@ -126,13 +126,13 @@ def with_tracking_error(problem: Problem, error: TrackingError | Array) -> Probl
 
 
 def verify(problem: Problem, motion: "Trajectory | Samples | Run | Path | str | Sequence[Array]") -> Report:
-    """Hold a motion, whoever made it, against everything that its problem demands.
+    """Verify a motion of any origin against its problem.
 
     Args:
-        problem: what was asked.
-        motion: a `Trajectory`; `Samples`, or (t, q) with times (k,), s, and positions (k, n), rad or m, both of which
-            are interpolated, and the report says how; a `Run`; or the path of a run folder, a `trajectory.json` or a
-            CSV of samples.
+        problem: that the motion is for.
+        motion: a `Trajectory`; `Samples`, or (t, q) with times (k,), s, and positions (k, n), rad or m; a `Run`; or the
+            path of a run folder, a `trajectory.json` or a CSV of samples. Samples are interpolated; the report says
+            how.
 
     Returns:
         The report: `verified`, and every check with its worst value, limit, time and place. A bad motion is a refusal,

@@ -71,7 +71,7 @@ class TrackingPolicy:
 
 
 class TrackingMonitor:
-    """Compare measured states with the proved motion, of which the set-points so far are the part that was passed.
+    """Compare measured states with the set-points sent so far, which are the passed part of the proved motion.
 
     A lag lies on the path. With the set-points p(t) so far, the joints are off by |q - p| at the nearest of them: the
     motion is proved for these joints where that is within its tracking error.

@@ -39,7 +39,7 @@ class Placement:
     """Base poses of a robot for a problem.
 
     Attributes:
-        scores: of all base poses looked at, moved from the given one.
+        scores: of all base poses that were scored, as displacements of the given one.
         given: the run at the given base; None where the problem cannot be stated there.
         runs: (moved, run) of the bases that were planned besides, the shortest verified run first.
         refused: (moved, why) of bases at which the problem cannot be stated.

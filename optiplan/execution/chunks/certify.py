@@ -58,7 +58,7 @@ def certify(
     Holds at: all times of the motion, rounding included.
 
     Args:
-        problem: robot, scene and limits; its goal and vias are not looked at.
+        problem: robot, scene and limits; its goal and vias are ignored.
         q: set-points (k, n), rad or m; 1 to 1000 of them.
         t: (k,) s, rising, from 0 at the start of the motion; None: none.
         start: where the robot is: a `State`, or the motion that it would run from now on, to rest, such as
