@@ -31,7 +31,7 @@ from optiplan.execution.scene import planning_process
 from optiplan.geometry.shapes import build_geometry
 
 ROBOTS = {"panda": "01_reach", "ur5": "09_ur5"}
-AT_REST = planning_process.AT_REST  # s, budget of planning
+BUDGET_AT_REST = planning_process.BUDGET_AT_REST  # s, budget of planning
 DT, PERIOD, GONE = 1e-3, 20, 5.0  # s; ticks between two updates; s after which the obstacle is gone
 FASTEST_LINK = 1.5  # m; no point of these robots is farther from an axis
 HEADINGS = (
@@ -90,7 +90,9 @@ class Watched:
         if not self._wall:
             while not inner._done and not inner.lost:
                 time.sleep(1e-4)
-            cut = AT_REST if asked.law.settled <= asked.then and asked.law.target == 0.0 else inner._policy.latency
+            cut = (
+                BUDGET_AT_REST if asked.law.settled <= asked.then and asked.law.target == 0.0 else inner._policy.latency
+            )
             if now < asked.since + min(inner._done[0].seconds, cut):
                 return None
         if inner._done and inner._done[0].path is not None:
@@ -117,7 +119,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     if options.clock == "processor":
-        planning_process.IN_TIME, planning_process.AT_REST = 20.0, 5.0  # no wall clock cuts a plan short
+        planning_process.IN_TIME, planning_process.BUDGET_AT_REST = 20.0, 5.0  # no wall clock cuts a plan short
     rows, data, broken = [], {}, 0
     for robot in options.robots:
         rng = np.random.default_rng(options.seed)

@@ -14,7 +14,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figur
 
 from typing import Any
 
-from published import print_json, print_table, table_parser, write_markdown
+from published import finish, table_parser
 
 import optiplan as op
 
@@ -107,9 +107,7 @@ def main() -> None:
     arguments = parser.parse_args()
     found = [measured(arguments.cubes, two, arguments.budget) for two in (False, True)]
     rows = [cells(one, found[0]) for one in found]
-    print_table(HEADINGS, rows)
-    write_markdown(arguments.markdown, HEADINGS, rows)
-    print_json({"budget": arguments.budget, "runs": found})
+    finish(arguments.markdown, HEADINGS, rows, {"budget": arguments.budget, "runs": found})
 
 
 if __name__ == "__main__":

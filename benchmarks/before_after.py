@@ -20,7 +20,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from published import import_sets, percentiles, print_json, print_table, table_parser, write_markdown
+from published import by_set, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -113,8 +113,7 @@ def main() -> None:
     finally:
         for way in ways:
             way.end()
-    names = list(dict.fromkeys(row["set"] for row in rows))
-    table = [line(name, [row for row in rows if row["set"] == name]) for name in names] + [line("all", rows)]
+    table = [line(name, group) for name, group in by_set(rows).items()]
     print_table(HEADINGS, table)
     remark = f"Before: `{ways[0].name}`, after: `{ways[1].name}`; native core: {ways[0].core}, {ways[1].core}."
     write_markdown(options.markdown, HEADINGS, table, [remark])

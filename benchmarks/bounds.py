@@ -20,7 +20,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from published import commit, import_sets, percentiles, print_json, print_table, sets_parser, write_markdown
+from published import by_set, commit, import_sets, percentiles, print_json, print_table, sets_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -107,8 +107,7 @@ def measured(problem: op.Problem, duration: float, arguments: argparse.Namespace
 
 def lines(rows: list[dict[str, Any]]) -> Any:
     """One line a set and one for all, in the order of `HEADINGS`."""
-    groups = {name: [row for row in rows if row["set"] == name] for name in dict.fromkeys(row["set"] for row in rows)}
-    for name, group in {**groups, "all": rows}.items():
+    for name, group in by_set(rows).items():
         gaps = [
             " / ".join(f"{100.0 * p:.1f}" for p in percentiles((row[key] for row in group), 50, 80, 90, 100))
             for key in ("gap_alone", "gap")

@@ -15,7 +15,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figur
 from pathlib import Path
 from typing import Any
 
-from published import print_json, print_table, table_parser, write_markdown
+from published import finish, table_parser
 
 import optiplan as op
 from optiplan.viewer.page import render_page
@@ -83,9 +83,7 @@ def main() -> None:
         parser.error(f"unknown cells {', '.join(unknown)}; expected some of {', '.join(CELLS)}")
     found = {name: measured(CELLS[name], arguments.budget, arguments.pages) for name in arguments.cells}
     rows = [cells(name, one) for name, one in found.items()]
-    print_table(HEADINGS, rows)
-    write_markdown(arguments.markdown, HEADINGS, rows)
-    print_json({"budget": arguments.budget, "runs": found})
+    finish(arguments.markdown, HEADINGS, rows, {"budget": arguments.budget, "runs": found})
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 from mbm import silent, steps, warm_up
-from published import commit, import_sets, percentiles, print_json, print_table, sets_parser, write_markdown
+from published import by_set, commit, import_sets, percentiles, print_json, print_table, sets_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -163,9 +163,8 @@ class Distances:
 
 def lines(rows: list[dict[str, Any]]) -> list[list[str]]:
     """Return one line a set and one for all, in the order of `HEADINGS`."""
-    groups = {name: [row for row in rows if row["set"] == name] for name in dict.fromkeys(row["set"] for row in rows)}
     table = []
-    for name, group in {**groups, "all": rows}.items():
+    for name, group in by_set(rows).items():
         good = [row for row in group if row["bad_input"] is None]
         longer = percentiles((row.get("longer") for row in good), 50, 90, 100)
         firsts = [percentiles((row[f"first {key}"] for row in good), 50, 95) for key in ("without", "with")]

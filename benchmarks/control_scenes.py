@@ -28,7 +28,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import trimesh
-from published import print_json, print_table, table_parser, write_markdown
+from published import finish, table_parser
 from qpsolvers import available_solvers
 
 import optiplan as op
@@ -444,9 +444,7 @@ def main() -> None:
     rows = []
     for name in options.scenes:
         rows += list(rows_of(name, SCENES[name], options.mink / "examples", options.steps))
-    print_table(HEADINGS, rows)
-    write_markdown(options.markdown, HEADINGS, rows, [])
-    print_json({"rows": [dict(zip(HEADINGS, row, strict=True)) for row in rows]})
+    finish(options.markdown, HEADINGS, rows, {"rows": [dict(zip(HEADINGS, row, strict=True)) for row in rows]})
 
 
 if __name__ == "__main__":

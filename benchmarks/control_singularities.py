@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import pinocchio as pin
-from published import print_json, print_table, table_parser, write_markdown
+from published import finish, table_parser
 from scipy.optimize import brentq
 
 import optiplan as op
@@ -183,9 +183,7 @@ def main() -> None:
         "Tool error at most / at the end, mm · velocity / acceleration at most, in multiples of the robot's limits "
         f"(more than 1 is beyond them). {SECONDS:g} s, every {DT * 1e3:g} ms."
     )
-    print_table(headings, rows)
-    write_markdown(options.markdown, headings, rows, [remark])
-    print_json(told)
+    finish(options.markdown, headings, rows, told, [remark])
 
 
 if __name__ == "__main__":

@@ -341,7 +341,7 @@ def prepared(name: str, budget: float) -> tuple[op.Run, list[tuple[float, op.Run
 
 def main() -> None:
     """Execute, judge, print."""
-    from published import print_json, print_table, table_parser, write_markdown  # here, for tests import this file
+    from published import finish, table_parser  # here, for tests import this file
 
     parser = table_parser(__doc__)
     parser.add_argument("--events", type=int, default=1000, help="on each run")
@@ -383,9 +383,7 @@ def main() -> None:
         )
         for words in found.violations[:5]:
             print(f"    {words}", flush=True)
-    print_table(HEADINGS, rows)
-    write_markdown(options.markdown, HEADINGS, rows)
-    print_json(data)
+    finish(options.markdown, HEADINGS, rows, data)
     sys.exit(any(one["violations"] for one in data.values()))
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from published import percentiles, print_json, print_table, table_parser, write_markdown
+from published import finish, percentiles, table_parser
 
 import optiplan as op
 from optiplan.execution.paths.path_laws import PathPlace
@@ -46,9 +46,7 @@ def main() -> None:
         )
         data[name] = {"executor": ours.tolist(), "ipopt": best.tolist()}
         print(f"{name}: {len(found)} stops", flush=True)
-    print_table(HEADINGS, rows)
-    write_markdown(options.markdown, HEADINGS, rows)
-    print_json(data)
+    finish(options.markdown, HEADINGS, rows, data)
 
 
 def compared(run: op.Run, stops: int) -> list[tuple[float, float]]:

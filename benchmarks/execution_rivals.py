@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from published import print_json, print_table, table_parser, write_markdown
+from published import finish, table_parser
 
 import optiplan as op
 from optiplan.robot.batched.dynamics import inverse_dynamics
@@ -221,9 +221,7 @@ def main() -> None:
             data[f"{name}, {by}"] = {"shares": judged.shares.tolist(), "off": judged.off, "stops": judged.stops}
             broken |= by == "optiplan" and ((judged.shares > 1.0 + 2e-6).any() or judged.off > 1e-6)
             print(f"{name}, {by}: {judged.changes} changes", flush=True)
-    print_table(HEADINGS, rows)
-    write_markdown(options.markdown, HEADINGS, rows)
-    print_json(data)
+    finish(options.markdown, HEADINGS, rows, data)
     sys.exit(broken)
 
 

@@ -25,7 +25,7 @@ from typing import Any
 
 from both_arms import both_arms
 from pose_goals import pose_problem
-from published import commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
+from published import commit, finish, import_sets, percentiles, table_parser
 from rich.console import Console
 from rich.progress import track
 
@@ -77,9 +77,7 @@ def main() -> None:
             for file in track(files, robot, console=Console(stderr=True), transient=True):
                 rows.append({"robot": robot, "problem": f"{file.parent.name}/{file.stem}", **solve(file, options)})
     table = [line(rows, robot, way) for robot in options.robots for way in WAYS]
-    print_table(HEADINGS, table)
-    write_markdown(options.markdown, HEADINGS, table, [f"Budget {options.budget:g} s."])
-    print_json({"commit": commit(), "runs": rows})
+    finish(options.markdown, HEADINGS, table, {"commit": commit(), "runs": rows}, [f"Budget {options.budget:g} s."])
 
 
 def readable(file: Path) -> bool:

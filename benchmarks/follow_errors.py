@@ -16,7 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figur
 from collections.abc import Callable
 
 import numpy as np
-from published import print_json, print_table, table_parser, write_markdown
+from published import finish, table_parser
 
 import optiplan as op
 from optiplan.simulation.controllers.base import JointTarget
@@ -51,9 +51,7 @@ def main() -> None:
                 rows.append([name, model, source, *(f"{value:.3g}" for value in found)])
                 data[f"{name}, {model}, {source}"] = found
         print(name, flush=True)
-    print_table(HEADINGS, rows)
-    write_markdown(options.markdown, HEADINGS, rows)
-    print_json(data)
+    finish(options.markdown, HEADINGS, rows, data)
 
 
 def executor(run: op.Run) -> Next:

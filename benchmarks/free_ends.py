@@ -17,7 +17,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figur
 from typing import Any
 
 import numpy as np
-from published import percentiles, print_json, print_table, table_parser, write_markdown
+from published import finish, percentiles, table_parser
 from rich.console import Console
 from rich.progress import track
 
@@ -80,9 +80,7 @@ def main() -> None:
             row = {"both": both, "free": free.duration, "fixed": fixed.duration, "bound": least_bound(problem)}
             found[name].append(row)
     rows = [[name, *summary(ones)] for name, ones in found.items()]
-    print_table(HEADINGS, rows)
-    write_markdown(arguments.markdown, HEADINGS, rows)
-    print_json({"budget": arguments.budget, "runs": found})
+    finish(arguments.markdown, HEADINGS, rows, {"budget": arguments.budget, "runs": found})
 
 
 def summary(ones: list[dict[str, Any]]) -> list[str]:

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from published import import_sets, print_json, print_table, table_parser, write_markdown
+from published import finish, import_sets, table_parser
 from rich.console import Console
 from rich.progress import track
 
@@ -175,9 +175,7 @@ def main() -> None:
             ]
             console.print(f"{file.parent.name}/{file.stem}: {' | '.join(told)}")
     rows = [row(name, entries) for name, entries in found.items()]
-    print_table(HEADINGS, rows)
-    write_markdown(arguments.markdown, HEADINGS, rows)
-    print_json({"budget": arguments.budget, **found})
+    finish(arguments.markdown, HEADINGS, rows, {"budget": arguments.budget, **found})
 
 
 if __name__ == "__main__":

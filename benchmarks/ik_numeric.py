@@ -27,9 +27,10 @@ from published import script_parser
 from rich.console import Console
 from rich.table import Table
 
+from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.kinematics.ik.null_space import AIMS, Preference
-from optiplan.kinematics.ik.numeric import IkOptions, SeedPool, pose_error, random_seeds, solve_ik, solve_ik_batch
+from optiplan.kinematics.ik.numeric import IkOptions, SeedPool, random_seeds, solve_ik, solve_ik_batch
 from optiplan.robot.robot import Robot, load_robot
 
 ROBOTS = ("panda", "baxter_left")

@@ -27,7 +27,17 @@ from typing import Any
 
 import numpy as np
 import yaml
-from published import SHARED, commit, import_sets, percentiles, print_json, print_table, sets_parser, write_markdown
+from published import (
+    SHARED,
+    by_set,
+    commit,
+    import_sets,
+    percentiles,
+    print_json,
+    print_table,
+    sets_parser,
+    write_markdown,
+)
 from rich.console import Console
 from rich.progress import track
 
@@ -264,8 +274,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 def lines(rows: list[dict[str, Any]]) -> Any:
     """One line a set and one for all, in the order of `HEADINGS`."""
-    groups = {name: [row for row in rows if row["set"] == name] for name in dict.fromkeys(row["set"] for row in rows)}
-    for name, group in {**groups, "all": rows}.items():
+    for name, group in by_set(rows).items():
         s = summary(group)
         good = s["problems"] - s["bad_input"]
         shares = (f"{s[key]} of {good} ({100 * s[key] / max(good, 1):.1f} %)" for key in ("verified", "confirmed"))

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from published import commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
+from published import by_set, commit, import_sets, percentiles, print_json, print_table, table_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -78,8 +78,7 @@ def main() -> None:
                         console.print(f"{row['set']}/{row['problem']}: {row['why']}", markup=False)
         except KeyboardInterrupt:
             pass
-    names = list(dict.fromkeys(row["set"] for row in rows))
-    table = [line(name, [row for row in rows if row["set"] == name]) for name in names] + [line("all", rows)]
+    table = [line(name, group) for name, group in by_set(rows).items()]
     print_table(HEADINGS, table)
     failed = [
         f"- {row['set']}/{row['problem']}: {row['why']}" for row in rows if row["feasible"] and not row["verified"]

@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from published import print_json, print_table, table_parser, write_markdown
+from published import finish, table_parser
 
 import optiplan as op
 from optiplan.planners import base
@@ -62,9 +62,7 @@ def main() -> None:
     arguments = parser.parse_args()
     found = [measured(name, arguments.budget) for name in arguments.tasks]
     rows = [cells(one) for one in found]
-    print_table(HEADINGS, rows)
-    write_markdown(arguments.markdown, HEADINGS, rows)
-    print_json({"budget": arguments.budget, "runs": found})
+    finish(arguments.markdown, HEADINGS, rows, {"budget": arguments.budget, "runs": found})
 
 
 if __name__ == "__main__":

@@ -92,6 +92,23 @@ def print_json(data: Mapping[str, Any]) -> None:
     print(json.dumps(_finite(data)), flush=True)
 
 
+def finish(
+    path: Path | None, headings: Sequence[str], rows: Rows, data: Mapping[str, Any], remarks: Iterable[str] = ()
+) -> None:
+    """Print the table, write it with its remarks to a file where one is given, and print the data as JSON."""
+    print_table(headings, rows)
+    write_markdown(path, headings, rows, remarks)
+    print_json(data)
+
+
+def by_set(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """The rows of each set, in the order in which sets come first, and `all` of them last."""
+    groups: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    for row in rows:
+        groups[row["set"]].append(row)
+    return {**groups, "all": list(rows)}
+
+
 def import_sets(robot: str, folder: Path, every: int = 1, offset: int = 0) -> dict[str, list[Path]]:
     """Problem files of MotionBenchMaker by set: those with the indices offset, offset + every, … of each set.
 

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from published import SHARED, print_json, print_table, table_parser, write_markdown
+from published import SHARED, finish, print_table, table_parser
 
 import optiplan as op
 from optiplan.planners import base
@@ -214,9 +214,7 @@ def main() -> None:
         *("joint movement, rad", "off path, mm", "off speed, %", "planning, s", "verified"),
     )
     rows = [one.cells() for one in found]
-    print_table(headings, rows)
-    write_markdown(arguments.markdown, headings, rows)
-    print_json({"runs": [vars(one) for one in found]})
+    finish(arguments.markdown, headings, rows, {"runs": [vars(one) for one in found]})
 
 
 if __name__ == "__main__":

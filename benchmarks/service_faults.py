@@ -32,24 +32,13 @@ import httpx
 import sqlalchemy as sa
 from published import print_table, table_parser, write_markdown
 from service_outages import HEADINGS as OUTAGE_HEADINGS
-from service_outages import Kind, Round, outage_rounds, outage_row
+from service_outages import QUICK, Kind, Round, outage_rounds, outage_row
 from service_process import HTTP, Program, postgres
 
 from optiplan.problem.load import problem_from_dict
 from optiplan.service.settings import ServiceSettings
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.verify import verify
-
-PROBLEM = """\
-version: 1
-name: faults
-robot: planar2r
-start: {joints: [0.5, 1.0]}
-goal: {joints: [-0.5, 1.2]}
-scene: {obstacles: [{name: far, shape: {sphere: 0.1}, pose: {position: [-1, 0.18, 1]}}]}
-planner: quintic
-"""
-
 
 HEADINGS = ("database", "workers", "kills", "done and verified", "lost", "done twice", "broken answers", "refused")
 HEADINGS += ("runs by process", "restart s 50 % / longest")
@@ -130,7 +119,7 @@ def faults(folder: Path, database: str, plan: Plan) -> Findings:
 
 
 def _submit(url: str, job: int, ids: dict[str, int]) -> None:
-    answer = HTTP.post(f"{url}/api/runs", json={"problem": PROBLEM, "seed": job, "budget": 5.0})
+    answer = HTTP.post(f"{url}/api/runs", json={"problem": QUICK, "seed": job, "budget": 5.0})
     answer.raise_for_status()
     ids[answer.json()["id"]] = job
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 from published import table_parser, write_markdown
-from service_faults import PROBLEM
+from service_outages import QUICK
 from service_process import serving, wait_until_ready
 
 from optiplan.bench.execution.machine import descendants, resident
@@ -57,7 +57,7 @@ def load(url: str, pid: int, runs: int) -> Load:
     with httpx.Client(base_url=url, trust_env=False, timeout=120.0, limits=limits) as http:
 
         def submit(seed: int) -> str:
-            answer = http.post("/api/runs", json={"problem": PROBLEM, "seed": seed, "budget": 5.0})
+            answer = http.post("/api/runs", json={"problem": QUICK, "seed": seed, "budget": 5.0})
             answer.raise_for_status()
             run: str = answer.json()["id"]
             return run

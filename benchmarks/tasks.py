@@ -17,7 +17,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from published import print_json, print_table, table_parser, write_markdown
+from published import finish, table_parser
 
 import optiplan as op
 from optiplan.trajectory.timing.lower_bound import lower_bounds
@@ -91,9 +91,7 @@ def main() -> None:
     arguments = parser.parse_args()
     found = [measured(name, arguments.budget) for name in arguments.tasks]
     rows = [cells(one) for one in found]
-    print_table(HEADINGS, rows)
-    write_markdown(arguments.markdown, HEADINGS, rows)
-    print_json({"budget": arguments.budget, "runs": found})
+    finish(arguments.markdown, HEADINGS, rows, {"budget": arguments.budget, "runs": found})
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from published import SHARED, print_json, print_table, table_parser, write_markdown
+from published import SHARED, finish, table_parser
 
 import optiplan as op
 from optiplan.planners import base
@@ -213,9 +213,7 @@ def main() -> None:
     arguments = parser.parse_args()
     table = growth if arguments.growth else optimality if arguments.optimality else sizes
     headings, rows, runs = table(arguments)
-    print_table(headings, rows)
-    write_markdown(arguments.markdown, headings, rows)
-    print_json({"budget": arguments.budget, "runs": runs})
+    finish(arguments.markdown, headings, rows, {"budget": arguments.budget, "runs": runs})
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from typing import Any
 
 from clearance import judged
 from mbm import silent, warm_up
-from published import commit, import_sets, percentiles, print_json, print_table, sets_parser, write_markdown
+from published import by_set, commit, import_sets, percentiles, print_json, print_table, sets_parser, write_markdown
 from rich.console import Console
 from rich.progress import track
 
@@ -72,9 +72,8 @@ def solved(file: Path, options: argparse.Namespace) -> dict[str, Any]:
 
 def lines(rows: list[dict[str, Any]]) -> list[list[str]]:
     """Return one line a set and one for all, in the order of `HEADINGS`."""
-    groups = {name: [row for row in rows if row["set"] == name] for name in dict.fromkeys(row["set"] for row in rows)}
     table = []
-    for name, group in {**groups, "all": rows}.items():
+    for name, group in by_set(rows).items():
         kept = [row for row in group if row["kept"]]
         longer = percentiles([row["longer"] for row in kept], 50, 90, 100)
         seconds = percentiles([row["seconds"] for row in group], 50, 95)

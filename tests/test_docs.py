@@ -104,6 +104,9 @@ def test_every_public_name_is_in_the_reference():
     text = "".join(page.read_text(encoding="utf-8") for page in (DOCS / "reference").glob("python*.md"))
     documented = re.findall(r"^::: optiplan\.(?:\w+\.)*(\w+)$", text, re.MULTILINE)
     assert sorted(documented) == sorted(set(op.__all__) - {"__version__"})
+    headed = re.findall(r"^::: ([\w.]+)\n +options: {heading: optiplan\.(\w+), toc_label: (\w+)}$", text, re.MULTILINE)
+    assert headed
+    assert all(name.split(".")[-1] == heading == label for name, heading, label in headed)
     assert "optiplan.__version__" in text
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import optiplan as op
 from optiplan.problem.load import load_problem
 
 ROOT = Path(__file__).parent.parent
@@ -49,4 +50,4 @@ def test_readme_python_runs(code, tmp_path, monkeypatch):
 def test_readme_problem_can_be_planned(text, tmp_path):
     path = tmp_path / "problem.yaml"
     path.write_text(text)
-    assert load_problem(path).robot.name == "panda"
+    assert op.plan(load_problem(path), budget=5.0).verified

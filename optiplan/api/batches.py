@@ -6,7 +6,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from optiplan.api.planning import BUDGET, checked_seconds
+from optiplan.api.planning import BUDGET, positive_seconds
 from optiplan.cores import cores
 from optiplan.errors import (
     InputError,
@@ -116,7 +116,7 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
         make_planner(planner, options or {})
     root, files = _files(problems)
     _check_names(root, files)
-    seconds = checked_seconds("plan_batch", budget)
+    seconds = positive_seconds("plan_batch", budget)
     told = {"planner": planner, "options": options and dict(options), "budget": seconds, "seeds": seeds, "rate": rate}
     with BatchStore(target, {**told, "root": str(root)}) as store:
         done = store.done()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from optiplan.api.planning import BUDGET, checked_problem, checked_seconds, verify
+from optiplan.api.planning import BUDGET, checked_problem, positive_seconds, verify
 from optiplan.errors import described, wrong_argument
 from optiplan.problem.problem import Problem
 from optiplan.runs.run import Run
@@ -42,7 +42,7 @@ def bound(problem: Problem, budget: float = BUDGET, motion: Run | Trajectory | N
         True
     """
     checked_problem(problem, "bound")
-    seconds = checked_seconds("bound", budget)
+    seconds = positive_seconds("bound", budget)
     known = _duration(problem, motion)
     require_bound(problem)
     return bound_of(problem, seconds, known)

@@ -52,7 +52,7 @@ def ik(  # noqa: PLR0913  # one keyword for each thing that chooses among soluti
         near: the configuration that solutions should be near to, as of `Robot.fk`; None: `ready`, else the first that
             has a name, else zero. It chooses among whole turns, too.
         scene: only solutions where the robot touches neither itself nor a body of the scene; `[]`: nor itself; None:
-            collisions are not looked at.
+            collisions are not checked.
         prefer: of a redundant arm: each solution moves, with its pose kept, to the `middle` of the joint limits, to the
             `reference`, which is `near`, or to the greatest `manipulability`; None: as found.
         count: solutions returned, at most; a closed form has no more than eight.

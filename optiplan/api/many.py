@@ -6,7 +6,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from typing import Any
 
-from optiplan.api.planning import BUDGET, checked_problem, checked_seconds
+from optiplan.api.planning import BUDGET, checked_problem, positive_seconds
 from optiplan.cores import OneThreadContext, cores
 from optiplan.errors import (
     InputError,
@@ -74,7 +74,7 @@ def plan_many(
         True
     """
     progress_argument("plan_many", progress)
-    requests = _requests(problems, planner, options, checked_seconds("plan_many", budget))
+    requests = _requests(problems, planner, options, positive_seconds("plan_many", budget))
     if is_dask_client(workers):
         client: Any = workers
         there = [client.submit(_planned, one, pure=False) for one in requests]

@@ -97,7 +97,7 @@ def plan(  # noqa: PLR0913  # one keyword for each thing that may differ from th
     checked_problem(problem, "plan")
     asked, chosen = _planner(problem, planner, options)
     progress_argument("plan", progress, "a function of a stage's name and a fraction")
-    clock = budget if isinstance(budget, Budget) else Budget(checked_seconds("plan", budget))
+    clock = budget if isinstance(budget, Budget) else Budget(positive_seconds("plan", budget))
     told = progress or silent
     if seed is not None:
         problem = problem.with_seed(seed_argument("plan", seed))
@@ -128,13 +128,13 @@ def with_tracking_error(problem: Problem, error: TrackingError | Array) -> Probl
 
 
 def verify(problem: Problem, motion: "Trajectory | Samples | Run | Path | str | Sequence[Array]") -> Report:
-    """Hold a motion, whoever made it, against everything that its problem demands.
+    """Verify a motion of any origin against its problem.
 
     Args:
-        problem: what was asked.
-        motion: a `Trajectory`; `Samples`, or (t, q) with times (k,), s, and positions (k, n), rad or m, both of which
-            are interpolated, and the report says how; a `Run`; or the path of a run folder, a `trajectory.json` or a
-            CSV of samples.
+        problem: that the motion is for.
+        motion: a `Trajectory`; `Samples`, or (t, q) with times (k,), s, and positions (k, n), rad or m; a `Run`; or the
+            path of a run folder, a `trajectory.json` or a CSV of samples. Samples are interpolated; the report says
+            how.
 
     Returns:
         The report: `verified`, and every check with its worst value, limit, time and place. A bad motion is a refusal,
@@ -249,7 +249,7 @@ def _planner(problem: Problem, planner: Any, options: Any) -> tuple[str | Planne
     return found, {}
 
 
-def checked_seconds(function: str, budget: Any) -> float:
+def positive_seconds(function: str, budget: Any) -> float:
     """Return the seconds of a budget that is a number.
 
     Raises:

@@ -65,7 +65,7 @@ def view(*runs: Run | Path | str, block: bool = True, port: int = FIRST_PORT, me
         block: serve until ctrl-C and tell the address on standard output; else in the background.
         port: the first to try; the next free one is taken, 0 any.
         meshcat_port: where scripts draw into the page by meshcat's protocol, 0 any; None: nowhere. What cannot be
-            drawn is told on the page and on standard error.
+            drawn is reported on the page and on standard error.
 
     Returns:
         The view: its `url` and `meshcat_url`, and `close`, which a view that blocked has behind it.

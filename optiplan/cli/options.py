@@ -1,5 +1,6 @@
 """Arguments and options that several commands share."""
 
+import math
 from typing import Annotated
 
 import typer
@@ -14,3 +15,12 @@ RobotName = Annotated[
 ]
 Frame = Annotated[str | None, typer.Option(metavar="NAME", help="frame (default: the robot's tool frame)")]
 Group = Annotated[str | None, typer.Option(metavar="NAME", help="the joints that move; see: robots show")]
+
+
+def numbers(text: str) -> list[float]:
+    """Parse numbers separated by commas; empty if one of them is not finite, or not a number."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        return []
+    return values if all(map(math.isfinite, values)) else []

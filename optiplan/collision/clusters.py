@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.geometry.convex_hulls import Hull, kept_hull
-from optiplan.geometry.meshes.box_surfaces import BOX_CORNERS
+from optiplan.geometry.meshes.box_surfaces import box_corners
 from optiplan.robot.loaded_robots import once_for_each_robot
 from optiplan.robot.robot import Robot
 
@@ -77,7 +77,7 @@ def _corners(body: pin.GeometryObject) -> Array:
     """Return the corners (k, 3) of a polyhedron in the frame of its joint, m; none of other shapes."""
     match body.geometry:
         case coal.Box():
-            points = (2.0 * BOX_CORNERS - 1.0) * np.array(body.geometry.halfSide)
+            points = box_corners(np.array(body.geometry.halfSide))
         case coal.ConvexBase():
             points = np.array(body.geometry.points())
         case _:

@@ -230,10 +230,9 @@ def _built(safety: Safety, robot: Robot) -> tuple[BuiltNear, ...]:
 
 def _spread(robot: Robot) -> Array:
     """Return configurations (128, n) within the limits: multiples of irrational steps, a Kronecker sequence."""
-    limits, joints = robot.limits, np.arange(robot.n)
+    joints = np.arange(robot.n)
     steps = np.sqrt(_PRIMES[joints % len(_PRIMES)]) / (1 + joints // len(_PRIMES))
-    lower = np.where(np.isfinite(limits.lower), limits.lower, -np.pi)
-    upper = np.where(np.isfinite(limits.upper), limits.upper, np.pi)
+    lower, upper = robot.limits.range_about(0.0, 0.0)
     return np.asarray(lower + np.modf(np.arange(1, _SPREAD + 1)[:, None] * steps)[0] * (upper - lower))
 
 
@@ -268,8 +267,7 @@ def _built_nearer(model: CollisionModel, safety: Safety, asked: Array, scene: Ar
 
 def _along(robot: Robot, j: int) -> Array:
     """Return configurations (33, n) over the range of joint j."""
-    lower = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -np.pi)
-    upper = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, np.pi)
+    lower, upper = robot.limits.range_about(0.0, 0.0)
     Q = np.tile(0.5 * (lower + upper), (_ALONG, 1))
     Q[:, j] = np.linspace(lower[j], upper[j], _ALONG)
     return Q

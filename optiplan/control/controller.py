@@ -52,10 +52,10 @@ class Controller:
     """A robot's tasks and limits as one quadratic program a step, never without an answer.
 
     With the velocities x (n,) at the end of the step as unknowns, minimise sum |cost (J x - rate)|² + damping² |x|²
-    within bounds (position, velocity, acceleration, jerk of each joint) and rows (all other limits). Then the answer is
-    looked at: it is commanded only if the robot, braking from there, stays within its limits and clear of everything;
-    otherwise the robot goes along its stop, which has been looked at in the step before, for as long as the step lasts.
-    So a command always exists, whatever the solver does, and however long the step is that comes.
+    within bounds (position, velocity, acceleration, jerk of each joint) and rows (all other limits). Each step is
+    checked before it is commanded: from its end the robot must be able to brake within its limits and without contact.
+    Otherwise the robot follows, for as long as the step lasts, the stop that the step before has checked. So a command
+    always exists, whatever the solver does, and however long the step is that comes.
 
     Args:
         robot: what is controlled.

@@ -35,7 +35,7 @@ def numbers(values: Any) -> Array:
         return np.empty(0)
 
 
-def told(value: Any) -> str:
+def shown(value: Any) -> str:
     """Describe a value, also one that cannot be printed."""
     try:
         return described(value)
@@ -55,19 +55,19 @@ def checked_arguments(run: Any, override: Any, deviation: Any, clearance: Any) -
         InputError: the first one.
     """
     if not isinstance(run, Run):
-        raise wrong_argument("Executor", "run", told(run), "a verified run of op.plan(…)")
+        raise wrong_argument("Executor", "run", shown(run), "a verified run of op.plan(…)")
     if not is_share(override):
-        raise wrong_argument("Executor", "override", told(override), "a speed from 0 to 1")
+        raise wrong_argument("Executor", "override", shown(override), "a speed from 0 to 1")
     if deviation is not None and not (is_finite(deviation) and deviation > 0.0):
-        raise wrong_argument("Executor", "deviation", told(deviation), "a distance > 0, rad or m, or None")
+        raise wrong_argument("Executor", "deviation", shown(deviation), "a distance > 0, rad or m, or None")
     if not (is_finite(clearance) and clearance >= 0.0):
-        raise wrong_argument("Executor", "clearance", told(clearance), "a distance >= 0, m")
+        raise wrong_argument("Executor", "clearance", shown(clearance), "a distance >= 0, m")
 
 
 def checked_step(dt: Any) -> tuple[float, str]:
     """Return the length of a tick, s; where it cannot be, 0 or the longest, and why the robot must stop."""
     if not is_finite(dt) or dt < 0.0:
-        return 0.0, f"tick: found a step of {told(dt)}; expected seconds >= 0"
+        return 0.0, f"tick: found a step of {shown(dt)}; expected seconds >= 0"
     if dt > LONGEST_TICK + ROUNDED:
         return LONGEST_TICK, f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s"
     return float(dt), ""
@@ -80,12 +80,12 @@ def checked_seconds(function: str, argument: str, value: Any) -> float:
         InputError: another value.
     """
     if not is_finite(value) or value < 0.0:
-        raise wrong_argument(function, argument, told(value), "seconds >= 0")
+        raise wrong_argument(function, argument, shown(value), "seconds >= 0")
     return float(value)
 
 
 def stop_words(reason: Any, how: Any) -> tuple[str, bool]:
     """Return the reason of a stop in words, whatever it is, and whether the joints are to stop off the path."""
     if not isinstance(how, str) or how not in ("path", "joints"):
-        return f"stop: found {told(how)}; expected 'path' or 'joints'", False
-    return reason if isinstance(reason, str) else told(reason), how == "joints"
+        return f"stop: found {shown(how)}; expected 'path' or 'joints'", False
+    return reason if isinstance(reason, str) else shown(reason), how == "joints"

@@ -16,20 +16,20 @@ from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.report import VerifyPolicy
 
 CELL = 0.02
-"""s: length of the parts of the path in which a clearance and the levers of bodies are kept."""
+"""s: length of the parts of the path in which a clearance and the moment arms of bodies are kept."""
 
 
 _SAME, _PROBE = 1e-12, 1e-3
-"""s between times that are one; rad or m, with which levers are probed."""
+"""s between times that are one; rad or m, with which moment arms are probed."""
 
 
 @dataclass(frozen=True, eq=False)
 class _PartClearance:
-    """K cells of a part of the path: edges (K + 1,), s; clearance (K, P), m, and levers (K, P, n), m or 1, of pairs."""
+    """K cells of a part of the path: edges (K + 1,), s; clearance (K, P), m, and moment arms (K, P, n), m or 1."""
 
     edges: Array
     clearance: Array
-    levers: Array
+    moment_arms: Array
 
 
 class ClearanceLeft:
@@ -56,7 +56,7 @@ class ClearanceLeft:
         """
         part = next((one for one in self._parts if place <= one.edges[-1]), self._parts[-1])
         k = int(np.searchsorted(part.edges[1:-1], place, side="right"))
-        left = part.clearance[k] - np.exp(off.sum()) * (part.levers[k] @ off)
+        left = part.clearance[k] - np.exp(off.sum()) * (part.moment_arms[k] @ off)
         return float(left.min(initial=np.inf))
 
 
@@ -74,18 +74,18 @@ def _clearances(part: ScenePart, motion: Trajectory) -> _PartClearance:
         last = np.clip(np.searchsorted(edges, end - _SAME, side="left"), 1, count)
         for one, low, high, least in zip(pairs, first, last, proved, strict=True):
             clearance[low:high, one] = np.minimum(clearance[low:high, one], least)
-    return _PartClearance(edges + part.begin, clearance, _levers(model, motion, edges))
+    return _PartClearance(edges + part.begin, clearance, _moment_arms(model, motion, edges))
 
 
-def _levers(model: CollisionModel, motion: Trajectory, edges: Array) -> Array:
-    """Return the levers (K, P, n): those in the middle of each cell, and how far bodies travel within it."""
+def _moment_arms(model: CollisionModel, motion: Trajectory, edges: Array) -> Array:
+    """Return the moment arms (K, P, n): those in the middle of each cell, and how far bodies travel within it."""
     middle, half = motion(0.5 * (edges[1:] + edges[:-1])), 0.5 * float(edges[1] - edges[0])
     fastest = np.maximum(*np.abs(motion.extrema(1)))
-    bounds, levers = model.bounds, np.zeros((len(middle), len(model.pairs), motion.n))
+    bounds, moment_arms = model.bounds, np.zeros((len(middle), len(model.pairs), motion.n))
     travel = bounds.travel(middle, np.tile(half * fastest, (len(middle), 1)))
     for j in range(motion.n):
         one = np.zeros_like(middle)
         one[:, j] = _PROBE
         found = bounds.travel(middle, one) / _PROBE
-        levers[:, :, j] = np.where(found > 0.0, found + travel, 0.0)
-    return levers
+        moment_arms[:, :, j] = np.where(found > 0.0, found + travel, 0.0)
+    return moment_arms

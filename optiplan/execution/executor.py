@@ -90,7 +90,7 @@ class Executor(LawFollower):
     ) -> None:
         arguments.checked_arguments(run, override, deviation, clearance)
         if tracking is not None and not isinstance(tracking, TrackingPolicy):
-            raise wrong_argument("Executor", "tracking", arguments.told(tracking), "an op.TrackingPolicy(…), or None")
+            raise wrong_argument("Executor", "tracking", arguments.shown(tracking), "an op.TrackingPolicy(…), or None")
         self._path = ProvedPath(run, "Executor")
         self._policy = Policy.of(policy, separation)
         watch = SceneWatch(self._path, float(clearance), self._policy.linger)
@@ -134,7 +134,7 @@ class Executor(LawFollower):
     @override.setter
     def override(self, speed: float) -> None:
         if not arguments.is_share(speed):
-            self.stop(f"override: found {arguments.told(speed)}; expected a speed from 0 to 1")
+            self.stop(f"override: found {arguments.shown(speed)}; expected a speed from 0 to 1")
             return
         self._override = float(speed)
         self._aim()

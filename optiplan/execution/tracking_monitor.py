@@ -8,7 +8,7 @@ import numpy as np
 from optiplan._core import core
 from optiplan.arrays import Array, is_finite
 from optiplan.errors import wrong_argument
-from optiplan.execution.arguments import numbers, told
+from optiplan.execution.arguments import numbers, shown
 from optiplan.execution.clearance_left import ClearanceLeft
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.paths.proved_path import ProvedPath
@@ -64,14 +64,14 @@ class TrackingPolicy:
         for name in ("most_lag", "latency", "oldest"):
             value = getattr(self, name)
             if not is_finite(value) or not 0.0 <= value <= 10.0:
-                raise wrong_argument("TrackingPolicy", name, told(value), "0 to 10 s")
+                raise wrong_argument("TrackingPolicy", name, shown(value), "0 to 10 s")
         least = self.least_clearance
         if least is not None and not (is_finite(least) and least >= 0.0):
-            raise wrong_argument("TrackingPolicy", "least_clearance", told(least), "a distance >= 0, m, or None")
+            raise wrong_argument("TrackingPolicy", "least_clearance", shown(least), "a distance >= 0, m, or None")
 
 
 class TrackingMonitor:
-    """Compare measured states with the proved motion, of which the set-points so far are the part that was passed.
+    """Compare measured states with the set-points sent so far, which are the passed part of the proved motion.
 
     A lag lies on the path. With the set-points p(t) so far, the joints are off by |q - p| at the nearest of them: the
     motion is proved for these joints where that is within its tracking error.
@@ -137,7 +137,7 @@ class TrackingMonitor:
             found = measured.q
         at = np.array(found if type(found) is np.ndarray and found.dtype == np.float64 else numbers(found))  # is kept
         if at.shape != q.shape or not np.isfinite(at).all():
-            return f"measured: found {told(found)}; expected {len(q)} finite positions"
+            return f"measured: found {shown(found)}; expected {len(q)} finite positions"
         if self._endless is not None:
             at = at + np.where(self._endless, 2.0 * np.pi * np.round((q - at) / (2.0 * np.pi)), 0.0)
         return self._compare(at, now - age) or self._jump(at, stamp)
@@ -146,7 +146,7 @@ class TrackingMonitor:
         """Return what is wrong with the times of a state, or nothing; `now`, s, is that of the ticks."""
         stamp, age, last = measured.stamp, measured.age, self._stamp
         if not (is_finite(stamp) and is_finite(age) and age >= 0.0):
-            return f"measured: found a stamp of {told(stamp)} and an age of {told(age)}; expected seconds, an age >= 0"
+            return f"measured: found a stamp of {shown(stamp)}, an age of {shown(age)}; expected seconds, an age >= 0"
         self._stamp, passed = stamp, now - self._fresh
         if last is None or stamp != last:
             self._fresh = now

@@ -97,6 +97,17 @@ def covering_hull(vertices: Array) -> Hull:
         return thickened_hull(distinct)
 
 
+def plain_hull(points: Array) -> Hull:
+    """Return the hull of points (k, 3), m, as qhull finds it: also where coal cannot build it.
+
+    Raises:
+        QhullError: fewer than four points, or all in one plane.
+    """
+    from scipy.spatial import ConvexHull
+
+    return _outward(ConvexHull(points))
+
+
 def kept_hull(vertices: Array) -> Hull:
     """Return `covering_hull` of points (k, 3), m, cached on disk: for the shapes of robots and scenes.
 

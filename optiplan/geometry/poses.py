@@ -1,8 +1,8 @@
-"""Poses from and to plain data (YAML, JSON), over `pinocchio.SE3`."""
+"""Poses from and to plain data (YAML, JSON) and the distance of two, over `pinocchio.SE3`."""
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -102,6 +102,24 @@ def pose_from_matrix(values: Sequence[float]) -> pin.SE3:
         raise ValueError(f"found {found}; expected a rotation, RᵀR = I within {UNIT_TOLERANCE:g} and det R = 1")
     U, _, Vt = np.linalg.svd(R)
     return pin.SE3(U @ Vt, matrix[:3, 3])
+
+
+class PoseError(NamedTuple):
+    """How far a pose is from another.
+
+    Attributes:
+        position: distance of the origins, m.
+        orientation: angle of the rotation from one to the other, rad.
+    """
+
+    position: float
+    orientation: float
+
+
+def pose_error(X_WF: pin.SE3, X_WG: pin.SE3) -> PoseError:
+    """Return the distance between two poses: |p_G - p_F| and |log(R_WFᵀ R_WG)|."""
+    angle = np.linalg.norm(pin.log3(X_WF.rotation.T @ X_WG.rotation))
+    return PoseError(float(np.linalg.norm(X_WG.translation - X_WF.translation)), float(angle))
 
 
 class FixedPose(pin.SE3):  # type: ignore[misc]  # pinocchio has no types

@@ -31,12 +31,10 @@ class SupportPolygon:
         Raises:
             ValueError: the points lie on a line.
         """
-        hull = _convex_hull(np.asarray(points, dtype=np.float64).reshape(-1, 2))
-        x, y = hull.T
-        area = 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) if len(hull) > 2 else 0.0
-        if area < _FLAT:
+        polygon = cls(_convex_hull(np.asarray(points, dtype=np.float64).reshape(-1, 2)), float(height))
+        if polygon.area < _FLAT:
             raise ValueError("found points on one line; expected points that span an area")
-        return cls(hull, float(height))
+        return polygon
 
     @cached_property
     def normals(self) -> Array:
@@ -94,21 +92,12 @@ def zero_moment_points(wrench: Array, height: float) -> Array:
 
 
 def _convex_hull(points: Array) -> Array:
-    """Corners (k, 2) of the convex hull of points (m, 2), counter-clockwise. Andrew's monotone chain."""
+    """Corners (k, 2) of the convex hull of points (m, 2), counter-clockwise from the leftmost; none of a line."""
+    from scipy.spatial import ConvexHull, QhullError  # here, for few robots have such a polygon
+
     ordered = np.unique(points, axis=0)
-    if len(ordered) < 3:
-        return ordered
-
-    def chain(way: Array) -> list[Array]:
-        kept: list[Array] = []
-        for point in way:
-            while len(kept) > 1 and _turn(kept[-2], kept[-1], point) <= 0.0:
-                kept.pop()
-            kept.append(point)
-        return kept[:-1]
-
-    return np.array(chain(ordered) + chain(ordered[::-1]))
-
-
-def _turn(a: Array, b: Array, c: Array) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+    try:
+        corners = ConvexHull(ordered).vertices
+    except (QhullError, ValueError):  # ValueError: no points
+        return ordered[:0]
+    return np.asarray(ordered[np.roll(corners, -int(corners.argmin()))])

@@ -187,13 +187,7 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
     spec, issues = _schema(document)
     compiler = Compiler(document, base, spec or document.data)
     robot = compiler.robot(robots)
-    scene = compiler.scene(robot)
-    clearance = None if spec is None else spec.clearance
-    tools = [body for _, name, tool in compiler.tools for body in tool.bodies_of(name)]
-    links = () if robot is None else link_names(robot)
-    safety, unsafe = safety_of(document, clearance, scene, [*links, *tools])
-    safety = safety if robot is None else with_built(safety, robot)
-    scene = scene if safety is None else replace(scene, safety=safety)
+    scene, unsafe = _with_safety(compiler, spec, robot)
     parts = None if robot is None else _parts(compiler, without_tools(robot), scene)
     issues += [] if any(issue.field == "file" for issue in issues) else goal_or_task(document)
     issues += compiler.issues + (unsafe if robot is not None else [])
@@ -221,7 +215,7 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
         "goal": tuple(part.value for part in parts.goal),
         "limits": limits,
         "tracking_error": error,
-        "wished_clearance": WISHED if clearance is None else 0.0,
+        "wished_clearance": WISHED if spec.clearance is None else 0.0,
         "vias": tuple(part.value for part in parts.vias),
         "task": tuple(part.value for part in parts.task),
         "objective": Objective(**{part: weight for part, weight in spec.objective if weight is not None}),
@@ -232,6 +226,17 @@ def _read_lists(document: Document, base: Path, robots: RobotLoader) -> Mapping[
         "source": source,
         "hash": digest,
     }
+
+
+def _with_safety(compiler: Compiler, spec: ProblemSpec | None, robot: Robot | None) -> tuple[Scene, list[Issue]]:
+    """Return the scene with the clearance that is required in it, and what is wrong with that."""
+    scene = compiler.scene(robot)
+    tools = [body for _, name, tool in compiler.tools for body in tool.bodies_of(name)]
+    links = () if robot is None else link_names(robot)
+    clearance = None if spec is None else spec.clearance
+    safety, unsafe = safety_of(compiler.document, clearance, scene, [*links, *tools])
+    safety = safety if robot is None else with_built(safety, robot)
+    return scene if safety is None else replace(scene, safety=safety), unsafe
 
 
 def _parts(compiler: Compiler, bare: Robot, stated: Scene) -> _ProblemParts:

@@ -72,6 +72,11 @@ class Limits(ReadOnlyArrays):
         """How far each joint is from 0 at most (n,), rad or m; `UNBOUNDED` of one without bounds."""
         return np.minimum(np.maximum(np.abs(self.lower), np.abs(self.upper)), UNBOUNDED)
 
+    def range_about(self, low: Array | float, high: Array | float) -> tuple[Array, Array]:
+        """Return position limits (n,), (n,), rad or m; π below `low` and above `high` where a joint has none."""
+        lower = np.where(np.isfinite(self.lower), self.lower, low - np.pi)
+        return lower, np.where(np.isfinite(self.upper), self.upper, high + np.pi)
+
     def of_joints(self, kept: Sequence[int]) -> "Limits":
         """Return the limits of some joints, by index."""
         return Limits(*(getattr(self, one.name)[list(kept)] for one in fields(self)))

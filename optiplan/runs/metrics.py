@@ -20,10 +20,10 @@ from optiplan.robot.robot import Robot
 from optiplan.runs.base_load import BaseLoad, base_load
 from optiplan.trajectory.quadrature import integral, panels
 from optiplan.trajectory.trajectory import States, Trajectory
-from optiplan.verify.report import Report
+from optiplan.verify.report import Report, VerifyPolicy
 
 _ACCURACY = 1e-6  # of the smallest manipulability, relative
-_JUMP = 1e-5  # share of a velocity or acceleration limit that counts as a jump; the verifier's own tolerance
+_JUMP = VerifyPolicy.rest_tolerance  # share of a velocity or acceleration limit that counts as a jump
 _CLOSER = 9  # samples between the neighbours of the smallest of a measure, in each round
 _ROUNDS = 13  # at most, of looking closer
 

@@ -180,7 +180,7 @@ class Client:
 
         Returns:
             What steers it: `override`, `pause`, `resume`, `reverse`, `stop`, `update_scene`, `state_in`, `splice`,
-            `state`, `events` and `wait`.
+            `events`, `wait` and `close`.
 
         Raises:
             InputError: the run is not verified, or an argument is wrong.

@@ -167,7 +167,7 @@ class Trajectory(ReadOnlyArrays):
         return np.swapaxes(c, 1, 2)
 
     def __call__(self, t: float | Sequence[float] | Array, order: int = 0, *, clamp: bool = False) -> Array:
-        """Derivative of the given order (0 to 3) at times t (k,), s: array (k, n), rad/s^order or m/s^order.
+        """Derivative of an order, 0 or more, at times t (k,), s: array (k, n), rad/s^order or m/s^order.
 
         At one time t, a number, it is an array (n,).
 

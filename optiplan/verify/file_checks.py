@@ -17,7 +17,7 @@ from optiplan.trajectory.segments import segment_data
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check, VerifyPolicy
 
-SAME_TIME = 1e-6
+EVENT_TIME_TOLERANCE = 1e-6
 """s: how far the time of an event may be off that of its segment; files of other programs have fewer digits."""
 
 
@@ -129,7 +129,7 @@ def _unlike(found: Any, expected: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _same(found: Any, seconds: float) -> bool:
-    return is_finite(found) and abs(found - seconds) <= SAME_TIME
+    return is_finite(found) and abs(found - seconds) <= EVENT_TIME_TOLERANCE
 
 
 def samples(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, given: Samples) -> Check:

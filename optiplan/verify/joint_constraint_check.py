@@ -1,7 +1,6 @@
 """Checks of path constraints on joints, wheels, accelerations and manipulability."""
 
 from dataclasses import replace
-from math import factorial
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +14,7 @@ from optiplan.problem.constraints.motions import JointCoupling, ManipulabilityAb
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import joint_units
-from optiplan.trajectory import polynomial
+from optiplan.trajectory.joining import cut_trajectory
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check
 from optiplan.verify.tolerances import POSITION_ROUNDING, RATE_SHARE
@@ -136,14 +135,4 @@ def part_of(trajectory: Trajectory, during: tuple[float, float]) -> tuple[Trajec
     low, high = (share * trajectory.duration for share in during)
     if (low, high) == (0.0, trajectory.duration):
         return trajectory, 0.0
-    inner = trajectory.breakpoints[(trajectory.breakpoints > low) & (trajectory.breakpoints < high)]
-    breakpoints = np.concatenate([[low], inner, [high]])
-    size = trajectory.coefficients.shape[1]
-    middle = 0.5 * (breakpoints[1:] + breakpoints[:-1])
-    piece = np.searchsorted(trajectory.breakpoints[1:-1], middle, side="right")
-    shift = breakpoints[:-1] - trajectory.breakpoints[piece]
-    taylor = np.zeros((len(piece), size, trajectory.n))
-    for order in range(size):
-        c = np.swapaxes(trajectory.derivatives(order)[piece], 1, 2)
-        taylor[:, order] = polynomial.evaluate(c, shift[:, None]) / factorial(order)
-    return Trajectory(trajectory.joint_names, breakpoints - low, taylor), float(low)
+    return cut_trajectory(trajectory, low, high), low

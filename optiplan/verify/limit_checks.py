@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.geometry.poses import pose_error
 from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal
 from optiplan.robot.limits import ORDERS
@@ -116,8 +117,7 @@ def miss(problem: Problem, one: GoalEnd, q: Array) -> list[Miss]:
     X_WF = data.oMf[robot.frame_id(one.frame)]
     if isinstance(one, RegionGoal):
         return _out_of_region(one, X_WF)
-    offset = float(np.linalg.norm(X_WF.translation - one.X_WG.translation))
-    angle = float(np.linalg.norm(pin.log3(one.X_WG.rotation.T @ X_WF.rotation)))
+    offset, angle = pose_error(one.X_WG, X_WF)
     return [
         Miss(offset, one.position, f"{one.frame} position", "m"),
         Miss(angle, one.orientation, f"{one.frame} orientation", "rad"),
@@ -247,7 +247,7 @@ def rate(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, order: 
 
 
 class _Between(NamedTuple):
-    """Bounds of the derivative of this order, and the largest rounding of a sum of its terms that is let pass: (n,)."""
+    """Bounds of the derivative of this order, and the largest rounding of a sum of its terms that is accepted: (n,)."""
 
     order: int
     low: Array

@@ -42,7 +42,7 @@ class Check:
     Attributes:
         name: of the check, e.g. `velocity`.
         kind: `exact` (holds at all times, from polynomial extrema or from data), `continuous` (proved for all times by
-            halving intervals), `sampled` (holds at the instants looked at) or `unchecked` (there is nothing to hold it
+            halving intervals), `sampled` (holds at the sampled instants) or `unchecked` (there is nothing to hold it
             against; the detail says why).
         passed: whether the trajectory satisfies it.
         worst: the value nearest to or farthest beyond the limit; None when nothing could be measured.
@@ -77,9 +77,9 @@ class Report:
         checks: every check, in order.
         link_geometry: geometry used for each link: mesh, hull or convex pieces.
         notes: remarks on the robot, and what was not checked.
-        scope: what the verdict is about: pairs, shapes, torques; short statements, said beside it.
+        scope: what the verdict is about: pairs, shapes, torques; short statements beside the verdict.
         unchecked_pairs: how many pairs of links went unchecked, by reason (see `robot.self_collision.pairs`).
-        links_without_geometry: links that have no body, of which no contact was checked.
+        links_without_geometry: links without a body, whose contacts are not checked.
         over_cover: how far (m) `link_geometry` reaches beyond a link's meshes at most, measured.
         tracking_error: how far joints may be from the motion, rad or m, in the robot's order; `scope` says what of the
             verdict holds of all these configurations. Empty: the verdict is about the motion alone.

@@ -7,6 +7,7 @@ import numpy as np
 
 from optiplan.collision.floors import Floors
 from optiplan.collision.model import CollisionModel
+from optiplan.config.messages import some
 from optiplan.geometry.safety import Safety
 
 MOST_NAMED = 6
@@ -48,7 +49,6 @@ def safety_scope(witness: Mapping[str, Any]) -> list[str]:
             name = " – ".join(one["pair"])
             if one["built"] is built and (name not in names or one["distance"] < names[name]["distance"]):
                 names[name] = one
-        told = [f"{name} ({1e3 * one['distance']:.2g} mm)" for name, one in sorted(names.items())]
-        more = f" and {len(told) - MOST_NAMED} more" if len(told) > MOST_NAMED else ""
-        found += [f"{where}: {', '.join(told[:MOST_NAMED])}{more}"] if told else []
+        pairs = [f"{name} ({1e3 * one['distance']:.2g} mm)" for name, one in sorted(names.items())]
+        found += [f"{where}: {some(pairs, MOST_NAMED)}"] if pairs else []
     return found

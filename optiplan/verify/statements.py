@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from optiplan.config.messages import some
 from optiplan.geometry.scene import Attachment, Scene
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import Limits
@@ -31,8 +32,7 @@ def complete(problem: Problem, checks: Sequence[Check], besides: Sequence[str] =
     lacking = [one for one in stated if one not in covered]
     if not lacking:
         return Check("statements", "exact", True, detail=f"{len(stated)} statements of the problem, each with a check")
-    more = f" and {len(lacking) - MOST_NAMED} more" if len(lacking) > MOST_NAMED else ""
-    return Check("statements", "exact", False, detail=f"no check was made of {', '.join(lacking[:MOST_NAMED])}{more}")
+    return Check("statements", "exact", False, detail=f"no check was made of {some(lacking, MOST_NAMED)}")
 
 
 def statements(problem: Problem) -> Iterator[str]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.problem.problem import JointGoal, PoseGoal, Problem
+from optiplan.robot.frames import pose_errors
 from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.frame_motion import FrameMotion
@@ -68,17 +69,9 @@ def _passage(problem: Problem, trajectory: Trajectory, at: JointGoal | PoseGoal,
 
 
 def _ratios(problem: Problem, at: PoseGoal, Q: Array) -> Array:
-    """Return how far configurations Q (N, n) miss a pose, over its tolerances: (N,).
-
-    Two rotations an angle a apart differ by 2 sqrt(2) sin(a / 2) in the Frobenius norm.
-    """
-    X = FrameMotion(problem.robot, at.frame).poses(Q)
-    offset = np.linalg.norm(X[:, :3, 3] - at.X_WG.translation, axis=1)
-    apart = np.linalg.norm(X[:, :3, :3] - at.X_WG.rotation, axis=(1, 2))
-    angle = 2.0 * np.arcsin(np.minimum(apart / np.sqrt(8.0), 1.0))
-    return np.asarray(
-        np.maximum(offset / (at.position + POSITION_ROUNDING), angle / (at.orientation + POSITION_ROUNDING))
-    )
+    """Return how far configurations Q (N, n) miss a pose, over its tolerances: (N,)."""
+    errors = pose_errors(FrameMotion(problem.robot, at.frame).poses(Q), at.X_WG.homogeneous)
+    return np.asarray((errors / (np.array([at.position, at.orientation]) + POSITION_ROUNDING)).max(axis=1))
 
 
 def _of_joints(problem: Problem, trajectory: Trajectory, at: JointGoal, since: float) -> _Passage:
@@ -102,8 +95,7 @@ def _entry(trajectory: Trajectory, q: Array, tolerance: float, since: float) -> 
 
     On a piece such times make up intervals that begin at its start or at a root of some q_j(t) - q_j ± tolerance.
     """
-    starts, h = trajectory.breakpoints[:-1], np.diff(trajectory.breakpoints)
-    c = np.swapaxes(trajectory.coefficients, 1, 2) * h[:, None, None] ** np.arange(trajectory.coefficients.shape[1])
+    starts, h, c = trajectory.breakpoints[:-1], trajectory.widths, trajectory.unit_pieces(0).copy()
     c[:, :, 0] -= q
     reach = (np.abs(c[:, :, 0]) - np.abs(c[:, :, 1:]).sum(axis=2)).max(axis=1)  # the distance is nowhere smaller
     near = (reach <= tolerance) & (trajectory.breakpoints[1:] >= since)

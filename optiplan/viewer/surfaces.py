@@ -10,9 +10,12 @@ import coal
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
-from scipy.spatial import ConvexHull
 
 from optiplan.arrays import Array
+from optiplan.geometry.convex import mesh_triangles, mesh_vertices
+from optiplan.geometry.convex_hulls import plain_hull
+from optiplan.geometry.meshes.box_surfaces import box_corners
+from optiplan.geometry.meshes.scene_graph import MeshPart, joined
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
 
@@ -87,7 +90,7 @@ def body_triangles(body: coal.CollisionGeometry) -> Surface:
             return bounded(bvh_surface(body))
     body.computeLocalAABB()
     box = body.aabb_local
-    return hull_surface(_box(box.max_ - box.min_) + 0.5 * (box.min_ + box.max_))
+    return hull_surface(box_corners(0.5 * (box.max_ - box.min_)) + 0.5 * (box.min_ + box.max_))
 
 
 def visual_surfaces(thing: pin.GeometryObject) -> list[Surface]:
@@ -102,11 +105,7 @@ def visual_surfaces(thing: pin.GeometryObject) -> list[Surface]:
 
 def bvh_surface(model: coal.BVHModelBase) -> Surface:
     """All triangles of a bounding-volume hierarchy, as they are."""
-    faces = np.empty((model.num_tris, 3), dtype=np.int64)
-    for i in range(model.num_tris):
-        triangle = model.tri_indices(i)
-        faces[i] = triangle[0], triangle[1], triangle[2]
-    return Surface(np.array(model.vertices(), dtype=float).reshape(-1, 3), faces)
+    return Surface(mesh_vertices(model), mesh_triangles(model))
 
 
 def bounded(surface: Surface) -> Surface:
@@ -134,12 +133,8 @@ def _merged(surface: Surface, cell: float) -> Surface:
 
 def hull_surface(points: Array) -> Surface:
     """Triangles of the convex hull of points (k, 3), seen from outside counter-clockwise."""
-    hull = ConvexHull(points)
-    faces = hull.simplices.astype(np.int64)
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
-    faces[inward] = faces[inward][:, ::-1]
-    return Surface(points, faces)
+    hull = plain_hull(points)
+    return Surface(hull.vertices, hull.triangles.astype(np.int64))
 
 
 def _read_obj(thing: pin.GeometryObject) -> list[Surface]:
@@ -147,26 +142,20 @@ def _read_obj(thing: pin.GeometryObject) -> list[Surface]:
 
     scale = np.asarray(thing.meshScale, dtype=float)
     parts = trimesh.load_scene(thing.meshPath, process=False).geometry.values()
-    by_colour: dict[Colour | None, list[Surface]] = {}
+    by_colour: dict[Colour | None, list[MeshPart]] = {}
     for part in parts:
         material = getattr(part.visual, "material", None)
         rgba = None if material is None else tuple(float(c) / 255.0 for c in material.main_color)
         colour = None if rgba is None else (rgba[0], rgba[1], rgba[2], 1.0)
-        by_colour.setdefault(colour, []).append(Surface(part.vertices * scale, np.asarray(part.faces, np.int64)))
-    return [_joined(surfaces, colour) for colour, surfaces in by_colour.items()]
-
-
-def _joined(surfaces: list[Surface], colour: Colour | None) -> Surface:
-    offsets = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
-    faces = np.concatenate([s.faces + k for s, k in zip(surfaces, offsets, strict=False)])
-    return Surface(np.concatenate([s.vertices for s in surfaces]), faces, colour)
+        by_colour.setdefault(colour, []).append((part.vertices * scale, np.asarray(part.faces, np.int64)))
+    return [Surface(*joined(parts), colour) for colour, parts in by_colour.items()]
 
 
 def _corners(shape: Shape) -> Array | None:
     """Points (k, 3), m, whose convex hull is the shape, or nearly; None where the shape has none of its own."""
     match shape:
         case Box():
-            return _box(np.array(shape.size))
+            return box_corners(0.5 * np.array(shape.size))
         case Sphere():
             return shape.radius * _ball()
         case Cylinder():
@@ -177,11 +166,6 @@ def _corners(shape: Shape) -> Array | None:
             return np.concatenate([ball - half, ball + half])
     picture = shape.picture()
     return None if picture is None or isinstance(picture, dict) else picture
-
-
-def _box(size: Array) -> Array:
-    signs = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-    return signs * size
 
 
 def _circle() -> Array:

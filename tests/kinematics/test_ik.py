@@ -4,7 +4,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from optiplan.kinematics.ik.numeric import IkOptions, SeedPool, pose_error, random_seeds, solve_ik, solve_ik_batch
+from optiplan.geometry.poses import pose_error
+from optiplan.kinematics.ik.numeric import IkOptions, SeedPool, random_seeds, solve_ik, solve_ik_batch
 from optiplan.robot.robot import load_robot
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.joint_wraps import endless_turns
-from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.problem.problem import JointGoal, Problem
 from optiplan.problem.regions.region import RegionGoal
 

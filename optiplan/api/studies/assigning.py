@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from optiplan.api.checking import planner_issues
-from optiplan.api.planning import checked_seconds, plan_within
+from optiplan.api.planning import plan_within, positive_seconds
 from optiplan.errors import InputError, described, path_argument, progress_argument, wrong_argument
 from optiplan.planners.base import Budget, Progress
 from optiplan.runs.run_folder import check_folder
@@ -64,7 +64,7 @@ def assign(
     if not isinstance(source, Path | str | Mapping):
         expected = "the path of an assembly file, or a mapping of its keys"
         raise wrong_argument("assign", "source", described(source), expected)
-    seconds = checked_seconds("assign", budget)
+    seconds = positive_seconds("assign", budget)
     folder = None if out is None else path_argument("assign", "out", out, "the path of a folder")
     if folder is not None:
         check_folder(folder)

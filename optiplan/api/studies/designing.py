@@ -5,7 +5,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from optiplan.api.planning import checked_seconds, plan_within
+from optiplan.api.planning import plan_within, positive_seconds
 from optiplan.errors import described, path_argument, progress_argument, wrong_argument
 from optiplan.files import write_bytes
 from optiplan.planners.base import Budget, Progress
@@ -65,7 +65,7 @@ def design(
     if not isinstance(study, Path | str | Mapping):
         expected = "the path of a study file, or a mapping of its keys"
         raise wrong_argument("design", "study", described(study), expected)
-    allowed = None if budget is None else Budget(checked_seconds("design", budget))
+    allowed = None if budget is None else Budget(positive_seconds("design", budget))
     folder = None if out is None else path_argument("design", "out", out, "the path of a folder")
     if folder is not None:
         check_folder(folder)

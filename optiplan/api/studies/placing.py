@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.api.planning import checked_seconds, plan
+from optiplan.api.planning import plan, positive_seconds
 from optiplan.arrays import is_finite
 from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
 from optiplan.files import write_bytes
@@ -39,7 +39,7 @@ class Placement:
     """Base poses of a robot for a problem.
 
     Attributes:
-        scores: of all base poses looked at, moved from the given one.
+        scores: of all base poses that were scored, as displacements of the given one.
         given: the run at the given base; None where the problem cannot be stated there.
         runs: (moved, run) of the bases that were planned besides, the shortest verified run first.
         refused: (moved, why) of bases at which the problem cannot be stated.
@@ -146,7 +146,7 @@ def place(
     if not isinstance(robot, Robot | str | Path | None):
         expected = "a Robot, the name of a shipped one, or the path of a robot.yaml"
         raise wrong_argument("place", "robot", described(robot), expected)
-    seconds = checked_seconds("place", budget)
+    seconds = positive_seconds("place", budget)
     where = _checked(where or PlaceRange())
     folder = None if out is None else path_argument("place", "out", out, "the path of a folder")
     if folder is not None:

@@ -1,6 +1,5 @@
 """`optiplan ik`: the configurations that put a robot's tool at a pose."""
 
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from optiplan.cli.options import AsJson, Frame, Group, RobotName
+from optiplan.cli.options import AsJson, Frame, Group, RobotName, numbers
 from optiplan.cli.output import Exit, print_json, results, stdout_is_ours
 
 _EXPECTED = {
@@ -98,7 +97,7 @@ def _goal(options: Mapping[str, str | None]) -> Any:
         found = " and ".join(option for option, _ in given) or "none"
         raise typer.BadParameter(f"found {found}; expected one of {', '.join(options)}", param_hint="'--pose'")
     ((option, text),) = given
-    values = _numbers(text) if option != "--matrix" or "," in text else _numbers_of_file(text)
+    values = numbers(text) if option != "--matrix" or "," in text else _numbers_of_file(text)
     if len(values) not in _COUNTS[option]:
         raise typer.BadParameter(f"'{text}'; expected {_EXPECTED[option]}", param_hint=f"'{option}'")
     try:
@@ -109,20 +108,11 @@ def _goal(options: Mapping[str, str | None]) -> Any:
         raise typer.BadParameter(str(error), param_hint=f"'{option}'") from error
 
 
-def _numbers(text: str) -> list[float]:
-    """Parse numbers separated by commas; empty if one of them is not finite, or not a number."""
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        return []
-    return values if all(map(math.isfinite, values)) else []
-
-
 def _numbers_of_file(name: str) -> list[float]:
-    """Read numbers of a file, separated by commas, semicolons, brackets or space; empty as above or without a file."""
+    """Read numbers of a file, separated by commas, semicolons, brackets or space; empty also without a file."""
     from optiplan.files import is_file, read_bytes
 
     if not is_file(Path(name)):
         return []
     text = read_bytes(Path(name), _LARGEST).decode("utf-8", errors="replace")
-    return _numbers(",".join(re.sub(r"[,;\[\]]", " ", text).split()))
+    return numbers(",".join(re.sub(r"[,;\[\]]", " ", text).split()))

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from optiplan.cli.options import AsJson, Frame, Group, RobotName
+from optiplan.cli.options import AsJson, Frame, Group, RobotName, numbers
 from optiplan.cli.output import print_json, results, stdout_is_ours
 from optiplan.errors import OptiPlanError
 
@@ -86,11 +86,8 @@ def _per_joint(option: str, text: str, joints: tuple[str, ...], names: tuple[str
     Raises:
         OptiPlanError: anything else.
     """
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError:
-        values = []
-    sound = bool(values) and all(abs(value) <= LARGEST for value in values)  # written so that NaN is refused too
+    values = numbers(text)
+    sound = bool(values) and all(abs(value) <= LARGEST for value in values)
     if sound and len(values) == len(joints):
         return values
     found = f"{len(values)} numbers" if sound else f"'{text}'"

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from optiplan.cli.completion import robot_names
+from optiplan.cli.options import numbers
 from optiplan.cli.output import Exit, results
 from optiplan.errors import InputError, Issue
 from optiplan.files import write_text
@@ -79,10 +80,7 @@ def new(
 
 
 def _point(said: str) -> list[float]:
-    try:
-        values = [float(part) for part in said.split(",")]
-    except ValueError:
-        values = []
+    values = numbers(said)
     if len(values) != 3 or not all(abs(x) < 1e6 for x in values):
         raise InputError(
             [Issue("new", None, "--goal", f"'{said}'", "three numbers with commas between them: X,Y,Z, m")]

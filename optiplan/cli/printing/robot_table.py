@@ -8,6 +8,7 @@ from typing import Any
 from rich.console import Console
 
 from optiplan.cli.output import plain_table
+from optiplan.config.messages import some
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pair_survey import OFTEN
 from optiplan.robot.self_collision.pairs import count_reasons, reasons_in_words
@@ -105,10 +106,9 @@ def _show_touching(console: Console, data: Mapping[str, Any]) -> None:
     if not pairs:
         return
     rates = {tuple(pair["links"]): pair["collision_rate"] for pair in data["collision_rates"]}
-    words = [f"{a} – {b} ({rates[a, b]:.0%})" for a, b in pairs[: FEW["pairs"]]]
-    words += [f"and {len(pairs) - len(words)} more"] * (len(pairs) > len(words))
+    words = some([f"{a} – {b} ({rates[a, b]:.0%})" for a, b in pairs], FEW["pairs"])
     console.print(f"checked, though they touch in more than {OFTEN:.0%} of configurations:", style="yellow")
-    console.print(f"  {', '.join(words)}", style="yellow", markup=False, soft_wrap=True)
+    console.print(f"  {words}", style="yellow", markup=False, soft_wrap=True)
     cure = "where they are built so: `robots init --allow-pairs touching`, or `allowed_collisions` in the robot.yaml"
     console.print(f"  {cure}", style="yellow", markup=False, soft_wrap=True)
 

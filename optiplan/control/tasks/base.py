@@ -75,7 +75,7 @@ class ControlTask(ABC):
 
     @abstractmethod
     def error(self, c: Configuration) -> Array:
-        """E (k,)."""
+        """Return the error e (k,), in the units of the components."""
 
     @abstractmethod
     def jacobian(self, c: Configuration) -> Array:

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite
 from optiplan.errors import OptiPlanError, described, wrong_argument
-from optiplan.execution.arguments import numbers, told
+from optiplan.execution.arguments import numbers, shown
 from optiplan.execution.chunks.chunk import Chunk
 from optiplan.execution.chunks.search import ChunkSearch, Prepared
 from optiplan.geometry.pose import Pose
@@ -22,8 +22,8 @@ from optiplan.verify.warm_proof import MOST_DEGREE, MOST_JOINTS, WarmProof
 MOST_SET_POINTS = 1000
 """In one chunk."""
 
-AT_REST = 1e-10
-"""rad or m per s and s²: a joint that is no faster stands still."""
+ROUNDED_TO_REST = 1e-10
+"""rad or m per s and s²: a joint that is no faster stands still but for rounding."""
 
 _kept: WeakKeyDictionary[Problem, Prepared] = WeakKeyDictionary()
 
@@ -58,7 +58,7 @@ def certify(
     Holds at: all times of the motion, rounding included.
 
     Args:
-        problem: robot, scene and limits; its goal and vias are not looked at.
+        problem: robot, scene and limits; its goal and vias are ignored.
         q: set-points (k, n), rad or m; 1 to 1000 of them.
         t: (k,) s, rising, from 0 at the start of the motion; None: none.
         start: where the robot is: a `State`, or the motion that it would run from now on, to rest, such as
@@ -139,7 +139,7 @@ def _numbers(name: str, values: object) -> Array:
         return np.array(values, order="C")
     found = numbers(values)
     if not found.size:
-        raise wrong_argument("certify", name, told(values), "an array of numbers")
+        raise wrong_argument("certify", name, shown(values), "an array of numbers")
     return np.ascontiguousarray(found)
 
 
@@ -164,7 +164,7 @@ def _state(problem: Problem, start: State | Trajectory | None) -> Array:
 
 def _still(state: Array) -> Array:
     """Return a state (3, n) without the rounding that a motion at rest has left."""
-    state[1:][np.abs(state[1:]) < AT_REST] = 0.0
+    state[1:][np.abs(state[1:]) < ROUNDED_TO_REST] = 0.0
     return state
 
 
@@ -173,7 +173,7 @@ def _poses(proof: WarmProof, poses: Mapping[str, Pose] | None) -> dict[str, pin.
     if poses is None:
         return {}
     if not isinstance(poses, Mapping) or not all(isinstance(pose, Pose) for pose in poses.values()):
-        raise wrong_argument("certify", "poses", told(poses), "poses by name")
+        raise wrong_argument("certify", "poses", shown(poses), "poses by name")
     for name in poses:
         if name not in proof.obstacles:
             expected = f"one of: {', '.join(proof.obstacles)}" if proof.obstacles else "a scene with obstacles"

@@ -88,7 +88,7 @@ class Chunk:
         return derived(self._problem, **start, goal=(JointGoal(motion.end),), vias=(), scene=scene)
 
     def rest(self, t: float) -> Trajectory:
-        """Return what is left of the motion at a time t of it, s: the `start` of the next chunk.
+        """Return the rest of the motion from a time t of it on, s: the `start` of the next chunk.
 
         After its end the robot stands.
 

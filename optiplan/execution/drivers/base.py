@@ -5,7 +5,7 @@ from typing import Any, Literal, Protocol
 
 from optiplan.arrays import is_finite
 from optiplan.errors import OptiPlanError, flag_argument, text_argument, wrong_argument
-from optiplan.execution.arguments import told
+from optiplan.execution.arguments import shown
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Tick
 
@@ -69,7 +69,7 @@ class Capabilities:
 
 
 def _wrong(argument: str, found: Any, expected: str) -> OptiPlanError:
-    return wrong_argument("Capabilities", argument, told(found), expected)
+    return wrong_argument("Capabilities", argument, shown(found), expected)
 
 
 class Driver(Protocol):

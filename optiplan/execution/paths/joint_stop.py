@@ -14,6 +14,7 @@ from optiplan.execution.scene.seen_scene import SeenScene
 from optiplan.geometry.coal_queries import DISTANCE_ERROR
 from optiplan.problem.task.scene_part import ScenePart
 from optiplan.robot.robot import Limits
+from optiplan.trajectory.tolerances import LIMIT_ROUNDING
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import VerifyPolicy
 
@@ -23,11 +24,8 @@ if TYPE_CHECKING:
 SHARES = (1.0, 0.7, 0.5)
 """Of the limits of acceleration that stops are tried with: torques may not allow all of it."""
 
-SAME_TIME = 1e-11
+ENDS_TOGETHER = 1e-11
 """s; phases of joints that end so close to each other end together. Accelerations may step by twice that times jerk."""
-
-ROUNDING = 1e-9
-"""Share of a limit by which rounding may exceed it."""
 
 SWEEP = np.array([0.1, 2.0 * DISTANCE_ERROR, 1e-6, 12.0])
 """rad or m, m, s, parts: see `SweepRules` of the core."""
@@ -160,7 +158,7 @@ def quickest_stop(point: SetPoint, limits: Limits, share: float, names: tuple[st
     Holds at: all times, for acceleration and jerk.
     """
     most = limits.acceleration * share * (1.0 + VerifyPolicy().limit_tolerance)
-    if not np.isfinite(most).all() or (np.abs(point.a) > most * (1.0 + ROUNDING)).any():
+    if not np.isfinite(most).all() or (np.abs(point.a) > most * (1.0 + LIMIT_ROUNDING)).any():
         return None
     begin, first, jerk = np.zeros((3, len(point.q), 4))
     for j, (v, a) in enumerate(zip(point.v.tolist(), point.a.tolist(), strict=True)):
@@ -182,7 +180,7 @@ def _together(point: SetPoint, begin: Array, first: Array, jerk: Array, names: t
         q[:, k + 1] = q[:, k] + h[:, k] * (v[:, k] + h[:, k] * (0.5 * first[:, k] + h[:, k] * jerk[:, k] / 6.0))
     v[:, 3] = 0.0
     times = np.unique(begin)
-    times = times[np.concatenate([[True], np.diff(times) > SAME_TIME])]
+    times = times[np.concatenate([[True], np.diff(times) > ENDS_TOGETHER])]
     if len(times) < 2:
         return None
     middle = 0.5 * (times[1:] + times[:-1])

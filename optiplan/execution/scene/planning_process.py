@@ -28,7 +28,7 @@ _log = logging.getLogger(__name__)
 WARM_UP = 60.0
 """s, within which the process must have planned for the first time."""
 
-IN_TIME, AT_REST = 0.6, 0.5
+IN_TIME, BUDGET_AT_REST = 0.6, 0.5
 """Budget of planning: share of the latency while the robot moves; s, where it stands still and may wait."""
 
 
@@ -124,7 +124,7 @@ class PlanningProcess:
         then, rests = now + latency, law.target == 0.0 and law.settled <= now + latency
         self._last += 1
         margin = MARGIN + self._watch.margin + scene.spread * self._duration
-        seconds = AT_REST if rests else IN_TIME * latency
+        seconds = BUDGET_AT_REST if rests else IN_TIME * latency
         request = ReplanRequest(self._last, self.number, state_in(latency), scene.at(then), margin, seconds)
         self._asked = PlannedPath(then, law, now, self._last), request
         try:

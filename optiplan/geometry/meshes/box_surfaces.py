@@ -1,4 +1,4 @@
-"""Surfaces of many boxes as triangles."""
+"""Corners of boxes, and surfaces of many boxes as triangles."""
 
 import numpy as np
 
@@ -10,6 +10,14 @@ BOX_CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1
 
 _FACES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 """Corners of the faces -x, +x, -y, +y, -z, +z, counter-clockwise from outside."""
+
+
+def box_corners(half: Array) -> Array:
+    """Return the corners (..., 8, 3) of boxes about the origin, with axes along x, y, z, by their half edges (..., 3).
+
+    They are in the order of `BOX_CORNERS`.
+    """
+    return (2.0 * BOX_CORNERS - 1.0) * half[..., None, :]
 
 
 def surface_of_boxes(low: Array, high: Array) -> tuple[Array, Triangles]:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.kinematics.ik.null_space import Preference, improve
 from optiplan.robot.batched.kinematics import carrying_joints
@@ -150,17 +151,9 @@ def _solve(robot: Robot, descent: Descent, X_WG: pin.SE3, seeds: Iterable[Array]
     return IkResult([], q, *pose_error(descent.place(q), X_WG))
 
 
-def pose_error(X_WF: pin.SE3, X_WG: pin.SE3) -> tuple[float, float]:
-    """Return the distance of the origins, m, and the angle of the rotation, rad, between two poses."""
-    angle = np.linalg.norm(pin.log3(X_WF.rotation.T @ X_WG.rotation))
-    return float(np.linalg.norm(X_WG.translation - X_WF.translation)), float(angle)
-
-
 def random_seeds(robot: Robot, near: Array, rng: np.random.Generator, count: int) -> list[Array]:
     """Draw uniform configurations within the limits; a joint without bounds is within pi of `near` (n,)."""
-    low = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, near - np.pi)
-    high = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, near + np.pi)
-    return list(rng.uniform(low, high, (count, robot.n)))
+    return list(rng.uniform(*robot.limits.range_about(near, near), (count, robot.n)))
 
 
 def joints_that_move(robot: Robot, frame: str) -> npt.NDArray[np.bool_]:

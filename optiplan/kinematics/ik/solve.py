@@ -8,9 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.closed_form import Solutions, closed_form
 from optiplan.kinematics.ik.joint_wraps import images, whole_turns
-from optiplan.kinematics.ik.numeric import IkOptions, IkResult, pose_error, random_seeds, solve_ik
+from optiplan.kinematics.ik.numeric import IkOptions, IkResult, random_seeds, solve_ik
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.kinematics.ik.numeric import pose_error
+from optiplan.geometry.poses import pose_error
 from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
 from optiplan.planners.cartesian.tool_path import ToolPath, circle
 from optiplan.planners.option_schema import OptionError, option, option_error

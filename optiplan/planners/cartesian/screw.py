@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from optiplan.geometry.poses import pose_to_data
-from optiplan.kinematics.ik.numeric import pose_error
+from optiplan.geometry.poses import pose_error, pose_to_data
 from optiplan.planners.cartesian.base import ToolMotion, ToolMotionOptions
 from optiplan.planners.cartesian.tool_path import ToolPath, screw, screw_about
 from optiplan.planners.option_schema import OptionError, option, option_error

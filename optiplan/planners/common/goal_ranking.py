@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.poses import pose_error
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.failures import end_collides, end_too_heavy, out_of_time
 from optiplan.planners.common.gravity import Gravity
@@ -209,7 +210,7 @@ class GoalSampler:
         new = [
             end
             for end in found
-            if all(apart(end, other, limits) for other in self._nearest) and not self._gravity.too_much(end)
+            if all(are_distinct(end, other, limits) for other in self._nearest) and not self._gravity.too_much(end)
         ]
         self._nearest += new
         self._slid += new
@@ -302,8 +303,6 @@ class _Draw:
 
     def __call__(self, box: Box | None = None) -> Array | None:
         """Return a configuration (n,) within half the tolerance, in a box; None if this guess does not converge."""
-        from optiplan.kinematics.ik.numeric import pose_error
-
         goal, seed = self._goal, _guess(self._problem, self._moving, self._rng, box)
         if box is not None:
             self._descent.hold_within(*box)
@@ -330,7 +329,7 @@ class _Draw:
         return np.asarray(direction / np.linalg.norm(direction) * self._rng.uniform() ** (1.0 / 3.0))
 
 
-def apart(q: Array, other: Array, limits: Limits) -> bool:
+def are_distinct(q: Array, other: Array, limits: Limits) -> bool:
     """Return whether two ends (n,) are not one: some joint takes a tenth of a second from one to the other."""
     return float((np.abs(q - other) / limits.velocity).max()) > _APART
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
-from optiplan.kinematics.ik.numeric import pose_error, random_seeds
+from optiplan.kinematics.ik.numeric import random_seeds
 from optiplan.planners.base import Budget
 from optiplan.problem.goals_and_vias import Goal, PoseGoal
 from optiplan.problem.problem import Problem

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.kinematics.ik.numeric import pose_error
+from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.symbolic.state import SymbolicState
 from optiplan.planners.path_constraints.inequality import Inequality
 from optiplan.planners.path_constraints.parts import ANGLE, LENGTH, TINY, held_to, stacked, turned_within, within_ball

@@ -11,7 +11,6 @@ from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.shortcutting import TWO_NORM_SHARE
 from optiplan.robot.robot import Limits
 
-_TURN = np.pi  # rad beyond start and goals: range of a joint without bounds
 _CELL = 0.1  # m, edge of the cells in which tool positions are counted
 
 
@@ -22,9 +21,7 @@ Ends = tuple[Array, Array]
 def search_bounds(limits: Limits, ends: Ends) -> tuple[Array, Array]:
     """Return the search box (n,), (n,): the position limits; half a turn beyond the ends for a joint without bounds."""
     both = np.vstack(ends)
-    lower = np.where(np.isfinite(limits.lower), limits.lower, both.min(axis=0) - _TURN)
-    upper = np.where(np.isfinite(limits.upper), limits.upper, both.max(axis=0) + _TURN)
-    return lower, upper
+    return limits.range_about(both.min(axis=0), both.max(axis=0))
 
 
 class SearchSpace:

@@ -36,7 +36,7 @@ _UPRIGHT = 0.05
 _LONGEST = 0.15
 """rad or m, of a joint in one step."""
 
-_STILL = 1e-4
+_CONVERGED = 1e-4
 """rad or m: steps that are shorter change nothing."""
 
 _PEAK = 0.5
@@ -84,7 +84,7 @@ class PostureSmoothing:
             if worst.max() > 1e-6:
                 break
             Q = new
-            if size < _STILL:
+            if size < _CONVERGED:
                 break
         return Q
 

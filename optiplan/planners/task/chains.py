@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
-from optiplan.kinematics.ik.numeric import pose_error
+from optiplan.geometry.poses import pose_error
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim, coupled_frames
 from optiplan.planners.cartesian.path_following import follow

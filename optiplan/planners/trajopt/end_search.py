@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.planners.common.goal_ranking import GoalSampler, apart
+from optiplan.planners.common.goal_ranking import GoalSampler, are_distinct
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseCurve
 from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
@@ -101,7 +101,7 @@ class EndSearch:
         known = [*nearest, *self.paths.promising(self.sampler)]
         ends: list[Array] = []
         for q in known:
-            if all(apart(q, other, self._problem.limits) for other in ends):
+            if all(are_distinct(q, other, self._problem.limits) for other in ends):
                 ends.append(q)
         bounds = self._problem.lower_bounds(ends) if ends else np.zeros(0)
         if len(bounds) and bounds.min() < incumbent.soonest:

@@ -6,7 +6,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.base import Failure
-from optiplan.planners.common.goal_ranking import GoalSampler, apart, goal_sampler
+from optiplan.planners.common.goal_ranking import GoalSampler, are_distinct, goal_sampler
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseCurve
 from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
@@ -145,7 +145,7 @@ class SeedlessSearch:
         self._curves.sort(key=lambda curve: curve.duration)
         while self._curves and incumbent.cost_bound(self._curves[0].duration) < _PROMISING * incumbent.rough:
             control = self._curves.pop(0).control
-            if not all(apart(control, other, limits) for other in self._tried):
+            if not all(are_distinct(control, other, limits) for other in self._tried):
                 continue
             self._tried.append(control)
             attempt = self._own.optimised("sampled", control, self.attempts.before_refining)

@@ -5,7 +5,8 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from optiplan.arrays import Array
-from optiplan.kinematics.ik.numeric import joints_that_move, pose_error
+from optiplan.geometry.poses import pose_error
+from optiplan.kinematics.ik.numeric import joints_that_move
 from optiplan.kinematics.ik.several_frames import SeveralFrames
 from optiplan.problem.goals_and_vias import AllOfGoal, PoseGoal
 from optiplan.problem.regions.region import RegionGoal

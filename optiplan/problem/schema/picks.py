@@ -3,7 +3,7 @@
     - pick: {object: part, grasps: auto, from: conveyor}       # approach, attach, gripper, retreat
     - place: {object: part, pose: {in: tray, position: […]}}   # approach, gripper, detach, retreat
 
-What is not said of the hand is what the robot file says: the fingers are a group of its joints, they slide, and the
+What is not stated of the hand is what the robot file says: the fingers are a group of its joints, they slide, and the
 link that holds is the one that carries the tool frame.
 """
 
@@ -31,7 +31,7 @@ from optiplan.robot.robot import Robot
 from optiplan.robot.urdf.reader import stated_mimics
 
 _AWAY = 0.1
-"""m of the lines to an object and away from it, where no other length is said."""
+"""m of the lines to an object and away from it, where no other length is stated."""
 
 _TIGHT = 1e-6
 """m that fingers open wider than the side that they close on: no other side is taken then."""
@@ -129,7 +129,7 @@ class _PickReader:
             self._report((*place, unknown[0]), f"a key that does not go with `{kind}`", choices(unknown[0], _STEP))
             return
         try:
-            said = validate(KINDS[kind], Document(self._document.path, _unframed(step[kind]), {}))
+            spec = validate(KINDS[kind], Document(self._document.path, _unframed(step[kind]), {}))
         except InputError as error:
             for issue in error.issues:
                 self._report((*place, kind, *issue.path), issue.found, issue.expected)
@@ -138,24 +138,24 @@ class _PickReader:
         if robot is None:
             return
         rest = {key: value for key, value in step.items() if key in _STEP}
-        parts = self._pick if isinstance(said, PickSpec) else self._place
-        for i, one in enumerate(parts((*place, kind), said, robot, step[kind])):  # type: ignore[arg-type]
+        parts = self._pick if isinstance(spec, PickSpec) else self._place
+        for i, one in enumerate(parts((*place, kind), spec, robot, step[kind])):  # type: ignore[arg-type]
             own = rest if i == 0 else {key: value for key, value in rest.items() if key not in ("name", "wait_for")}
             yield {**one, **own}
 
-    def _pick(self, place: Place, said: PickSpec, robot: Robot, raw: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-        hand = self._hand(place, said.hand, robot)
-        body = self._obstacles.get(said.object)
+    def _pick(self, place: Place, spec: PickSpec, robot: Robot, raw: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+        hand = self._hand(place, spec.hand, robot)
+        body = self._obstacles.get(spec.object)
         if body is None:
-            expected = choices(said.object, list(self._obstacles) or ["none: there are no obstacles"])
-            self._report((*place, "object"), f"unknown object '{said.object}'", expected)
+            expected = choices(spec.object, list(self._obstacles) or ["none: there are no obstacles"])
+            self._report((*place, "object"), f"unknown object '{spec.object}'", expected)
         if hand is None or body is None:
             return
         fingers = _Fingers(robot, hand)
-        width, closed = self._width(body), None if said.closed is None else list(said.closed)
-        opening = fingers.opening if said.opening is None else said.opening
-        if said.grasps == "auto" and (width is None or opening is None or width > opening):
-            found = f"'{said.object}'" if width is None else f"'{said.object}', {width:g} m wide"
+        width, closed = self._width(body), None if spec.closed is None else list(spec.closed)
+        opening = fingers.opening if spec.opening is None else spec.opening
+        if spec.grasps == "auto" and (width is None or opening is None or width > opening):
+            found = f"'{spec.object}'" if width is None else f"'{spec.object}', {width:g} m wide"
             expected = "`grasps`: poses of the tool in the frame of the object" if width is None else "`opening`, m"
             wide = "" if width is None or opening is None else f" of more than that; the fingers open to {opening:g} m"
             self._report((*place, "grasps"), found, expected + wide)
@@ -165,37 +165,37 @@ class _PickReader:
         if closed is None:
             self._report((*place, "closed"), "nothing", f"values of the joints of '{hand}' that hold the object")
             return
-        line = {key: value for key, value in (("speed", said.speed), ("group", said.group)) if value is not None}
-        if said.grasps == "auto" and width is not None:
-            grasps: dict[str, Any] = {"grasps": {"object": said.object, "opening": width + _TIGHT}}
+        line = {key: value for key, value in (("speed", spec.speed), ("group", spec.group)) if value is not None}
+        if spec.grasps == "auto" and width is not None:
+            grasps: dict[str, Any] = {"grasps": {"object": spec.object, "opening": width + _TIGHT}}
         else:
-            grasps = {"any_of": [{"in": said.object, **one} for one in raw["grasps"]]}
-        link = said.link or _holding(robot)
-        weight = {} if said.mass is None else {"mass": said.mass}
-        touch = fingers.links if said.touch is None else list(said.touch)
-        lift: dict[str, Any] = {"distance": said.lift, "along": [0, 0, 1], "in": said.from_ or "world"}
-        yield {"approach": {**grasps, "distance": said.distance, **line}}
-        yield {"attach": {"object": said.object, "link": link, "touch": touch, **weight}}
+            grasps = {"any_of": [{"in": spec.object, **one} for one in raw["grasps"]]}
+        link = spec.link or _holding(robot)
+        weight = {} if spec.mass is None else {"mass": spec.mass}
+        touch = fingers.links if spec.touch is None else list(spec.touch)
+        lift: dict[str, Any] = {"distance": spec.lift, "along": [0, 0, 1], "in": spec.from_ or "world"}
+        yield {"approach": {**grasps, "distance": spec.distance, **line}}
+        yield {"attach": {"object": spec.object, "link": link, "touch": touch, **weight}}
         yield {"gripper": {"group": hand, "joints": list(closed)}}
         yield {"retreat": {**lift, **line}}
 
-    def _place(self, place: Place, said: PlaceSpec, robot: Robot, raw: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-        hand = self._hand(place, said.hand, robot)
+    def _place(self, place: Place, spec: PlaceSpec, robot: Robot, raw: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+        hand = self._hand(place, spec.hand, robot)
         if hand is None:
             return
-        opened = said.open_ or _Fingers(robot, hand).opened
+        opened = spec.open_ or _Fingers(robot, hand).opened
         if opened is None:
             self._report((*place, "open"), "nothing", f"values of the joints of '{hand}' that let go of the object")
             return
-        line = {key: value for key, value in (("speed", said.speed), ("group", said.group)) if value is not None}
+        line = {key: value for key, value in (("speed", spec.speed), ("group", spec.group)) if value is not None}
         end = {key: raw[key] for key in ("pose", "any_of") if key in raw}
-        yield {"approach": {**end, "distance": said.distance, **line}}
+        yield {"approach": {**end, "distance": spec.distance, **line}}
         yield {"gripper": {"group": hand, "joints": list(opened)}}
-        yield {"detach": {"object": said.object}}
-        yield {"retreat": {"distance": said.away, **line}}
+        yield {"detach": {"object": spec.object}}
+        yield {"retreat": {"distance": spec.away, **line}}
 
     def _hand(self, place: Place, name: str | None, robot: Robot) -> str | None:
-        """Return the group of the fingers: as it is said, or the only one whose joints are not those of the arm."""
+        """Return the group of the fingers: as it is stated, or the only one whose joints are not those of the arm."""
         leading = zip(robot.joint_names, joints_that_move(robot, robot.tool_frame), strict=True)
         own = {joint for joint, leads in leading if leads}
         others = [group for group, joints in robot.groups.items() if not set(joints) & own]
@@ -218,11 +218,11 @@ class _PickReader:
         self.issues.append(self._document.issue(place, found, expected))
 
 
-def _unframed(said: Any) -> Any:
+def _unframed(data: Any) -> Any:
     """Return what a step says with poses without their frames, which are read later."""
-    if not isinstance(said, dict):
-        return said
-    found = dict(said)
+    if not isinstance(data, dict):
+        return data
+    found = dict(data)
     for key in ("pose", "any_of", "grasps"):
         one = found.get(key)
         if isinstance(one, dict):

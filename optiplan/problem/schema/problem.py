@@ -4,8 +4,6 @@ These classes hold what the file says, after checks that need nothing but the fi
 it against the robot and the scene.
 """
 
-import json
-import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
@@ -134,89 +132,9 @@ class ProblemSpec(Strict):
     seed: Annotated[Whole, Field(ge=0)] = 0
 
 
-EXPRESSION = {"type": "string", "pattern": "^=", "description": "Arithmetic of values by name, such as =0.1 * i."}
-"""What may stand for a number in steps that are repeated or done by name; see `loops.py`."""
-
-
-def as_written(schema: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema with what files have and what is read has not: frames, and steps that are written once."""
-    from optiplan.problem.schema.picks import KINDS
-    from optiplan.robot.side_by_side import ArmSpec
-
-    own = {
-        "type": "string",
-        "description": "The frame, obstacle or fixed link that the pose is said in; the world without it.",
-    }
-    words = "A pose from there on, in its own axes: position, m, and rotation."
-    offset = {"$ref": "#/$defs/PoseSpec", "description": words}
-    steps = {"type": "array", "items": {"$ref": "#/$defs/TaskStepSpec"}}
-    repeated = {
-        "for": {"type": "object", "description": "Values by name, such as {i: 0..3}: every value with every other."},
-        "steps": {**steps, "description": "The steps that are repeated."},
-        "do": {"type": "string", "description": "The steps of this name among `tasks`."},
-        "with": {"type": "object", "description": "Values by name, for the steps that are done."},
-        "either": {
-            "type": "array",
-            "minItems": 2,
-            "items": {**steps, "minItems": 1},
-            "description": "Lists of steps, one of which is done: the one with which the whole is quickest.",
-        },
-    }
-
-    def placed(definition: dict[str, Any]) -> dict[str, Any]:
-        keys = definition.get("properties", {})
-        if not {"position", "quaternion"} <= keys.keys():
-            return definition
-        return {**definition, "properties": {**keys, "in": own, **({} if "offset" in keys else {"offset": offset})}}
-
-    stated = schema["$defs"]
-    in_steps = _reached(stated, "TaskStepSpec", set())
-    definitions = {name: placed(_calculated(one) if name in in_steps else one) for name, one in stated.items()}
-    picked = {}
-    for kind, spec in KINDS.items():
-        said = spec.model_json_schema(mode="validation", ref_template="#/$defs/{model}")
-        definitions |= {name: placed(_calculated(one)) for name, one in said.pop("$defs", {}).items()}
-        definitions[spec.__name__] = _calculated(said)
-        picked[kind] = {"$ref": f"#/$defs/{spec.__name__}"}
-    step = definitions["TaskStepSpec"]
-    definitions["TaskStepSpec"] = {**step, "properties": {**step["properties"], **picked, **repeated}}
-    definitions["ArmSpec"] = {key: said for key, said in ArmSpec.model_json_schema().items() if key != "$defs"}
-    pose = definitions["PoseSpec"]
-    moves = {"$ref": "#/$defs/MotionSpec", "description": "How the frame moves, and all that is in it."}
-    definitions["FrameSpec"] = {**pose, "title": "FrameSpec", "properties": {**pose["properties"], "motion": moves}}
-    more = {
-        "robots": {"type": "object", "additionalProperties": {"$ref": "#/$defs/ArmSpec"}},
-        "frames": {"type": "object", "additionalProperties": {"$ref": "#/$defs/FrameSpec"}},
-        "tasks": {"type": "object", "additionalProperties": steps},
-    }
-    required = [key for key in schema["required"] if key != "robot"]
-    one = {"required": required, "oneOf": [{"required": ["robot"]}, {"required": ["robots"]}]}
-    return {**schema, **one, "$defs": definitions, "properties": {**schema["properties"], **more}}
-
-
-def _reached(definitions: Mapping[str, Any], name: str, known: set[str]) -> set[str]:
-    """Return the names of all definitions that one refers to, itself among them, and those already `known`."""
-    if name not in known:
-        known.add(name)
-        for other in re.findall(r'"#/\$defs/(\w+)"', json.dumps(definitions[name])):
-            _reached(definitions, other, known)
-    return known
-
-
-def _calculated(schema: Any) -> Any:
-    """Return a schema in which an expression may stand for every number."""
-    if isinstance(schema, list):
-        return [_calculated(one) for one in schema]
-    if not isinstance(schema, Mapping):
-        return schema
-    if schema.get("type") not in ("number", "integer"):
-        return {key: _calculated(one) for key, one in schema.items()}
-    number = {key: one for key, one in schema.items() if key not in ("description", "title", "default")}
-    return {**{key: one for key, one in schema.items() if key not in number}, "anyOf": [number, EXPRESSION]}
-
-
 def problem_schema() -> dict[str, Any]:
     """JSON schema of a problem file, for editors that complete, explain and check YAML."""
+    from optiplan.problem.schema.as_written import as_written
     from optiplan.problem.schema.meanings import with_meanings
 
     schema = as_written(ProblemSpec.model_json_schema(mode="validation"))

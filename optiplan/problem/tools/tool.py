@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-import numpy as np
 import pinocchio as pin
 
 from optiplan.geometry.scene import Attachment, Obstacle, Scene
@@ -103,9 +102,3 @@ def stated_alone(scene: Scene) -> Scene:
         obstacles=tuple(one for one in scene.obstacles if not isinstance(one, ParkedBody)),
         attached=tuple(one for one in scene.attached if not isinstance(one, ToolBody)),
     )
-
-
-def apart(X: pin.SE3, other: pin.SE3) -> tuple[float, float]:
-    """Return the distance, m, and the angle, rad, between two poses."""
-    turn = float(np.linalg.norm(pin.log3(X.rotation.T @ other.rotation)))
-    return float(np.linalg.norm(X.translation - other.translation)), turn

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, Flags, Index, distinct
-from optiplan.geometry.meshes.box_surfaces import BOX_CORNERS
+from optiplan.geometry.meshes.box_surfaces import box_corners
 from optiplan.robot.batched.kinematics import BatchKinematics
 
 
@@ -90,7 +90,7 @@ class PairBounds:
         self.radius = np.array([box.radius for box in boxes])
         edges = np.where(np.isfinite(self.half), self.half, 0.0)
         self._corners = np.ones((len(boxes), 4, 8))
-        self._corners[:, :3] = (self.centre[:, None] + edges[:, None] * (2.0 * BOX_CORNERS - 1.0)).swapaxes(1, 2)
+        self._corners[:, :3] = (self.centre[:, None] + box_corners(edges)).swapaxes(1, 2)
 
     def with_boxes(self, boxes: Sequence[LocalBox]) -> "PairBounds":
         """Return the same of bodies in other boxes, (G) of them, none of which becomes a half-space or was one."""

@@ -10,6 +10,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.control.step import ControlStep
 from optiplan.errors import InputError, wrong_argument
+from optiplan.geometry.poses import pose_error
 from optiplan.problem.problem import Problem
 from optiplan.simulation.closed_loop import OF_TASKS
 from optiplan.simulation.controllers.joints import ComputedTorque
@@ -105,7 +106,7 @@ class LiveLoop:
         """Where everything is, JSON-ready; `docs/service.md` lists its keys."""
         q, step = self._plant.q, self._step
         tool = self._tool(q)
-        turn = tool.rotation.T @ self._target.rotation
+        error = pose_error(tool, self._target)
         nearest = None if step is None else step.nearest
         slowest, self._slowest = self._slowest, 0.0
         return {
@@ -116,10 +117,7 @@ class LiveLoop:
             "poses": self._poses.of(q[None])[0][0].tolist(),
             "tool": pin.SE3ToXYZQUAT(tool).tolist(),
             "target": pin.SE3ToXYZQUAT(self._target).tolist(),
-            "error": {
-                "position": float(np.linalg.norm(self._target.translation - tool.translation)),
-                "rotation": float(np.linalg.norm(pin.log3(turn))),
-            },
+            "error": {"position": error.position, "rotation": error.orientation},
             "status": "tracking" if step is None else step.status,
             "reason": "" if step is None else step.reason,
             "active": [] if step is None else list(step.active),

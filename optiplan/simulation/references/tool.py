@@ -1,7 +1,6 @@
 """References of the tool: lines, arcs, circles and screws in time, targets that move for ever, recorded poses."""
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +9,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from optiplan.arrays import Array
 from optiplan.planners.cartesian.tool_path import ToolPath
 from optiplan.simulation.references.base import ToolTarget
+from optiplan.trajectory.profiles.laws import LawPoint, quintic_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,21 +112,9 @@ class RecordedPath:
         return ToolTarget(X, twist, np.concatenate([self._position(t, 2), R @ self._rotation(t, 2)]))
 
 
-class _Eased(NamedTuple):
-    """Weight, its rate, 1/s, and the rate of that, 1/s²."""
-
-    weight: float
-    rate: float
-    change: float
-
-
-def _eased(t: float, ease: float) -> _Eased:
-    """10 u³ - 15 u⁴ + 6 u⁵ at u = t / ease, and 1 beyond."""
+def _eased(t: float, ease: float) -> LawPoint:
+    """Return `QUINTIC` at u = t / ease, and 1 beyond, with its derivatives in time, 1/s and 1/s²."""
     if t >= ease:
-        return _Eased(1.0, 0.0, 0.0)
-    u = t / ease
-    return _Eased(
-        u**3 * (10.0 - 15.0 * u + 6.0 * u**2),
-        30.0 * u**2 * (1.0 - u) ** 2 / ease,
-        60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / ease**2,
-    )
+        return LawPoint(1.0, 0.0, 0.0)
+    law = quintic_at(t / ease)
+    return LawPoint(law.s, law.rate / ease, law.change / ease**2)

@@ -4,7 +4,7 @@ The steps of a job say `{arm}` where the name of the arm stands. A job is stated
 and with `arm`; the whole by the steps of all jobs, of which the first waits for the jobs of other arms before it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -229,23 +229,10 @@ def read_assembly(source: Path | str | Mapping[str, Any]) -> Assembly:
     issues = [document.issue((key,), f"`{key}` beside `jobs`", "one of them") for key in BESIDE if key in document.data]
     robots = document.data.get("robots")
     standing = [str(name) for name in robots] if isinstance(robots, Mapping) else []
-    numbers: dict[str, int] = {}
-    for k, job in enumerate(spec.jobs):
-        if job.name in numbers:
-            found = f"'{job.name}', the name of job {numbers[job.name] + 1} too"
-            issues.append(document.issue(("jobs", k, "name"), found, "a name of its own"))
-        numbers.setdefault(job.name, k)
-        if job.arms is None and not standing:
-            found = "a job without `arms`, and no `robots`"
-            issues.append(document.issue(("jobs", k), found, "robots side by side, or `arms` of the job"))
-    for k, job in enumerate(spec.jobs):
-        others = [name for name in numbers if name != job.name]
-        for i, name in enumerate(job.after):
-            if name not in others:
-                found = f"'{name}', no name of another job"
-                issues.append(document.issue(("jobs", k, "after", i), found, choices(name, others)))
+    issues += _wrong_jobs(document, spec.jobs, bool(standing))
     if issues:
         raise InputError(issues)
+    numbers = {job.name: k for k, job in enumerate(spec.jobs)}
     jobs = tuple(
         Job(
             k,
@@ -259,6 +246,24 @@ def read_assembly(source: Path | str | Mapping[str, Any]) -> Assembly:
     assembly = Assembly(document, jobs, _order(document, jobs))
     _check_arms(assembly)
     return assembly
+
+
+def _wrong_jobs(document: Document, jobs: Sequence[JobSpec], side_by_side: bool) -> Iterator[Issue]:
+    """Yield jobs of one name, without arms where no robots stand side by side, and after what is no other job."""
+    names = [job.name for job in jobs]
+    for k, name in enumerate(names):
+        if (first := names.index(name)) < k:
+            found = f"'{name}', the name of job {first + 1} too"
+            yield document.issue(("jobs", k, "name"), found, "a name of its own")
+        if jobs[k].arms is None and not side_by_side:
+            found = "a job without `arms`, and no `robots`"
+            yield document.issue(("jobs", k), found, "robots side by side, or `arms` of the job")
+    for k, job in enumerate(jobs):
+        others = [name for name in dict.fromkeys(names) if name != job.name]
+        for i, name in enumerate(job.after):
+            if name not in others:
+                found = f"'{name}', no name of another job"
+                yield document.issue(("jobs", k, "after", i), found, choices(name, others))
 
 
 def _check_arms(assembly: Assembly) -> None:

@@ -7,7 +7,7 @@ Trajectory Planning for Automatic Machines and Robots, ch. 2 and 3.
 
 from dataclasses import dataclass
 from math import inf
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -90,6 +90,20 @@ QUINTIC = PolynomialLaw((0.0, 0.0, 0.0, 10.0, -15.0, 6.0))
 """At rest without acceleration at both ends: peaks 1.875, 10 / sqrt(3), 60."""
 SEPTIC = PolynomialLaw((0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0))
 """At rest without acceleration and jerk at both ends."""
+
+
+class LawPoint(NamedTuple):
+    """A law at a share u of its time: s, ds/du and d²s/du²."""
+
+    s: float
+    rate: float
+    change: float
+
+
+def quintic_at(u: float) -> LawPoint:
+    """Return `QUINTIC`, s(u) = 10 u³ - 15 u⁴ + 6 u⁵, at u in [0, 1]: factored, so that it is exact at both ends."""
+    s = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+    return LawPoint(s, 30.0 * u**2 * (1.0 - u) ** 2, 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u))
 
 
 @dataclass(frozen=True)

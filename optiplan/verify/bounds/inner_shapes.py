@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull
 
 from optiplan.arrays import Array, Index
 from optiplan.collision.model import CollisionModel
+from optiplan.geometry.meshes.box_surfaces import box_corners
 from optiplan.verify.bounds.mesh_rods import mesh_rods
 
 RODS_PER_BODY, RODS_PER_JOINT = 9, 24
@@ -120,7 +121,7 @@ def _rods_of(shape: coal.CollisionGeometry) -> list[tuple[Array, float]]:
         return mesh_rods(shape)
     if (faces := _faces(shape)) is None:
         return []
-    corners = np.array(shape.points()) if isinstance(shape, coal.ConvexBase) else BOX_CORNERS * faces[1][:3]
+    corners = np.array(shape.points()) if isinstance(shape, coal.ConvexBase) else box_corners(faces[1][:3])
     return _rods_between(*faces) + _rods_across(np.asarray(corners, dtype=np.float64), *faces)
 
 
@@ -197,7 +198,6 @@ def _directions(count: int) -> Array:
 
 DIRECTIONS = _directions(100)
 OUTWARD = np.vstack([DIRECTIONS[:30], -DIRECTIONS[:30]])
-BOX_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
 def boxes_inside(model: CollisionModel) -> InnerBoxes:

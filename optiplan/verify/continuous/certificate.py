@@ -271,7 +271,10 @@ class _Search(SearchState):
         return True
 
     def expand_hulls(self, query: DistanceQuery, at: Middles) -> tuple[Intervals, Index]:
-        """The pairs that pairs of hulls stand for, but those that bounding volumes prove clear, and their intervals."""
+        """Return the pairs of bodies of these pairs of hulls, without those that bounding volumes prove clear.
+
+        With them: the rows of their intervals among the middles.
+        """
         travel = self.motion.travel(at.joints, query.motion_query(at)).total
         parts = [self.bodies.tree.parts[pair] for pair in query.items.pair.tolist()]
         parent = np.repeat(np.arange(len(parts)), [len(part) for part in parts])

@@ -72,9 +72,7 @@ def too_large(trajectory: Trajectory, extent: Array, names: Sequence[str]) -> st
         extent: (G,) how far each body reaches, m.
         names: (G,) of the bodies.
     """
-    c = trajectory.coefficients
-    powers = trajectory.widths[:, None, None] ** np.arange(c.shape[1])[:, None]
-    if not (np.abs(c) * powers).max() <= _LARGEST:
+    if not np.abs(trajectory.unit_pieces(0)).max() <= _LARGEST:
         return f"a trajectory with terms beyond {_LARGEST:g} leaves no digits for a proof"
     far = np.flatnonzero(~(extent <= _LARGEST))
     return f"'{names[far[0]]}', a body beyond {_LARGEST:g} leaves no digits for a proof" if len(far) else ""

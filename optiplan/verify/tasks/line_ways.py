@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.geometry.poses import pose_error
 from optiplan.problem.constraints.points import OnLine
 from optiplan.problem.constraints.poses import OrientationCone
 from optiplan.problem.constraints.statements import PathConstraint
@@ -81,13 +82,13 @@ def line_way(action: Action, after: Action | None, X: pin.SE3 | None, before: Li
     entered = before is not None and before.leaves is not None
     start = before.end if before is not None and entered else X
     end = _end(action, start)
-    own, other, leaves = _turn(start, end), 0.0, None
+    own, other, leaves = pose_error(start, end), 0.0, None
     if action.blend > 0.0 and isinstance(after, StraightLine):
-        beyond = _end(after, end)
-        other = _turn(end, beyond)
-        leaves = min(action.blend, 0.5 * _far(start, end), 0.5 * _far(end, beyond))
-    enters, turn = (before.leaves, before.turns[1]) if before is not None and entered else (None, own)
-    return LineWay(action.frame, start, end, enters, leaves, (turn, own + other))
+        following = pose_error(end, _end(after, end))
+        other = following.orientation
+        leaves = min(action.blend, 0.5 * own.position, 0.5 * following.position)
+    enters, turn = (before.leaves, before.turns[1]) if before is not None and entered else (None, own.orientation)
+    return LineWay(action.frame, start, end, enters, leaves, (turn, own.orientation + other))
 
 
 def line_constraints(way: LineWay, robot: Robot, motion: Trajectory) -> Iterator[PathConstraint]:
@@ -128,21 +129,9 @@ def _kept_axes(way: LineWay, at: "_Origin", during: tuple[float, float]) -> Iter
 def _end(action: StraightLine, start: pin.SE3) -> pin.SE3:
     """Return the pose at which a line ends: the nearest of its ends, or `start` moved by its vector."""
     if action.by is None:
-        return min((end.X_WG for end in action.ends), key=lambda X: _apart(start, X))
+        return min((end.X_WG for end in action.ends), key=lambda X: sum(pose_error(start, X)))
     by = start.rotation @ action.by if action.in_tool else action.by
     return pin.SE3(start.rotation, start.translation + by)
-
-
-def _apart(X: pin.SE3, Y: pin.SE3) -> float:
-    return _far(X, Y) + _turn(X, Y)
-
-
-def _far(X: pin.SE3, Y: pin.SE3) -> float:
-    return float(np.linalg.norm(X.translation - Y.translation))
-
-
-def _turn(X: pin.SE3, Y: pin.SE3) -> float:
-    return float(np.linalg.norm(pin.log3(X.rotation.T @ Y.rotation)))
 
 
 class _Origin:

@@ -13,15 +13,11 @@ from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.constraints.statements import BY_SCENE
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
-from optiplan.problem.seams.actions import SeamPart, Transit
-from optiplan.problem.task.arms import joints_of_arms
-from optiplan.problem.task.rides import WaitUntil
 from optiplan.problem.task.scene_change import columns
 from optiplan.problem.task.scene_part import ScenePart
-from optiplan.problem.task.steps import Attach, Detach, Dwell, Event, Move, StraightLine, TaskStep
+from optiplan.problem.task.steps import Attach, Detach, Move, StraightLine, TaskStep
 from optiplan.problem.task.timeline import mismatch, scene_parts, steps_in_time
 from optiplan.robot.frames import frame_pose
-from optiplan.robot.limits import joint_units
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
@@ -32,7 +28,8 @@ from optiplan.verify.seams.seam_check import seam_checks
 from optiplan.verify.statements import constraint, covering, step_place
 from optiplan.verify.tasks.arms_check import arms_check
 from optiplan.verify.tasks.line_ways import LineSpeed, line_constraints, line_speed
-from optiplan.verify.tasks.ride_check import ride_checks, wait_failures
+from optiplan.verify.tasks.ride_check import ride_checks
+from optiplan.verify.tasks.standing_check import standing
 from optiplan.verify.tasks.task_parts import StepPart, standing_at, step_parts
 from optiplan.verify.via_check import vias
 
@@ -58,7 +55,7 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
         *_line_speeds(parts, policy),
         *_seams(parts, policy),
         *_worst_of(ride_checks(parts, policy), "ride"),
-        _standing(problem, trajectory, parts, policy),
+        standing(problem, trajectory, parts, policy),
         *arms_check(problem, trajectory, policy),
         *_constraints(problem, trajectory, parts, scenes, policy),
         *limit_checks.of_the_whole(problem, trajectory, policy),
@@ -232,55 +229,6 @@ def _seams(parts: Sequence[StepPart], policy: VerifyPolicy) -> Iterator[Check]:
     ]
     for name in dict.fromkeys(check.name for check in found):
         yield from _worst_of((check for check in found if check.name == name), name)
-
-
-def _standing(problem: Problem, trajectory: Trajectory, parts: Sequence[StepPart], policy: VerifyPolicy) -> Check:
-    """Check that joints which a step does not move stand still, all of them at events and where a move rests.
-
-    A dwell has to last, and a wait until its condition holds. Joints that go with what moves are checked by `ride`.
-
-    Standing still is moving by no more than `jump_tolerance` over the whole step, from the exact extrema.
-    """
-    worst, where, when, unit = 0.0, "", 0.0, joint_units("position", problem.robot.revolute)
-    covers: list[str] = []
-    failed = next(wait_failures(parts), "")
-    of_arms = joints_of_arms(problem.task, problem.robot.joint_names)
-    for k, part in enumerate(parts):
-        step, action = part.step, part.step.action
-        arm = of_arms[step.arm]
-        covers += [f"{step_place(k)}.standstill"]
-        covers += [f"{step_place(k)}.event"] if isinstance(action, Event) and part.motion is None else []
-        covers += [f"{step_place(k)}.dwell"] if isinstance(action, Dwell) else []
-        covers += [f"{step_place(k)}.wait_until"] if isinstance(action, WaitUntil) else []
-        riding = () if step.ride is None else step.ride.joints
-        if isinstance(action, Move) and action.rests:
-            covers += [f"{step_place(k)}.rest"]
-            end = part.begin + (0.0 if part.motion is None else part.motion.duration)
-            speed = np.abs(trajectory(np.array([end]), 1)[0]) / problem.limits.velocity
-            if speed.max() > policy.rest_tolerance:
-                failed = failed or f"the robot moves at the end of {step.words}"
-        if part.motion is None:
-            if isinstance(action, Event):
-                speed = np.abs(trajectory(np.array([part.begin]), 1)[0]) / problem.limits.velocity
-                resting = [k for k in arm if problem.robot.joint_names[k] not in riding]
-                if speed[resting].max(initial=0.0) > policy.rest_tolerance:
-                    failed = failed or f"the robot moves at the event of {step.words}"
-            elif isinstance(action, Dwell):
-                failed = failed or f"{step.words} does not last"
-            continue
-        moving = action.joints if isinstance(action, Move | StraightLine | Transit | SeamPart) else ()
-        own = [k for k in arm if problem.robot.joint_names[k] not in {*moving, *riding}]
-        low, high = part.motion.extrema(0)
-        moved = float((high - low)[own].max(initial=0.0))
-        if moved > worst:
-            worst, where, when = moved, step.words, part.begin
-            unit = problem.robot.unit("position", own[int((high - low)[own].argmax())])
-        if isinstance(action, Dwell) and part.motion.duration < action.seconds * (1.0 - 1e-9):
-            failed = failed or f"{step.words} lasts {part.motion.duration:.6g} s of {action.seconds:g} s"
-    passed = worst <= policy.jump_tolerance and not failed
-    detail = failed or "joints that a step does not move, and all of them at events"
-    found = Check("standstill", "exact", passed, worst, policy.jump_tolerance, unit, when, where, detail)
-    return covering(found, *covers)
 
 
 def _constraints(

@@ -6,12 +6,13 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.geometry.poses import PoseError, pose_error
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_change import scene_after
 from optiplan.problem.task.steps import PARKED, ChangeTool, TaskStep
 from optiplan.problem.task.timeline import mismatch, part_problem, steps_in_time
-from optiplan.problem.tools.tool import MountedTool, apart
+from optiplan.problem.tools.tool import MountedTool
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check
@@ -104,12 +105,12 @@ def _wrong_change(step: TaskStep, action: ChangeTool, mounted: MountedTool | Non
         yield f"{step.words} leaves a tool that is not mounted"
 
 
-def _off_racks(robot: Robot, action: ChangeTool, q: Array) -> Iterator[tuple[float, float]]:
-    """Yield how far the link is from the rack of each tool that is changed, m and rad."""
+def _off_racks(robot: Robot, action: ChangeTool, q: Array) -> Iterator[PoseError]:
+    """Yield how far the link is from the rack of each tool that is changed."""
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
     for one, X_WP in action.racks:
-        yield apart(data.oMf[robot.model.getFrameId(one.link, pin.FrameType.BODY)], X_WP)
+        yield pose_error(data.oMf[robot.model.getFrameId(one.link, pin.FrameType.BODY)], X_WP)
 
 
 def _in_link(robot: Robot, one: MountedTool) -> pin.SE3:

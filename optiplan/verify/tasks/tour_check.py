@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from optiplan.config.messages import some
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.steps import TargetTour
 from optiplan.problem.task.tour_order import wrong_order
@@ -20,8 +21,7 @@ def tour_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
     for step in problem.task:
         if isinstance(step.action, TargetTour):
             names = list(arrivals(step.action, [one for one in trajectory.segments if one.step == step.number]))
-            more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-            said.append(f"{step.words} visits: {', '.join(names[:_NAMED])}{more}")
+            said.append(f"{step.words} visits: {some(names, _NAMED)}")
     return tuple(said)
 
 

@@ -76,35 +76,43 @@ def clearance_of(
     ]
     if not parts:
         return None
-    t = np.concatenate([part.t for part in parts])
-    near = [contact for part in parts for contact in part.near]
-    owners = [part for part in parts for _ in part.near]
-    distance = np.array([one.distance for one in near])
-    points = np.array([[one.point_a, one.point_b] for one in near])
-    k = int(np.argmin(distance))
-    at = [owner.names(one.pair.index) for owner, one in zip(owners, near, strict=True)]
+    at = [part.names(one.pair.index) for part in parts for one in part.near]
     bounds = [(part, part.bound) for part in parts if part.bound is not None]
     proved_at = [part.names(pair) for part, bound in bounds for pair in bound.pair.tolist()]
     index = {names: i for i, names in enumerate(sorted({*at, *proved_at}))}
     shown: dict[str, Any] = {
         "pairs": [list(names) for names in index],
-        "t": base64_of(t),
-        "distance": base64_of(distance),
-        "points": base64_of(points),
+        **_samples(parts),
         "pair": [index[names] for names in at],
-        "least": _moment(float(t[k]), near[k]),
-        "contacts": [contact for part in parts for contact in part.contacts],
         "choices": _choices(parts, [names for names in index if names in at]) if chosen else [],
     }
     if len(bounds) < len(parts):
         return shown
-    edges = np.concatenate([bounds[0][1].edges[:1], *(bound.edges[1:] for _, bound in bounds)])
-    return shown | {
-        "edges": base64_of(edges, "<f8"),
-        "proved": base64_of(np.concatenate([bound.clearance for _, bound in bounds]), "<f8"),
-        "proved_pair": [index[names] for names in proved_at],
-        "proved_least": min(part.proved for part in parts if part.proved is not None),
+    least = min(part.proved for part in parts if part.proved is not None)
+    proved_pair = [index[names] for names in proved_at]
+    return shown | _proved([bound for _, bound in bounds]) | {"proved_pair": proved_pair, "proved_least": least}
+
+
+def _samples(parts: list[_Measured]) -> dict[str, Any]:
+    """What was measured at the samples: times, distances and nearest points, the nearest of all, contacts."""
+    t = np.concatenate([part.t for part in parts])
+    near = [contact for part in parts for contact in part.near]
+    distance = np.array([one.distance for one in near])
+    k = int(np.argmin(distance))
+    return {
+        "t": base64_of(t),
+        "distance": base64_of(distance),
+        "points": base64_of(np.array([[one.point_a, one.point_b] for one in near])),
+        "least": _moment(float(t[k]), near[k]),
+        "contacts": [contact for part in parts for contact in part.contacts],
     }
+
+
+def _proved(bounds: list[ClearanceBound]) -> dict[str, Any]:
+    """The certificate's bounds of all parts, one after the other."""
+    edges = np.concatenate([bounds[0].edges[:1], *(bound.edges[1:] for bound in bounds)])
+    proved = np.concatenate([bound.clearance for bound in bounds])
+    return {"edges": base64_of(edges, "<f8"), "proved": base64_of(proved, "<f8")}
 
 
 def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -> _Measured | None:

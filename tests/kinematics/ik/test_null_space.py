@@ -5,9 +5,10 @@ import pinocchio as pin
 import pytest
 
 from optiplan.errors import UnknownChoiceError
+from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
 from optiplan.kinematics.ik.null_space import AIMS, Preference
-from optiplan.kinematics.ik.numeric import IkOptions, pose_error, random_seeds, solve_ik
+from optiplan.kinematics.ik.numeric import IkOptions, random_seeds, solve_ik
 from optiplan.robot.robot import load_robot
 
 ROBOTS = ["panda", "baxter_left", "delbot"]

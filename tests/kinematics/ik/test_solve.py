@@ -6,8 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.joint_wraps import images, whole_turns
-from optiplan.kinematics.ik.numeric import IkOptions, pose_error, random_seeds, solve_ik
+from optiplan.kinematics.ik.numeric import IkOptions, random_seeds, solve_ik
 from optiplan.kinematics.ik.solve import answer, inverse_kinematics, wanted_configuration
 from optiplan.robot.robot import load_robot
 from tests.robot.arms import arm

@@ -11,7 +11,7 @@ from optiplan.collision.contacts import Contacts
 from optiplan.collision.model import CollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.common.goal_improvement import NearerEnds
-from optiplan.planners.common.goal_ranking import GoalSampler, apart
+from optiplan.planners.common.goal_ranking import GoalSampler, are_distinct
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.planners.trajopt.stopping_rule import PRICE, EndsInVain, Patience
@@ -94,7 +94,7 @@ def test_the_ends_of_branches_are_apart_free_and_within_the_time() -> None:
     bounds = problem.lower_bounds(ends)
     assert (np.diff(bounds) >= 0.0).all()
     assert bounds[-1] < 3.0
-    assert all(apart(q, other, problem.limits) for k, q in enumerate(ends) for other in ends[:k])
+    assert all(are_distinct(q, other, problem.limits) for k, q in enumerate(ends) for other in ends[:k])
     assert all(goal_residual(problem, q)[0].reached for q in ends)
     assert sampler.nearest_ends(float(bounds[0])) == [], "none is sooner than the soonest"
 

@@ -8,7 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 import sqlalchemy as sa
-from service_faults import PROBLEM, Plan, faults
+from service_faults import Plan, faults
+from service_outages import QUICK
 from service_process import HTTP, Program, free_port, postgres, postgres_folder, serving
 from sqlalchemy import make_url
 
@@ -76,7 +77,7 @@ DRIVER = "paper=file:path={},patience=0.1"
 
 def test_a_server_that_is_stopped_stops_its_robot_and_leaves_its_run_to_the_next(tmp_path):
     """Streams end with an event; a client that watches goes on as soon as there is a server again."""
-    slow, table, told = PROBLEM.replace("quintic", "{name: rrtstar}"), tmp_path / "table.csv", []
+    slow, table, told = QUICK.replace("quintic", "{name: rrtstar}"), tmp_path / "table.csv", []
     given = ("--solvers", "1", "--port", str(free_port()))
 
     def watch():
@@ -108,7 +109,7 @@ def test_a_server_that_is_stopped_stops_its_robot_and_leaves_its_run_to_the_next
 
 def executed(server):
     """Execute the problem; return once the robot is on its way."""
-    given = {"problem": PROBLEM, "budget": 5.0, "driver": "paper", "override": 0.1}
+    given = {"problem": QUICK, "budget": 5.0, "driver": "paper", "override": 0.1}
     started = HTTP.post(f"{server.url}/api/executions", json=given, timeout=PATIENCE)
     assert started.status_code == 201, started.text
     url = f"{server.url}/api/executions/{started.json()['id']}"

@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import QhullError
 
 from optiplan.arrays import Array
+from optiplan.geometry.convex_hulls import plain_hull
+from optiplan.geometry.meshes.box_surfaces import box_corners
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.importers.robots.polyhedra import ellipsoid_hull, frustum_hull
 from optiplan.importers.robots.usd.stage import Affine, UsdStage, schemas
@@ -144,8 +146,7 @@ def _box(A: Affine, edges: Array) -> UsdShape:
     if scales is not None:
         sizes = tuple(float(x) for x in edges * scales)
         return UsdShape("box", sizes, _pose(A, scales), *_NOTHING)
-    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * edges
-    return _hull(A.points(corners))
+    return _hull(A.points(box_corners(0.5 * edges)))
 
 
 def _ball(A: Affine, radius: float) -> UsdShape:
@@ -183,14 +184,8 @@ def _hull(points: Array) -> UsdShape:
     Raises:
         QhullError: the points are flat.
     """
-    hull = ConvexHull(points)
-    triangles = hull.simplices.copy()
-    corners = hull.points[triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0.0
-    triangles[inward] = triangles[inward][:, ::-1]
-    used, index = np.unique(triangles, return_inverse=True)
-    return UsdShape("mesh", (), pin.SE3.Identity(), hull.points[used], index.reshape(-1, 3), convex=True)
+    hull = plain_hull(points)
+    return UsdShape("mesh", (), pin.SE3.Identity(), hull.vertices, hull.triangles, convex=True)
 
 
 def _mesh(stage: UsdStage, prim: Any, A: Affine, collides: bool) -> UsdShape:

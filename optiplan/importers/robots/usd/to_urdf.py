@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.config.messages import some
 from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.urdf_shapes import MeshFiles, add_shape
 from optiplan.importers.robots.urdf_tree import UrdfTree
@@ -83,10 +84,10 @@ class _UsdWriter:
         self._held = self._without_drive()
         strangers = [path for path in self.bodies if path not in self.tree.carried]
         if strangers:
-            self.notes.append(f"left out: bodies that do not belong to it: {_listed(strangers)}")
+            self.notes.append(f"left out: bodies that do not belong to it: {some(strangers, 6)}")
         still = [str(prim.GetPath()) for prim, solid in gprims(stage, stage.stage.GetPseudoRoot()) if solid]
         if still:
-            self.notes.append(f"left out: colliders without a body, which belong into the scene: {_listed(still)}")
+            self.notes.append(f"left out: colliders without a body, which belong into the scene: {some(still, 6)}")
 
     def _without_drive(self) -> set[str]:
         """Paths of the joints that stand still: without a drive, where another joint has one."""
@@ -96,7 +97,7 @@ class _UsdWriter:
             return set()
         held = {joint.path for joint in moving if not joint.driven and joint.path not in followers}
         if held:
-            self.notes.append(f"held where they are drawn, since no drive moves them: {_listed(sorted(held))}")
+            self.notes.append(f"held where they are drawn, since no drive moves them: {some(sorted(held), 6)}")
         return held
 
     def write(self) -> None:
@@ -266,7 +267,3 @@ def _names(paths: Sequence[str]) -> dict[str, str]:
         taken = {*names.values(), "universe"}
         names[path] = next((name for name in short if name not in taken), "_".join([*parts, ""]))
     return names
-
-
-def _listed(paths: Sequence[str]) -> str:
-    return ", ".join(paths[:6]) + (f" and {len(paths) - 6} others" if len(paths) > 6 else "")

@@ -13,10 +13,10 @@ from optiplan.planners.common.goal_ranking import GoalSampler
 from optiplan.planners.common.path_timing import timed_path
 from optiplan.planners.path_constraints.goal_projection import hold_goals
 from optiplan.planners.path_constraints.motion_check import PathConstraints, broken_constraint, constraint_name
+from optiplan.planners.sampling.constrained.constrained_steps import ConstrainedSteps
 from optiplan.planners.sampling.constrained.manifold import Manifold, in_part_only
 from optiplan.planners.sampling.constrained.searches import Query, connect, roadmap, star
 from optiplan.planners.sampling.constrained.smoothing import shortcut, smooth_curves
-from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.sample_path import path_check
 from optiplan.problem.problem import Problem
 from optiplan.trajectory.timing.time_path import TimingOptions, time_path
@@ -50,12 +50,12 @@ class ConstrainedPath:
 
     Attributes:
         waypoints: (k, n), rad or m; every point holds the constraints, every segment is proved free.
-        walker: that found it.
+        steps: that found it.
         states: number of configurations reached.
     """
 
     waypoints: Array
-    walker: Walker
+    steps: ConstrainedSteps
     states: int
 
 
@@ -77,9 +77,9 @@ def constrained_path(
             "unsupported", f"this planner holds constraints on the whole motion only, not `during` ({kinds})"
         )
     manifold = Manifold(problem, np.vstack([problem.start, *goals]))
-    walker = Walker(manifold, path_check(model, problem.limits), budget.share(_SEARCHING))
+    steps = ConstrainedSteps(manifold, path_check(model, problem.limits), budget.share(_SEARCHING))
     query = Query(
-        walker, problem.start, np.array(goals), problem.seed, search.iterations, search.informed, search.vertices
+        steps, problem.start, np.array(goals), problem.seed, search.iterations, search.informed, search.vertices
     )
     path = _straight(query)
     if path is None:
@@ -87,10 +87,10 @@ def constrained_path(
     if path is None:
         return _none_found(query, problem, budget)
     draws = np.random.default_rng(problem.seed).uniform(size=(search.attempts, 2))
-    path = shortcut(walker, path, draws)
+    path = shortcut(steps, path, draws)
     if search.iterations:
-        path = shortcut(walker, star(query, path), draws)
-    return ConstrainedPath(path, walker, sum(query.states))
+        path = shortcut(steps, star(query, path), draws)
+    return ConstrainedPath(path, steps, sum(query.states))
 
 
 def _none_found(query: Query, problem: Problem, budget: Budget) -> Failure:
@@ -133,11 +133,11 @@ def timed(
     problem: Problem, found: ConstrainedPath, constraints: PathConstraints, budget: Budget
 ) -> Trajectory | Failure:
     """Return the fastest motion that holds the constraints along smooth curves near a path, or with its corners."""
-    model, limits, names = found.walker.check.model, problem.limits, problem.robot.joint_names
-    walker = Walker(found.walker.manifold, found.walker.check, budget)
+    model, limits, names = found.steps.check.model, problem.limits, problem.robot.joint_names
+    steps = ConstrainedSteps(found.steps.manifold, found.steps.check, budget)
     timing = TimingOptions(stop=lambda: budget.over)
     motions: list[Trajectory | None] = []
-    for curve in smooth_curves(walker, found.waypoints, names):
+    for curve in smooth_curves(steps, found.waypoints, names):
         motions.append(time_path(curve, model.robot, limits, timing))
     held = _held(motions, constraints)
     if not held:
@@ -159,7 +159,7 @@ def _held(motions: list[Trajectory | None], constraints: PathConstraints) -> lis
 def _straight(query: Query) -> Array | None:
     """Return the first walk from the start straight to a goal that gets there."""
     for goal in query.goals:
-        points = query.walker.joined(query.start, goal)
+        points = query.steps.joined(query.start, goal)
         if points is not None:
             return np.vstack([query.start, points])
     return None

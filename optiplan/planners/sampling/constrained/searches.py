@@ -7,7 +7,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.planners.common.tolerances import LEAST_GAIN
-from optiplan.planners.sampling.constrained.walk import Walker
+from optiplan.planners.sampling.constrained.constrained_steps import ConstrainedSteps
 from optiplan.planners.sampling.ompl_space import search_bounds
 from optiplan.planners.sampling.roadmap import shortest_way
 from optiplan.planners.sampling.shortcutting import path_times
@@ -33,7 +33,7 @@ class Query:
         nearest: result of RRT-Connect: configurations reached from the start that came nearest to a goal.
     """
 
-    walker: Walker
+    steps: ConstrainedSteps
     start: Array
     goals: Array
     seed: int
@@ -46,7 +46,7 @@ class Query:
     @property
     def over(self) -> bool:
         """Whether the budget is used up."""
-        return self.walker.budget.over
+        return self.steps.budget.over
 
 
 class RandomConfigurations:
@@ -55,8 +55,8 @@ class RandomConfigurations:
     def __init__(self, query: Query) -> None:
         self._rng = np.random.default_rng(query.seed)
         both = np.vstack([query.start, query.goals])
-        reach = _AROUND * query.walker.units
-        self._all = search_bounds(query.walker.check.limits, (query.start, query.goals))
+        reach = _AROUND * query.steps.units
+        self._all = search_bounds(query.steps.check.limits, (query.start, query.goals))
         low, high = both.min(axis=0) - reach, both.max(axis=0) + reach
         self._near = np.maximum(low, self._all[0]), np.minimum(high, self._all[1])
 
@@ -133,13 +133,13 @@ def connect(query: Query) -> Array | None:
 
 def _round(query: Query, draw: RandomConfigurations, patience: int) -> Array | None:
     """Grow two new trees until they meet, or each has grown `patience` times."""
-    walker = query.walker
-    trees = [Tree(query.start[None], walker.units), Tree(query.goals, walker.units)]
+    steps = query.steps
+    trees = [Tree(query.start[None], steps.units), Tree(query.goals, steps.units)]
     path: Array | None = None
     for number in range(2 * patience):
         one = number % 2
-        new = None if query.over else _grown(trees[one], walker, draw())
-        path = None if new is None else _met(trees, one, new, walker)
+        new = None if query.over else _grown(trees[one], steps, draw())
+        path = None if new is None else _met(trees, one, new, steps)
         if path is not None or query.over:
             break
     query.states.append(sum(map(len, trees)))
@@ -149,12 +149,12 @@ def _round(query: Query, draw: RandomConfigurations, patience: int) -> Array | N
     return path
 
 
-def _met(trees: list[Tree], one: int, new: int, walker: Walker) -> Array | None:
+def _met(trees: list[Tree], one: int, new: int, steps: ConstrainedSteps) -> Array | None:
     """Grow the other tree to a new node of one; return the path (k, n) from start to goal where it gets there."""
     tree, other = trees[one], trees[1 - one]
     target = tree.node(new)
     k = int(np.argmin(other.distances(target)))
-    points = walker.towards(other.node(k), target)
+    points = steps.towards(other.node(k), target)
     if not points:
         return None
     met = other.add(k, np.array(points))
@@ -165,18 +165,18 @@ def _met(trees: list[Tree], one: int, new: int, walker: Walker) -> Array | None:
     return np.vstack([start, goal[::-1][1:]])
 
 
-def _grown(tree: Tree, walker: Walker, towards: Array) -> int | None:
+def _grown(tree: Tree, steps: ConstrainedSteps, towards: Array) -> int | None:
     """Grow a tree from its node nearest to a sample; return the new node."""
     k = int(np.argmin(tree.distances(towards)))
-    points = walker.towards(tree.node(k), towards, _EXTEND)
+    points = steps.towards(tree.node(k), towards, _EXTEND)
     return tree.add(k, np.array(points)) if points else None
 
 
 def star(query: Query, path: Array) -> Array:
     """Shorten a path (k, n) by RRT* from its start to its end: a tree that is rewired as it grows, edges walked."""
-    walker, draw, goal = query.walker, RandomConfigurations(query), path[-1]
-    tree = Tree(query.start[None], walker.units)
-    best, cost, stale = path, walker.cost(path), 0
+    steps, draw, goal = query.steps, RandomConfigurations(query), path[-1]
+    tree = Tree(query.start[None], steps.units)
+    best, cost, stale = path, steps.cost(path), 0
     for _ in range(query.iterations):
         if query.over or stale > _STALE:
             break
@@ -184,14 +184,14 @@ def star(query: Query, path: Array) -> Array:
         stale += 1
         if query.informed and _least(query, q, goal) >= cost:
             continue
-        new = _branch(tree, walker, q)
+        new = _branch(tree, steps, q)
         if new is None or tree.costs[new] + _least(query, tree.node(new), goal, half=True) >= cost:
             continue
-        points = walker.joined(tree.node(new), goal)
+        points = steps.joined(tree.node(new), goal)
         if points is None:
             continue
         found = np.vstack([tree.path(new), points])
-        shorter = walker.cost(found)
+        shorter = steps.cost(found)
         stale = 0 if shorter < (1.0 - LEAST_GAIN) * cost else stale
         best, cost = (found, shorter) if shorter < cost else (best, cost)
     query.states.append(len(tree))
@@ -200,41 +200,41 @@ def star(query: Query, path: Array) -> Array:
 
 def _least(query: Query, q: Array, goal: Array, half: bool = False) -> float:
     """Return a lower bound, s, of paths from the start, or with `half` from q (n,), through q to the goal (n,)."""
-    rest = path_times(q[None], goal[None], query.walker.units)[0]
-    return float(rest if half else rest + path_times(query.start[None], q[None], query.walker.units)[0])
+    rest = path_times(q[None], goal[None], query.steps.units)[0]
+    return float(rest if half else rest + path_times(query.start[None], q[None], query.steps.units)[0])
 
 
-def _branch(tree: Tree, walker: Walker, towards: Array) -> int | None:
+def _branch(tree: Tree, steps: ConstrainedSteps, towards: Array) -> int | None:
     """Grow a node towards a sample with the cheapest of its neighbours as parent, and rewire the others to it."""
     nearest = int(np.argmin(tree.distances(towards)))
-    points = walker.towards(tree.node(nearest), towards, _EXTEND)
+    points = steps.towards(tree.node(nearest), towards, _EXTEND)
     if not points:
         return None
     q = points[-1]
     parent, way = nearest, np.array(points)
-    cost = tree.costs[nearest] + _edge_cost(walker, tree.node(nearest), way)
+    cost = tree.costs[nearest] + _edge_cost(steps, tree.node(nearest), way)
     near = np.argsort(tree.distances(q))[:_NEIGHBOURS]
     for k in map(int, near):
-        least = tree.costs[k] + float(path_times(tree.node(k)[None], q[None], walker.units)[0])
+        least = tree.costs[k] + float(path_times(tree.node(k)[None], q[None], steps.units)[0])
         if k == nearest or least >= cost:
             continue
-        other = walker.joined(tree.node(k), q)
-        if other is not None and tree.costs[k] + _edge_cost(walker, tree.node(k), np.array(other)) < cost:
+        other = steps.joined(tree.node(k), q)
+        if other is not None and tree.costs[k] + _edge_cost(steps, tree.node(k), np.array(other)) < cost:
             parent, way = k, np.array(other)
-            cost = tree.costs[k] + _edge_cost(walker, tree.node(k), way)
+            cost = tree.costs[k] + _edge_cost(steps, tree.node(k), way)
     new = tree.add(parent, way, cost)
     for k in map(int, near):
-        _rewire(tree, walker, k, new)
+        _rewire(tree, steps, k, new)
     return new
 
 
-def _rewire(tree: Tree, walker: Walker, k: int, new: int) -> None:
+def _rewire(tree: Tree, steps: ConstrainedSteps, k: int, new: int) -> None:
     """Make a new node the parent of another where that is cheaper."""
-    least = tree.costs[new] + float(path_times(tree.node(new)[None], tree.node(k)[None], walker.units)[0])
+    least = tree.costs[new] + float(path_times(tree.node(new)[None], tree.node(k)[None], steps.units)[0])
     if k == tree.parents[new] or least >= tree.costs[k]:
         return
-    points = walker.joined(tree.node(new), tree.node(k))
-    cost = np.inf if points is None else tree.costs[new] + _edge_cost(walker, tree.node(new), np.array(points))
+    points = steps.joined(tree.node(new), tree.node(k))
+    cost = np.inf if points is None else tree.costs[new] + _edge_cost(steps, tree.node(new), np.array(points))
     gain = tree.costs[k] - cost
     if points is None or gain <= 0.0:
         return
@@ -249,8 +249,8 @@ def _rewire(tree: Tree, walker: Walker, k: int, new: int) -> None:
         below.update(children)
 
 
-def _edge_cost(walker: Walker, a: Array, points: Array) -> float:
-    return walker.cost(np.vstack([a, points]))
+def _edge_cost(steps: ConstrainedSteps, a: Array, points: Array) -> float:
+    return steps.cost(np.vstack([a, points]))
 
 
 def roadmap(query: Query) -> Array | None:
@@ -259,14 +259,14 @@ def roadmap(query: Query) -> Array | None:
     Edges are walked when a shortest way takes them (Bohlin and Kavraki, "Path planning using lazy PRM", ICRA 2000); no
     way: half as many vertices again.
     """
-    walker, draw = query.walker, RandomConfigurations(query)
+    steps, draw = query.steps, RandomConfigurations(query)
     vertices = [query.start, *query.goals]
     walked: dict[tuple[int, int], list[Array] | None] = {}
     wanted = query.vertices
     while not query.over:
         while len(vertices) < wanted + 1 + len(query.goals) and not query.over:
-            q = walker.manifold.project(draw())
-            if q is not None and not walker.check.blocked(q):
+            q = steps.manifold.project(draw())
+            if q is not None and not steps.check.blocked(q):
                 vertices.append(q)
         found = _shortest(query, vertices, walked)
         if found is not None:
@@ -279,8 +279,8 @@ def roadmap(query: Query) -> Array | None:
 
 def _shortest(query: Query, vertices: list[Array], walked: dict[tuple[int, int], list[Array] | None]) -> Array | None:
     """Return the shortest way (k, n) from vertex 0 to one of the goals after it, walking its edges as needed."""
-    walker, Q = query.walker, np.array(vertices)
-    apart = np.linalg.norm((Q[:, None] - Q[None]) / walker.units, axis=2)
+    steps, Q = query.steps, np.array(vertices)
+    apart = np.linalg.norm((Q[:, None] - Q[None]) / steps.units, axis=2)
     near = np.argsort(apart, axis=1)[:, 1 : 1 + _NEIGHBOURS]
     pairs = np.column_stack([np.repeat(np.arange(len(Q)), near.shape[1]), near.ravel()])
     edges = np.unique(np.sort(pairs, axis=1), axis=0)
@@ -296,7 +296,7 @@ def _shortest(query: Query, vertices: list[Array], walked: dict[tuple[int, int],
         for edge in pairwise(way):
             key = min(edge), max(edge)
             if key not in walked:
-                found = walker.joined(Q[key[0]], target := vertices[key[1]])
+                found = steps.joined(Q[key[0]], target := vertices[key[1]])
                 walked[key] = None if found is None else [Q[key[0]], *found[:-1], target]
             stretch = walked[key]
             if stretch is None:

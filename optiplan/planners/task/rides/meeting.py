@@ -8,8 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.geometry.poses import pose_error
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
-from optiplan.kinematics.ik.numeric import joints_that_move, pose_error, random_seeds
+from optiplan.kinematics.ik.numeric import joints_that_move, random_seeds
 from optiplan.planners.base import Budget, Failure, Planner, Progress
 from optiplan.planners.cartesian.differential_ik import Aim, Tracker
 from optiplan.planners.cartesian.tool_path import line

@@ -13,6 +13,7 @@ import pinocchio as pin
 from optiplan.arrays import Array
 from optiplan.geometry.obstacle_motion import SLIDES, ObstacleMotion
 from optiplan.planners.cartesian.tool_path import ToolPath
+from optiplan.trajectory.profiles.laws import quintic_at
 
 PEAK_SPEED, PEAK_ACCELERATION = 1.875, 5.774
 """Of s(u) for a way of 1 in a time of 1."""
@@ -52,11 +53,10 @@ class RidePath:
         k = min(max(bisect_right(self.edges, t) - 1, 0), len(self.sections) - 1)
         one = self.sections[k]
         u = min(max((t - self.edges[k]) / one.duration, 0.0), 1.0)
-        share = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-        rate = 30.0 * u**2 * (1.0 - u) ** 2 / one.duration
-        change = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / one.duration**2
-        twist = one.path.twist(share)
-        return one.path.pose(share), rate * twist, change * twist + rate**2 * one.path.twist_rate(share)
+        law = quintic_at(u)
+        rate, change = law.rate / one.duration, law.change / one.duration**2
+        twist = one.path.twist(law.s)
+        return one.path.pose(law.s), rate * twist, change * twist + rate**2 * one.path.twist_rate(law.s)
 
     def _rates(self, s: float) -> tuple[Array, Array]:
         """Return the twist, m/s and rad/s, and its rate, of M Y: that of M, the turned one of Y, and Coriolis' part."""

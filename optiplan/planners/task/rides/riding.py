@@ -7,9 +7,9 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.native_model import planning_model
+from optiplan.geometry.poses import pose_error
 from optiplan.geometry.scene import Scene
 from optiplan.kinematics.ik.levenberg_marquardt import Descent
-from optiplan.kinematics.ik.numeric import pose_error
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.cartesian.differential_ik import LIMIT_AVOIDANCES, Aim
 from optiplan.planners.cartesian.path_following import follow

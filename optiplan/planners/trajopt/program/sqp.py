@@ -1,9 +1,9 @@
 """Sequential quadratic programming with an l1 exact penalty, a trust region and a watchdog."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 from optiplan.arrays import Array
 from optiplan.planners.trajopt.program.iteration_log import Ending, IterationLog
@@ -299,9 +299,7 @@ def evaluate(transcription: Discretised, control: Array, duration: float, span: 
     return Point(control, duration, terms, rows, merit, span)
 
 
-def descend(  # noqa: C901
-    program: DescentProgram[PointT, StepT], control: Array, options: DescentOptions
-) -> Descended:
+def descend(program: DescentProgram[PointT, StepT], control: Array, options: DescentOptions) -> Descended:
     """Descend from control points (K, n) until two steps in a row gain less than 0.2 %.
 
     A step is accepted when the merit falls by a tenth of the decrease predicted by the model; the trust region doubles
@@ -310,59 +308,97 @@ def descend(  # noqa: C901
     often repairs them. Otherwise both are undone and the trust region shrinks to 35 %. A curve is given up if its
     clearance violation hardly decreases in several steps; the options name what else ends a descent.
     """
-    iterations, stop = options.iterations, options.stop
-    point, taken, settled, radius = program.begin(control), 0, 0, options.radius
-    missing: list[float] = []
-    log: list[tuple[float, ...]] = []
+    begin = program.begin(control)
+    descent = _Descent(program, options, begin, options.radius, None if begin.feasible else options.go_on)
     ended: Ending | None = None
-    go_on = None if point.feasible else options.go_on
-    while taken < iterations and not stop() and radius >= LEAST_RADIUS and not _stalled(missing):
-        if taken >= options.slow and (point.merit > WORSE * options.best or point.duration > options.longest):
-            ended = "too slow"
-            break
-        missing.append(point.missing)
-        before = point.duration, point.merit, missing[-1], radius
-        step = program.step(point, radius)
-        taken += 1
+    while ended is None:
+        ended = descent.exhausted() or descent.step()
+    last, log = descent.point, IterationLog.of(descent.log, ended)
+    return Descended(last.control, last.duration, last.missing, last.nearest, descent.taken, log)
+
+
+@dataclass(eq=False)
+class _Descent(Generic[PointT, StepT]):
+    """A descent on its way.
+
+    Attributes:
+        program: gives steps and curves.
+        options: limits.
+        point: the curve of the last accepted step.
+        radius: of the trust region, see `FIRST_RADIUS`.
+        go_on: of the options, until it was called.
+        taken: number of steps, each second one counted.
+        settled: number of accepted steps in a row with little gain.
+        missing: clearance violation, m, before each step.
+        log: a row for each step, see `IterationLog`.
+    """
+
+    program: DescentProgram[PointT, StepT]
+    options: DescentOptions
+    point: PointT
+    radius: float
+    go_on: GoOn | None
+    taken: int = 0
+    settled: int = 0
+    missing: list[float] = field(default_factory=list)
+    log: list[tuple[float, ...]] = field(default_factory=list)
+
+    def exhausted(self) -> Ending | None:
+        """Return why no further step is to be taken; None: one is."""
+        options = self.options
+        if self.taken >= options.iterations:
+            return "step limit"
+        stopped = options.stop()
+        if self.radius < LEAST_RADIUS:
+            return "trust region"
+        if _stalled(self.missing):
+            return "penetration"
+        if stopped:
+            return "stopped"
+        if self.taken < options.slow:
+            return None
+        return "too slow" if self.point.merit > WORSE * options.best or self.point.duration > options.longest else None
+
+    def step(self) -> Ending | None:
+        """Try a step, and a second one from its end where it gains too little; return why the descent ends, if so."""
+        point, radius = self.point, self.radius
+        self.missing.append(point.missing)
+        before = point.duration, point.merit, self.missing[-1], radius
+        step = self.program.step(point, radius)
+        self.taken += 1
         if step is None:
-            log.append((*before, REFUSED))
-            radius *= SHRINK
-            continue
+            self.log.append((*before, REFUSED))
+            self.radius *= SHRINK
+            return None
         if step.promise < 2e-4 * point.duration:
-            ended = "converged"
-            break
-        trial, accepted = program.follow(point, step), ACCEPTED
-        if point.merit - trial.merit <= 0.1 * step.promise and not stop():
-            trial, accepted = _second(program, trial, radius), REPAIRED
-            taken += 1
+            return "converged"
+        trial, accepted = self.program.follow(point, step), ACCEPTED
+        if point.merit - trial.merit <= 0.1 * step.promise and not self.options.stop():
+            trial, accepted = _second(self.program, trial, radius), REPAIRED
+            self.taken += 1
         gain = point.merit - trial.merit
-        log.append((*before, accepted if gain > 0.1 * step.promise else REFUSED))
+        self.log.append((*before, accepted if gain > 0.1 * step.promise else REFUSED))
         if gain <= 0.1 * step.promise:
-            radius *= SHRINK
-            program.watch(point, trial)
-            continue
-        good = gain > 0.7 * step.promise
-        held_back = good and radius < options.radius  # by a trust region that is about to grow
-        settled = settled + 1 if gain < 0.002 * point.duration and trial.feasible and not held_back else 0
-        point = trial
+            self.radius *= SHRINK
+            self.program.watch(point, trial)
+            return None
+        return self._accept(trial, gain, good=gain > 0.7 * step.promise)
+
+    def _accept(self, trial: PointT, gain: float, good: bool) -> Ending | None:
+        """Go to the end of a step; `good` ones widen the trust region. Return why the descent ends, if so."""
+        held_back = good and self.radius < self.options.radius  # by a trust region that is about to grow
+        little = gain < 0.002 * self.point.duration and trial.feasible and not held_back
+        self.settled = self.settled + 1 if little else 0
+        self.point = trial
         if good:
-            radius *= 2.0
-        if settled == SETTLED:
-            ended = "converged"
-            break
-        if go_on is not None and point.feasible:
-            if not go_on(point.control, point.duration):
-                ended = "contact between samples"
-                break
-            go_on = None
-    if ended is None:
-        ended = _ending(taken >= iterations, radius < LEAST_RADIUS, _stalled(missing))
-    return Descended(point.control, point.duration, point.missing, point.nearest, taken, IterationLog.of(log, ended))
-
-
-def _ending(all_steps: bool, small: bool, stalled: bool) -> Ending:
-    """Return why no further step is taken: a step limit, a small trust region, a stalled violation, else the budget."""
-    return "step limit" if all_steps else "trust region" if small else "penetration" if stalled else "stopped"
+            self.radius *= 2.0
+        if self.settled == SETTLED:
+            return "converged"
+        if self.go_on is not None and trial.feasible:
+            if not self.go_on(trial.control, trial.duration):
+                return "contact between samples"
+            self.go_on = None
+        return None
 
 
 def _stalled(missing: list[float]) -> bool:

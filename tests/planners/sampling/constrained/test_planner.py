@@ -9,10 +9,10 @@ from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.path_constraints.motion_check import PathConstraints
+from optiplan.planners.sampling.constrained.constrained_steps import ConstrainedSteps
 from optiplan.planners.sampling.constrained.manifold import Manifold
 from optiplan.planners.sampling.constrained.searches import Query, connect, roadmap, star
 from optiplan.planners.sampling.constrained.smoothing import shortcut
-from optiplan.planners.sampling.constrained.walk import Walker
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.robot.frames import frame_pose
 from tests.planned import planned_until
@@ -40,7 +40,7 @@ def query(around):
     goals = [q for q in op.plan(around, "trajopt", budget=3.0).trajectory(np.array([1e9]), clamp=True)]
     manifold = Manifold(around, np.vstack([around.start, *goals]))
     check = MotionCheck(model, around.limits, Gravity(around.robot, around.limits.torque))
-    return Query(Walker(manifold, check, Budget(20.0)), around.start, np.array(goals), seed=1, iterations=60)
+    return Query(ConstrainedSteps(manifold, check, Budget(20.0)), around.start, np.array(goals), seed=1, iterations=60)
 
 
 @pytest.mark.parametrize("name", [name for name in CONSTRAINTS if key_of(name) not in ("tool_speed", "wheel_speed")])
@@ -74,17 +74,17 @@ def test_each_goes_around_an_obstacle_on_a_plane(around, planner):
 
 
 def test_a_walk_stays_on_the_constraints_and_ends_where_it_is_sent(query):
-    walker, start = query.walker, query.start
-    assert walker.joined(start, query.goals[0]) is None, "the post is in the way"
+    steps, start = query.steps, query.start
+    assert steps.joined(start, query.goals[0]) is None, "the post is in the way"
     rng, reached = np.random.default_rng(0), 0
     for _ in range(20):
-        target = walker.manifold.project(start + rng.uniform(-0.3, 0.3, 7))
-        points = [] if target is None else walker.towards(start, target)
+        target = steps.manifold.project(start + rng.uniform(-0.3, 0.3, 7))
+        points = [] if target is None else steps.towards(start, target)
         reached += bool(points) and points[-1] is target
         for a, b in zip([start, *points], points, strict=False):
-            assert walker.manifold.holds(b)
-            assert walker.manifold.holds(0.5 * (a + b))
-            assert walker.check.free(a, b)
+            assert steps.manifold.holds(b)
+            assert steps.manifold.holds(0.5 * (a + b))
+            assert steps.check.free(a, b)
     assert reached >= 5
 
 
@@ -93,13 +93,13 @@ def test_searches_return_paths_on_the_constraints_from_the_start_to_a_goal(query
     path = search(query)
     np.testing.assert_array_equal(path[0], query.start)
     np.testing.assert_array_equal(path[-1], query.goals[0])
-    assert all(query.walker.manifold.holds(q) for q in path)
+    assert all(query.steps.manifold.holds(q) for q in path)
     draws = np.random.default_rng(0).uniform(size=(60, 2))
-    shorter = shortcut(query.walker, path, draws)
-    assert query.walker.cost(shorter) <= query.walker.cost(path)
+    shorter = shortcut(query.steps, path, draws)
+    assert query.steps.cost(shorter) <= query.steps.cost(path)
     best = star(query, shorter)
-    assert query.walker.cost(best) <= query.walker.cost(shorter)
-    assert all(query.walker.manifold.holds(q) for q in best)
+    assert query.steps.cost(best) <= query.steps.cost(shorter)
+    assert all(query.steps.manifold.holds(q) for q in best)
     np.testing.assert_array_equal(best[[0, -1]], path[[0, -1]])
 
 

@@ -13,7 +13,7 @@ _DEPTH = 4  # of halving a step whose middle does not hold the constraints
 _PROGRESS = 0.2  # share of a step by which it must come nearer
 
 
-class Walker:
+class ConstrainedSteps:
     """Paths of projected steps: every point holds the constraints with reserve, every middle of two holds them.
 
     The straight segments between points are proved free. They leave the constraints by an amount that depends on their
