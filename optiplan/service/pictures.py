@@ -30,7 +30,7 @@ class Pictures:
         """
 
         async def request() -> dict[str, Any]:
-            asked = await self._archive.stored_request(record)
+            asked = {**await self._archive.stored_request(record), "hash": record["problem"]}
             if TRAJECTORY in (record["contents"] or {}):
                 asked["motion"] = (await self._archive.content(record, TRAJECTORY)).decode()
             return asked
