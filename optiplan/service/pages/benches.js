@@ -68,5 +68,6 @@
     byId("planners").append(...planners.map(({ name }) => option(name, name === "trajopt" || name === "rrtconnect")));
     await show();
   }
+  addEventListener("optiplan:back", show);
   open();
 })();

@@ -66,8 +66,8 @@
   // The motion that is chosen, before it begins.
   const preview = latest(async () => {
     const { run, problem, execution } = motions[byId("motion").value], path = run ? `api/runs/${run}/scene` : `api/executions/${execution}/scene`;
-    const { status, data } = problem ? await post("api/scene", { problem }) : { status: 200, data: await get(path) };
-    if (status === 200 && data.scene && !live.id) shown(data);
+    const data = problem ? (await post("api/scene", { problem })).data : await (await Page.ask(path)).json();
+    if (data.scene && !live.id) shown(data);
   });
 
   async function begin() {

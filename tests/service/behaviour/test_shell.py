@@ -1,5 +1,7 @@
 """What all pages of the service have around them: links, errors, news of others, a server that goes and comes back."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,43 @@ def test_a_server_that_goes_and_comes_back(browser, server):
     page.wait_for_selector("#banner", state="hidden")
     page.wait_for_selector("#issues .fine")
     assert page.is_enabled("#plan")
+    page.close()
+
+
+@pytest.mark.parametrize(
+    ("path", "api", "status", "words", "then"),
+    [
+        ("", "runs?limit=60", 503, "The server says: not now", "#runs .run, #runs .panel"),
+        ("", "problems", 502, "The server does not answer", "#problems .run, #problems p"),
+        ("benches", "benches", 429, "The server says: not now", "#benches .bench, #benches p:text('No benches yet')"),
+        ("execution", "executions", 502, "The server does not answer", "#driver option"),
+        ("studio", "examples", 401, "The server says: not now", "#issues .fine"),
+    ],
+)
+def test_a_page_says_what_hinders_it_and_goes_on(browser, server, path, api, status, words, then):
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.set_default_timeout(90_000)
+    body = "<html>" if status == 502 else json.dumps({"error": "not now"})
+    kind = "text/html" if status == 502 else "application/json"
+    page.route(f"**/api/{api}", lambda route: route.fulfill(status=status, body=body, content_type=kind))
+    page.goto(f"{server.url}/{path}")
+    page.wait_for_selector("#banner:not([hidden])")
+    assert words in page.inner_text("#banner")
+    assert page.locator(then).count() == 0
+    page.unroute_all()
+    page.wait_for_selector("#banner", state="hidden")
+    page.wait_for_selector(then, state="attached")
+    page.close()
+
+
+def test_benches_are_new_when_the_server_is_back(browser, server):
+    page = browser.new_page()
+    page.goto(f"{server.url}/benches")
+    page.wait_for_selector("#planners option")
+    page.wait_for_selector("#benches .bench, #benches p:text('No benches yet')")
+    page.evaluate("document.getElementById('benches').replaceChildren('of before')")
+    page.evaluate("dispatchEvent(new Event('optiplan:back'))")
+    page.wait_for_function("document.getElementById('benches').textContent !== 'of before'")
     page.close()
 
 
