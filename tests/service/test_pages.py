@@ -132,6 +132,12 @@ def test_a_running_controller_is_watched_and_its_target_dragged(page, server):
         "began => Math.hypot(...optiplanLive.live.last.tool.slice(0, 3).map((x, k) => x - began[k])) < 1e-3",
         arg=began["tool"],
     )
+    page.evaluate("optiplanLive.live.events.close()")  # a stream that breaks for good
+    page.evaluate("optiplanLive.live.events.dispatchEvent(new Event('error'))")
+    page.wait_for_function("optiplanLive.live.events.readyState === 1 && optiplanLive.live.states > 5")
+    page.evaluate("window.fetch = () => Promise.reject(new Error('the server was killed')); null")
+    page.evaluate("optiplanLive.live.events.dispatchEvent(new Event('error'))")  # the browser tries again
+    page.wait_for_selector("#banner:text('The server does not answer')")
     page.reload()  # one that runs is watched again
     page.wait_for_function("optiplanLive.live.states > 5")
     page.click("#stop")

@@ -79,6 +79,17 @@ const Page = (() => {
     return answer.status === 404 ? null : answer.json();
   }
 
+  // Watches a stream of events, by their names; where it is closed for good, `gone` finds out why.
+  function stream(path, acts, gone) {
+    const events = new EventSource(path);
+    for (const [name, act] of Object.entries(acts)) events.addEventListener(name, (event) => act(JSON.parse(event.data)));
+    events.addEventListener("error", () => {
+      if (events.readyState === EventSource.CLOSED) setTimeout(gone, AGAIN);
+      else ask("healthz").catch(() => {}); // the browser tries again by itself, and the page says if nobody is there
+    });
+    return events;
+  }
+
   // Of many wishes in a row only the last is asked for, one at a time.
   function latest(work) {
     let busy = false, wish = null;
@@ -115,5 +126,5 @@ const Page = (() => {
     for (const [name, value] of Object.entries({ d, fill: "none", stroke: colour, "stroke-width": "2", "vector-effect": "non-scaling-stroke" })) line.setAttribute(name, value);
     svg.append(line);
   }
-  return { byId, make, ask, post, get, latest, named, drawn };
+  return { byId, make, ask, post, get, stream, latest, named, drawn };
 })();

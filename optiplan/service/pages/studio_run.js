@@ -13,9 +13,17 @@ const StudioRun = (() => {
   // Nothing of an earlier problem stays beside the next.
   function clear() {
     if (state.events) state.events.close();
-    Object.assign(state, { run: null, submission: null, events: null, points: [] });
+    Object.assign(state, { run: null, submission: null, events: null });
     for (const id of ["watch", "page", "back"]) byId(id).hidden = true;
     byId("cancel").disabled = true;
+    begin();
+  }
+
+  // The improvements of a run, none yet.
+  function begin() {
+    state.points = [];
+    byId("improvements").replaceChildren();
+    curve();
   }
 
   async function plan(problem) {
@@ -24,18 +32,21 @@ const StudioRun = (() => {
     if (byId("planner").value) asked.planner = byId("planner").value;
     const { status, data } = await post("api/runs", asked);
     byId("watch").hidden = false;
-    byId("improvements").replaceChildren();
     byId("link").hidden = byId("execute").hidden = true;
-    curve();
     if (status !== 202) { tell("failed", data.error); return; }
     Object.assign(state, { run: data.id, submission: data.submission });
     byId("cancel").disabled = false;
     tell(data.status, "");
-    const events = state.events = new EventSource(`api/runs/${data.id}/events`);
-    events.addEventListener("status", (event) => tell(JSON.parse(event.data).status, ""));
-    events.addEventListener("stage", (event) => tell("running", JSON.parse(event.data).stage));
-    events.addEventListener("best", (event) => improved(JSON.parse(event.data)));
-    events.addEventListener("end", () => { events.close(); finished(data.id); });
+    watch(data.id);
+  }
+
+  function watch(id) {
+    state.events = Page.stream(`api/runs/${id}/events`, {
+      status: ({ status }) => tell(status, ""),
+      stage: ({ stage }) => tell("running", stage),
+      best: improved,
+      end: () => { state.events.close(); look(id); },
+    }, () => look(id));
   }
 
   function improved({ seconds, duration }) {
@@ -56,10 +67,14 @@ const StudioRun = (() => {
     Page.drawn(svg, path + " H319", "#1769aa");
   }
 
-  async function finished(id) {
-    byId("cancel").disabled = true;
+  // What became of a run; where only its stream has ended, it is watched again.
+  async function look(id) {
+    if (state.run !== id) return;
     const run = await get("api/runs/" + id);
     if (state.run !== id) return;
+    if (run && ["queued", "running"].includes(run.status)) { begin(); watch(id); return; }
+    byId("cancel").disabled = true;
+    if (!run) { tell("deleted", ""); return; }
     const word = run.status === "done" ? (run.verified ? "verified" : "refused") : run.status;
     const said = run.failure ? `${run.failure.kind}: ${run.failure.detail}` : run.duration ? `${run.duration.toFixed(4)} s` + (run.ratio ? `, ${run.ratio.toFixed(3)} × the bound` : "") : "";
     tell(word, said);
