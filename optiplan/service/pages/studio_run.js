@@ -1,8 +1,10 @@
 "use strict";
 // A run that the studio asks for: its improvements as they come, its end, its page.
 const StudioRun = (() => {
-  const { byId, make, post, get } = Page;
-  const state = { run: null, submission: null, events: null, points: [] };
+  const { byId, make, post, get, latest } = Page;
+  const state = { problem: null, run: null, events: null, points: [] };
+  // One name for all that this page submits: what it plans twice is one run, which one click cancels.
+  const submission = Array.from(crypto.getRandomValues(new Uint8Array(16)), (x) => x.toString(16).padStart(2, "0")).join("");
 
   function tell(status, words) {
     byId("state").className = "badge " + status;
@@ -10,10 +12,11 @@ const StudioRun = (() => {
     byId("stage").textContent = words;
   }
 
-  // Nothing of an earlier problem stays beside the next.
-  function clear() {
+  // Nothing of an earlier problem stays beside the next; what was planned of this very text does.
+  function clear(problem = null) {
+    if (problem !== null && problem === state.problem) return;
     if (state.events) state.events.close();
-    Object.assign(state, { run: null, submission: null, events: null });
+    Object.assign(state, { problem: null, run: null, events: null });
     for (const id of ["watch", "page", "back"]) byId(id).hidden = true;
     byId("cancel").disabled = true;
     begin();
@@ -26,19 +29,21 @@ const StudioRun = (() => {
     curve();
   }
 
-  async function plan(problem) {
+  const plan = latest(async (problem) => {
     clear();
-    const asked = { problem, budget: Number(byId("budget").value) };
+    state.problem = problem;
+    const asked = { problem, submission, budget: Number(byId("budget").value) };
     if (byId("planner").value) asked.planner = byId("planner").value;
     const { status, data } = await post("api/runs", asked);
+    if (state.problem !== problem) return; // the text is another one by now
     byId("watch").hidden = false;
     byId("link").hidden = byId("execute").hidden = true;
     if (status !== 202) { tell("failed", data.error); return; }
-    Object.assign(state, { run: data.id, submission: data.submission });
+    state.run = data.id;
     byId("cancel").disabled = false;
     tell(data.status, "");
     watch(data.id);
-  }
+  });
 
   function watch(id) {
     state.events = Page.stream(`api/runs/${id}/events`, {
@@ -86,7 +91,7 @@ const StudioRun = (() => {
     byId("page").hidden = byId("back").hidden = false;
   }
 
-  byId("cancel").addEventListener("click", () => Page.ask(`api/runs/${state.run}/cancel?submission=${state.submission}`, { method: "POST" }));
+  byId("cancel").addEventListener("click", () => Page.ask(`api/runs/${state.run}/cancel?submission=${submission}`, { method: "POST" }));
   byId("back").addEventListener("click", () => { byId("page").hidden = byId("back").hidden = true; byId("page").src = "about:blank"; });
   return { plan, clear };
 })();
