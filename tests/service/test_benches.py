@@ -1,5 +1,7 @@
 """Benches over HTTP: problems by planners by seeds, as runs of the queue."""
 
+import threading
+
 import pytest
 
 from tests.service.conftest import NO_WAY, QUICK
@@ -48,6 +50,16 @@ def test_the_report_is_that_of_a_suite(server, bench):
     for word in ("small", "quintic", "rrt", "shut-in", "<polyline", "/compare?run="):
         assert word in page
     assert "script-src" in answer.headers["content-security-policy"]
+
+
+def test_the_database_is_queried_beside_the_event_loop(server, monkeypatch):
+    runs, threads = server.service.archive.runs, []
+    waiting = runs.waiting
+    monkeypatch.setattr(runs, "waiting", lambda: threads.append(threading.current_thread().name) or waiting())
+    given = {"problems": [QUICK], "planners": ["quintic"], "seeds": [51]}
+    finished(server, server.http.post("/api/benches", json=given).json()["id"])
+    assert threads
+    assert all(name.startswith(("read", "write")) for name in threads)
 
 
 def test_a_bench_is_cancelled_and_forgotten_but_not_its_runs(server):
