@@ -83,13 +83,13 @@ class Tasks:
         return about, run_files(run)
 
     def page(self, request: Mapping[str, Any], progress: Any) -> Answer:
-        """The page of runs, each of them from the texts of its two files."""
+        """The page of runs, each of them from the texts of its two files, under its own of the `labels`, if any."""
         from optiplan.service.execution.viewed_runs import viewed_runs
         from optiplan.viewer.page import Drawn, Link, render_page
         from optiplan.viewer.scene import build_scene
 
         problem = self._reader.read(request)
-        shown = viewed_runs(problem, request["runs"])
+        shown = viewed_runs(problem, request["runs"], request["ids"], request.get("labels") or ())
         if len(shown) > 1:
             links = [Link("./", "Runs")]
         else:
