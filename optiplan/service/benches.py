@@ -46,7 +46,7 @@ class Benches:
         for what, names in (("problem", [str(one["name"]) for one in checked]), ("planner", labels)):
             if twice := {name for name in names if names.count(name) > 1}:
                 raise Refusal(422, f"found the {what} '{min(twice)}' twice; expected names of their own")
-        self._check_room(len(problems) * len(labels) * len(given.seeds))
+        await self._check_room(len(problems) * len(labels) * len(given.seeds))
         asked = [
             (str(about["name"]), planner.shown, Submission(**_submission(one, planner, given), seed=seed))
             for one, about in zip(problems, checked, strict=True)
@@ -137,10 +137,10 @@ class Benches:
             raise not_found("bench", bench)
         return row
 
-    def _check_room(self, count: int) -> None:
+    async def _check_room(self, count: int) -> None:
         if count > MOST:
             raise Refusal(422, f"found {count} runs; expected at most {MOST} in one bench")
-        waiting = self._archive.runs.waiting()
+        waiting = await self._archive.read(self._archive.runs.waiting)
         if waiting + count > self._settings.queue:
             raise busy(f"{waiting} runs are queued; {count} more are too many for this server", 60.0)
 

@@ -1,6 +1,6 @@
 """Small pictures of runs and problems, kept in memory, and pages of runs."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 
 from optiplan.cache import MostRecent
@@ -30,7 +30,7 @@ class Pictures:
         """
 
         async def request() -> dict[str, Any]:
-            asked = await self._archive.stored_request(record)
+            asked = {**await self._archive.stored_request(record), "hash": record["problem"]}
             if TRAJECTORY in (record["contents"] or {}):
                 asked["motion"] = (await self._archive.content(record, TRAJECTORY)).decode()
             return asked
@@ -46,21 +46,24 @@ class Pictures:
         given = ProblemInput(problem=hash, name=None, start=None, goal=None)
         return await self._kept(hash, lambda: self._requests.of(given))
 
-    async def page(self, *records: Record, drawn: str = "") -> bytes:
+    async def page(self, *records: Record, labels: Sequence[str] = (), drawn: str = "") -> bytes:
         """Return the page of one ended run, or of several runs of one problem.
 
         Args:
             records: the runs.
+            labels: of the runs; empty: the names of their planners.
             drawn: where the page gets what scripts draw, if it does.
 
         Raises:
-            Refusal: one has no record, or they are of different problems.
+            Refusal: one has no record, they are of different problems, or there are more or fewer labels than runs.
         """
+        if labels and len(labels) != len(records):
+            raise Refusal(422, f"found {len(labels)} labels of {len(records)} runs; expected one for each, or none")
         if len({record["problem"] for record in records}) > 1:
             raise Refusal(422, "these runs are of different problems; expected runs of one")
         shown = [await self._archive.texts(record) for record in records]
         asked = await self._archive.stored_request(records[0])
-        of = {"runs": shown, "ids": [record["id"] for record in records], "drawn": drawn}
+        of = {"runs": shown, "ids": [record["id"] for record in records], "labels": list(labels), "drawn": drawn}
         return (await self._requests.ask({**asked, **of}, "page")).files["page.html"]
 
     async def _kept(self, key: str, request: Callable[[], Awaitable[dict[str, Any]]]) -> bytes:

@@ -73,6 +73,16 @@ def test_contents_go_with_the_last_that_refers_to_them(table, engine, tmp_path):
     assert sweep(contents, table, problems, young=-1.0) == 3
 
 
+def test_a_damaged_content_is_written_anew(tmp_path):
+    contents = ContentFolder(tmp_path, 0)
+    digest = contents.put(b"whole")
+    for damaged in (b"whol", b"wHole"):
+        (tmp_path / digest[:2] / digest).write_bytes(damaged)
+        assert contents.get(digest) is None
+        assert contents.put(b"whole") == digest
+        assert contents.get(digest) == b"whole"
+
+
 def test_a_server_tidies_what_is_outdated_and_keeps_the_rest(server, monkeypatch):
     old, young = (server.submit(seed=seed)["id"] for seed in (7001, 7002))
     for run in (old, young):

@@ -1,8 +1,14 @@
 """Benches over HTTP: problems by planners by seeds, as runs of the queue."""
 
+import html
+import re
+import threading
+from urllib.parse import urljoin
+
 import pytest
 
 from tests.service.conftest import NO_WAY, QUICK
+from tests.service.routes.test_pages import NAMES
 from tests.waiting import wait_until
 
 
@@ -48,6 +54,24 @@ def test_the_report_is_that_of_a_suite(server, bench):
     for word in ("small", "quintic", "rrt", "shut-in", "<polyline", "/compare?run="):
         assert word in page
     assert "script-src" in answer.headers["content-security-policy"]
+    assert re.findall(r'(?:href|data-page)="(/[^"]*)"', page) == []  # a proxy may have put the server below a path
+    shown = re.findall(r'data-page="([^"]*)"', page)
+    assert len(shown) == 2
+    for address in shown:
+        compared = server.http.get(urljoin(str(answer.url), html.unescape(address)))
+        assert NAMES.findall(compared.text) == ["quintic", "rrt", "cubic"]
+    scene = next(address for address in re.findall(r'href="([^"#]*)"', page) if "runs/" in address)
+    assert server.http.get(urljoin(str(answer.url), scene)).status_code == 200
+
+
+def test_the_database_is_queried_beside_the_event_loop(server, monkeypatch):
+    runs, threads = server.service.archive.runs, []
+    waiting = runs.waiting
+    monkeypatch.setattr(runs, "waiting", lambda: threads.append(threading.current_thread().name) or waiting())
+    given = {"problems": [QUICK], "planners": ["quintic"], "seeds": [51]}
+    finished(server, server.http.post("/api/benches", json=given).json()["id"])
+    assert threads
+    assert all(name.startswith(("read", "write")) for name in threads)
 
 
 def test_a_bench_is_cancelled_and_forgotten_but_not_its_runs(server):

@@ -132,6 +132,12 @@ def test_a_running_controller_is_watched_and_its_target_dragged(page, server):
         "began => Math.hypot(...optiplanLive.live.last.tool.slice(0, 3).map((x, k) => x - began[k])) < 1e-3",
         arg=began["tool"],
     )
+    page.evaluate("optiplanLive.live.events.close()")  # a stream that breaks for good
+    page.evaluate("optiplanLive.live.events.dispatchEvent(new Event('error'))")
+    page.wait_for_function("optiplanLive.live.events.readyState === 1 && optiplanLive.live.states > 5")
+    page.evaluate("window.fetch = () => Promise.reject(new Error('the server was killed')); null")
+    page.evaluate("optiplanLive.live.events.dispatchEvent(new Event('error'))")  # the browser tries again
+    page.wait_for_selector("#banner:text('The server does not answer')")
     page.reload()  # one that runs is watched again
     page.wait_for_function("optiplanLive.live.states > 5")
     page.click("#stop")
@@ -277,6 +283,23 @@ def test_runs_are_listed_and_compared(page, server):
     page.click("#compare")
     page.wait_for_selector("canvas")
     assert "cubic" in page.content()  # on a narrow page the card is folded
+
+
+@wide
+def test_of_stored_problems_of_one_name_each_can_be_chosen(page, server):
+    text = QUICK.replace("name: free", "name: kept twice")
+    kept = [text, text.replace("1.2]", "1.1]")]
+    stored = [server.http.post("/api/problems", json={"problem": one}).json()["hash"] for one in kept]
+    page.goto(f"{server.url}/benches")
+    page.wait_for_selector("#planners option")
+    for hash in stored:
+        assert page.inner_text(f"#problems option[value='{hash}']").startswith("kept twice (stored ")
+        page.select_option("#problems", [hash])
+        page.select_option("#planners", ["quintic"])
+        with page.expect_request(lambda asked: asked.method == "POST") as sent:
+            page.click("#submit")
+        assert sent.value.post_data_json["problems"] == [hash]
+        page.wait_for_selector("#told:empty", state="attached")
 
 
 def test_a_bench_is_run_from_its_page(page, server):

@@ -29,17 +29,11 @@ def cards(analysis: Analysis) -> list[Card]:
     sure = "" if ends is None else f", 95 % confidence {' to '.join(map(percent, ends))}"
     found = [("Most reliable", _names(first), f"verified {percent(best)}: {every}{sure}")]
     if best > 0.0 and len(planners) > 1 and analysis.common:
-        found += [
-            _by_median(
-                "Quickest to plan", "s", "first", [(one.plan_time.median.value, one.quickest, one) for one in planners]
-            ),
-            _by_median(
-                "Shortest motions",
-                "× bound",
-                "shortest",
-                [(one.ratio.median.value, one.shortest, one) for one in planners],
-            ),
-        ]
+        times = [(one.plan_time.median.value, one.quickest, one) for one in planners]
+        ratios = [(one.ratio.median.value, one.shortest, one) for one in planners]
+        found.append(_by_median("Quickest to plan", "s", "first", times))
+        if not all(math.isnan(median) for median, *_ in ratios):  # robots that need not move have no bound
+            found.append(_by_median("Shortest motions", "× bound", "shortest", ratios))
     return found
 
 

@@ -11,7 +11,7 @@ from optiplan.bench.execution.machine import machine
 from optiplan.bench.execution.run_task import hash_and_pack
 from optiplan.bench.report.analysis import analyse
 from optiplan.bench.report.failures import reasons
-from optiplan.bench.report.matrix import matrix_rows
+from optiplan.bench.report.matrix import ProblemRow, matrix_rows
 from optiplan.bench.report.page import Links, render
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import BenchPlanner, BenchProblem, Outcome, Row, failure
@@ -21,6 +21,10 @@ from optiplan.runs.run import versions
 from optiplan.trajectory.trajectory import Trajectory
 
 SET = "bench"
+ROOT = "../../.."
+"""From the address of a report, `/api/benches/ID/report.html`, to that of the server, which may lie below a path."""
+MOST = 8
+"""Runs that are compared on one page."""
 
 
 def bench_report(suite: Mapping[str, Any], runs: Sequence[Mapping[str, Any]], progress: Progress) -> str:
@@ -50,16 +54,16 @@ def bench_report(suite: Mapping[str, Any], runs: Sequence[Mapping[str, Any]], pr
         with Store(Path(folder) / "results") as stored:
             analysis = analyse(stored)
             rows = matrix_rows(stored, analysis, progress)
-            ids: dict[str, list[str]] = {}
-            for one in runs:
-                if one["key"][2] == suite["seeds"][0]:
-                    ids.setdefault(one["key"][0], []).append(one["id"])
-            of_key = {tuple(one["key"]): one["id"] for one in runs}
-            links = Links(
-                lambda run: f"/runs/{of_key[run.problem, run.planner, run.seed]}",
-                lambda name: "/compare?" + urlencode([("run", run) for run in ids.get(name, [])[:8]]),
-            )
+            ids = {tuple(one["key"]): one["id"] for one in runs}
+            compared = {row.name: _compared(row, ids) for row in rows}
+            links = Links(lambda run: f"{ROOT}/runs/{ids[run.problem, run.planner, run.seed]}", compared.get)
             return render(stored, analysis, reasons(stored), rows, links)
+
+
+def _compared(row: ProblemRow, ids: Mapping[tuple[Any, ...], str]) -> str:
+    """The address of the runs that stand for the planners on a problem, with their labels in the report."""
+    shown = [(ids[problem, label, seed], label) for problem, label, seed, _ in row.keys()[:MOST]]
+    return f"{ROOT}/compare?" + urlencode([pair for one in shown for pair in zip(("run", "label"), one, strict=True)])
 
 
 def _meta(

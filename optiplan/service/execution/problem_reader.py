@@ -113,6 +113,11 @@ class ProblemReader:
                 )
 
 
+def files_changed(request: Mapping[str, Any], problem: Problem) -> bool:
+    """Return whether a request names the `hash` of another problem than the one that was read for it."""
+    return request.get("hash") not in (None, problem.hash)
+
+
 def _name(problem: Problem) -> str:
     """What the problem calls its robot; empty where it describes it."""
     stated = problem.source["robot"]

@@ -21,7 +21,7 @@ from optiplan.runs import pipeline
 from optiplan.runs.export import FORMATS, export_trajectory
 from optiplan.runs.run import Run
 from optiplan.runs.run_folder import RATE, motion_file, run_files
-from optiplan.service.execution.problem_reader import PlannerChoice, ProblemReader
+from optiplan.service.execution.problem_reader import PlannerChoice, ProblemReader, files_changed
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import jsonable
 from optiplan.verify.verify import verify
@@ -68,7 +68,7 @@ class Tasks:
         """Plan and prove; the files are those of a run folder. A request that is `early` has its motion sent first."""
         problem = self._reader.read(request)
         choice = self._reader.choose(request, problem)
-        if request.get("hash") not in (None, problem.hash):
+        if files_changed(request, problem):
             detail = "the files that the problem names were changed after it was submitted"
             return {"failure": {"kind": "input", "detail": detail, "witness": {}}, "timings": {}}, {}
         budget, given = Budget(request["budget"]), problem.with_seed(choice.seed)
@@ -83,17 +83,13 @@ class Tasks:
         return about, run_files(run)
 
     def page(self, request: Mapping[str, Any], progress: Any) -> Answer:
-        """The page of runs, each of them from the texts of its two files."""
+        """The page of runs, each of them from the texts of its two files, under its own of the `labels`, if any."""
+        from optiplan.service.execution.viewed_runs import viewed_runs
         from optiplan.viewer.page import Drawn, Link, render_page
-        from optiplan.viewer.runs import ViewedRun
         from optiplan.viewer.scene import build_scene
 
-        problem, shown = self._reader.read(request), []
-        for one in request["runs"]:
-            record = json.loads(one["run"])
-            motion = Trajectory.from_dict(json.loads(one["trajectory"])) if one["trajectory"] else None
-            label = str(record.get("planner", "run"))
-            shown.append(ViewedRun(label, motion, record.get("report"), record.get("failure"), record))
+        problem = self._reader.read(request)
+        shown = viewed_runs(problem, request["runs"], request["ids"], request.get("labels") or ())
         if len(shown) > 1:
             links = [Link("./", "Runs")]
         else:
@@ -106,11 +102,13 @@ class Tasks:
         return {}, {"page.html": render_page(build_scene(problem, shown), links[0], links[1:], drawn).encode()}
 
     def picture(self, request: Mapping[str, Any], progress: Any) -> Answer:
-        """A small picture of a problem, with the motion of a `trajectory.json` where there is one."""
+        """A small picture of a problem, with the motion of a `trajectory.json` that was made for it, if any."""
         from optiplan.viewer.thumbnail import scene_picture
 
-        motion = Trajectory.from_dict(json.loads(request["motion"])) if request.get("motion") else None
-        return {}, {"picture.svg": scene_picture(self._reader.read(request), motion).encode()}
+        problem, motion = self._reader.read(request), None
+        if request.get("motion") and not files_changed(request, problem):  # else it may go through what is drawn
+            motion = Trajectory.from_dict(json.loads(request["motion"]))
+        return {}, {"picture.svg": scene_picture(problem, motion).encode()}
 
     def export(self, request: Mapping[str, Any], progress: Any) -> Answer:
         """A motion for another program, proved again where it is slowed down to end on a cycle."""

@@ -2,7 +2,7 @@
 // Benches: what is compared is chosen, and tables grow while runs end.
 (() => {
   const { byId, make, post, get } = Page;
-  let texts = {}, hashes = {};
+  let texts = {};
 
   const chosen = (id) => [...byId(id).selectedOptions].map((option) => option.value);
   const number = (x, digits) => (x === null ? "–" : x.toFixed(digits));
@@ -37,22 +37,22 @@
   }
 
   async function send(method, path) {
-    if (method === "DELETE" && !confirm("Delete this bench with its runs? It cannot be brought back.")) return;
+    if (method === "DELETE" && !confirm("Delete this bench? Its runs stay; the bench cannot be brought back.")) return;
     await Page.ask("api/benches/" + path, { method });
     await show();
   }
 
   let waiting = 0;
   async function show() {
-    const benches = await get("api/benches");
+    const benches = await get("api/benches"), running = benches.some((one) => one.status === "running");
     byId("benches").replaceChildren(...(benches.length ? benches.map(panel) : [make("p", { className: "none", textContent: "No benches yet." })]));
     clearTimeout(waiting);
-    if (benches.some((one) => one.status === "running")) waiting = setTimeout(show, 1000);
+    if (running) waiting = setTimeout(show, 1000);
   }
 
   byId("submit").addEventListener("click", async () => {
     const seeds = Array.from({ length: Number(byId("seeds").value) }, (_, k) => k), budget = Number(byId("budget").value);
-    const asked = { name: byId("name").value, problems: chosen("problems").map((name) => hashes[name] || texts[name]), planners: chosen("planners"), seeds, budget };
+    const asked = { name: byId("name").value, problems: chosen("problems").map((one) => texts[one] || one), planners: chosen("planners"), seeds, budget };
     byId("told").textContent = "…";
     const { status, data } = await post("api/benches", asked);
     byId("told").textContent = status === 202 ? "" : data.error;
@@ -62,11 +62,12 @@
   async function open() {
     const [examples, planners, stored] = await Promise.all([get("api/examples"), get("api/planners"), get("api/problems")]);
     texts = examples;
-    hashes = Object.fromEntries(stored.map((one) => [`${one.name} (stored)`, one.hash]));
-    const option = (name, selected) => make("option", { value: name, textContent: name, selected });
-    byId("problems").append(...Object.keys(hashes).map((name) => option(name)), ...Object.keys(texts).map((name) => option(name, name === "01_reach" || name === "02_shelf")));
+    const option = (name, selected, value = name) => make("option", { value, textContent: name, selected });
+    const kept = stored.map(({ name, hash, created }) => option(`${name} (stored ${new Date(1000 * created).toLocaleString()})`, false, hash));
+    byId("problems").append(...kept, ...Object.keys(texts).map((name) => option(name, name === "01_reach" || name === "02_shelf")));
     byId("planners").append(...planners.map(({ name }) => option(name, name === "trajopt" || name === "rrtconnect")));
     await show();
   }
+  addEventListener("optiplan:back", show);
   open();
 })();

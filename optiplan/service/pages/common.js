@@ -10,23 +10,27 @@ const Page = (() => {
   }
 
   // Whether the server answers; while it does not, a line says so, and it is asked again and again.
+  const SILENT = "The server does not answer. What you typed is kept in this browser; this page goes on by itself when the server is back.";
+  const AGAIN = 1000; // ms before what was not answered is asked for again
   let away = false;
   const banner = () => byId("banner");
+  const failing = ({ status }) => status >= 500 || status === 401 || status === 429;
 
-  function lost() {
+  // Says what is wrong until an address is answered: that which was not, or that of the server's health.
+  function lost(words = SILENT, path = "healthz") {
     if (away) return;
     away = true;
-    banner().textContent = "The server does not answer. What you typed is kept in this browser; this page goes on by itself when the server is back.";
+    banner().textContent = words;
     banner().hidden = false;
     document.documentElement.classList.add("away");
-    setTimeout(look, 1000);
+    setTimeout(() => look(path), AGAIN);
   }
 
-  async function look() {
+  async function look(path) {
     try {
-      if (!(await fetch("healthz", { cache: "no-store" })).ok) throw new Error("not yet");
+      if (failing(await fetch(path, { cache: "no-store" }))) throw new Error("not yet");
     } catch (error) {
-      setTimeout(look, 1500);
+      setTimeout(() => look(path), AGAIN);
       return;
     }
     away = false;
@@ -35,12 +39,14 @@ const Page = (() => {
     dispatchEvent(new Event("optiplan:back"));
   }
 
-  // As fetch; where no answer comes at all, the page says so.
+  // As fetch; where no answer comes at all, or that of a proxy before a server that is away, the page says so.
   async function ask(path, options) {
     try {
-      return await fetch(path, options);
+      const answer = await fetch(path, options), ours = (answer.headers.get("Content-Type") || "").includes("json");
+      if (answer.status >= 502 && answer.status <= 504 && !ours) throw new Error("the server does not answer");
+      return answer;
     } catch (error) {
-      if (!leaving) lost();
+      if (!leaving) lost(SILENT, options ? "healthz" : path);
       throw error;
     }
   }
@@ -54,7 +60,35 @@ const Page = (() => {
     return { status: answer.status, data: answer.status === 204 ? null : await answer.json() };
   }
 
-  const get = async (path) => (await ask(path)).json();
+  // The answer at an address, however long it takes: while there is none, or none of use, the page says why.
+  async function answered(path) {
+    for (;;) {
+      const answer = await ask(path).catch(() => null);
+      if (answer && !failing(answer)) return answer;
+      if (answer) {
+        const { error } = await answer.json().catch(() => ({ error: `${answer.status} ${answer.statusText}` }));
+        lost(`The server says: ${error}. This page goes on by itself when it can.`, path);
+      }
+      await new Promise((go) => { if (away) addEventListener("optiplan:back", go, { once: true }); else setTimeout(go, AGAIN); });
+    }
+  }
+
+  // The data at an address; null where there is nothing, or no more.
+  async function get(path) {
+    const answer = await answered(path);
+    return answer.status === 404 ? null : answer.json();
+  }
+
+  // Watches a stream of events, by their names; where it is closed for good, `gone` finds out why.
+  function stream(path, acts, gone) {
+    const events = new EventSource(path);
+    for (const [name, act] of Object.entries(acts)) events.addEventListener(name, (event) => act(JSON.parse(event.data)));
+    events.addEventListener("error", () => {
+      if (events.readyState === EventSource.CLOSED) setTimeout(gone, AGAIN);
+      else ask("healthz").catch(() => {}); // the browser tries again by itself, and the page says if nobody is there
+    });
+    return events;
+  }
 
   // Of many wishes in a row only the last is asked for, one at a time.
   function latest(work) {
@@ -77,12 +111,12 @@ const Page = (() => {
   async function named() {
     const hash = location.hash.slice(1), run = /^run=([0-9a-f]{32})$/.exec(hash);
     if (run) {
-      const answer = await ask(`api/runs/${run[1]}/problem`);
+      const answer = await answered(`api/runs/${run[1]}/problem`);
       return answer.ok ? answer.text() : null;
     }
-    const stored = /^[0-9a-f]{64}$/.test(hash) ? await ask("api/problems/" + hash) : null;
-    if (!stored || !stored.ok) return null;
-    const { problem } = await stored.json();
+    const stored = /^[0-9a-f]{64}$/.test(hash) ? await get("api/problems/" + hash) : null;
+    if (!stored) return null;
+    const { problem } = stored;
     return typeof problem === "string" ? problem : JSON.stringify(problem, null, 2);
   }
 
@@ -92,5 +126,5 @@ const Page = (() => {
     for (const [name, value] of Object.entries({ d, fill: "none", stroke: colour, "stroke-width": "2", "vector-effect": "non-scaling-stroke" })) line.setAttribute(name, value);
     svg.append(line);
   }
-  return { byId, make, ask, lost, post, get, latest, named, drawn };
+  return { byId, make, ask, post, get, stream, latest, named, drawn };
 })();

@@ -66,8 +66,8 @@
   // The motion that is chosen, before it begins.
   const preview = latest(async () => {
     const { run, problem, execution } = motions[byId("motion").value], path = run ? `api/runs/${run}/scene` : `api/executions/${execution}/scene`;
-    const { status, data } = problem ? await post("api/scene", { problem }) : { status: 200, data: await get(path) };
-    if (status === 200 && data.scene && !live.id) shown(data);
+    const data = problem ? (await post("api/scene", { problem })).data : await (await Page.ask(path)).json();
+    if (data.scene && !live.id) shown(data);
   });
 
   async function begin() {
@@ -91,26 +91,21 @@
     const speed = { title: "speed along the path", unit: "of the planned", axis: [-1.1, 1.1], series: [{ name: "now", low: -1, high: 1, colour: "--accent", width: 2 }, { name: "wanted", dash: [4, 4], step: true, colour: "--soft" }], values: (state) => [state.speed, state.override] };
     byId("save").href = `api/executions/${id}/recording.zip`;
     live.strips = new Strips.Strips(byId("strips"), [speed, Strips.joints(names, limits)]);
-    Object.assign(live, { id, last: null, states: 0, heard: performance.now(), motion: 0, events: new EventSource(`api/executions/${id}/events`) });
+    const events = Page.stream(`api/executions/${id}/events`, { state: (state) => draw(state), end: ({ reason }) => ended(reason) }, () => again(id));
+    Object.assign(live, { id, last: null, states: 0, heard: performance.now(), motion: 0, events });
     history.replaceState(null, "", "#" + id);
     for (const knob of KNOBS) byId(knob).disabled = false;
     byId("begin").disabled = byId("lease").disabled = true;
-    live.events.addEventListener("state", (event) => draw(JSON.parse(event.data)));
-    live.events.addEventListener("end", (event) => ended(JSON.parse(event.data).reason));
-    live.events.addEventListener("error", () => { if (live.id === id && live.events.readyState === EventSource.CLOSED) setTimeout(() => again(id), 1000); });
     await show(id);
   }
 
   // The stream is closed for good: the server came back without it, or refuses.
   async function again(id) {
     if (live.id !== id) return;
-    try {
-      const answer = await Page.ask("api/executions/" + id), found = answer.ok ? await answer.json() : null;
-      if (answer.status === 404) ended("the server does not know it any more");
-      else if (found && found.ended !== null) ended(found.ended);
-      else if (found) watch(found);
-      else setTimeout(() => again(id), 1000);
-    } catch { setTimeout(() => again(id), 1000); }
+    const found = await get("api/executions/" + id);
+    if (live.id !== id) return;
+    if (!found || found.ended !== null) ended(found ? found.ended : "the server does not know it any more");
+    else watch(found);
   }
 
   function ended(reason) {

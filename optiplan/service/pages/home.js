@@ -7,9 +7,10 @@
   const look = (run) => (run.status === "done" ? (run.verified ? "verified" : "refused") : run.status);
 
   // What cannot be brought back is asked about first.
-  async function forget(what, path) {
+  async function forget(what, path, run = null) {
     if (!confirm(`Delete ${what}? It cannot be brought back.`)) return;
-    await Page.ask(path, { method: "DELETE" });
+    const { ok, status } = await Page.ask(path, { method: "DELETE" });
+    if (ok || status === 404) runs = runs.filter((one) => one.id !== run);
     await Promise.all([show(), showProblems()]);
   }
 
@@ -31,7 +32,7 @@
     const box = make("input", { type: "checkbox", checked: chosen.has(run.id), disabled: run.status !== "done" });
     box.addEventListener("change", () => { chosen[box.checked ? "add" : "delete"](run.id); byId("compare").disabled = chosen.size < 2; });
     const button = ended
-      ? make("button", { type: "button", textContent: "Delete", onclick: () => forget(`the run ${name}, with its files`, "api/runs/" + run.id) })
+      ? make("button", { type: "button", textContent: "Delete", onclick: () => forget(`the run ${name}, with its files`, "api/runs/" + run.id, run.id) })
       : make("button", { type: "button", textContent: "Cancel", onclick: () => cancel(`api/runs/${run.id}/cancel`) });
     const tools = make("div", { className: "tools" }, make("label", {}, box, "compare"), button);
     if (run.verified) tools.lastChild.before(make("a", { href: "execution#run=" + run.id, textContent: "Execute" }));
@@ -50,7 +51,7 @@
   }
 
   // ---- what is listed: the newest runs, older ones on demand; all that the filters let through
-  const PAGE = 60, OFTEN = 1000, SELDOM = 4000; // runs a page; ms between two looks while anything runs, and while nothing does
+  const PAGE = 60, MOST = 500, OFTEN = 1000, SELDOM = 4000; // runs a page, and of one look; ms between two looks while anything runs, and while nothing does
   let runs = [], older = false, waiting = 0, drawn = "";
 
   function wanted(run) {
@@ -65,6 +66,8 @@
 
   function draw() {
     const found = runs.filter(wanted), robots = [...new Set(runs.map((run) => run.robot))].sort(), chosenRobot = byId("robot").value;
+    for (const id of chosen) if (!runs.some((run) => run.id === id)) chosen.delete(id);
+    byId("compare").disabled = chosen.size < 2;
     const now = JSON.stringify([found.map((run) => [run.id, run.status, run.finished]), [...chosen]]);
     if (now === drawn) return; // what has not changed stays as it is, with its pictures and where the keyboard is
     drawn = now;
@@ -76,13 +79,14 @@
   }
 
   async function show() {
-    clearTimeout(waiting);
-    const { runs: newest, counts } = await get(`api/runs?limit=${PAGE}`);
-    if (newest.length < PAGE || !runs.length) older = newest.length === PAGE;
+    const limit = Math.min(MOST, Math.max(PAGE, runs.length)); // older ones that are shown change, too
+    const { runs: newest, counts } = await get(`api/runs?limit=${limit}`), whole = newest.length < limit;
+    if (whole || !runs.length) older = !whole;
     const last = newest.length ? newest.at(-1).submitted : 0;
-    runs = newest.length < PAGE ? newest : [...newest, ...runs.filter((run) => run.submitted < last)];
+    runs = whole ? newest : [...newest, ...runs.filter((run) => run.submitted < last)];
     draw();
     byId("counts").textContent = Object.entries(counts).map(([state, count]) => `${count} ${state}`).join(" · ");
+    clearTimeout(waiting);
     waiting = setTimeout(show, counts.queued || counts.running ? OFTEN : SELDOM);
   }
 
@@ -95,7 +99,7 @@
 
   byId("more").addEventListener("click", async () => {
     const { runs: found } = await get(`api/runs?limit=${PAGE}&before=${runs.at(-1).submitted}`);
-    runs.push(...found);
+    runs.push(...found.filter((run) => run.submitted < runs.at(-1).submitted)); // two clicks get the same ones
     older = found.length === PAGE;
     draw();
   });

@@ -53,12 +53,18 @@
       { title: "smallest distance", unit: "mm", asinh: 10, series: [{ name: "measured", low: mm(clearance), colour: "--measured", width: 2 }], values: ({ nearest }) => [nearest ? mm(nearest.distance) : null] },
       Strips.joints(names, limits),
     ]);
-    Object.assign(live, { id, first: null, states: 0, events: new EventSource(`api/live/${id}/events`) });
+    const events = Page.stream(`api/live/${id}/events`, { state: draw, end: ({ reason }) => ended(reason) }, () => again(id));
+    Object.assign(live, { id, first: null, states: 0, events });
     byId("stop").disabled = byId("home").disabled = false;
     byId("save").href = `api/live/${id}/recording.zip`;
-    live.events.addEventListener("state", (event) => draw(JSON.parse(event.data)));
-    live.events.addEventListener("end", (event) => ended(JSON.parse(event.data).reason));
-    live.events.addEventListener("error", () => { if (live.events && live.events.readyState === EventSource.CLOSED) ended("the server does not answer"); });
+  }
+
+  // The stream is closed for good: the server came back without it, or refuses.
+  async function again(id) {
+    if (live.id !== id) return;
+    const found = await get("api/live/" + id);
+    if (live.id !== id) return;
+    if (found) watch(found); else ended("the server does not know it any more");
   }
 
   function ended(reason) {
@@ -100,8 +106,8 @@
     byId("example").append(...Object.keys(examples).map((name) => make("option", { value: name, textContent: name })));
     if (!named) byId("example").value = "02_shelf";
     byId("example").addEventListener("change", () => { if (!live.id) show(examples[byId("example").value]); });
-    const found = running ? await Page.ask("api/live/" + running.id) : null; // one that runs is watched by all who come
-    if (found && found.ok && (await show((await found.json()).problem))) watch(running);
+    const found = running ? await get("api/live/" + running.id) : null; // one that runs is watched by all who come
+    if (found && (await show(found.problem))) watch(found);
     else await show(examples[byId("example").value]);
   }
 

@@ -182,7 +182,7 @@
     editor.mark(issues.map((one) => ({ line: one.line, words: said(one) })));
     byId("plan").disabled = byId("store").disabled = issues.length > 0;
     if (issues.length) return;
-    if (state.hash && data.hash !== state.hash) StudioRun.clear();
+    if (state.hash && data.hash !== state.hash) StudioRun.clear(editor.text());
     Object.assign(state, { valid: problem, hash: data.hash });
     const drawn = await post("api/scene", { problem });
     if (drawn.status === 200 && asked === state.asked) draw(drawn.data);

@@ -1,8 +1,10 @@
 "use strict";
 // A run that the studio asks for: its improvements as they come, its end, its page.
 const StudioRun = (() => {
-  const { byId, make, post, get } = Page;
-  const state = { run: null, submission: null, events: null, points: [] };
+  const { byId, make, post, get, latest } = Page;
+  const state = { problem: null, run: null, events: null, points: [] };
+  // One name for all that this page submits: what it plans twice is one run, which one click cancels.
+  const submission = Array.from(crypto.getRandomValues(new Uint8Array(16)), (x) => x.toString(16).padStart(2, "0")).join("");
 
   function tell(status, words) {
     byId("state").className = "badge " + status;
@@ -10,32 +12,46 @@ const StudioRun = (() => {
     byId("stage").textContent = words;
   }
 
-  // Nothing of an earlier problem stays beside the next.
-  function clear() {
+  // Nothing of an earlier problem stays beside the next; what was planned of this very text does.
+  function clear(problem = null) {
+    if (problem !== null && problem === state.problem) return;
     if (state.events) state.events.close();
-    Object.assign(state, { run: null, submission: null, events: null, points: [] });
+    Object.assign(state, { problem: null, run: null, events: null });
     for (const id of ["watch", "page", "back"]) byId(id).hidden = true;
     byId("cancel").disabled = true;
+    begin();
   }
 
-  async function plan(problem) {
+  // The improvements of a run, none yet.
+  function begin() {
+    state.points = [];
+    byId("improvements").replaceChildren();
+    curve();
+  }
+
+  const plan = latest(async (problem) => {
     clear();
-    const asked = { problem, budget: Number(byId("budget").value) };
+    state.problem = problem;
+    const asked = { problem, submission, budget: Number(byId("budget").value) };
     if (byId("planner").value) asked.planner = byId("planner").value;
     const { status, data } = await post("api/runs", asked);
+    if (state.problem !== problem) return; // the text is another one by now
     byId("watch").hidden = false;
-    byId("improvements").replaceChildren();
     byId("link").hidden = byId("execute").hidden = true;
-    curve();
     if (status !== 202) { tell("failed", data.error); return; }
-    Object.assign(state, { run: data.id, submission: data.submission });
+    state.run = data.id;
     byId("cancel").disabled = false;
     tell(data.status, "");
-    const events = state.events = new EventSource(`api/runs/${data.id}/events`);
-    events.addEventListener("status", (event) => tell(JSON.parse(event.data).status, ""));
-    events.addEventListener("stage", (event) => tell("running", JSON.parse(event.data).stage));
-    events.addEventListener("best", (event) => improved(JSON.parse(event.data)));
-    events.addEventListener("end", () => { events.close(); finished(data.id); });
+    watch(data.id);
+  });
+
+  function watch(id) {
+    state.events = Page.stream(`api/runs/${id}/events`, {
+      status: ({ status }) => tell(status, ""),
+      stage: ({ stage }) => tell("running", stage),
+      best: improved,
+      end: () => { state.events.close(); look(id); },
+    }, () => look(id));
   }
 
   function improved({ seconds, duration }) {
@@ -56,10 +72,14 @@ const StudioRun = (() => {
     Page.drawn(svg, path + " H319", "#1769aa");
   }
 
-  async function finished(id) {
-    byId("cancel").disabled = true;
+  // What became of a run; where only its stream has ended, it is watched again.
+  async function look(id) {
+    if (state.run !== id) return;
     const run = await get("api/runs/" + id);
     if (state.run !== id) return;
+    if (run && ["queued", "running"].includes(run.status)) { begin(); watch(id); return; }
+    byId("cancel").disabled = true;
+    if (!run) { tell("deleted", ""); return; }
     const word = run.status === "done" ? (run.verified ? "verified" : "refused") : run.status;
     const said = run.failure ? `${run.failure.kind}: ${run.failure.detail}` : run.duration ? `${run.duration.toFixed(4)} s` + (run.ratio ? `, ${run.ratio.toFixed(3)} × the bound` : "") : "";
     tell(word, said);
@@ -71,7 +91,7 @@ const StudioRun = (() => {
     byId("page").hidden = byId("back").hidden = false;
   }
 
-  byId("cancel").addEventListener("click", () => Page.ask(`api/runs/${state.run}/cancel?submission=${state.submission}`, { method: "POST" }));
+  byId("cancel").addEventListener("click", () => Page.ask(`api/runs/${state.run}/cancel?submission=${submission}`, { method: "POST" }));
   byId("back").addEventListener("click", () => { byId("page").hidden = byId("back").hidden = true; byId("page").src = "about:blank"; });
   return { plan, clear };
 })();

@@ -63,8 +63,7 @@ async def one(execution: ExecutionPath, service: Service) -> Json:
 @router.get("/{execution}/scene", responses=errors(404, 422, 503))
 async def scene(execution: ExecutionPath, service: Service) -> Response:
     """What a page draws of an execution: the scene and the motion that is executed now."""
-    session = service.executions.get(execution)
-    motion = session.motions[(session.state or {}).get("motion", 0)]
+    motion = service.executions.get(execution).motion
     answer = await service.requests.ask(motion, "scene")
     return Response(answer.files["scene.json"], media_type="application/json")
 
@@ -148,10 +147,7 @@ async def splice(execution: ExecutionPath, given: SpliceInput, service: Service)
     """Let another motion take over in the state in which it begins; where that is not possible, the robot stops."""
     session = service.executions.get(execution)
     _, motion = await service.executions.motion(given)
-    answer = await session.ask("splice", PROOF, request=motion)
-    if answer["taken"]:
-        session.motions.append(motion)
-    return Json(answer)
+    return Json(await session.ask("splice", PROOF, request=motion))
 
 
 async def _steer(service: Service, execution: str, what: str, **given: Any) -> Json:

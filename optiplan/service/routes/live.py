@@ -57,8 +57,11 @@ async def events(session: SessionPath, service: Service) -> EventSourceResponse:
     found = service.live.get(session)
 
     async def lines(stopping: anyio.Event) -> Lines:
+        if found.ended is not None:
+            yield _line({"type": "end", "reason": found.ended})
+            return
         async for event in found.events(stopping):
-            yield {"event": event["type"], "data": json.dumps(event, allow_nan=False)}
+            yield _line(event)
 
     return event_stream(lines)
 
@@ -79,3 +82,7 @@ async def stop(session: SessionPath, service: Service) -> Response:
 
 def _answer(session: LiveSession) -> dict[str, Any]:
     return {"id": session.id, **session.about}
+
+
+def _line(event: dict[str, Any]) -> dict[str, Any]:
+    return {"event": event["type"], "data": json.dumps(event, allow_nan=False)}

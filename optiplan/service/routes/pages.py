@@ -48,11 +48,15 @@ async def run_page(run: RunPath, service: Service) -> Response:
 
 
 @router.get("/compare")
-async def comparison(run: Annotated[list[str], Query(min_length=1, max_length=8)], service: Service) -> Response:
-    """One page of several runs of one problem."""
+async def comparison(
+    run: Annotated[list[str], Query(min_length=1, max_length=8)],
+    service: Service,
+    label: Annotated[list[str] | None, Query()] = None,
+) -> Response:
+    """One page of several runs of one problem, under the names of their planners or labels of their own."""
     drawn = "api/drawing" if service.drawing else ""
     records = [await service.archive.run(one) for one in run]
-    return whole_page(await service.pictures.page(*records, drawn=drawn), bool(drawn))
+    return whole_page(await service.pictures.page(*records, labels=label or (), drawn=drawn), bool(drawn))
 
 
 @router.get("/api/runs/{run}/thumbnail.svg")

@@ -57,13 +57,17 @@ class ExecutionSession(Session):
         self.clean: bool | None = None
         self.heard = time.monotonic()
         self._questions: dict[int, asyncio.Future[State]] = {}
+        self._offered: dict[int, State] = {}  # motions that may take over, by the number of the question
         self._numbers = itertools.count(1)
 
     def take(self, message: State) -> None:
         """Take a message: a state, or the answer to a question."""
         self.heard = time.monotonic()
         if "reply" in message:
-            waiting = self._questions.pop(message.pop("reply"), None)
+            number = message.pop("reply")
+            offered, waiting = self._offered.pop(number, None), self._questions.pop(number, None)
+            if offered is not None and message.get("taken"):  # also after its caller has given up
+                self.motions.append(offered)
             if waiting is not None and not waiting.done():
                 waiting.set_result(message)
         else:
@@ -81,6 +85,8 @@ class ExecutionSession(Session):
         number = next(self._numbers)
         waiting: asyncio.Future[State] = asyncio.get_running_loop().create_future()
         self._questions[number] = waiting
+        if what == "splice":
+            self._offered[number] = given["request"]
         self.say({"do": what, "number": number, **given})
         try:
             answer = await asyncio.wait_for(waiting, seconds)
@@ -91,6 +97,12 @@ class ExecutionSession(Session):
         if "error" in answer:
             raise Refusal(int(answer.get("status", 422)), answer["error"], answer.get("issues", ()))
         return answer
+
+    @property
+    def motion(self) -> State:
+        """The request for the motion that is executed now."""
+        number: int = (self.state or {}).get("motion", 0)
+        return self.motions[min(number, len(self.motions) - 1)]  # the state may come just before the answer
 
     @property
     def silent(self) -> float:

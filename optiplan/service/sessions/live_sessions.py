@@ -1,6 +1,7 @@
 """Controllers that run for live views: started, aimed, stopped; none runs on unseen."""
 
 import asyncio
+import math
 from typing import Any
 
 from optiplan.service.execution.solver_pool import SolverJob, SolverPool
@@ -11,8 +12,6 @@ from optiplan.service.sessions.sessions import Session, Sessions, State
 
 UNSEEN = 30.0
 """s that a controller runs on without a watcher."""
-LONGEST = 3600.0
-"""s that one runs at all."""
 
 
 class LiveSession(Session):
@@ -21,13 +20,21 @@ class LiveSession(Session):
     Attributes:
         about: `engine`, `period`, `joint_names`, `frame`.
         problem: as it was given; `request`: as processes take it.
+        ended: why it has ended; None while it runs.
     """
 
     def __init__(self, about: State, job: SolverJob) -> None:
         super().__init__(about, job)
         self.request = dict(job.request)
         self.problem: str | dict[str, Any] = self.request["problem"]
+        self.ended: str | None = None
         self._unseen: float | None = None
+
+    def publish(self, event: State) -> None:
+        """Hand an event to all watchers; an end is kept for those who are about to watch."""
+        if event["type"] == "end":
+            self.ended = event["reason"]
+        super().publish(event)
 
     def aim(self, pose: list[float]) -> None:
         """Move the target to a pose (x, y, z, qx, qy, qz, qw)."""
@@ -61,7 +68,7 @@ class LiveSessions(Sessions[LiveSession]):
         self._starting += 1
         try:
             await self._requests.check(given)
-            return await self._begin({**request, "do": "live", "engine": given.engine}, LONGEST)
+            return await self._begin({**request, "do": "live", "engine": given.engine}, math.inf)
         finally:
             self._starting -= 1
 

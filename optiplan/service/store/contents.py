@@ -64,7 +64,7 @@ class ContentFolder:
         """
         digest = hashlib.sha256(content).hexdigest()
         path = self._path(digest)
-        if path.is_file() and path.stat().st_size == len(content):
+        if self.get(digest) is not None:  # a damaged one is written anew
             with suppress(OSError):
                 os.utime(path)  # it is young again: no sweep takes it before its run is recorded
                 return digest

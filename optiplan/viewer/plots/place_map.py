@@ -14,14 +14,17 @@ from optiplan.planners.tours.placing import PlaceScores
 
 _PAGE = Template(
     """<!doctype html>
-<html lang="en"><meta charset="utf-8"><title>$title</title>
+<html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>$title</title>
 <style>body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem}
-img{max-width:100%}td,th{padding:.2rem .8rem;text-align:right}pre{background:#8882;padding:.8rem;overflow:auto}</style>
+.scrolled{overflow-x:auto}img{max-width:100%}
+td,th{padding:.2rem .8rem;text-align:right}pre{background:#8882;padding:.8rem;overflow:auto}</style>
 <h1>$title</h1>
 <p>$summary</p>
 <img alt="Map of base poses" src="data:image/png;base64,$picture">
-<table><thead><tr><th>base moved by x, m<th>y, m<th>z, m<th>yaw, rad<th>score, s<th>planned, s<th>verified</tr></thead>
-$rows</table>
+<div class="scrolled" tabindex="0" role="region" aria-label="Planned base poses"><table>
+<thead><tr><th>base moved by x, m<th>y, m<th>z, m<th>yaw, rad<th>score, s<th>planned, s<th>verified</tr></thead>
+$rows</table></div>
 <p>In the problem file:</p>
 <pre>$yaml</pre>
 </html>

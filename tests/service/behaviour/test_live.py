@@ -1,7 +1,9 @@
 """Controllers that run on the server: a target is moved, the robot follows, nothing runs on unseen."""
 
 import json
+import math
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +11,10 @@ import pytest
 from optiplan.errors import InputError
 from optiplan.problem.load import load_problem
 from optiplan.service.execution.live import LiveLoop
+from optiplan.service.execution.solver_pool import SolverJob
+from optiplan.service.routes import live
 from optiplan.service.sessions import live_sessions
-from tests.waiting import PATIENCE, wait_until
+from tests.waiting import PATIENCE, answer_of, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +69,7 @@ def test_one_more_than_may_run_is_refused_and_the_id_is_gone_when_it_ends(server
     again = server.http.post("/api/live", json={"problem": reach})
     assert again.status_code == 429
     assert "Retry-After" in again.headers
+    assert server.service.live.get(session["id"])._job.wall == math.inf  # it goes on as long as it is watched
     listed = server.http.get("/api/live").json()
     assert [one["id"] for one in listed] == [session["id"]]
     heard = []
@@ -77,6 +82,19 @@ def test_one_more_than_may_run_is_refused_and_the_id_is_gone_when_it_ends(server
     answers = [server.http.post(f"/api/live/{session['id']}/target", json={"pose": [0, 0, 0, 0, 0, 0, 1]})]
     answers.append(server.http.get(f"/api/live/{session['id']}/events"))
     assert [answer.status_code for answer in answers] == [404, 404]
+
+
+def test_who_comes_to_watch_as_it_ends_hears_so():
+    session = live_sessions.LiveSession({}, SolverJob({"problem": "{}"}, math.inf))
+    service = SimpleNamespace(live=SimpleNamespace(get=lambda _: session))
+
+    async def watched():
+        stream = await live.events(session.id, service)
+        session.publish({"type": "end", "reason": "stopped"})
+        return [event async for event in stream.body_iterator]
+
+    (event,) = answer_of(watched())
+    assert json.loads(event["data"]) == {"type": "end", "reason": "stopped"}
 
 
 def test_nothing_runs_on_unseen(server, reach, monkeypatch):

@@ -1,5 +1,8 @@
 """What all pages of the service have around them: links, errors, news of others, a server that goes and comes back."""
 
+import json
+from urllib.parse import parse_qs, urlsplit
+
 import numpy as np
 import pytest
 
@@ -28,6 +31,87 @@ def test_a_server_that_goes_and_comes_back(browser, server):
     page.wait_for_selector("#banner", state="hidden")
     page.wait_for_selector("#issues .fine")
     assert page.is_enabled("#plan")
+    page.close()
+
+
+@pytest.mark.parametrize(
+    ("path", "api", "status", "words", "then"),
+    [
+        ("", "runs?limit=60", 503, "The server says: not now", "#runs .run, #runs .panel"),
+        ("", "problems", 502, "The server does not answer", "#problems .run, #problems p"),
+        ("benches", "benches", 429, "The server says: not now", "#benches .bench, #benches p:text('No benches yet')"),
+        ("execution", "executions", 502, "The server does not answer", "#driver option"),
+        ("studio", "examples", 401, "The server says: not now", "#issues .fine"),
+    ],
+)
+def test_a_page_says_what_hinders_it_and_goes_on(browser, server, path, api, status, words, then):
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.set_default_timeout(90_000)
+    body = "<html>" if status == 502 else json.dumps({"error": "not now"})
+    kind = "text/html" if status == 502 else "application/json"
+    page.route(f"**/api/{api}", lambda route: route.fulfill(status=status, body=body, content_type=kind))
+    page.goto(f"{server.url}/{path}")
+    page.wait_for_selector("#banner:not([hidden])")
+    assert words in page.inner_text("#banner")
+    assert page.locator(then).count() == 0
+    page.unroute_all()
+    page.wait_for_selector("#banner", state="hidden")
+    page.wait_for_selector(then, state="attached")
+    page.close()
+
+
+def test_benches_are_new_when_the_server_is_back(browser, server):
+    page = browser.new_page()
+    page.goto(f"{server.url}/benches")
+    page.wait_for_selector("#planners option")
+    page.wait_for_selector("#benches .bench, #benches p:text('No benches yet')")
+    page.evaluate("document.getElementById('benches').replaceChildren('of before')")
+    page.evaluate("dispatchEvent(new Event('optiplan:back'))")
+    page.wait_for_function("document.getElementById('benches').textContent !== 'of before'")
+    page.close()
+
+
+def listed(gone):
+    """A list of 80 runs as the server gives it; run 5 has ended once one is gone."""
+    about = {"failure": None, "timings": {"plan": 0.1}, "problem": "0" * 64, "robot": "planar2r", "planner": "quintic"}
+    about |= {"seed": 0, "budget": 1.0, "deadline": None, "duration": 1.0, "ratio": 1.0}
+    about |= {"started": 1.0, "finished": 2.0}
+
+    def answer(route):
+        asked = {key: float(value[0]) for key, value in parse_qs(urlsplit(route.request.url).query).items()}
+        runs = []
+        for k in range(79, -1, -1):
+            ended = k != 5 or gone
+            state = {"status": "done" if ended else "queued", "verified": True if ended else None}
+            if k not in gone and 1000.0 + k < asked.get("before", np.inf):
+                runs.append({"id": f"{k:032x}", "name": f"run{k}", "submitted": 1000.0 + k, **about, **state})
+        route.fulfill(json={"runs": runs[: int(asked["limit"])], "counts": {"done": 80 - len(gone)}})
+
+    return answer
+
+
+def test_older_runs_change_and_go_like_others(browser, server):
+    page, gone = browser.new_page(), []
+
+    def delete(route):
+        if route.request.method == "DELETE":
+            gone.append(int(route.request.url.rsplit("/", 1)[1], 16))
+        route.fulfill(status=204)
+
+    page.route("**/api/runs/*", delete)
+    page.route("**/api/runs?*", listed(gone))
+    page.on("dialog", lambda dialog: dialog.accept())
+    page.goto(server.url)
+    page.click("#more")
+    page.wait_for_selector(".run:has-text('run0 ·')")
+    for k in (3, 78):
+        page.locator(f".run:has-text('run{k} ·') input").check()
+    assert page.is_enabled("#compare")
+    page.locator(".run:has-text('run3 ·') button:text('Delete')").click()
+    page.wait_for_selector(".run:has-text('run3 ·')", state="detached")
+    page.wait_for_selector(".run:has-text('run5 ·') .badge.verified")
+    assert page.is_disabled("#compare")
+    assert page.locator("#runs .run").count() == 79
     page.close()
 
 

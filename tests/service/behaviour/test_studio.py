@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.service.browsing import CHANGED, drag, open_studio, text_of, write
+from tests.service.conftest import NO_WAY, QUICK
 
 pytestmark = pytest.mark.timeout(300)
 wide = pytest.mark.parametrize("page", [(1280, 800)], indirect=True, ids=["wide"])
@@ -67,6 +68,35 @@ def test_a_thousand_random_edits_are_undone_byte_for_byte(page, server):
     found = page.evaluate("seed => randomEdits(seed)", page.viewport_size["width"])
     assert found["undone"] == found["first"]
     assert found["steps"] > 100
+
+
+PLAN_TWICE = """text => {
+  optiplanStudio.editor.replace(text);
+  for (const click of [1, 2]) document.getElementById("plan").click();
+}"""
+
+
+@wide
+def test_what_is_planned_before_its_text_was_checked_stays(page, server):
+    open_studio(page, server)
+    write(page, QUICK)
+    page.fill("#budget", "60")
+    page.evaluate(PLAN_TWICE, NO_WAY + "seed: 4711\n")
+    page.wait_for_function("optiplanStudio.state.problem.name === 'shut-in'")  # by now it was
+    page.wait_for_selector("#state.running")
+    page.click("#cancel")  # both of them
+    page.wait_for_selector("#state.cancelled")
+
+
+def test_the_end_of_a_run_is_shown_though_its_stream_is_gone(browser, server):
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.set_default_timeout(90_000)
+    open_studio(page, server)
+    write(page, QUICK + "seed: 4712\n")
+    page.route("**/api/runs/*/events", lambda route: route.fulfill(status=502, body="Bad Gateway"))  # as of a proxy
+    page.click("#plan")
+    page.wait_for_selector("#state.verified")
+    page.close()
 
 
 @wide

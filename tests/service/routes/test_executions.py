@@ -11,6 +11,7 @@ import pytest
 
 from optiplan.robot.robot import load_robot
 from optiplan.service.execution.solver_pool import SolverJob
+from optiplan.service.refusals import Refusal
 from optiplan.service.sessions import execution_sessions
 from optiplan.service.sessions.execution_sessions import ExecutionSession
 from tests.service.conftest import NO_WAY, QUICK
@@ -144,6 +145,17 @@ def test_a_motion_takes_over_on_the_way(server, planned):
     execution = start(server, run=planned["id"], override=0.3)
     assert "not on the way" in post(server, execution, "splice", run=better["id"])["reason"]
     assert not list(events(server, execution))[-1]["clean"]
+
+
+def test_a_motion_that_takes_over_after_its_caller_gave_up_is_drawn():
+    first, second = {"problem": "first"}, {"problem": "second"}
+    session = execution_sessions.ExecutionSession({}, SolverJob(first, 1.0))
+    with pytest.raises(Refusal, match="did not answer within"):
+        answer_of(session.ask("splice", 0.01, request=second))
+    session.take({"state": {"t": 0.0, "q": [0.0], "v": [0.0], "motion": 1}})
+    assert session.motion == first  # until its process says which one that is
+    session.take({"reply": 1, "taken": True})
+    assert session.motion == second
 
 
 def test_without_its_client_a_lease_ends_in_a_stop(server, planned):

@@ -144,6 +144,12 @@ def test_what_is_missing_or_mixed_is_told(store):
     assert analysis.common == 3
 
 
+def test_motions_without_a_bound_are_not_ranked_by_it(store):
+    store._db.execute("UPDATE runs SET lower_bound = 0")  # the robot need not move
+    assert [card[0] for card in cards(analyse(store))] == ["Most reliable", "Quickest to plan, median"]
+    assert "Shortest motions" not in write_page(store, analyse(store), pages=0).read_text()
+
+
 class Reader(HTMLParser):
     """What a page refers to, and whether its tags are closed."""
 

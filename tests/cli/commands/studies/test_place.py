@@ -30,6 +30,8 @@ def test_a_base_is_found_and_written(optiplan, task, tmp_path):
     page = (tmp_path / "place" / "place.html").read_text()
     assert "data:image/png;base64," in page
     assert "base:" in page
+    assert 'name="viewport"' in page
+    assert re.search('<div class="scrolled"[^>]*><table>', page)  # a narrow page is not as wide as the table
     found, given = (float(x) for x in re.findall(r": ([\d.]+) s", out)[-2:])
     assert found <= given
     assert optiplan("check", str(tmp_path / "place" / "problem.yaml"))[0] == 0
