@@ -185,6 +185,15 @@ def test_a_stored_run_is_followed(tmp_path, file):
     moved = "version: 1\nrobot: planar2r\nstart: {joints: [0.5, 0.5]}\n" + text.partition("12_planar\n")[2]
     with pytest.raises(InputError, match=r"begins .* from the start"):
         run_control(file(moved))
+@pytest.mark.parametrize("at", [0, 0.05])
+@pytest.mark.parametrize("controller", ["computed_torque: {}", "task_space: {feedback: measured}", "task_space: {}"])
+def test_the_error_right_after_a_step_is_that_step(file, at, controller):
+    text = STEP.replace("by: 0.1", f"by: 0.1, at: {at}").replace("computed_torque: {frequency: 5}", controller)
+    done = run_control(file(text))
+    assert done.log.tracking.peak[0] == pytest.approx(0.1, abs=1e-3)
+    assert set(done.responses) == {"shoulder"}
+
+
 
 
 def test_a_recorded_path_is_read_strictly(tmp_path, file):
