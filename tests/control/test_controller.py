@@ -239,6 +239,8 @@ def random_programs(count, n=7, m=6):
 
 
 NONE = np.zeros((0, 7)), np.zeros(0)
+        (lambda r: op.Controller(r, [], limits=[op.JerkLimit(), op.JerkLimit(9.0)]), ["limits[1]", "second", "jerk"]),
+        (lambda r: op.Controller(r, [], limits=[op.PositionLimit()] * 2), ["limits[1]", "second", "position"]),
 
 
 def test_solvers_agree():
