@@ -72,6 +72,14 @@ BAD = {
         "plant: {friction: {coulomb: [1, 2, 3]}}\ncontroller:",
         r"plant.friction.coulomb: 3 values; expected 2 values, one for each of",
     ),
+    **{
+        f"drive's {key}": (
+            "computed_torque: {frequency: 5}",
+            f"drive: {json.dumps({'takes': 'velocity', 'position': 10, 'velocity': 50, key: [1, 2, 3]})}",
+            rf"loop.yaml:7: controller.drive.{key}: 3 values; expected 2 values, one for each of",
+        )
+        for key in ("position", "velocity", "integral", "integral_limit")
+    },
     "tool reference of joints": (
         "step: {joint: shoulder, by: 0.1, lasting: 0.3}",
         "line: {by: [0.1, 0, 0], duration: 1}",
