@@ -146,6 +146,19 @@ def test_relaxation_follows_the_declared_order(panda):
             moving = step.state
             given_up |= step.slack.keys()
             twist = controller.configuration(moving).jacobian(panda.frame_id(panda.tool_frame)) @ moving.v
+@pytest.mark.parametrize("name", ["panda", "ur5", "srra"])
+def test_a_robot_that_sets_out_is_not_as_near_as_it_comes(name):
+    robot = op.load_robot(name)
+    q = next(iter(robot.configurations.values()))
+    controller = op.Controller(robot, [op.PostureTask(q + 0.2, cost=1.0, gain=2.0)])
+    state, statuses = op.State(q), set()
+    for _ in range(12):
+        step = controller.step(state, 0.001)
+        state = step.state
+        statuses.add(step.status)
+    assert statuses <= {"tracking", "limited"}
+
+
             if k >= 60:
                 speeds.append(float(np.linalg.norm(twist[:3])))
         kept[order[0]] = max(speeds), given_up
