@@ -146,6 +146,15 @@ def test_a_mapping_says_what_a_file_says(file):
     np.testing.assert_array_equal(op.simulate(data).log.q, from_file.q)
 
 
+@pytest.mark.parametrize("frame", ["panda_hand_tcp", "panda_link8"])
+def test_the_error_of_the_tool_is_that_of_the_frame_with_the_reference(frame):
+    data = {"version": 1, "robot": "panda", "start": {"configuration": "ready"}, "plant": {"engine": "ideal"}}
+    data["reference"] = {"line": {"by": [0.0, 0.01, -0.01], "duration": 0.4, "frame": frame}}
+    log = op.simulate({**data, "controller": {"task_space": {"clearance": None}}}).log
+    assert log.tracking.tool_peak < 1e-3
+    assert log.tracking.turn_peak < 1e-3
+
+
 def test_a_step_takes_values_by_joint(file):
     text = STEP.replace("[0.1, 0.2]", "{elbow: 0.2, shoulder: 0.1}")
     by_name, listed = (
@@ -176,6 +185,15 @@ def test_the_log_folder(file, tmp_path):
     np.testing.assert_array_equal(stored.log.q, done.log.q)  # the record says all of it
 
 
+@pytest.mark.parametrize("at", [0, 0.05])
+@pytest.mark.parametrize("controller", ["computed_torque: {}", "task_space: {feedback: measured}", "task_space: {}"])
+def test_the_error_right_after_a_step_is_that_step(file, at, controller):
+    text = STEP.replace("by: 0.1", f"by: 0.1, at: {at}").replace("computed_torque: {frequency: 5}", controller)
+    done = run_control(file(text))
+    assert done.log.tracking.peak[0] == pytest.approx(0.1, abs=1e-3)
+    assert set(done.responses) == {"shoulder"}
+
+
 def test_noise_repeats_with_its_seed(file):
     noisy = STEP + "plant: {noise: {position: 1.0e-4}}\nseed: 3\n"
     one, two = (run_control(file(noisy)).log.q for _ in range(2))
@@ -193,15 +211,6 @@ def test_a_stored_run_is_followed(tmp_path, file):
     moved = "version: 1\nrobot: planar2r\nstart: {joints: [0.5, 0.5]}\n" + text.partition("12_planar\n")[2]
     with pytest.raises(InputError, match=r"begins .* from the start"):
         run_control(file(moved))
-@pytest.mark.parametrize("at", [0, 0.05])
-@pytest.mark.parametrize("controller", ["computed_torque: {}", "task_space: {feedback: measured}", "task_space: {}"])
-def test_the_error_right_after_a_step_is_that_step(file, at, controller):
-    text = STEP.replace("by: 0.1", f"by: 0.1, at: {at}").replace("computed_torque: {frequency: 5}", controller)
-    done = run_control(file(text))
-    assert done.log.tracking.peak[0] == pytest.approx(0.1, abs=1e-3)
-    assert set(done.responses) == {"shoulder"}
-
-
 
 
 def test_a_recorded_path_is_read_strictly(tmp_path, file):
