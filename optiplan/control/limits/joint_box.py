@@ -47,7 +47,8 @@ class JointBox:
         InputError: two limits of one name.
 
     Attributes:
-        delay: (n,), s, that the acceleration of a joint takes from its limit to zero.
+        delay: (n,), s, that the acceleration of a joint takes from its limit to zero; where it has none, from the
+            largest that a stop takes.
         slowing: (n,), velocities of a step that brakes with constant accelerations, of the last update.
     """
 
@@ -69,8 +70,9 @@ class JointBox:
         position = found.get("position")
         self.lower = position.lower if isinstance(position, PositionLimit) else -without
         self.upper = position.upper if isinstance(position, PositionLimit) else without
-        bounded = np.isfinite(self.jerk) & np.isfinite(self.acceleration)
-        self.delay = np.divide(self.acceleration, self.jerk, out=np.zeros(n), where=bounded)
+        strongest = np.where(np.isfinite(self.acceleration), self.acceleration, np.sqrt(self.velocity * self.jerk))
+        bounded = np.isfinite(self.jerk) & np.isfinite(strongest)
+        self.delay = np.divide(strongest, self.jerk, out=np.zeros(n), where=bounded)
         self._share = 0.5 if by_acceleration else 1.0
         self._lag = 0.5 * longest if by_acceleration else 0.0
         brakes = zip(self.acceleration.tolist(), self.jerk.tolist(), strict=True)
