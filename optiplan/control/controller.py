@@ -309,12 +309,12 @@ class Controller:
     def _along_motion(self, c: Configuration, outcome: StepOutcome) -> State | None:
         """The next state of a motion that is followed, where the robot is on it and can stop clear from there.
 
-        No row is asked: they slow down what comes near, which a planned motion does where it is clear.
+        Rows of distances are left out: they slow down what comes near, which a planned motion does where it is clear.
         """
         if self._motion is None or not self._motion.is_met:
             return None
         x = self._box_clip(self._motion.velocity)
-        if (np.abs(x - self._motion.velocity) > ON_MOTION).any():
+        if (np.abs(x - self._motion.velocity) > ON_MOTION).any() or not self._rows.holds(x, own=True):
             return None
         outcome.demand = self._objectives[0].demand(c, outcome.state)
         return self._if_clear(x, outcome)

@@ -31,6 +31,23 @@ def test_a_clear_run_is_followed_without_lag(name, form):
     assert np.abs(np.array([state.q for state in states]) - planned).max() < 1e-5
 
 
+def test_rows_of_other_limits_hold_on_the_motion(run):
+    """The run's tool goes at more than 1 m/s; the solver that is named is that of the step, not of the last one."""
+    robot = run.problem.robot
+    joints = op.PositionLimit(), op.VelocityLimit(), op.AccelerationLimit(), op.JerkLimit()
+    controller = op.Controller(robot, [], limits=[*joints, op.ToolSpeedLimit(linear=0.25)])
+    motion, frame, speeds, solvers = controller.follow(run), robot.frame_id(robot.tool_frame), [], set()
+    state = run.trajectory.state(0.0)
+    while not motion.done and len(speeds) < 5000:
+        step = controller.step(state, 0.002)
+        state = step.state
+        speeds.append(np.linalg.norm((controller.configuration(state).jacobian(frame) @ state.v)[:3]))
+        solvers.add(step.solver)
+    assert motion.done
+    assert max(speeds) <= 0.25 * (1.0 + 1e-3)
+    assert solvers == {"motion", "unconstrained", "active set"}
+
+
 def test_from_beside_the_path_the_robot_comes_back_to_it(run):
     controller = op.Controller(run.problem.robot, [])
     motion, states = follow(run, controller, 0.002, op.State(run.trajectory.start + 0.02))
