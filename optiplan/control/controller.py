@@ -180,8 +180,9 @@ class Controller:
         trajectory = followed_motion(self.robot, run)
         motion = MotionTask(trajectory, gain, self._by_acceleration)
         motion.bind(self.robot)
+        times = np.linspace(0.0, trajectory.duration, PLACES)
         for limit in self._watches:
-            limit.pass_along(trajectory(np.linspace(0.0, trajectory.duration, PLACES)))
+            limit.pass_along(trajectory(times), self.time + times)
         self.tasks, self._motion = (motion,), motion
         self._take_tasks()
         return motion
@@ -317,6 +318,7 @@ class Controller:
         if (np.abs(x - self._motion.velocity) > ON_MOTION).any() or not self._rows.holds(x, own=True):
             return None
         outcome.demand = self._objectives[0].demand(c, outcome.state)
+        self._programs.how = "motion"
         return self._if_clear(x, outcome)
 
     def _solve(self, c: Configuration, state: State, outcome: StepOutcome) -> Array | None:

@@ -82,3 +82,24 @@ def test_what_is_no_motion_is_refused(run, given):
 def test_a_motion_of_other_joints_is_refused(run):
     with pytest.raises(InputError, match=r"Controller\.follow.*panda_joint1.*shoulder_pan_joint"):
         op.Controller(op.load_robot("ur5"), []).follow(run)
+@pytest.mark.parametrize("moves", [False, True])
+def test_an_obstacle_that_the_motion_was_not_proved_among_keeps_its_distance(run, moves):
+    """A ball that stands on the path when `follow` begins, or will be there when the robot is."""
+    robot, t = run.problem.robot, 0.6 * run.duration
+    there = robot.fk(run.trajectory(t)).matrix[:3, 3]
+    ball = op.Sphere("ball", radius=0.05, position=tuple(there))
+    if moves:
+        ball = op.Sphere("ball", radius=0.05, position=(there[0] + 0.5, *there[1:])).moving(
+            [[0, -0.5 / t], [0], [0]], t
+        )
+    controller = op.Controller(robot, [], scene=run.problem.scene.with_(ball))
+    motion, state, nearest = controller.follow(run), run.trajectory.state(0.0), np.inf
+    for _ in range(600):
+        step = controller.step(state, 0.005)
+        state = step.state
+        if step.nearest is not None and step.nearest.b == "ball":
+            nearest = min(nearest, step.nearest.distance)
+    assert not motion.done
+    assert 0.005 - 1e-6 < nearest < 0.02
+
+
