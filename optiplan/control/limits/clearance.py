@@ -237,7 +237,7 @@ class ClearanceLimit(StopLimit):
         """See `StopLimit.ahead`; every EVERY s for HORIZON."""
         times = np.arange(0.0, HORIZON, EVERY)
         Q = np.array([path.at(min(round(time / path.dt), path.steps)) for time in times])
-        found = self.model.near(self.model.at_times(Q, t + times), self.at_least)
+        found = self.model.near(self._among_obstacles(Q, t + times), self.at_least)
         least, own = np.full(len(times), np.inf), self.moving[found.pairs]
         np.minimum.at(least, found.rows[own], found.distance[own])
         return least
