@@ -74,6 +74,7 @@ class ClearanceLimit(StopLimit):
         self.labels = tuple(f"{pair.name_a} and {pair.name_b}" for pair in self.model.pairs)
         self.require_least()
         self.structure = self._structure(robot)
+        self._let_pass()
         self._follows = bool(robot.followers)
         self._leaders = np.abs(bounds.kinematics.coupling) > 0.0  # columns of followers have their multiplier already
         self._joints = bounds.joint[bounds.pairs]

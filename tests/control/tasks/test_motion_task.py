@@ -55,6 +55,20 @@ def test_from_beside_the_path_the_robot_comes_back_to_it(run):
     assert np.abs(states[-1].q - run.trajectory.end).max() < 2e-3
 
 
+def test_what_a_motion_passes_is_passed_where_an_obstacle_is_placed_anew(run):
+    robot, t = run.problem.robot, 0.6 * run.duration
+    tip = robot.fk(run.trajectory(t)).matrix[:3, 3]
+    pose = op.Pose((*tip[:2], tip[2] - 0.077))
+    ball = op.Sphere("ball", radius=0.05, position=pose.position)
+    controller = op.Controller(robot, [], scene=run.problem.scene.with_(ball))
+    controller.follow(run)
+    before = dict(zip(controller.limits[-1].labels, controller.limits[-1].least, strict=True))
+    assert 0.0 < min(least for pair, least in before.items() if "ball" in pair) < 0.004
+    controller.update_scene({"ball": pose})
+    after = dict(zip(controller.limits[-1].labels, controller.limits[-1].least, strict=True))
+    assert {pair: after[pair] for pair in before} == before
+
+
 def test_the_motion_waits_for_a_robot_that_an_obstacle_holds_back_and_is_finished_when_it_leaves(run):
     robot = run.problem.robot
     there = robot.fk(run.trajectory(0.6 * run.duration)).matrix[:3, 3]
@@ -73,15 +87,6 @@ def test_the_motion_waits_for_a_robot_that_an_obstacle_holds_back_and_is_finishe
     assert np.abs(state.q - run.trajectory.end).max() < 1e-4
 
 
-@pytest.mark.parametrize("given", [None, "a path", object()])
-def test_what_is_no_motion_is_refused(run, given):
-    with pytest.raises(InputError, match=r"Controller\.follow.*run.*op\.Trajectory"):
-        op.Controller(run.problem.robot, []).follow(given)
-
-
-def test_a_motion_of_other_joints_is_refused(run):
-    with pytest.raises(InputError, match=r"Controller\.follow.*panda_joint1.*shoulder_pan_joint"):
-        op.Controller(op.load_robot("ur5"), []).follow(run)
 @pytest.mark.parametrize("moves", [False, True])
 def test_an_obstacle_that_the_motion_was_not_proved_among_keeps_its_distance(run, moves):
     """A ball that stands on the path when `follow` begins, or will be there when the robot is."""
@@ -103,3 +108,12 @@ def test_an_obstacle_that_the_motion_was_not_proved_among_keeps_its_distance(run
     assert 0.005 - 1e-6 < nearest < 0.02
 
 
+@pytest.mark.parametrize("given", [None, "a path", object()])
+def test_what_is_no_motion_is_refused(run, given):
+    with pytest.raises(InputError, match=r"Controller\.follow.*run.*op\.Trajectory"):
+        op.Controller(run.problem.robot, []).follow(given)
+
+
+def test_a_motion_of_other_joints_is_refused(run):
+    with pytest.raises(InputError, match=r"Controller\.follow.*panda_joint1.*shoulder_pan_joint"):
+        op.Controller(op.load_robot("ur5"), []).follow(run)
