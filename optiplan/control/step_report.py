@@ -100,5 +100,6 @@ class StepReporter:
 
 def _stands(before: Array, x: Array) -> bool:
     """Whether velocities x (n,) are too small to count, and do not grow from those before the step (n,)."""
-    fastest = max(map(abs, x.tolist()))
-    return fastest < STANDING and fastest <= max(map(abs, before.tolist())) + SETS_OUT
+    fastest: float = max(map(abs, x.tolist()))
+    gained: float = fastest - max(map(abs, before.tolist()))
+    return fastest < STANDING and gained <= SETS_OUT
