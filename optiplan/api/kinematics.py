@@ -104,7 +104,7 @@ def _frame(robot: Robot, name: str | None) -> str:
 
 def _pose(pose: Any) -> pin.SE3:
     if isinstance(pose, pin.SE3):
-        return pose
+        pose = pose.homogeneous
     try:
         if isinstance(pose, Pose | Mapping):
             return pose_from_data((pose if isinstance(pose, Pose) else Pose(**pose)).to_data())

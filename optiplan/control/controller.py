@@ -180,8 +180,9 @@ class Controller:
         trajectory = followed_motion(self.robot, run)
         motion = MotionTask(trajectory, gain, self._by_acceleration)
         motion.bind(self.robot)
+        times = np.linspace(0.0, trajectory.duration, PLACES)
         for limit in self._watches:
-            limit.pass_along(trajectory(np.linspace(0.0, trajectory.duration, PLACES)))
+            limit.pass_along(trajectory(times), self.time + times)
         self.tasks, self._motion = (motion,), motion
         self._take_tasks()
         return motion
@@ -309,14 +310,15 @@ class Controller:
     def _along_motion(self, c: Configuration, outcome: StepOutcome) -> State | None:
         """The next state of a motion that is followed, where the robot is on it and can stop clear from there.
 
-        No row is asked: they slow down what comes near, which a planned motion does where it is clear.
+        Rows of distances are left out: they slow down what comes near, which a planned motion does where it is clear.
         """
         if self._motion is None or not self._motion.is_met:
             return None
         x = self._box_clip(self._motion.velocity)
-        if (np.abs(x - self._motion.velocity) > ON_MOTION).any():
+        if (np.abs(x - self._motion.velocity) > ON_MOTION).any() or not self._rows.holds(x, own=True):
             return None
         outcome.demand = self._objectives[0].demand(c, outcome.state)
+        self._programs.how = "motion"
         return self._if_clear(x, outcome)
 
     def _solve(self, c: Configuration, state: State, outcome: StepOutcome) -> Array | None:

@@ -38,12 +38,14 @@ class RowStack:
         self._limits = tuple(limits)
         self._rank = {name: rank for rank, name in enumerate(order)}
         self._parts: list[tuple[RowGroup, LimitRows]] = []
+        self._own = 0
         self._none = np.zeros((0, n)), np.zeros(0), np.zeros(0)
         self.C, self.low, self.high = self._none
 
     def collect(self, c: Configuration, state: State, dt: float, others: Sequence[tuple[str, LimitRows]]) -> None:
         """Take the rows of a step; `others` are those of limits on stopping, by name."""
         named = [(limit.name, limit.rows(c, state, dt)) for limit in self._limits]
+        self._own = sum(len(rows) for _, rows in named)
         named += [(name, rows) for name, rows in others if len(rows)]
         self._parts, first = [], 0
         for name, rows in named:
@@ -62,12 +64,15 @@ class RowStack:
         """Whether there are rows in this step."""
         return bool(self._parts)
 
-    def holds(self, x: Array) -> bool:
-        """Whether velocities x (n,) keep all rows."""
+    def holds(self, x: Array, own: bool = False) -> bool:
+        """Whether velocities x (n,) keep all rows; `own`: those of `limits` alone, which come first."""
+        C, low, high = self.C, self.low, self.high
+        if own:
+            C, low, high = C[: self._own], low[: self._own], high[: self._own]
         if core is not None:
-            return core.rows_hold(self.C, self.low, self.high, x, _HELD)
-        y = self.C @ x
-        return bool((y >= self.low - _HELD).all() and (y <= self.high + _HELD).all())
+            return core.rows_hold(C, low, high, x, _HELD)
+        y = C @ x
+        return bool((y >= low - _HELD).all() and (y <= high + _HELD).all())
 
     def by_importance(self) -> list[RowGroup]:
         """The groups, the most important first."""

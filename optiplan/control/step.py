@@ -42,8 +42,8 @@ class ControlStep:
         manipulability: product of the singular values of the first frame task's Jacobian; None without such a task.
         nearest: the nearest pair of bodies; None where nothing is near, or without a clearance limit.
         solve_seconds: time in the solver; `seconds`: of the whole step.
-        solver: what found the command: `unconstrained`, `active set`, the name of the solver, `way out` (away from what
-            the robot stands too near to), or `braking`.
+        solver: what found the command: `unconstrained`, `active set`, the name of the solver, `motion` (that of
+            `follow`), `way out` (away from what the robot stands too near to), or `braking`.
     """
 
     state: State

@@ -19,6 +19,8 @@ STANDING = 1e-3
 """rad/s or m/s: slower joints count as standing."""
 OFF = 1e-4
 """Weighted error, such as m or rad, below which a target counts as reached."""
+SETS_OUT = 1e-6
+"""rad/s or m/s: a robot that gains more than this in a step has only begun to move."""
 
 
 @dataclass(slots=True, eq=False)
@@ -55,7 +57,7 @@ class StepReporter:
             if outcome.how != "unconstrained":
                 active = self._active(x)
                 slack = {**self._box.violations(state.q, x), **(self._rows.violations(x) if outcome.slack else {})}
-            status, reason = self._status(x, demand, active, slack, outcome.share)
+            status, reason = self._status(outcome, x, active, slack)
         return ControlStep(
             state=state,
             status=status,
@@ -77,19 +79,27 @@ class StepReporter:
         return tuple(dict.fromkeys(found))
 
     def _status(
-        self, x: Array, demand: Demand | None, active: tuple[str, ...], slack: Mapping[str, float], share: float
+        self, outcome: StepOutcome, x: Array, active: tuple[str, ...], slack: Mapping[str, float]
     ) -> tuple[Status, str]:
+        demand = outcome.demand
         if slack:
             return "recovering", f"back within limits: {', '.join(slack)}"
         if demand is None or not len(demand.b):
             return "tracking", "no task"
-        if demand.error > OFF and max(map(abs, x.tolist())) < STANDING:
+        if demand.error > OFF and _stands(outcome.state.v, x):
             if active:
                 return "nearest", f"nearest pose: the target is behind {', '.join(active)}"
             return "nearest", "nearest pose: target out of reach, or tasks against each other"
-        if not active and share == 1.0:
+        if not active and outcome.share == 1.0:
             return "tracking", "the tasks are followed"
         undone, wanted = demand.undone(x)
         if undone <= HELD_BACK * wanted + 1e-6:
             return "tracking", "the tasks are followed"
         return "limited", f"held back by {', '.join(active) or 'what could be stopped clear'}"
+
+
+def _stands(before: Array, x: Array) -> bool:
+    """Whether velocities x (n,) are too small to count, and do not grow from those before the step (n,)."""
+    fastest: float = max(map(abs, x.tolist()))
+    gained: float = fastest - max(map(abs, before.tolist()))
+    return fastest < STANDING and gained <= SETS_OUT

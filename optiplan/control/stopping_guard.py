@@ -33,6 +33,7 @@ class StoppingGuard:
         self._views: list[DistanceView] = []
         self._least: list[Array] = []
         self._dt, self._per_jerk = 0.0, 1.0 / box.jerk
+        self._unlimited = np.where(np.isinf(box.acceleration), self._per_jerk, 0.0)
         self._abilities = _abilities(box, 0.0)
         self._last: State | None = None
         self._t, self._timed = 0.0, not all(limit.still for limit in self._limits)
@@ -158,11 +159,11 @@ class StoppingGuard:
         """How far each joint still goes at most when it brakes, (n,), rad or m: simpler than the stop, and longer.
 
         The velocity grows by u at most until the acceleration a is turned back; then it takes A / jerk to brake fully,
-        v² / 2A to stop, and two steps for what is not continuous.
+        v² / 2A to stop, and two steps for what is not continuous. Where A is infinite, v sqrt(v / jerk) to stop.
         """
         box, size = self._box, np.abs(state.a)
         speed = np.abs(state.v) + size * (size * self._per_jerk + self._dt)
-        late = size * self._per_jerk + box.delay + 3.0 * self._dt
+        late = size * self._per_jerk + box.delay + np.sqrt(speed * self._unlimited) + 3.0 * self._dt
         return np.asarray(speed * (late + 0.5 * speed * self._abilities.per_acceleration))
 
     def _continues(self, state: State, t: float) -> bool:

@@ -18,7 +18,7 @@ from optiplan.simulation.log import Log
 from optiplan.simulation.plants.base import Plant
 from optiplan.simulation.plants.imperfections import PERFECT, DelayLine, Imperfections, Sensor
 from optiplan.simulation.recorder import Recorder
-from optiplan.simulation.references.base import JointReference, Reference, ToolTarget
+from optiplan.simulation.references.base import JointReference, Reference, ToolReference, ToolTarget
 from optiplan.simulation.tasks.course import NOTHING_HELD, Course
 
 BLOCK = 2000
@@ -90,7 +90,8 @@ def simulate(loop: Loop, progress: Callable[[float], None] | None = None) -> Log
     sensor = Sensor(loop.imperfections, dt)
     line = DelayLine(loop.imperfections.delay, plant.step, per_control, plant.holding())
     watch = None if loop.scene is None else ContactWatch(loop.robot, loop.scene, dt)
-    recorder = Recorder(loop.robot, loop.limits, steps, dt, plant.input)
+    frame = loop.reference.frame if isinstance(loop.reference, ToolReference) else None
+    recorder = Recorder(loop.robot, loop.limits, steps, dt, plant.input, frame)
     statuses: Counter[str] = Counter()
     step: ControlStep | None = None
     first = 0

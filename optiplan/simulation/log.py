@@ -123,7 +123,7 @@ class Log:
         wanted: (K, n) positions that were wanted.
         applied: (K, n) input of the plant after saturation, as `input` says.
         input: what the plant takes: `torque`, N·m or N, or `velocity`, rad/s or m/s.
-        tool_error: (K, 2), m and rad, of the tool.
+        tool_error: (K, 2), m and rad, of the tool, or of the frame that has a reference.
         tracking: the errors over every step.
         contacts: distances; None where they were not measured.
         slack: by limit, (K,) in its own unit, of a task-space controller; empty for others.

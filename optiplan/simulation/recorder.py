@@ -19,10 +19,16 @@ _FULL = 1.0 - 1e-9  # share of a torque limit at which a drive counts as saturat
 
 
 class Recorder:
-    """Gathers a block of steps, judges it whole, and keeps every k-th step for the log."""
+    """Gathers a block of steps, judges it whole, and keeps every k-th step for the log.
 
-    def __init__(self, robot: Robot, limits: Limits, steps: int, dt: float, input: Input) -> None:
+    The error of the tool is that of `frame`; None: the robot's tool frame.
+    """
+
+    def __init__(
+        self, robot: Robot, limits: Limits, steps: int, dt: float, input: Input, frame: str | None = None
+    ) -> None:
         self._robot, self._limits, self._dt, self._input = robot, limits, dt, input
+        self._frame = robot.tool_frame if frame is None else frame
         self._every = -(-(steps + 1) // MOST_SAMPLES)
         self._count = 0
         self._squares, self._peak = np.zeros(robot.n), np.zeros(robot.n)
@@ -62,11 +68,10 @@ class Recorder:
         error = wanted - q
         self._squares += (error**2).sum(axis=0)
         self._peak = np.maximum(self._peak, np.abs(error).max(axis=0))
-        frame = self._robot.tool_frame
         there = np.array([target.X_WF.homogeneous for target in self._targets])
         if not self._targets:
-            there = frame_poses(self._robot, wanted, frame)
-        tool = pose_errors(frame_poses(self._robot, q, frame), there)
+            there = frame_poses(self._robot, wanted, self._frame)
+        tool = pose_errors(frame_poses(self._robot, q, self._frame), there)
         self._tool_squares += (tool**2).sum(axis=0)
         self._tool_peak = np.maximum(self._tool_peak, tool.max(axis=0))
         if self._input == "torque":

@@ -50,7 +50,7 @@ class Simulation:
         spec = self.control.spec.reference.value
         if not isinstance(spec, StepSpec) or self.log is None:
             return {}
-        start, end = self.log.wanted[0], self.log.wanted[-1]
+        start, end = self.control.problem.start, self.log.wanted[-1]
         return {
             name: step_response(self.log.t, self.log.q[:, j], spec.at, float(start[j]), float(end[j]))
             for j, name in enumerate(self.log.joint_names)

@@ -91,6 +91,21 @@ def test_a_solver_that_always_fails_stops_the_robot(panda, answer):
         assert not state.v.any()
 
 
+@pytest.mark.parametrize("solver", ["native", "proxqp", Broken(np.zeros(7))], ids=["native", "proxqp", "own"])
+def test_a_nan_in_a_task_stops_the_robot(panda, solver):
+    tool = reach(panda, position=(0.5, 0.3, 0.4), rpy=(3.14, 0, 0))
+    controller, state = op.Controller(panda, [tool], solver=solver), op.State(panda.configurations["ready"])
+    for _ in range(50):
+        state = controller.step(state, DT).state
+    tool.twist = np.zeros(6)
+    tool.twist[0] = np.nan  # in place, which nothing checks
+    for _ in range(300):
+        step = controller.step(state, DT)
+        state = step.state
+        assert np.isfinite([state.q, state.v, state.a]).all()
+    assert step.status == "stopped"
+
+
 @pytest.mark.parametrize("fail", [0.0, 0.4])
 @pytest.mark.parametrize("which", ["panda", "delbot"])
 def test_a_short_hour(which, fail):
@@ -129,6 +144,19 @@ def test_out_of_reach_is_the_nearest_pose_and_no_error(panda):
     assert np.abs(state.v).max() < 2e-3
     frame = controller.configuration(state).pose(panda.frame_id(panda.tool_frame)).translation
     assert frame[0] > 0.75
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5", "srra"])
+def test_a_robot_that_sets_out_is_not_as_near_as_it_comes(name):
+    robot = op.load_robot(name)
+    q = next(iter(robot.configurations.values()))
+    controller = op.Controller(robot, [op.PostureTask(q + 0.2, cost=1.0, gain=2.0)])
+    state, statuses = op.State(q), set()
+    for _ in range(12):
+        step = controller.step(state, 0.001)
+        state = step.state
+        statuses.add(step.status)
+    assert statuses <= {"tracking", "limited"}
 
 
 def test_relaxation_follows_the_declared_order(panda):
@@ -200,6 +228,9 @@ def test_through_singularities(name, kind):
         (lambda r: op.Controller(r, [], relax=["speed"]), ["relax", "speed", "clearance"]),
         (lambda r: op.PoseTask("x", position_cost=-1.0), ["position_cost", "-1"]),
         (lambda r: op.PoseTask("x", gain=float("nan")), ["gain", "nan"]),
+        (lambda r: setattr(op.PoseTask("x"), "gain", np.nan), ["PoseTask", "gain", "nan"]),
+        (lambda r: setattr(op.PoseTask("x"), "twist", np.full(6, np.nan)), ["PoseTask", "twist[0]", "nan"]),
+        (lambda r: setattr(op.PoseTask("x"), "acceleration", np.zeros(3)), ["PoseTask", "acceleration", "6"]),
         (lambda r: op.PoseTask("x", np.full((4, 4), np.nan)), ["target"]),
         (lambda r: op.PoseTask("x", pin.SE3(np.eye(3), np.full(3, np.nan))), ["target", "NaN"]),
         (lambda r: op.PositionTask("x", [0.0, np.inf, 0.0]), ["target"]),
@@ -208,6 +239,8 @@ def test_through_singularities(name, kind):
         (lambda r: op.Controller(r, [], limits=[op.WheelSpeedLimit(3.0)]), ["WheelSpeedLimit", "panda"]),
         (lambda r: op.Controller(r, [], limits=[op.VelocityLimit([1, 2])]), ["velocity", "7"]),
         (lambda r: op.Controller(r, [], limits=[op.PositionLimit(1.0, -1.0)]), ["lower[0]", "1"]),
+        (lambda r: op.Controller(r, [], limits=[op.JerkLimit(), op.JerkLimit(9.0)]), ["limits[1]", "second", "jerk"]),
+        (lambda r: op.Controller(r, [], limits=[op.PositionLimit()] * 2), ["limits[1]", "second", "position"]),
         (lambda r: op.ToolSpeedLimit(), ["linear"]),
         (lambda r: op.ToolSpeedLimit(linear=-1.0), ["linear", "-1"]),
         (lambda r: op.HalfSpaceLimit("x", (0, 0, 0), 0.0), ["normal"]),

@@ -104,12 +104,19 @@ def torques(robot, states):
     return np.array(found)
 
 
-@pytest.mark.parametrize("form", ["velocity", "acceleration"])
-def test_half_space(panda, form):
-    """A wall at x = 0.45 m that the tool is sent through: it comes to it and never passes."""
+WITHOUT_ACCELERATION = [op.PositionLimit(), op.VelocityLimit(), op.JerkLimit()]
+
+
+@pytest.mark.parametrize(
+    ("limits", "form"),
+    [(joints(), "velocity"), (joints(), "acceleration"), (WITHOUT_ACCELERATION, "velocity")],
+    ids=["velocity", "acceleration", "without a limit of acceleration"],
+)
+def test_half_space(panda, limits, form):
+    """A wall at x = 0.45 m that the tool is sent through: it comes to it and never passes, however joints brake."""
     wall = op.HalfSpaceLimit(panda.tool_frame, normal=(-1, 0, 0), offset=-0.45)
     tool = op.PoseTask(panda.tool_frame, op.Pose(position=(0.7, 0.2, 0.5), rpy=(3.1, 0, 0)))
-    controller = op.Controller(panda, [tool, op.PostureTask()], limits=joints(wall), form=form)
+    controller = op.Controller(panda, [tool, op.PostureTask()], limits=[*limits, wall], form=form)
     state = op.State([0.0, -1.2, 0.0, -2.6, 0.0, 1.571, 0.785])
     c, x = op.Controller(panda, []), []
     for _ in range(1500):

@@ -9,11 +9,12 @@ from optiplan.control.braking_path import BrakingPath, make_braking_path
 from optiplan.control.limits.stop_limits import StopLimit
 
 
-def test_the_simple_bound_of_a_stop_is_one(panda, baxter, delbot):
-    rng = np.random.default_rng(0)
+@pytest.mark.parametrize("acceleration", [[op.AccelerationLimit()], []], ids=["with", "without"])
+def test_the_simple_bound_of_a_stop_is_one(panda, baxter, delbot, acceleration):
+    rng, others = np.random.default_rng(0), [op.PositionLimit(), op.VelocityLimit(), op.JerkLimit()]
     for robot in (panda, baxter, delbot):
         for dt in (0.001, 0.01):
-            controller = op.Controller(robot, [], scene=op.Scene())
+            controller = op.Controller(robot, [], limits=[*others, *acceleration, op.ClearanceLimit()])
             start = op.State(next(iter(robot.configurations.values())))
             controller.step(start, dt)
             guard, box, path = controller._guard, controller._box, BrakingPath(robot)

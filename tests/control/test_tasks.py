@@ -90,6 +90,20 @@ def test_error_vanishes(panda, name, form):
     assert np.linalg.norm(task.error(controller.configuration(state))) < 1e-3 * first
 
 
+@pytest.mark.parametrize("form", ["velocity", "acceleration"])
+@pytest.mark.parametrize("off", [0.0, 1e-8, 1e-3])
+def test_an_axis_that_points_straight_away_turns_round(panda, form, off):
+    ready = panda.configurations["ready"]
+    X = panda.fk(ready).matrix
+    task = op.LookAtTask(panda.tool_frame, X[:3, 3] - X[:3, 2] + off * X[:3, 1])
+    controller, state = op.Controller(panda, [task, op.PostureTask("ready")], form=form), op.State(ready)
+    e = np.linalg.norm(task.error(controller.configuration(state)))
+    assert e == pytest.approx(np.pi, abs=2e-3)
+    for _ in range(400):
+        state = controller.step(state, 0.002).state
+    assert np.linalg.norm(task.error(controller.configuration(state))) < e - 0.2
+
+
 def test_strict_priorities(panda):
     """Two targets against each other: the first is reached, the second as far as the first allows."""
     tool = panda.tool_frame

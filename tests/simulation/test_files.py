@@ -72,6 +72,14 @@ BAD = {
         "plant: {friction: {coulomb: [1, 2, 3]}}\ncontroller:",
         r"plant.friction.coulomb: 3 values; expected 2 values, one for each of",
     ),
+    **{
+        f"drive's {key}": (
+            "computed_torque: {frequency: 5}",
+            f"drive: {json.dumps({'takes': 'velocity', 'position': 10, 'velocity': 50, key: [1, 2, 3]})}",
+            rf"loop.yaml:7: controller.drive.{key}: 3 values; expected 2 values, one for each of",
+        )
+        for key in ("position", "velocity", "integral", "integral_limit")
+    },
     "tool reference of joints": (
         "step: {joint: shoulder, by: 0.1, lasting: 0.3}",
         "line: {by: [0.1, 0, 0], duration: 1}",
@@ -138,6 +146,15 @@ def test_a_mapping_says_what_a_file_says(file):
     np.testing.assert_array_equal(op.simulate(data).log.q, from_file.q)
 
 
+@pytest.mark.parametrize("frame", ["panda_hand_tcp", "panda_link8"])
+def test_the_error_of_the_tool_is_that_of_the_frame_with_the_reference(frame):
+    data = {"version": 1, "robot": "panda", "start": {"configuration": "ready"}, "plant": {"engine": "ideal"}}
+    data["reference"] = {"line": {"by": [0.0, 0.01, -0.01], "duration": 0.4, "frame": frame}}
+    log = op.simulate({**data, "controller": {"task_space": {"clearance": None}}}).log
+    assert log.tracking.tool_peak < 1e-3
+    assert log.tracking.turn_peak < 1e-3
+
+
 def test_a_step_takes_values_by_joint(file):
     text = STEP.replace("[0.1, 0.2]", "{elbow: 0.2, shoulder: 0.1}")
     by_name, listed = (
@@ -166,6 +183,15 @@ def test_the_log_folder(file, tmp_path):
         assert (tmp_path / "log" / name).read_text().startswith("<?xml")
     stored = op.simulate({**record["control"]})
     np.testing.assert_array_equal(stored.log.q, done.log.q)  # the record says all of it
+
+
+@pytest.mark.parametrize("at", [0, 0.05])
+@pytest.mark.parametrize("controller", ["computed_torque: {}", "task_space: {feedback: measured}", "task_space: {}"])
+def test_the_error_right_after_a_step_is_that_step(file, at, controller):
+    text = STEP.replace("by: 0.1", f"by: 0.1, at: {at}").replace("computed_torque: {frequency: 5}", controller)
+    done = run_control(file(text))
+    assert done.log.tracking.peak[0] == pytest.approx(0.1, abs=1e-3)
+    assert set(done.responses) == {"shoulder"}
 
 
 def test_noise_repeats_with_its_seed(file):

@@ -57,6 +57,7 @@ class ClearanceLimit(StopLimit):
         if scene is not None and not isinstance(scene, Scene):
             raise wrong_argument("ClearanceLimit", "scene", described(scene), "an op.Scene")
         self.scene = Scene() if scene is None else scene
+        self._passed: dict[str, float] = {}
         self.at_least = checked_number(self, "at_least", at_least, 0.0)
         self.influence = self.at_least + checked_number(self, "influence", influence, 1e-4)
         self.rate = checked_number(self, "rate", rate, 1e-3)
@@ -73,6 +74,7 @@ class ClearanceLimit(StopLimit):
         self.labels = tuple(f"{pair.name_a} and {pair.name_b}" for pair in self.model.pairs)
         self.require_least()
         self.structure = self._structure(robot)
+        self._let_pass()
         self._follows = bool(robot.followers)
         self._leaders = np.abs(bounds.kinematics.coupling) > 0.0  # columns of followers have their multiplier already
         self._joints = bounds.joint[bounds.pairs]
@@ -159,13 +161,30 @@ class ClearanceLimit(StopLimit):
             self.model.world.move_body(self.model.names.index(name), self._dynamic[name][1].homogeneous)
         return bool(turned)
 
-    def pass_along(self, Q: Array) -> None:
-        """Ask of pairs that are near at Q (N, n), places of a proved motion, half of their least distance there."""
-        found = self.model.near(self.model.at_times(Q, np.zeros(len(Q))), 2.0 * self.at_least)
-        least = np.full(len(self.labels), np.inf)
-        np.minimum.at(least, found.pairs, np.maximum(found.distance, 0.0))
-        self.least = np.minimum(self.least, 0.5 * least)
-        self.margin = np.minimum(self.margin, 0.6 * least)
+    def pass_along(self, Q: Array, t: Array) -> None:
+        """Require of pairs that are near on a motion, Q (N, n) at times t (N,), s, half of their least distance there.
+
+        This lasts, also where obstacles are placed anew. Pairs of an obstacle that the motion touches, or that moves
+        meanwhile, keep their distance: the motion was not proved for these.
+        """
+        n, Q = Q.shape[1], self._among_obstacles(Q, t)
+        found, least = self.model.near(Q, 2.0 * self.at_least), np.full(len(self.labels), np.inf)
+        np.minimum.at(least, found.pairs, found.distance)
+        second = self.model.bounds.pairs[:, 1]  # obstacles come last
+        touched = np.isin(second, second[least <= 0.0])
+        least[touched | (self.arms[:, n:] @ np.ptp(Q[:, n:], axis=0) > 0.0)] = np.inf
+        for k in np.flatnonzero(np.isfinite(least)).tolist():
+            self._passed[self.labels[k]] = min(float(least[k]), self._passed.get(self.labels[k], np.inf))
+        self._let_pass()
+
+    def _let_pass(self) -> None:
+        """Require no more of pairs than followed motions leave them."""
+        least = np.array([self._passed.get(label, np.inf) for label in self.labels])
+        self.least, self.margin = np.minimum(self.least, 0.5 * least), np.minimum(self.margin, 0.6 * least)
+
+    def _among_obstacles(self, Q: Array, t: Array) -> Array:
+        """Q (N, n) with the obstacles where they are expected at times t (N,), s: (N, n + K)."""
+        return np.hstack([Q, np.array([self._obstacles.at(time) for time in t.tolist()])])
 
     def _has_turn(self, name: str, X_WO: pin.SE3) -> bool:
         return name in self._dynamic and np.array_equal(self._dynamic[name][1].rotation, X_WO.rotation)
@@ -219,7 +238,7 @@ class ClearanceLimit(StopLimit):
         """See `StopLimit.ahead`; every EVERY s for HORIZON."""
         times = np.arange(0.0, HORIZON, EVERY)
         Q = np.array([path.at(min(round(time / path.dt), path.steps)) for time in times])
-        found = self.model.near(self.model.at_times(Q, t + times), self.at_least)
+        found = self.model.near(self._among_obstacles(Q, t + times), self.at_least)
         least, own = np.full(len(times), np.inf), self.moving[found.pairs]
         np.minimum.at(least, found.rows[own], found.distance[own])
         return least

@@ -11,6 +11,7 @@ from optiplan.arrays import Array
 from optiplan.control.braking import after, braking_accelerations, farthest, stop_phases, velocity_to_zero
 from optiplan.control.limits.base import ControlLimit
 from optiplan.control.limits.joint_limits import JointLimit, PositionLimit
+from optiplan.errors import wrong_argument
 from optiplan.trajectory.state import State
 
 ROUNDING = 1e-10
@@ -42,15 +43,24 @@ class JointBox:
         by_acceleration: whether positions follow the mean of the velocities of both ends of a step, or the new one.
         longest: s, of a step; see `fastest_velocity`.
 
+    Raises:
+        InputError: two limits of one name.
+
     Attributes:
-        delay: (n,), s, that the acceleration of a joint takes from its limit to zero.
+        delay: (n,), s, that the acceleration of a joint takes from its limit to zero; where it has none, from the
+            largest that a stop takes.
         slowing: (n,), velocities of a step that brakes with constant accelerations, of the last update.
     """
 
     def __init__(
         self, limits: Iterable[ControlLimit], order: Sequence[str], n: int, by_acceleration: bool, longest: float
     ) -> None:
-        found = {limit.name: limit for limit in limits if isinstance(limit, JointLimit | PositionLimit)}
+        found: dict[str, JointLimit | PositionLimit] = {}
+        for k, limit in enumerate(limits):
+            if isinstance(limit, JointLimit | PositionLimit):
+                if limit.name in found:
+                    raise wrong_argument("Controller", f"limits[{k}]", f"a second limit of {limit.name}", "one of each")
+                found[limit.name] = limit
         self._names = [name for name in reversed(order) if name in found]
         rates = {name: limit.values for name, limit in found.items() if isinstance(limit, JointLimit)}
         without = np.full(n, np.inf)
@@ -60,8 +70,9 @@ class JointBox:
         position = found.get("position")
         self.lower = position.lower if isinstance(position, PositionLimit) else -without
         self.upper = position.upper if isinstance(position, PositionLimit) else without
-        bounded = np.isfinite(self.jerk) & np.isfinite(self.acceleration)
-        self.delay = np.divide(self.acceleration, self.jerk, out=np.zeros(n), where=bounded)
+        strongest = np.where(np.isfinite(self.acceleration), self.acceleration, np.sqrt(self.velocity * self.jerk))
+        bounded = np.isfinite(self.jerk) & np.isfinite(strongest)
+        self.delay = np.divide(strongest, self.jerk, out=np.zeros(n), where=bounded)
         self._share = 0.5 if by_acceleration else 1.0
         self._lag = 0.5 * longest if by_acceleration else 0.0
         brakes = zip(self.acceleration.tolist(), self.jerk.tolist(), strict=True)

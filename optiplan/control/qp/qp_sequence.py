@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from optiplan.arrays import Array
+from optiplan.control.arguments import squares_are_finite
 from optiplan.control.qp.active_set import ActiveSet, active_at, solve_from
 from optiplan.control.qp.program import FEASIBLE, Program
 from optiplan.control.qp.solvers import QpSolver
@@ -62,6 +63,8 @@ class QpSequence:
             self.solve_seconds += time.perf_counter() - begin
 
     def _find(self, program: Program, witness: Array, level: int) -> Array | None:
+        if not squares_are_finite(program.H, program.g):
+            return None  # a task has a NaN in it
         if self._guess:
             found = solve_from(program, self._active.get(level, ActiveSet()))
             if found is not None:

@@ -42,11 +42,20 @@ class ControlTask(ABC):
 
     def __init__(self, size: int, cost: Weight, gain: float, priority: int) -> None:
         self.size = size
-        self.gain = checked_number(self, "gain", gain, 0.0)
+        self.gain = gain
         self.cost = cost
         if isinstance(priority, bool) or not isinstance(priority, int) or priority < 0:
             raise wrong_argument(type(self).__name__, "priority", described(priority), "a whole number >= 0")
         self.priority = priority
+
+    @property
+    def gain(self) -> float:
+        """1/s, >= 0."""
+        return self._gain
+
+    @gain.setter
+    def gain(self, value: float) -> None:
+        self._gain = checked_number(self, "gain", value, 0.0)
 
     @property
     def cost(self) -> Array:

@@ -18,15 +18,30 @@ class FrameTask(MovedFrameTask):
 
     Attributes:
         target: X_WT; None until one is set: the task then holds the pose that F has in the first step.
-        twist: (6,) velocity, m/s, of the origin of T and its angular velocity, rad/s, axes of the world.
-        acceleration: (6,) rates of the twist, m/s² and rad/s².
     """
 
     def __init__(self, frame: str, size: int, cost: Weight, gain: float | None, priority: int) -> None:
         super().__init__(frame, size, cost, gain, priority)
         self._target: pin.SE3 | None = None
-        self.twist: Array | None = None
-        self.acceleration: Array | None = None
+        self.twist = self.acceleration = None
+
+    @property
+    def twist(self) -> Array | None:
+        """Velocity of T (6,), m/s and rad/s, axes of the world; None: T stands."""
+        return self._twist
+
+    @twist.setter
+    def twist(self, value: object) -> None:
+        self._twist = None if value is None else checked_vector(self, "twist", value, 6)
+
+    @property
+    def acceleration(self) -> Array | None:
+        """Rates of the twist (6,), m/s² and rad/s²; None: zeros."""
+        return self._acceleration
+
+    @acceleration.setter
+    def acceleration(self, value: object) -> None:
+        self._acceleration = None if value is None else checked_vector(self, "acceleration", value, 6)
 
     @property
     def target(self) -> pin.SE3 | None:
@@ -49,8 +64,7 @@ class FrameTask(MovedFrameTask):
             InputError: no pose, or other than six finite numbers.
         """
         self._target = self._read(pose)
-        self.twist = None if twist is None else checked_vector(self, "twist", twist, 6)
-        self.acceleration = None if acceleration is None else checked_vector(self, "acceleration", acceleration, 6)
+        self.twist, self.acceleration = twist, acceleration
 
     def _read(self, pose: Target) -> pin.SE3:
         return as_pose(self, pose)

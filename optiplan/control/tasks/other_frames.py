@@ -12,6 +12,11 @@ from optiplan.control.tasks.base import MovedFrameTask, Weight, capped
 from optiplan.control.tasks.targets import Target, as_pose
 from optiplan.robot.robot import Robot
 
+_STRAIGHT = 1e-6
+"""Sine of the angle below which an axis points straight at its point, or straight away from it."""
+_AWAY = np.array([1.0, 0.0])
+"""Across the axis: in which direction one that points straight away turns."""
+
 
 class RelativePoseTask(MovedFrameTask):
     """Frame F at a pose T in another frame R of the robot: e = (p_RF - p_RT, log(R_TF)), in the axes of R and F.
@@ -91,7 +96,8 @@ class LookAtTask(MovedFrameTask):
     """An axis of a frame F towards a point P of the world, such as a camera's; F may turn about that axis.
 
     With the direction d = R_FW (P - p_WF) / |P - p_WF| seen from F, B (3, 2) perpendicular to the axis and the angle
-    θ = atan2(|Bᵀ d|, axis · d):  e = θ Bᵀ d / |Bᵀ d|, rad.
+    θ = atan2(|Bᵀ d|, axis · d):  e = θ Bᵀ d / |Bᵀ d|, rad. An axis that points straight away from P turns in one
+    direction u of all: e = π u and J = -u uᵀ d(Bᵀ d)/dq.
 
     Args:
         frame: name of F.
@@ -133,8 +139,9 @@ class LookAtTask(MovedFrameTask):
     def error(self, c: Configuration) -> Array:
         """(2,), rad."""
         d = self._seen(c)[0]
-        side = d @ self._across
-        return np.asarray(_angle_per_sine(float(np.linalg.norm(side)), float(d @ self.axis)) * side)
+        side, ahead = d @ self._across, float(d @ self.axis)
+        sine = float(np.linalg.norm(side))
+        return np.pi * _AWAY if sine < _STRAIGHT and ahead < 0.0 else np.asarray(_angle_per_sine(sine, ahead) * side)
 
     def jacobian(self, c: Configuration) -> Array:
         """(2, n)."""
@@ -145,8 +152,8 @@ class LookAtTask(MovedFrameTask):
         sine = float(np.linalg.norm(side))
         factor = _angle_per_sine(sine, ahead)
         J_side = self._across.T @ dd
-        if sine < 1e-6:
-            return np.asarray(factor * J_side)
+        if sine < _STRAIGHT:
+            return np.asarray(factor * J_side if ahead > 0.0 else -np.outer(_AWAY, _AWAY @ J_side))
         d_sine, d_ahead = side @ J_side / sine, self.axis @ dd
         d_factor = (ahead * d_sine - sine * d_ahead - factor * d_sine) / sine
         return np.asarray(factor * J_side + np.outer(side, d_factor))
@@ -166,4 +173,4 @@ class LookAtTask(MovedFrameTask):
 
 
 def _angle_per_sine(sine: float, cosine: float) -> float:
-    return float(np.arctan2(sine, cosine)) / sine if sine > 1e-9 else (1.0 if cosine > 0.0 else np.pi / 1e-9)
+    return float(np.arctan2(sine, cosine)) / sine if sine > 1e-9 else 1.0

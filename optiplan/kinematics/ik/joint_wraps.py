@@ -10,6 +10,9 @@ from optiplan.robot.robot import Robot
 
 _TURN = 2.0 * np.pi
 
+ROUNDING = 1e-9
+"""rad or m: a value that is outside its limits by no more stands on them."""
+
 MOST_TURNS = 100.0
 """Images within so many turns of the nearest one are listed: some files have limits of 1e30 rad."""
 
@@ -37,6 +40,7 @@ def images_within(robot: Robot, limits: Limits, Q: Array, near: Array) -> Array:
     steps = _TURN * np.eye(robot.n)[turning & (limits.upper - limits.lower >= _TURN)]
     farther = np.stack([-steps, steps], axis=1).reshape(-1, robot.n)
     every = (base + np.concatenate([np.zeros((1, robot.n)), farther])[:, None]).reshape(-1, robot.n)
+    every = _on_limits(limits, every)
     return np.asarray(every[((every >= limits.lower) & (every <= limits.upper)).all(axis=1)])
 
 
@@ -48,7 +52,7 @@ def whole_turns(robot: Robot, q: Array, near: Array, count: int) -> list[Array]:
     turning = robot.whole_turns
     low, high = _turns_within(robot.limits, q)
     if not (turning & (low < high)).any():  # most arms: no joint has a choice
-        return [np.where(turning & (low == high), q + _TURN * low, q)][:count]
+        return [_on_limits(robot.limits, np.where(turning & (low == high), q + _TURN * low, q))][:count]
     every = [values[:2] if len(values) else q[j : j + 1] for j, values in enumerate(images(robot, q, near))]
     return _soonest(robot, every, near)[:count]
 
@@ -70,7 +74,13 @@ def _turns_within(limits: Limits, Q: Array) -> tuple[Array, Array]:
 
     Where none does, the least is the larger one.
     """
-    return np.ceil((limits.lower - Q) / _TURN), np.floor((limits.upper - Q) / _TURN)
+    return np.ceil((limits.lower - ROUNDING - Q) / _TURN), np.floor((limits.upper + ROUNDING - Q) / _TURN)
+
+
+def _on_limits(limits: Limits, Q: Array) -> Array:
+    """Return Q (..., n) with values that rounding took out of their limits put on them."""
+    inside = np.clip(Q, limits.lower, limits.upper)
+    return np.where(np.abs(inside - Q) <= ROUNDING, inside, Q)
 
 
 def _soonest(robot: Robot, every: list[Array], near: Array) -> list[Array]:
@@ -83,9 +93,11 @@ def _soonest(robot: Robot, every: list[Array], near: Array) -> list[Array]:
 def _of_joint(robot: Robot, j: int, value: float, near: float) -> Array:
     lower, upper = float(robot.limits.lower[j]), float(robot.limits.upper[j])
     if not robot.whole_turns[j]:
-        return np.array([value] if lower <= value <= upper else [])
-    low, high = np.ceil((lower - value) / _TURN), np.floor((upper - value) / _TURN)
+        held = min(max(value, lower), upper)
+        return np.array([held] if abs(held - value) <= ROUNDING else [])
+    low, high = np.ceil((lower - ROUNDING - value) / _TURN), np.floor((upper + ROUNDING - value) / _TURN)
     most = MOST_TURNS if np.isfinite(high - low) else 1.0
     middle = np.clip(np.round((near - value) / _TURN), low, high)
-    values = value + _TURN * np.arange(max(low, middle - most), min(high, middle + most) + 1.0)
+    turns = np.arange(max(low, middle - most), min(high, middle + most) + 1.0)
+    values = np.clip(value + _TURN * turns, lower, upper)
     return np.asarray(values[np.argsort(np.abs(values - near), kind="stable")])

@@ -83,7 +83,7 @@ class Arc(ToolMotion[ArcOptions]):
         """Unit vector perpendicular to the chord: the one given, or that of the short way."""
         if self.options.normal is None:
             normal = np.cross(to_a, to_b)
-            if np.linalg.norm(normal) < _OFF * np.linalg.norm(to_a) * np.linalg.norm(to_b):
+            if np.linalg.norm(normal) <= _OFF * np.linalg.norm(to_a) * np.linalg.norm(to_b):
                 raise _error("normal", "nothing, with start, centre and goal in line", "the direction to turn about")
             return np.asarray(normal / np.linalg.norm(normal))
         normal = np.array(self.options.normal) / np.linalg.norm(self.options.normal)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import inf
 
 from optiplan.collision.model import CollisionModel
+from optiplan.collision.native_model import NativeCollisionModel
 from optiplan.planners.base import Budget
 from optiplan.planners.option_schema import option
 from optiplan.planners.sampling.base import SampledOptions, SamplingPlanner, SearchSetup
@@ -36,7 +37,7 @@ class Prm(SamplingPlanner[PrmOptions]):
     to a later one depends on the queries before it.
 
     Attributes:
-        roadmaps: by the inputs they are valid for: the bodies, the pairs, the limits and the seed.
+        roadmaps: by the inputs they are valid for: the bodies, the pairs, what these keep, the limits and the seed.
     """
 
     Options = PrmOptions
@@ -80,10 +81,22 @@ class Prm(SamplingPlanner[PrmOptions]):
 
 
 def world_key(model: CollisionModel) -> tuple[object, ...]:
-    """Return the inputs of free space: the robot's files, group and locked joints, shapes and poses, and the pairs."""
+    """Return the inputs of free space.
+
+    The robot's files, group and locked joints, shapes and poses, the pairs, their floors, and the tracking error.
+    """
     robot, scene = model.robot, model.scene
     held = [(item.name, item.link, item.shape, item.X_LO.homogeneous.tobytes()) for item in scene.attached]
     around = [(item.name, item.shape, item.X_WO.homogeneous.tobytes()) for item in scene.obstacles]
     pairs = [(pair.name_a, pair.name_b) for pair in model.pairs]
     which = (robot.fingerprint, robot.group, *sorted(robot.locked.items()), *robot.joint_names)
-    return (which, *held, *around, *pairs)
+    error = None if model.error is None else model.error.tobytes()
+    return (which, *held, *around, *pairs, error, *_floors_key(model))
+
+
+def _floors_key(model: CollisionModel) -> tuple[object, ...]:
+    if not isinstance(model, NativeCollisionModel) or model.floors is None:
+        return ()
+    floors = model.floors
+    ends = [(one.pair, one.base, floors.ends[one.end].tobytes()) for one in floors.at_ends]
+    return (floors.asked.tobytes(), floors.within, *ends)

@@ -113,7 +113,8 @@ class TaskSpaceLoop:
         begin = State.of(q, v, self._state.a) if measured else self._state
         step = self._controller.step(begin, self._dt)
         self._state = step.state
+        wanted = begin.q if isinstance(target, ToolTarget) else target.q
         if self._inner is None:
-            return Command((step.q - begin.q) / self._dt, begin.q, step)
+            return Command((step.q - begin.q) / self._dt, wanted, step)
         ahead = JointTarget(begin.q, begin.v, 0.5 * (begin.v + step.v), np.asarray(step.a))
-        return Command(self._inner.torque(q, v, ahead), begin.q, step)
+        return Command(self._inner.torque(q, v, ahead), wanted, step)

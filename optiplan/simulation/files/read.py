@@ -28,6 +28,11 @@ from optiplan.simulation.plants.dynamics import check_inertias
 _PSEUDO = "<control>"
 _TOOL = ("line", "arc", "circle", "screw", "moving", "recorded")
 """References of the tool."""
+_GAINS = {
+    "pid": ("p", "i", "d", "integral_limit"),
+    "drive": ("position", "velocity", "integral", "integral_limit"),
+}
+"""Controllers with values for each joint."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,9 +141,9 @@ def _sizes(control: ControlFile) -> list[Issue]:
     """Lists of values a joint that are not of n values."""
     n, spec, issues = control.robot.n, control.spec, []
     listed: dict[Place, Any] = {}
-    if spec.controller.pid is not None:
-        pid = spec.controller.pid
-        listed |= {("controller", "pid", key): getattr(pid, key) for key in ("p", "i", "d", "integral_limit")}
+    for kind, keys in _GAINS.items():
+        gains = getattr(spec.controller, kind)
+        listed |= {("controller", kind, key): getattr(gains, key, None) for key in keys}
     friction = spec.plant.friction
     listed |= {("plant", "friction", key): getattr(friction, key) for key in ("viscous", "coulomb")}
     listed["plant", "rotor_inertia"] = spec.plant.rotor_inertia

@@ -1,6 +1,7 @@
 """`op.ik`: branches, redundancy, collisions, order; `op.check` and `op.workspace`."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import optiplan as op
@@ -38,6 +39,19 @@ def test_a_pose_may_be_said_in_any_form(panda):
     for form in (pose.matrix, {"position": pose.position, "quaternion": pose.quaternion}):
         assert np.allclose(op.ik(panda, form), expected, atol=1e-6)
     assert (op.ik("panda", pose) == expected).all()
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda"])
+def test_a_pose_of_pinocchio_is_checked_as_a_matrix_is(name):
+    """Its numbers may have few digits: then the nearest rotation is meant."""
+    robot = op.load_robot(name)
+    X = robot.fk("ready").matrix
+    coarse = pin.SE3(X[:3, :3].astype(np.float32).astype(float), X[:3, 3])
+    assert np.array_equal(op.ik(robot, coarse, all=True), op.ik(robot, coarse.homogeneous, all=True))
+    assert len(op.ik(robot, coarse)) == 1
+    for wrong in (pin.SE3(np.eye(3), np.full(3, np.nan)), pin.SE3(1.1 * np.eye(3), np.zeros(3))):
+        with pytest.raises(op.InputError, match=r"op\.ik: pose"):
+            op.ik(robot, wrong)
 
 
 def test_out_of_reach_is_no_row(panda):

@@ -89,6 +89,19 @@ def test_views_rows_and_stops_agree(monkeypatch, panda, bound):
     assert 3 < sum(verdicts) < 27, "both answers are worth comparing"
 
 
+def test_what_lies_ahead_of_a_stop_is_where_obstacles_were_seen_last(panda):
+    limit = op.ClearanceLimit(op.Scene([op.Sphere("ball", radius=0.05, position=(2.0, 0.0, 0.5))]))
+    controller = op.Controller(panda, [], limits=[*op.Controller(panda, []).limits, limit])
+    ready = panda.configurations["ready"]
+    tip = panda.fk(ready).matrix[:3, 3]
+    controller.step(op.State(ready), 0.002)
+    for place in ((2.0, 0.0, 0.5), tip):
+        controller.update_scene({"ball": op.Pose(tuple(place))})
+    path = make_braking_path(panda)
+    path.start(ready, np.zeros(7), np.zeros(7), controller._box, 0.002)
+    assert limit.ahead(path, 0.0).max() < 0.0
+
+
 def test_a_distance_shrinks_as_its_drift_says(panda, bound):
     limit, controller = bound
     here = controller.configuration(op.State(panda.configurations["ready"]))

@@ -31,11 +31,42 @@ def test_a_clear_run_is_followed_without_lag(name, form):
     assert np.abs(np.array([state.q for state in states]) - planned).max() < 1e-5
 
 
+def test_rows_of_other_limits_hold_on_the_motion(run):
+    """The run's tool goes at more than 1 m/s; the solver that is named is that of the step, not of the last one."""
+    robot = run.problem.robot
+    joints = op.PositionLimit(), op.VelocityLimit(), op.AccelerationLimit(), op.JerkLimit()
+    controller = op.Controller(robot, [], limits=[*joints, op.ToolSpeedLimit(linear=0.25)])
+    motion, frame, speeds, solvers = controller.follow(run), robot.frame_id(robot.tool_frame), [], set()
+    state = run.trajectory.state(0.0)
+    while not motion.done and len(speeds) < 5000:
+        step = controller.step(state, 0.002)
+        state = step.state
+        speeds.append(np.linalg.norm((controller.configuration(state).jacobian(frame) @ state.v)[:3]))
+        solvers.add(step.solver)
+    assert motion.done
+    assert max(speeds) <= 0.25 * (1.0 + 1e-3)
+    assert solvers == {"motion", "unconstrained", "active set"}
+
+
 def test_from_beside_the_path_the_robot_comes_back_to_it(run):
     controller = op.Controller(run.problem.robot, [])
     motion, states = follow(run, controller, 0.002, op.State(run.trajectory.start + 0.02))
     assert motion.done
     assert np.abs(states[-1].q - run.trajectory.end).max() < 2e-3
+
+
+def test_what_a_motion_passes_is_passed_where_an_obstacle_is_placed_anew(run):
+    robot, t = run.problem.robot, 0.6 * run.duration
+    tip = robot.fk(run.trajectory(t)).matrix[:3, 3]
+    pose = op.Pose((*tip[:2], tip[2] - 0.077))
+    ball = op.Sphere("ball", radius=0.05, position=pose.position)
+    controller = op.Controller(robot, [], scene=run.problem.scene.with_(ball))
+    controller.follow(run)
+    before = dict(zip(controller.limits[-1].labels, controller.limits[-1].least, strict=True))
+    assert 0.0 < min(least for pair, least in before.items() if "ball" in pair) < 0.004
+    controller.update_scene({"ball": pose})
+    after = dict(zip(controller.limits[-1].labels, controller.limits[-1].least, strict=True))
+    assert {pair: after[pair] for pair in before} == before
 
 
 def test_the_motion_waits_for_a_robot_that_an_obstacle_holds_back_and_is_finished_when_it_leaves(run):
@@ -54,6 +85,27 @@ def test_the_motion_waits_for_a_robot_that_an_obstacle_holds_back_and_is_finishe
         state = controller.step(state, 0.002).state
     assert motion.done
     assert np.abs(state.q - run.trajectory.end).max() < 1e-4
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_an_obstacle_that_the_motion_was_not_proved_among_keeps_its_distance(run, moves):
+    """A ball that stands on the path when `follow` begins, or will be there when the robot is."""
+    robot, t = run.problem.robot, 0.6 * run.duration
+    there = robot.fk(run.trajectory(t)).matrix[:3, 3]
+    ball = op.Sphere("ball", radius=0.05, position=tuple(there))
+    if moves:
+        ball = op.Sphere("ball", radius=0.05, position=(there[0] + 0.5, *there[1:])).moving(
+            [[0, -0.5 / t], [0], [0]], t
+        )
+    controller = op.Controller(robot, [], scene=run.problem.scene.with_(ball))
+    motion, state, nearest = controller.follow(run), run.trajectory.state(0.0), np.inf
+    for _ in range(600):
+        step = controller.step(state, 0.005)
+        state = step.state
+        if step.nearest is not None and step.nearest.b == "ball":
+            nearest = min(nearest, step.nearest.distance)
+    assert not motion.done
+    assert 0.005 - 1e-6 < nearest < 0.02
 
 
 @pytest.mark.parametrize("given", [None, "a path", object()])

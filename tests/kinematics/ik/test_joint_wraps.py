@@ -22,6 +22,22 @@ def test_an_arm_is_found_where_it_stands_whatever_the_ranges_of_its_joints(name)
         assert np.abs(found - q).max(axis=1).min() < 1e-6
 
 
+@pytest.mark.parametrize("name", ["puma560", "srra", "ur5"])
+def test_an_arm_is_found_where_a_joint_stands_on_its_limit(name):
+    robot, rng = op.load_robot(name), np.random.default_rng(0)
+    low, high = robot.limits.lower, robot.limits.upper
+    for j, end in [(j, end[j]) for j in range(robot.n) for end in (low, high)]:
+        if j == 4 and abs(np.sin(end)) < 1e-6:
+            continue  # there the wrist is singular
+        q = rng.uniform(0.8 * low + 0.2 * high, 0.2 * low + 0.8 * high)
+        q[j] = end
+        found = op.ik(robot, robot.fk(q), all=True, near=q)
+        assert np.abs(found - q).max(axis=1).min(initial=1.0) < 1e-6
+        assert ((found >= low) & (found <= high)).all()
+        beside = np.where(np.arange(robot.n) == j, q + 1e-12 * np.sign(end - q.mean()), q)[None]
+        assert len(images_within(robot, robot.limits, beside, q))
+
+
 def test_joints_of_wide_ranges_have_images_a_turn_farther():
     robot = op.load_robot("ur5")
     q = np.full((1, 6), 0.5)

@@ -284,6 +284,8 @@ def test_half_an_arc_needs_a_normal():
         ),
         ({"centre": [0.550064, 0.199799, 0.299646], "angle": 1.0, "normal": [1, 0, 0]}, "angle: 1 rad.*one of"),
         ({"centre": [0.55, 0.25, 0.35]}, "centre: .* m from the goal"),
+        ({"centre": pose(UR5).translation.tolist()}, "normal: nothing, with start, centre and goal in line"),
+        ({"centre": pose(UR5).translation.tolist(), "normal": [1, 0, 0]}, "centre: 0 m from the start and 0.2 m"),
         ({"through": [0.550064, 0.199799, 0.299646]}, "through: .* in line"),
         (
             {"centre": [0.55, 0.2, 0.3], "normal": [0, 1, 0]},

@@ -8,8 +8,11 @@ from functools import partial
 import numpy as np
 import pytest
 
+from optiplan._core import core
+from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
+from optiplan.geometry.safety import Safety
 from optiplan.geometry.scene import Scene
 from optiplan.planners.base import Budget
 from optiplan.planners.common.continuous_collision import first_contact
@@ -233,6 +236,16 @@ def test_roadmaps_belong_to_their_scene_and_few_are_kept():
     assert len(planner.roadmaps) == 4
     keys = {world_key(CollisionModel(p.robot, p.scene)) for p in (cases.wall(), cases.free(), cases.planar())}
     assert len(keys) == 3
+
+
+@pytest.mark.skipif(core is None, reason="the native core was not built")
+def test_another_clearance_or_tracking_error_is_another_roadmap():
+    problem, keys = cases.wall(), []
+    for safety in (None, Safety(0.01), Safety(0.02), Safety(0.2).ending_at([cases.READY])):
+        for error in (None, 0.01, 0.02):
+            scene, tube = replace(problem.scene, safety=safety), error and np.full(problem.robot.n, error)
+            keys += [world_key(kept_planning_model(problem.robot, scene, tube)) for _ in range(2)]
+    assert len(set(keys)) == len(keys) // 2 == 12
 
 
 @pytest.mark.parametrize("name", ["lower", "upper", "velocity", "torque"])
