@@ -60,7 +60,7 @@ class OneThreadProcess(SpawnProcess):
             try:
                 super().start()
             finally:
-                del os.environ[THREADS]
+                os.environ.pop(THREADS, None)
                 os.environ.update({} if before is None else {THREADS: before})
 
 

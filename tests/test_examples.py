@@ -50,4 +50,4 @@ def test_readme_python_runs(code, tmp_path, monkeypatch):
 def test_readme_problem_can_be_planned(text, tmp_path):
     path = tmp_path / "problem.yaml"
     path.write_text(text)
-    assert op.plan(load_problem(path), budget=5.0).verified
+    assert op.plan(load_problem(path), budget=60.0).verified

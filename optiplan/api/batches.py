@@ -90,7 +90,8 @@ def plan_batch(  # noqa: PLR0913  # what a caller may say of a batch
         What came of it.
 
     Raises:
-        InputError: an argument does not fit, no such planner, no problem file, or `out` is of another batch.
+        InputError: an argument does not fit, no such planner, no problem file, a file name that is not UTF-8, or `out`
+            is of another batch or in use by another call.
         OptiPlanError: pyarrow is not installed, or the Dask cluster failed; rows that came before are kept.
 
     A script that calls it guards its own start with `if __name__ == "__main__":`, since the processes import it.

@@ -90,19 +90,22 @@ class _Runs(Iterator[Run]):
     """The runs in order; their end, `close` or dropping them ends the work, also before the first one."""
 
     def __init__(self, runs: Generator[Run, None, None], end: Callable[[], None]) -> None:
-        self._runs, self._end = runs, end
+        self._runs = runs
+        self._end: Callable[[], None] | None = end
 
     def __next__(self) -> Run:
         try:
             return next(self._runs)
         except BaseException:
-            self._end()
+            self.close()
             raise
 
     def close(self) -> None:
-        """End the work."""
-        self._runs.close()
-        self._end()
+        """End the work, once: its pool or client may be gone by the next time."""
+        end, self._end = self._end, None
+        if end is not None:
+            self._runs.close()
+            end()
 
     __del__ = close
 

@@ -44,6 +44,7 @@ class StepReporter:
 
     def __init__(self, robot: Robot, box: JointBox, rows: RowStack) -> None:
         self._names, self._box, self._rows = robot.joint_names, box, rows
+        self._last: Array | None = None
 
     def step(self, outcome: StepOutcome, state: State, nearest: NearestPair | None, begin: float) -> ControlStep:
         """The record of a step to a state that began at `begin` of the clock `time.perf_counter`."""
@@ -58,6 +59,7 @@ class StepReporter:
                 active = self._active(x)
                 slack = {**self._box.violations(state.q, x), **(self._rows.violations(x) if outcome.slack else {})}
             status, reason = self._status(outcome, x, active, slack)
+        self._last = x
         return ControlStep(
             state=state,
             status=status,
@@ -86,7 +88,7 @@ class StepReporter:
             return "recovering", f"back within limits: {', '.join(slack)}"
         if demand is None or not len(demand.b):
             return "tracking", "no task"
-        if demand.error > OFF and _stands(outcome.state.v, x):
+        if demand.error > OFF and _stands(outcome.state.v if self._last is None else self._last, x):
             if active:
                 return "nearest", f"nearest pose: the target is behind {', '.join(active)}"
             return "nearest", "nearest pose: target out of reach, or tasks against each other"

@@ -46,9 +46,9 @@ class Segment:
     object: str = ""
     link: str = ""
 
-    def scaled(self, factor: float) -> "Segment":
-        """Return the segment of a motion that takes so many times as long."""
-        return replace(self, begin=self.begin * factor, end=self.end * factor)
+    def scaled(self, rate: float) -> "Segment":
+        """Return the segment of a motion that is so many times as fast; at its end where it was, without rounding."""
+        return replace(self, begin=self.begin / rate, end=self.end / rate)
 
     def to_data(self) -> dict[str, Any]:
         """Return it JSON-ready; without `object` and `link` where it has none."""

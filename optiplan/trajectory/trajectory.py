@@ -292,7 +292,7 @@ class Trajectory(ReadOnlyArrays):
             raise ValueError(f"duration: found {duration}; expected a positive number of seconds")
         rate = self.duration / duration
         powers = rate ** np.arange(self.coefficients.shape[1])
-        segments = tuple(segment.scaled(1.0 / rate) for segment in self.segments)
+        segments = tuple(segment.scaled(rate) for segment in self.segments)
         return Trajectory(self.joint_names, self.breakpoints / rate, self.coefficients * powers[:, None], segments)
 
     def sample_times(self, rate: float) -> Array:

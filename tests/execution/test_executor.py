@@ -138,6 +138,20 @@ def test_a_splice_is_continuous(run_of):
     np.testing.assert_allclose(np.diff(q, axis=0), 0.5 * DT * (v[1:] + v[:-1]), atol=2e-6)
 
 
+def test_an_execution_is_not_done_before_the_run_that_is_to_take_over(run_of):
+    run = run_of("01_reach")
+    executor = op.Executor(run)
+    while executor.status.place < run.duration - 0.02:
+        executor.tick(DT)
+    state = executor.state_in(0.3)
+    assert not state.v.any()
+    home = op.plan(run.problem.with_start(state).with_goal(run.problem.start), budget=1.0)
+    assert executor.splice(home)
+    phases = [tick.status.phase for tick in executed(executor, lambda *_: None)]
+    assert phases.index("done") == len(phases) - 1
+    assert executor.run is home
+
+
 def test_a_splice_that_is_late_or_elsewhere_ends_in_a_stop(run_of):
     run = run_of("01_reach")
     executor = op.Executor(run)

@@ -1,5 +1,7 @@
 """Parts of motions, and their segments."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,15 @@ def test_segments_are_scaled_and_stored(motion):
     data = motion.to_dict(rate=10.0)
     assert data["events"] == [{"t": 0.8, "end": 0.8, "step": 2, "kind": "attach", "name": "attach it"}]
     assert Trajectory.from_dict(data).segments == motion.segments
+
+
+def test_an_event_at_the_end_is_at_the_end_at_any_speed(motion):
+    """One that is a rounding behind it would never be due."""
+    last = replace(motion.segments[-1], begin=motion.duration, end=motion.duration)
+    motion = replace(motion, segments=(last,))
+    for duration in np.linspace(0.5, 3.0, 200):
+        slower = motion.scaled(duration)
+        assert slower.segments[0].begin == slower.segments[0].end == slower.duration
 
 
 @pytest.mark.parametrize("wrong", [3, [{"step": 1}], [{"step": 1, "kind": "a", "name": "b", "begin": "x", "end": 1}]])

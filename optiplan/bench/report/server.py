@@ -28,7 +28,7 @@ class ReportServer(PageServer):
 
     def __init__(self, folder: Path, port: int = FIRST_PORT) -> None:
         self.folder = folder
-        with Store(folder) as store:
+        with Store(folder) as store, store.of_one_moment():
             analysis = analyse(store)
             rows = matrix_rows(store, analysis)
             self.compared = {row.name: row.keys() for row in rows}

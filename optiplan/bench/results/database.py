@@ -267,7 +267,8 @@ class Store:
             try:
                 yield
             finally:
-                self._db.execute("COMMIT")
+                if self._db.in_transaction:  # a disk that fails may have ended it
+                    self._db.execute("COMMIT")
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:

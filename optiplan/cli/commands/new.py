@@ -69,8 +69,8 @@ def new(
     proposed = proposed_goal(loaded, start)
     offered = ",".join(f"{x:g}" for x in proposed)
     said = goal or (typer.prompt("Where should the tool go? x,y,z in m", default=offered) if ask else offered)
-    bundled = loaded.reference.robot == chosen  # else a path, which stands relative to the file
-    name = chosen if bundled else os.path.relpath(Path(chosen).resolve(), file.parent.resolve())
+    reference = str(loaded.reference.robot)  # a name, or the path of the robot.yaml, which stands relative to the file
+    name = chosen if reference == chosen else os.path.relpath(reference, file.parent.resolve())
     text = first_problem(loaded, name, start, _point(said), file.stem, SCHEMA)
     if not (beside := file.parent / SCHEMA).exists():
         schema(beside)

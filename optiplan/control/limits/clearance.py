@@ -64,6 +64,10 @@ class ClearanceLimit(StopLimit):
 
     def bind(self, robot: Robot) -> None:
         """Make the bodies, and bounds of how far joints move them."""
+        self._passed.clear()
+        self._make(robot)
+
+    def _make(self, robot: Robot) -> None:
         super().bind(robot)
         self.model = planning_model(
             robot, replace(self.scene, safety=None), passing=True
@@ -184,7 +188,7 @@ class ClearanceLimit(StopLimit):
 
     def _among_obstacles(self, Q: Array, t: Array) -> Array:
         """Q (N, n) with the obstacles where they are expected at times t (N,), s: (N, n + K)."""
-        return np.hstack([Q, np.array([self._obstacles.at(time) for time in t.tolist()])])
+        return np.hstack([Q, self._obstacles.at(t)])
 
     def _has_turn(self, name: str, X_WO: pin.SE3) -> bool:
         return name in self._dynamic and np.array_equal(self._dynamic[name][1].rotation, X_WO.rotation)
@@ -200,7 +204,7 @@ class ClearanceLimit(StopLimit):
                 motion = straight_on(np.zeros(3), velocities[body.name], t)
                 moving[body.name] = replace(body, X_WO=poses[body.name], motion=motion)
         self.scene = self.scene.with_(*moving.values())
-        self.bind(self.model.robot)
+        self._make(self.model.robot)  # followed motions still pass what they passed
 
     def view(self, c: Configuration, before: DistanceView | None, t: float) -> DistanceView:
         """See `StopLimit.view`."""

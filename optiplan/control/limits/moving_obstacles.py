@@ -43,10 +43,10 @@ class ObstacleJoints:
         self._rows[k, :, : motion.coefficients.shape[1]] = motion.coefficients
         self._until[k] = motion.until
 
-    def at(self, t: float) -> Array:
-        """Positions (3 m,), m."""
-        powers = np.minimum(t, self._until)[:, None] ** self._powers
-        return np.asarray((self._rows * powers[:, None]).sum(axis=2).ravel())
+    def at(self, t: float | Array) -> Array:
+        """Positions (…, 3 m), m, at times t (…), s."""
+        powers = np.minimum(np.asarray(t)[..., None], self._until)[..., None] ** self._powers  # (…, m, K)
+        return np.asarray((self._rows * powers[..., None, :]).sum(axis=-1).reshape(*np.shape(t), self.size))
 
     def rates(self, t: float) -> Array:
         """Velocities (3 m,), m/s."""

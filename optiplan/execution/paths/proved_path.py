@@ -1,6 +1,6 @@
 """The path of a verified run, from which stretch to which it may be run forwards and backwards, and its laws."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -106,7 +106,11 @@ class ProvedPath:
             raise wrong_argument(called, "run", found, "a motion at whose end the robot stands still")
         self.parts = scene_parts(problem, self.motion)
         loads = [Load(part.begin, part.end, part.problem.robot) for part in self.parts]
-        self.events: tuple[Segment, ...] = tuple(one for one in self.motion.segments if one.kind in EVENTS)
+        end = self.motion.duration  # files may place an event at the end a rounding behind it
+        events = (one for one in self.motion.segments if one.kind in EVENTS)
+        self.events: tuple[Segment, ...] = tuple(
+            replace(one, begin=min(one.begin, end), end=min(one.end, end)) for one in events
+        )
         assert run.report is not None
         tolerance = run.report.policy.limit_tolerance
         self.forwards = PathStretch(PathLaws(self.motion, problem.limits, loads, tolerance), 0.0, 1.0)

@@ -110,7 +110,7 @@ class SceneWatch:
         parts = self._parts(stretch)
         rest = law.at(max(law.settled, now))[0] if law.target == 0.0 else np.inf
         for part in parts:
-            last = part is parts[-1] or part.begin <= rest <= part.end
+            last = part.begin <= rest and (rest <= part.end or part is parts[-1])
             found = part.blocked(law, now, seen, max(self.margin, self.asked) + spare, self._linger if last else 0.0)
             if found is not None:
                 return BlockedPlace(stretch.place(found.place), found.pair)

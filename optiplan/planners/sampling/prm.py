@@ -89,7 +89,7 @@ def world_key(model: CollisionModel) -> tuple[object, ...]:
     held = [(item.name, item.link, item.shape, item.X_LO.homogeneous.tobytes()) for item in scene.attached]
     around = [(item.name, item.shape, item.X_WO.homogeneous.tobytes()) for item in scene.obstacles]
     pairs = [(pair.name_a, pair.name_b) for pair in model.pairs]
-    which = (robot.fingerprint, robot.group, *sorted(robot.locked.items()), *robot.joint_names)
+    which = (robot.fingerprint, robot.group, robot.mounting.key, *sorted(robot.locked.items()), *robot.joint_names)
     error = None if model.error is None else model.error.tobytes()
     return (which, *held, *around, *pairs, error, *_floors_key(model))
 

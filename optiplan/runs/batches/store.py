@@ -7,6 +7,7 @@ A row is the last one of its file and seed: a file that changed since is planned
 not count.
 """
 
+import errno
 import json
 import os
 import time
@@ -66,10 +67,14 @@ class BatchStore:
         _check_settings(folder, settings)
         (folder / EPISODES).mkdir(parents=True, exist_ok=True)
         try:
-            self._lock = lock(folder / LOCK)
+            self._lock: int | None = lock(folder / LOCK)
         except BlockingIOError:
             found = "a batch is being planned into it at this moment"
             raise InputError([Issue(str(folder), None, "out", found, "one call a folder")]) from None
+        except OSError as error:
+            if error.errno not in (errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK):
+                raise
+            self._lock = None  # shared folders of some clusters have no locks
         self._next = 1 + max((int(path.stem.partition("-")[2]) for path in self.parts()), default=-1)
 
     def __enter__(self) -> Self:
@@ -81,7 +86,8 @@ class BatchStore:
         try:
             self.flush()
         finally:
-            os.close(self._lock)
+            if self._lock is not None:
+                os.close(self._lock)
 
     def parts(self) -> list[Path]:
         """The files with rows, oldest first."""

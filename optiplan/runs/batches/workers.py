@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
 from itertools import chain, islice
 from typing import Any
 
@@ -69,21 +70,36 @@ def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Epis
     source, pending = iter(requests), deque[tuple[EpisodeRequest, Any]]()
     try:
         while True:
-            slots = sum(client.nthreads().values()) or 1
-            while len(pending) < AHEAD * slots and (request := next(source, None)) is not None:
-                pending.append((request, client.submit(planned_episode, request, pure=False)))
+            with _cluster_errors():
+                slots = sum(client.nthreads().values()) or 1
+                while len(pending) < AHEAD * slots and (request := next(source, None)) is not None:
+                    pending.append((request, client.submit(planned_episode, request, pure=False)))
             if not pending:
                 return
             request, future = pending.popleft()
             try:
-                yield future.result()
+                with _cluster_errors():
+                    episode = future.result()
             except KilledWorker as error:
-                yield _crashed(request, str(error))
-            except Exception as error:
-                why = f"'{request.file}' was lost ({type(error).__name__}: {error}); rows before it are kept"
-                raise OptiPlanError(f"op.plan_batch: {why}") from error
+                episode = _crashed(request, str(error))
+            yield episode
     finally:
-        client.cancel([future for _, future in pending])
+        with suppress(Exception):  # a client that is closed has nothing to cancel
+            client.cancel([future for _, future in pending])
+
+
+@contextmanager
+def _cluster_errors() -> Iterator[None]:
+    """Raise what a cluster raises as an `OptiPlanError`, but for a worker that died of its episode."""
+    from distributed import KilledWorker
+
+    try:
+        yield
+    except KilledWorker:
+        raise
+    except Exception as error:
+        why = f"the cluster failed ({type(error).__name__}: {error}); rows before that are kept"
+        raise OptiPlanError(f"op.plan_batch: {why}") from error
 
 
 def _submitted(pool: ProcessPoolExecutor, request: EpisodeRequest) -> "Future[Episode]":

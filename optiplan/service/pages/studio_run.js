@@ -35,7 +35,10 @@ const StudioRun = (() => {
     const asked = { problem, submission, budget: Number(byId("budget").value) };
     if (byId("planner").value) asked.planner = byId("planner").value;
     const { status, data } = await post("api/runs", asked);
-    if (state.problem !== problem) return; // the text is another one by now
+    if (state.problem !== problem) { // the text is another one by now, and nobody would watch
+      if (status === 202) await Page.ask(`api/runs/${data.id}/cancel?submission=${submission}`, { method: "POST" });
+      return;
+    }
     byId("watch").hidden = false;
     byId("link").hidden = byId("execute").hidden = true;
     if (status !== 202) { tell("failed", data.error); return; }

@@ -34,7 +34,7 @@ def test_an_arm_is_found_where_a_joint_stands_on_its_limit(name):
         found = op.ik(robot, robot.fk(q), all=True, near=q)
         assert np.abs(found - q).max(axis=1).min(initial=1.0) < 1e-6
         assert ((found >= low) & (found <= high)).all()
-        beside = np.where(np.arange(robot.n) == j, q + 1e-12 * np.sign(end - q.mean()), q)[None]
+        beside = np.where(np.arange(robot.n) == j, q + 1e-12 * np.sign(end - 0.5 * (low[j] + high[j])), q)[None]
         assert len(images_within(robot, robot.limits, beside, q))
 
 

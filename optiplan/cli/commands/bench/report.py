@@ -53,7 +53,7 @@ def report(
     from optiplan.files import write_text
 
     with _shown(folders) as store:
-        with stdout_is_ours(), ProgressLine() as line:
+        with store.of_one_moment(), stdout_is_ours(), ProgressLine() as line:
             analysis = analyse(store)
             path = out or (folders[0] / FILE if len(folders) == 1 else Path(FILE))
             written = [write_page(store, analysis, path, pages, line)]
