@@ -250,7 +250,11 @@ class Execution:
             InputError: `last` is no whole number >= 1.
         """
         whole_argument("Execution.lateness", "last", last, 1)
-        late = np.abs(np.array(list(islice(reversed(self._loop.lateness), last)) or [0.0]))
+        found = None
+        while found is None:
+            with suppress(RuntimeError):  # a tick came in between
+                found = list(islice(reversed(self._loop.lateness), last))
+        late = np.abs(np.array(found or [0.0]))
         p50, p99 = np.percentile(late, [50, 99])
         return {"rms": float(np.sqrt(np.mean(late**2))), "p50": float(p50), "p99": float(p99), "max": float(late.max())}
 

@@ -64,7 +64,7 @@ class ContentFolder:
         """
         digest = hashlib.sha256(content).hexdigest()
         path = self._path(digest)
-        if self.get(digest) is not None:  # a damaged one is written anew
+        if _intact(path, digest) is not None:  # a damaged one is written anew
             with suppress(OSError):
                 os.utime(path)  # it is young again: no sweep takes it before its run is recorded
                 return digest
@@ -78,11 +78,7 @@ class ContentFolder:
 
     def get(self, digest: str) -> bytes | None:
         """The content of a digest; None if it is not there, or not what it was."""
-        try:
-            content = self._path(digest).read_bytes()
-        except OSError:
-            return None
-        return content if hashlib.sha256(content).hexdigest() == digest else None
+        return _intact(self._path(digest), digest)
 
     def delete(self, digest: str) -> None:
         """Keep a content no longer."""
@@ -111,3 +107,11 @@ class ContentFolder:
         if len(digest) != 64 or not set(digest) <= set("0123456789abcdef"):
             raise ValueError(f"no digest: {digest!r}")
         return self.folder / digest[:2] / digest
+
+
+def _intact(path: Path, digest: str) -> bytes | None:
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    return content if hashlib.sha256(content).hexdigest() == digest else None

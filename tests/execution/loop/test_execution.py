@@ -426,3 +426,23 @@ def test_a_loop_of_10_hz_has_ticks_of_the_longest_length(run, lead):
     execution.start()
     assert execution.wait(20.0)["reason"] == ""
     assert len(robot.ticks) > 70
+
+
+def test_lateness_can_be_read_while_ticks_come(run):
+    """A state of a server has it, 25 times a second."""
+    execution, over = op.Execution(op.Executor(run), FollowingRobot(run)), threading.Event()
+    late, before = execution._loop.lateness, sys.getswitchinterval()
+
+    def ticks():
+        while not over.is_set():
+            late.append(1e-3)
+
+    thread = threading.Thread(target=ticks)
+    sys.setswitchinterval(1e-6)
+    try:
+        thread.start()
+        assert all(execution.lateness(100)["max"] <= 1e-3 for _ in range(300))
+    finally:
+        over.set()
+        thread.join()
+        sys.setswitchinterval(before)
