@@ -170,6 +170,10 @@ def test_what_a_cluster_loses_is_no_row(problems):
 
     with pytest.raises(op.OptiPlanError, match=r"'a/one\.yaml' was lost \(ModuleNotFoundError: optiplan\)"):
         list(on_cluster([request(problems, "quintic")], Failing(ModuleNotFoundError("optiplan"))))
+    gone = Failing(OSError("no scheduler"))
+    gone.nthreads = gone.result
+    with pytest.raises(op.OptiPlanError, match=r"the cluster failed \(OSError: no scheduler\)"):
+        list(on_cluster([request(problems, "quintic")], gone))
     killed = distributed.KilledWorker("task", SimpleNamespace(address="tcp://a"), 3)
     (row,) = on_cluster([request(problems, "quintic")], Failing(killed))
     assert row.state == "crashed"

@@ -70,7 +70,7 @@ def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Epis
     source, pending = iter(requests), deque[tuple[EpisodeRequest, Any]]()
     try:
         while True:
-            with _cluster_errors():
+            with _cluster_errors("the cluster failed"):
                 slots = sum(client.nthreads().values()) or 1
                 while len(pending) < AHEAD * slots and (request := next(source, None)) is not None:
                     pending.append((request, client.submit(planned_episode, request, pure=False)))
@@ -78,7 +78,7 @@ def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Epis
                 return
             request, future = pending.popleft()
             try:
-                with _cluster_errors():
+                with _cluster_errors(f"'{request.file}' was lost"):
                     episode = future.result()
             except KilledWorker as error:
                 episode = _crashed(request, str(error))
@@ -89,7 +89,7 @@ def on_cluster(requests: Iterable[EpisodeRequest], client: Any) -> Iterator[Epis
 
 
 @contextmanager
-def _cluster_errors() -> Iterator[None]:
+def _cluster_errors(what: str) -> Iterator[None]:
     """Raise what a cluster raises as an `OptiPlanError`, but for a worker that died of its episode."""
     from distributed import KilledWorker
 
@@ -98,7 +98,7 @@ def _cluster_errors() -> Iterator[None]:
     except KilledWorker:
         raise
     except Exception as error:
-        why = f"the cluster failed ({type(error).__name__}: {error}); rows before that are kept"
+        why = f"{what} ({type(error).__name__}: {error}); rows before that are kept"
         raise OptiPlanError(f"op.plan_batch: {why}") from error
 
 
