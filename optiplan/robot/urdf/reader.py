@@ -8,7 +8,7 @@ import logging
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -172,8 +172,7 @@ def read_collisions(source: UrdfSource, model: pin.Model) -> UrdfBodies:
         bodies = read_bodies(model, source.xml, pin.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
         raise _unreadable(source, error, "collision meshes that can be read") from error
-    links = ET.fromstring(source.xml).findall("link")
-    given = [_is_capsule(collision, link) for link in links for collision in link.findall("collision")]
+    given = [capsule for link in ET.fromstring(source.xml).findall("link") for capsule in _are_capsules(link)]
     read = [isinstance(body.geometry, coal.Capsule) for body in bodies.geometry.geometryObjects]
     for kind, stated, found in (("shapes", len(given), len(read)), ("capsules", sum(given), sum(read))):
         if found != stated:  # what the parser drops would never be checked
@@ -182,10 +181,12 @@ def read_collisions(source: UrdfSource, model: pin.Model) -> UrdfBodies:
     return bodies
 
 
-def _is_capsule(collision: ET.Element, link: ET.Element) -> bool:
-    """Return whether a shape is a capsule, or a cylinder that the link marks as one."""
-    marked = collision.find("geometry/cylinder") is not None and collision.get("name") in _capsules(link)
-    return marked or collision.find("geometry/capsule") is not None
+def _are_capsules(link: ET.Element) -> Iterator[bool]:
+    """Yield whether each shape of a link is a capsule, or a cylinder that the link marks as one."""
+    marked = _capsules(link)
+    for collision in link.findall("collision"):
+        cylinder = collision.find("geometry/cylinder") is not None
+        yield (cylinder and collision.get("name") in marked) or collision.find("geometry/capsule") is not None
 
 
 def build_visuals(source: UrdfSource, model: pin.Model) -> pin.GeometryModel:
@@ -278,8 +279,9 @@ def _settle_collisions(link: ET.Element, finder: _MeshFinder) -> None:
     for mark in marks[1:]:  # pinocchio reads the first only, and takes the capsules of others for cylinders
         marks[0].extend(list(mark))
         link.remove(mark)
+    marked = _capsules(link)
     for collision in link.findall("collision"):
-        if collision.get("name") not in _capsules(link):  # names come twice in messy files; pinocchio makes its own
+        if collision.get("name") not in marked:  # names come twice in messy files; pinocchio makes its own
             collision.attrib.pop("name", None)
         for mesh in collision.iter("mesh"):
             name = mesh.get("filename", "")
