@@ -134,7 +134,7 @@ class ProblemSpec(Strict):
 
 def problem_schema() -> dict[str, Any]:
     """JSON schema of a problem file, for editors that complete, explain and check YAML."""
-    from optiplan.problem.schema.as_written import as_written
+    from optiplan.problem.schema.json_schema import as_written
     from optiplan.problem.schema.meanings import with_meanings
 
     schema = as_written(ProblemSpec.model_json_schema(mode="validation"))

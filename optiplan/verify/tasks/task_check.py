@@ -29,7 +29,7 @@ from optiplan.verify.statements import constraint, covering, step_place
 from optiplan.verify.tasks.arms_check import arms_check
 from optiplan.verify.tasks.line_ways import LineSpeed, line_constraints, line_speed
 from optiplan.verify.tasks.ride_check import ride_checks
-from optiplan.verify.tasks.standing_check import standing
+from optiplan.verify.tasks.standstill_check import standstill
 from optiplan.verify.tasks.task_parts import StepPart, standing_at, step_parts
 from optiplan.verify.via_check import vias
 
@@ -55,7 +55,7 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
         *_line_speeds(parts, policy),
         *_seams(parts, policy),
         *_worst_of(ride_checks(parts, policy), "ride"),
-        standing(problem, trajectory, parts, policy),
+        standstill(problem, trajectory, parts, policy),
         *arms_check(problem, trajectory, policy),
         *_constraints(problem, trajectory, parts, scenes, policy),
         *limit_checks.of_the_whole(problem, trajectory, policy),

@@ -28,7 +28,7 @@ class _Moved(NamedTuple):
     place: str
 
 
-def standing(problem: Problem, trajectory: Trajectory, parts: Sequence[StepPart], policy: VerifyPolicy) -> Check:
+def standstill(problem: Problem, trajectory: Trajectory, parts: Sequence[StepPart], policy: VerifyPolicy) -> Check:
     """Check that joints which a step does not move stand still, all of them at events and where a move rests.
 
     A dwell has to last, and a wait until its condition holds. Joints that go with what moves are checked by `ride`.
