@@ -85,6 +85,8 @@ class MotionCheck:
 
     def polyline_free(self, waypoints: Array) -> bool:
         """Return whether every segment between waypoints (k, n) is free."""
+        if self.native is not None:
+            return self.native.polyline_free(np.ascontiguousarray(self.lift(waypoints)))
         return all(self.free(a, b) for a, b in pairwise(waypoints))
 
     def lift(self, q: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import cycle
 from math import ceil
 from typing import Any, NamedTuple
@@ -31,7 +32,7 @@ _LATE, _RELAXED = 2, 90e3  # round of the searcher, from 0, before which `relaxe
 _FRESH = 4  # new goals requested between two rounds
 _FEW, _MORE = 40, 120  # shortcuts of a path that is needed soon, and as many more at a time
 _STRAIGHT, _GAIN = 1.2, 0.01  # cost / cost of a straight line above which it gets more, while they save this share
-_SHORT = 0.5  # s: least distance of the ends assumed for the detour
+_SHORT = 0.5  # s: least distance of the ends assumed for the detour and for short motions
 _STALE = 3  # rounds in a row that gain nothing end the search for shorter paths
 _IMPROVING = 0.7  # share of the budget for it; the rest is for timing
 
@@ -44,7 +45,8 @@ class SamplingOptions:
         budget: when to stop.
         seed: of all random numbers.
         attempts: random shortcuts to try.
-        soon: whether a path gets few of them where it is nearly straight, else more while they gain.
+        soon: whether a path gets few of them where it is nearly straight, else more while they gain, and whether
+            `searcher` samples configurations on short motions first.
         searcher: finds a first path.
         alternate: second searcher, in turn with the first where that needs several rounds; None: none. Where the check
             is the native core's there is no such turn: the first searcher gets out of narrow places by itself there.
@@ -56,6 +58,7 @@ class SamplingOptions:
         more_goals: returns up to this many new goals between rounds; polls its second argument.
         relaxed: third searcher, in later rounds; None: none.
         begun: rounds of the schedule to skip, since earlier calls have made them; 0 begins near the ends.
+        explain: whether a failure says at once where the trees came nearest; else it is a `NoPath`.
     """
 
     budget: Budget
@@ -70,6 +73,18 @@ class SamplingOptions:
     more_goals: Callable[[int, Callable[[], bool]], list[Array]] = field(default=lambda count, stop: [])
     relaxed: Searcher | None = None
     begun: int = 0
+    explain: bool = True
+
+
+@dataclass(frozen=True)
+class NoPath(Failure):
+    """Failure of a search that is explained when somebody asks: that can take as long as the search.
+
+    Attributes:
+        explained: returns the failure with the place where the trees came nearest.
+    """
+
+    explained: Callable[[], Failure] = field(kw_only=True, repr=False)
 
 
 class SampledPath(NamedTuple):
@@ -114,7 +129,8 @@ def sample_path(
         rng = np.random.default_rng(options.seed)
         found = _rounds(check, (start, free_goals), replace(options, budget=budget, improve=None), rng)
         if found.path is None and straight is None:
-            return _no_path(model, found, limits, options.budget)
+            explained = partial(_no_path, model, found, limits, options.budget)
+            return explained() if options.explain else NoPath("no-path", "no path found", explained=explained)
         path = _shorter(check, [straight, found.path], free_goals, options, rng)
         info = {"states": sum(found.sizes), "cut_short": found.cut_short or (budget.over and found.path is None)}
         if options.improve is not None:
@@ -174,9 +190,10 @@ def _rounds(check: MotionCheck, ends: Ends, options: SamplingOptions, rng: np.ra
         else:
             now = next(schedule)
             measure = now.measure
-            if np.isfinite(options.longest):
+            short_first = options.soon and now.searcher is options.searcher and measure.native is not None
+            if short_first or np.isfinite(options.longest):
                 box = box_of_paths(start, goals, np.full(len(goals), options.longest), measure.limits)
-                least = float(lower_bounds(start, goals, measure.limits).min())
+                least = max(float(lower_bounds(start, goals, measure.limits).min()), _SHORT)
                 measure = PartialCheck(measure, start, np.ones(len(start), dtype=bool), box, least)
             found = now.searcher(measure, (start, goals), options.budget, seed, patience=now.patience)
         if not found.impatient or options.budget.over:

@@ -93,6 +93,7 @@ class PathSearch:
     in_vain: int = 0
     _waiting: list[tuple[SampledPath, CoarseCurve]] = field(default_factory=list)
     _checks: dict[float, MotionCheck] = field(default_factory=dict)
+    _proved: tuple[Array, bool] | None = None
     _on_constraints: ConstrainedSeeds = field(init=False)
 
     def __post_init__(self) -> None:
@@ -280,6 +281,7 @@ class PathSearch:
                 longest=np.inf if real else self.incumbent.longest,
                 more_goals=sampler.more if aims is None else lambda count, stop: [],
                 begun=begun,
+                explain=False,
             )
             path = sample_path(check, self.problem.start, goals, options)
         self.patience.work(shortcuts=min(options.attempts, _COUNTED) if isinstance(path, SampledPath) else 0)
@@ -290,7 +292,12 @@ class PathSearch:
 
     def free(self, path: SampledPath) -> bool:
         """Return whether a path is free between the real obstacles."""
-        return self._check().polyline_free(path.waypoints)
+        return self._free(path.waypoints)
+
+    def _free(self, waypoints: Array) -> bool:
+        if self._proved is None or self._proved[0] is not waypoints:
+            self._proved = waypoints, self._check().polyline_free(waypoints)
+        return self._proved[1]
 
     def offer_first(self, path: SampledPath) -> Failure | None:
         """Offer the motion along a path that takes the least time to compute."""
@@ -315,7 +322,7 @@ class PathSearch:
 
     def _stopping(self, waypoints: Array) -> Failure | None:
         """Offer the motion along a path with a stop at every corner; paths on constraints have too many corners."""
-        if not self._check().polyline_free(waypoints):
+        if not self._free(waypoints):
             return None
         with self.watch.stage("timing of sampled paths"):
             timed = stopping(self.problem.robot, self.problem.limits, waypoints)

@@ -18,6 +18,7 @@ from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.common.path_timing import within_torque
+from optiplan.planners.sampling.sample_path import NoPath
 from optiplan.planners.sampling.shortcutting import path_time
 from optiplan.planners.trajopt.attempts import Attempts
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
@@ -238,6 +239,8 @@ class _Run:
         seedless.run()
         if self.incumbent.candidates:
             return None
+        if isinstance(failure, NoPath):
+            return failure.explained()
         return failure if failure is not None else self.attempts.why_not()
 
     def _coming(

@@ -10,7 +10,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
 from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.sampling.local_searches import box_of_paths
-from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, path_check, sample_path
+from optiplan.planners.sampling.sample_path import SampledPath, SamplingOptions, _rounds, path_check, sample_path
 from optiplan.planners.sampling.search import Search
 from optiplan.planners.trajopt import planner
 from optiplan.planners.trajopt.coarse_descents import CoarseCurve, CoarseDescents, GuessPath
@@ -155,3 +155,25 @@ def test_searches_stay_where_motions_that_are_short_enough_pass() -> None:
     within = box_of_paths(problem.start, goal[None], np.array([longest]), problem.limits)
     assert np.allclose(boxes, [within])
     assert least == [lower_bound(problem.start, goal, problem.limits)]
+
+
+@pytest.mark.parametrize(("soon", "far", "expected"), [(True, 1.0, None), (True, 0.01, 0.5), (False, 1.0, np.inf)])
+def test_a_path_that_is_needed_soon_is_searched_on_short_motions_first(
+    soon: bool, far: float, expected: float | None
+) -> None:
+    run = _run(cases.wall())
+    problem, least = run.problem, []
+    goal = problem.start + far * (problem.goal[0].q - problem.start)
+
+    def search(check: Any, ends: Any, *given: Any, **more: Any) -> Search:
+        least.append(check.least)
+        return Search(None, ends[0][None], ends[1], (1, 1))
+
+    check = path_check(run.model, problem.limits)
+    _rounds(
+        check,
+        (problem.start, goal[None]),
+        SamplingOptions(Budget(20.0), searcher=search, begun=1, soon=soon),
+        np.random.default_rng(0),
+    )
+    assert least == [expected or lower_bound(problem.start, goal, problem.limits)]

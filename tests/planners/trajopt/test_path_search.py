@@ -5,8 +5,9 @@ import pytest
 
 from optiplan.planners.base import Budget, Failure
 from optiplan.planners.common.goal_ranking import GoalSampler, goal_sampler
+from optiplan.planners.sampling import sample_path
 from optiplan.planners.sampling.edge_checker import MotionCheck
-from optiplan.planners.sampling.sample_path import SampledPath
+from optiplan.planners.sampling.sample_path import NoPath, SampledPath
 from optiplan.planners.trajopt import planner
 from optiplan.planners.trajopt.coarse_descents import CoarseDescents
 from optiplan.planners.trajopt.options import TrajOptOptions
@@ -84,3 +85,28 @@ def test_where_no_path_is_seen_one_between_thinner_obstacles_may_lead_to_a_curve
     assert run.paths.found.goal_index == 0
     for candidate in run.incumbent.candidates:
         assert verify(run.problem, candidate.trajectory).verified
+
+
+def test_searches_in_vain_are_explained_where_no_motion_is_found_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    real, explained = sample_path._no_path, []
+    monkeypatch.setattr(sample_path, "_no_path", lambda *given: explained.append(given) or real(*given))
+    run = _run(cases.barred())
+    sampler = _sampler(run)
+    failures = [run.paths._briefly(sampler, run.paths._check(), 0.001) for _ in range(2)]
+    assert all(isinstance(failure, NoPath) for failure in failures)
+    assert not explained
+    planned = planner._Run(run.problem, Budget(0.3), lambda stage, fraction: None, TrajOptOptions()).result()
+    assert len(explained) == 1
+    assert planned.failure is not None
+    assert "the tree from the start" in planned.failure.detail
+
+
+def test_a_path_is_proved_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = _run(cases.wall())
+    waypoints, asked = np.array([run.problem.start, run.problem.goal[0].q]), []
+    monkeypatch.setattr(MotionCheck, "polyline_free", lambda self, path: asked.append(path) or False)
+    assert run.paths._stopping(waypoints) is None
+    assert not run.paths.free(SampledPath(waypoints, 0, 1.0, {}))
+    assert len(asked) == 1
+    assert run.paths._stopping(waypoints.copy()) is None
+    assert len(asked) == 2
