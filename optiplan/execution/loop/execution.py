@@ -123,8 +123,8 @@ class Execution:
             self._stop_driver("not started")
             self._over.set()
             raise
-        self._loop.beat = time.monotonic()
         with self._lock:  # a command that is being made comes to its end first
+            self._loop.beat = time.monotonic()
             self._thread = threading.Thread(target=self._run, name="optiplan execution", daemon=True)
             self._thread.start()
         for target, name in ((self._watch, "watch"), (self._report, "reports")):

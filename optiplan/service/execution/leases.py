@@ -87,7 +87,7 @@ class _FileLease:
             return True
         else:
             if os.fstat(handle).st_nlink:  # else the name may be another file's by now
-                (self._folder / name).unlink()
+                (self._folder / name).unlink(missing_ok=True)
             return False
         finally:
             os.close(handle)
