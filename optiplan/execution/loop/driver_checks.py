@@ -33,8 +33,7 @@ def checked_capabilities(driver: Driver, names: tuple[str, ...], rate: Any) -> C
         rate: of set-points.
 
     Raises:
-        InputError: it is no driver, or one of other joints; the rate cannot be, or is another than that of a driver
-            of single set-points, which does not wait for them.
+        InputError: it is no driver, or one of other joints; the rate cannot be.
         DriverError: it raised.
     """
     missing = [call for call in CALLS if not callable(getattr(driver, call, None))]
@@ -59,8 +58,6 @@ def checked_capabilities(driver: Driver, names: tuple[str, ...], rate: Any) -> C
         given = f"the driver's own, {shown(wanted)}" if rate is None else shown(rate)
         lead = f", at least {IN_A_LEAD:g} set-points in the driver's lead of {found.lead:g} s" if found.lead else ""
         raise wrong_argument("Execution", "rate", given, f"{least:g} to {MOST_RATE:g} Hz{lead}")
-    if wanted != found.rate and not found.lead and not found.waits:  # it holds each set-point for its own period
-        raise wrong_argument("Execution", "rate", shown(rate), f"{found.rate:g} Hz, the driver's; make it with another")
     return replace(found, rate=float(wanted))
 
 

@@ -60,8 +60,8 @@ class Execution:
     Args:
         executor: that nothing else calls any more.
         driver: of a robot that stands where the motion begins.
-        rate: set-points per second, Hz; None: the driver's. Another needs a driver that waits, or one with a `lead`,
-            and at least three set-points in it.
+        rate: set-points per second, Hz; None: the driver's. With a `lead`, at least three in it. Make a driver that
+            holds each set-point for its own period, such as `ur_rtde`, with the same rate.
         patience: how late a set-point may come, s, before the robot stops along its path.
         clock: another one, for tests.
 
