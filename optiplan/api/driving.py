@@ -1,5 +1,6 @@
 """`driver`: drivers by name."""
 
+from collections.abc import Callable
 from importlib import import_module
 from inspect import signature
 from typing import Any
@@ -15,6 +16,15 @@ DRIVERS = {
     "ur_rtde": "optiplan.execution.drivers.ur_rtde:UrRtdeDriver",
 }
 """Class of each driver; its module and its client package are imported when it is named."""
+
+
+def driver_options(name: str) -> tuple[str, ...]:
+    """Return the names of a driver's options; importing its module may take a moment.
+
+    Raises:
+        UnknownChoiceError: no driver has that name.
+    """
+    return tuple(option for option in signature(_made_by(name)).parameters if option != "run")
 
 
 def driver(name: str, run: Run, **options: Any) -> Driver:
@@ -38,13 +48,16 @@ def driver(name: str, run: Run, **options: Any) -> Driver:
     """
     if not isinstance(run, Run) or run.trajectory is None:
         raise wrong_argument("driver", "run", described(run), "a run of op.plan(…) with a trajectory")
-    if name not in DRIVERS:
-        raise UnknownChoiceError("driver", str(name), DRIVERS)
-    module, _, attribute = DRIVERS[name].partition(":")
-    make = getattr(import_module(module), attribute)
-    known = [option for option in signature(make).parameters if option != "run"]
+    known = driver_options(name)
     for option, value in options.items():
         if option not in known:
             raise wrong_argument("driver", option, described(value), f"an option of '{name}': {', '.join(known)}")
-    made: Driver = make(run, **options)
-    return made
+    return _made_by(name)(run, **options)
+
+
+def _made_by(name: str) -> Callable[..., Driver]:
+    if name not in DRIVERS:
+        raise UnknownChoiceError("driver", str(name), DRIVERS)
+    module, _, attribute = DRIVERS[name].partition(":")
+    make: Callable[..., Driver] = getattr(import_module(module), attribute)
+    return make

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array
 from optiplan.robot.limits import Limits
 from optiplan.robot.robot import Robot
 from optiplan.simulation.log import Log, ObjectLog, WheelLog
@@ -45,23 +44,22 @@ def _tracking(log: Log) -> Check:
 
 
 def _limits(log: Log, robot: Robot, limits: Limits) -> list[Check]:
-    track = log.tracking
+    track, speed = log.tracking, np.abs(log.v)
+    below, above = limits.lower - log.q, log.q - limits.upper
+    nearer, outside = np.where(below > above, limits.lower, limits.upper), np.maximum(below, above)
+    half = 0.5 * (limits.upper - limits.lower)
+    half, fastest = np.where(np.isfinite(half), half, 1.0), np.broadcast_to(limits.velocity, speed.shape)
     found = []
-    for name, values, beyond, limit in (
-        ("position", log.q, track.beyond_position, limits.upper),
-        ("velocity", np.abs(log.v), track.beyond_velocity, limits.velocity),
+    for name, values, excess, scale, beyond, limit in (
+        ("position", log.q, outside, half, track.beyond_position, nearer),
+        ("velocity", speed, speed, fastest, track.beyond_velocity, fastest),
     ):
-        j = int(np.argmax(beyond)) if beyond.any() else _nearest(values, limits if name == "position" else None, limit)
-        k = int(np.argmax(np.abs(values[:, j])))
+        j = int(np.argmax(beyond if beyond.any() else (excess / scale).max(axis=0)))
+        k = int(np.argmax(excess[:, j]))
+        joint, unit, worst = robot.joint_names[j], robot.unit(name, j), float(values[k, j])
         passed = bool(beyond[j] <= _ROUNDING)
-        detail = "" if passed else f"{robot.joint_names[j]} goes {beyond[j]:.3g} beyond its limit"
-        unit = robot.unit(name, j)
-        worst = float(np.abs(values[k, j]))
-        if name == "position":
-            worst = float(values[k, j])
-        found.append(
-            Check(name, "sampled", passed, worst, _known(limit[j]), unit, float(log.t[k]), robot.joint_names[j], detail)
-        )
+        detail = "" if passed else f"{joint} goes {beyond[j]:.3g} beyond its limit"
+        found.append(Check(name, "sampled", passed, worst, _known(limit[k, j]), unit, float(log.t[k]), joint, detail))
     if log.input == "torque":
         j = int(np.argmax(track.saturated))
         share = float(track.saturated[j])
@@ -87,17 +85,6 @@ def _wheels(wheels: WheelLog) -> Check:
     detail = f"their rates alone would have the base {drift} off after {wheels.travel:.3g} m"
     detail += f"; it goes up and down by {1e3 * wheels.lift:.3g} mm"
     return Check("wheels", "sampled", True, wheels.drift, unit="m", detail=detail)
-
-
-def _nearest(values: Array, limits: Limits | None, limit: Array) -> int:
-    """The joint that comes nearest to its limit, by its share."""
-    if limits is None:
-        return int(np.argmax((values / limit).max(axis=0)))
-    middle, half = 0.5 * (limits.lower + limits.upper), 0.5 * (limits.upper - limits.lower)
-    finite = np.isfinite(half)
-    share = np.zeros(values.shape[1])
-    share[finite] = (np.abs(values[:, finite] - middle[finite]) / half[finite]).max(axis=0)
-    return int(np.argmax(share))
 
 
 def _known(value: float) -> float | None:

@@ -46,9 +46,9 @@ class Simulation:
 
     @property
     def responses(self) -> Mapping[str, StepResponse]:
-        """Step responses by joint; empty where the reference is no step."""
+        """Step responses by joint; empty where the reference is no step, or less than two samples follow it."""
         spec = self.control.spec.reference.value
-        if not isinstance(spec, StepSpec) or self.log is None:
+        if not isinstance(spec, StepSpec) or self.log is None or (self.log.t >= spec.at).sum() < 2:
             return {}
         start, end = self.control.problem.start, self.log.wanted[-1]
         return {

@@ -12,6 +12,7 @@ from optiplan.problem.problem import derived
 from optiplan.simulation.closed_loop import Loop, Push, simulate
 from optiplan.simulation.controllers.joints import ComputedTorque, DriveLoops, PidController, VelocityTracking
 from optiplan.simulation.execution import ExecutionOptions, execute, torque_plant
+from optiplan.simulation.execution_report import execution_report
 from optiplan.simulation.log import MOST_PIECES
 from optiplan.simulation.plants.base import Friction, Payload, PlantOptions
 from optiplan.simulation.plants.dynamics import RigidBodyDynamics
@@ -241,6 +242,20 @@ def test_beyond_limits_is_told(planar):
     peak = 1.875 * 2.0 / 0.2
     assert log.tracking.beyond_velocity[0] == pytest.approx(peak - planar.limits.velocity[0], rel=1e-2)
     assert log.tracking.beyond_velocity[1] == 0.0
+
+
+@pytest.mark.parametrize(("beyond", "end"), [(-0.05, "upper"), (-3.1, "lower")])
+def test_the_position_beyond_its_limit_is_reported_with_that_limit(panda, beyond, end):
+    """Joint 4 may be from -3.07 to -0.07: it begins farther from 0 than the one end, and nearer than the other."""
+    limit, far = getattr(panda.limits, end)[3], np.array(READY)
+    far[3] = beyond
+    step = StepReference(np.array(READY), far, 0.1, 1.0)
+    log = simulate(loop(panda, step, VelocityTracking(20.0), IdealPlant(np.array(READY), 1e-3)))
+    position = next(one for one in execution_report(log, panda, panda.limits)["checks"] if one["name"] == "position")
+    assert not position["passed"]
+    assert (position["place"], position["limit"]) == (panda.joint_names[3], limit)
+    assert position["worst"] == pytest.approx(beyond, abs=1e-3)
+    assert position["time"] > 0.5
 
 
 def test_friction_is_overcome_by_feedback(reach, motion, panda):

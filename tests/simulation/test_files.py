@@ -96,6 +96,39 @@ BAD = {
         r"loop.yaml:7: controller.task_space.solver: 'proxqpp'; expected one of: .*native.*did you mean 'proxqp'",
     ),
     "dt": ("controller:", "rate: 0\ncontroller:", r"loop.yaml:6: rate"),
+    **{
+        f"{key} of the ideal plant": (
+            "controller:\n  computed_torque: {frequency: 5}",
+            f"controller: {{velocity: {{}}}}\nplant: {{engine: ideal, {key}: {value}}}",
+            rf"loop.yaml:7: plant.{key}: a key without effect beside engine: ideal.*; expected no such key",
+        )
+        for key, value in {"friction": "{viscous: 1}", "rotor_inertia": 0.1, "payload": "{mass: 1}"}.items()
+    },
+    "a push on the ideal plant": (
+        "controller:\n  computed_torque: {frequency: 5}",
+        "controller: {velocity: {}}\nplant: {engine: ideal}\ndisturbances: [{at: 0, lasting: 1}]",
+        r"loop.yaml:8: disturbances: a key without effect beside engine: ideal",
+    ),
+    "law of the ideal plant": (
+        "controller:\n  computed_torque: {frequency: 5}",
+        "controller:\n  task_space: {damping: 0.7}\nplant: {engine: ideal}",
+        r"loop.yaml:7: controller.task_space.damping: a key without effect beside engine: ideal",
+    ),
+    "law of measured states": (
+        "computed_torque: {frequency: 5}",
+        "task_space: {feedback: measured, frequency: 5}",
+        r"loop.yaml:7: controller.task_space.frequency: a key without effect beside feedback: measured",
+    ),
+    "costs of the tool for joints": (
+        "computed_torque: {frequency: 5}",
+        "task_space: {orientation_cost: 0}",
+        r"loop.yaml:7: controller.task_space.orientation_cost: a key without effect beside the reference 'step'",
+    ),
+    "two ways of a screw": (
+        "step: {joint: shoulder, by: 0.1, lasting: 0.3}",
+        "screw: {to: {position: [1, 0, 0]}, angle: 6.28, slide: 0.1, duration: 2}",
+        r"loop.yaml:5: reference.screw: to and angle, slide; expected `to` alone",
+    ),
     "both": (
         "robot: planar2r",
         "problem: 12_planar\nrobot: planar2r",
@@ -192,6 +225,15 @@ def test_the_error_right_after_a_step_is_that_step(file, at, controller):
     done = run_control(file(text))
     assert done.log.tracking.peak[0] == pytest.approx(0.1, abs=1e-3)
     assert set(done.responses) == {"shoulder"}
+
+
+def test_a_step_without_samples_after_it_has_no_response(file, tmp_path):
+    short = wrong(STEP, "lasting: 0.3", "at: 0.1, lasting: 1.0e-6") + "settle: 0\n"
+    found = run_control(file(short))
+    assert found.clean
+    assert found.responses == {}
+    found.save(tmp_path / "log")
+    assert json.loads((tmp_path / "log" / "run.json").read_text())["step_response"] == {}
 
 
 def test_noise_repeats_with_its_seed(file):

@@ -60,7 +60,8 @@ class Execution:
     Args:
         executor: that nothing else calls any more.
         driver: of a robot that stands where the motion begins.
-        rate: set-points per second, Hz; None: the driver's. With a `lead`, at least three in it.
+        rate: set-points per second, Hz; None: the driver's. With a `lead`, at least three in it. Make a driver that
+            holds each set-point for its own period, such as `ur_rtde`, with the same rate.
         patience: how late a set-point may come, s, before the robot stops along its path.
         clock: another one, for tests.
 
@@ -122,9 +123,10 @@ class Execution:
             self._stop_driver("not started")
             self._over.set()
             raise
-        self._loop.beat = time.monotonic()
-        self._thread = threading.Thread(target=self._run, name="optiplan execution", daemon=True)
-        self._thread.start()
+        with self._lock:  # a command that is being made comes to its end first
+            self._loop.beat = time.monotonic()
+            self._thread = threading.Thread(target=self._run, name="optiplan execution", daemon=True)
+            self._thread.start()
         for target, name in ((self._watch, "watch"), (self._report, "reports")):
             threading.Thread(target=target, name=f"optiplan execution {name}", daemon=True).start()
 
@@ -263,10 +265,10 @@ class Execution:
         with self._lock:
             if self._over.is_set():
                 return
-            if self._thread is not None:
+            if self._thread is None:
+                self._guarded(call)
+            else:
                 self._commands.put(lambda: self._guarded(call))
-                return
-        self._guarded(call)
 
     def _guarded(self, call: Callable[[], object]) -> None:
         try:
@@ -306,7 +308,7 @@ class Execution:
             found = measured_by(self._driver)
         if found is None or not _is_fresh(found):
             raise DriverError(f"the driver '{self.capabilities.name}' has had no new state for {FIRST_STATE:g} s")
-        begins = self._executor.state_in(0.0)  # an executor may have come some way already
+        begins = self.state_in(0.0)  # an executor may have come some way already
         q, start, names = numbers(found.q), begins.q, self.capabilities.joint_names
         if q.shape != start.shape:
             raise DriverError(f"the driver's state has {q.size} joints; expected {len(start)}")

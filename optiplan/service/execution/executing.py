@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.api.driving import driver
+from optiplan.api.driving import driver, driver_options
 from optiplan.bench.execution.keeper import RESPITE
 from optiplan.cores import keeping_time, take_turns
 from optiplan.errors import InputError, Issue, OptiPlanError
@@ -59,10 +59,13 @@ class Executing:
         self._executor = Executor(run, override=0.0 if request["paused"] else speed, **limits)
         self._executor.override = speed  # one that began with 0 stays paused
         self._executor.prepare()
-        self._driver = driver(request["driver"], run, **request["driver_options"])
+        name, options, rate = request["driver"], dict(request["driver_options"]), request["rate"]
+        if rate is not None and "rate" in driver_options(name):
+            options["rate"] = rate
+        self._driver = driver(name, run, **options)
         patience = request["patience"] or PATIENCE
         try:
-            self._execution = Execution(self._executor, self._driver, rate=request["rate"], patience=patience)
+            self._execution = Execution(self._executor, self._driver, rate=rate, patience=patience)
         except OptiPlanError:
             self._driver.stop("not started")
             raise
@@ -145,7 +148,9 @@ class Executing:
         """What the robot does, JSON-ready; `docs/service.md` lists its keys."""
         found = self._execution.snapshot()
         start = self._runs[0].problem.start
-        q = np.asarray(found["measured"] or found["q"] or start, dtype=float)
+        seen = found["measured"] or ()
+        complete = len(seen) == len(start) and None not in seen  # else the executor stops, and says why
+        q = np.asarray(seen if complete else found["q"] or start, dtype=float)
         run = self._executor.run
         return {
             **found,

@@ -56,17 +56,25 @@ class _FileLease:
         self.name = uuid.uuid4().hex
         self._folder = folder
         folder.mkdir(parents=True, exist_ok=True)
-        self._handle = os.open(folder / self.name, os.O_CREAT | os.O_RDWR, 0o600)
-        fcntl.flock(self._handle, fcntl.LOCK_EX)
-        for other in folder.iterdir():  # what ended processes left behind
-            if not self.alive(other.name):
-                other.unlink(missing_ok=True)
+        self._handle = self._locked_file()
+        for other in folder.iterdir():
+            self.alive(other.name)
+
+    def _locked_file(self) -> int:
+        """Open a file of our name, with a lock on it; another process may remove one that has no lock yet."""
+        while True:
+            handle = os.open(self._folder / self.name, os.O_CREAT | os.O_RDWR, 0o600)
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            if os.fstat(handle).st_nlink:
+                return handle
+            os.close(handle)
 
     @property
     def held(self) -> bool:
         return True
 
     def alive(self, name: str) -> bool:
+        """Whether the process of a lease lives; the file of one that has ended is removed, under its lock."""
         if name == self.name:
             return True
         try:
@@ -78,6 +86,8 @@ class _FileLease:
         except OSError:
             return True
         else:
+            if os.fstat(handle).st_nlink:  # else the name may be another file's by now
+                (self._folder / name).unlink(missing_ok=True)
             return False
         finally:
             os.close(handle)

@@ -17,9 +17,9 @@ class SeenStates:
         self._rows: deque[array[float]] = deque(maxlen=MOST)
 
     def add(self, state: Mapping[str, Any]) -> None:
-        """Keep a state that has joints; time must go on."""
+        """Keep a state with a position and a velocity of each joint; time must go on."""
         q, v, wanted = state.get("measured") or state["q"], state["v"], state.get("wanted") or state["q"]
-        if v is None or any(x is None for x in q) or (self._rows and state["t"] <= self._rows[-1][0]):
+        if v is None or len(q) != len(v) or None in q or (self._rows and state["t"] <= self._rows[-1][0]):
             return
         self._rows.append(array("d", [state["t"], *q, *v, *wanted, *state.get("target", ())]))
 

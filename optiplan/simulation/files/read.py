@@ -33,6 +33,19 @@ _GAINS = {
     "drive": ("position", "velocity", "integral", "integral_limit"),
 }
 """Controllers with values for each joint."""
+_DYNAMICS: tuple[Place, ...] = (
+    ("plant", "friction"),
+    ("plant", "rotor_inertia"),
+    ("plant", "payload"),
+    ("disturbances",),
+)
+"""Keys for plants that take torques."""
+_FOLLOWING: tuple[Place, ...] = (("controller", "task_space", "frequency"), ("controller", "task_space", "damping"))
+"""Keys of the computed torque by which a robot follows the steps of the task-space controller."""
+_COSTS: tuple[Place, ...] = tuple(
+    ("controller", "task_space", f"{name}_cost") for name in ("position", "orientation", "posture")
+)
+"""Keys that weigh the tool's pose against the joints."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -187,7 +200,25 @@ def _fits(control: ControlFile) -> list[Issue]:
         issues.append(document.issue(("controller", controller), found, "engine: ideal; or another controller"))
     if engine != "ideal":
         issues += _dynamics(control)
-    return issues
+    return [*issues, *_without_effect(control)]
+
+
+def _without_effect(control: ControlFile) -> list[Issue]:
+    """Keys that would be ignored beside others."""
+    spec, ignored = control.spec, dict[Place, str]()
+    task_space, reference = spec.controller.task_space, spec.reference.kind
+    if task_space is not None and task_space.feedback == "measured":
+        ignored |= dict.fromkeys(_FOLLOWING, "feedback: measured, whose accelerations become torques as they are")
+    if spec.plant.engine == "ideal":
+        ignored |= dict.fromkeys((*_DYNAMICS, *_FOLLOWING), "engine: ideal, which follows every command exactly")
+    if reference not in _TOOL:
+        ignored |= dict.fromkeys(_COSTS, f"the reference '{reference}', which is of the joints")
+    document = control.document
+    return [
+        document.issue(place, f"a key without effect beside {beside}", "no such key")
+        for place, beside in ignored.items()
+        if document.place(place) == place
+    ]
 
 
 def _dynamics(control: ControlFile) -> list[Issue]:

@@ -108,6 +108,9 @@ class ScrewSpec(Strict):
         about = self.axis is not None and self.point is not None and any(self.axis)
         if (self.to is None) != about:
             raise ValueError("found neither a pose nor an axis, or both; expected `to`, or `axis` and `point`")
+        ignored = sorted({"axis", "point", "angle", "slide"} & self.model_fields_set)
+        if self.to is not None and ignored:
+            raise ValueError(f"found to and {', '.join(ignored)}; expected `to` alone, or `axis` and `point`")
         return self
 
 

@@ -56,6 +56,23 @@ def test_commands_are_taken_at_the_next_tick(slow):
     assert (found["phase"], found["reason"], found["over"]) == ("stopped", "enough", True)
 
 
+def test_a_command_that_is_being_made_at_the_start_ends_before_the_first_set_point(run, monkeypatch):
+    executor, robot, begun, release = op.Executor(run), FollowingRobot(run), threading.Event(), threading.Event()
+    execution = op.Execution(executor, robot, clock=robot.clock)
+    monkeypatch.setattr(executor, "update_scene", lambda *_: begun.set() or release.wait(20.0))
+    threads = [threading.Thread(target=execution.update_scene, args=({},)), threading.Thread(target=execution.start)]
+    threads[0].start()
+    assert begun.wait(20.0)
+    threads[1].start()
+    threads[1].join(0.1)
+    sent = len(robot.ticks)
+    release.set()
+    for thread in threads:
+        thread.join(20.0)
+    assert sent == 0
+    assert execution.wait(20.0)["phase"] == "done"
+
+
 def test_a_wrong_command_ends_in_a_stop(slow):
     slow.override(float("nan"))
     assert "expected a speed from 0 to 1" in slow.wait(20.0)["reason"]

@@ -1,7 +1,9 @@
 """Servers that are killed, workers that share, stops that are asked for: no run is lost, none is done twice."""
 
 import csv
+import fcntl
 import json
+import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -140,6 +142,43 @@ def test_a_lease_ends_with_its_process(tmp_path):
     other.close()
     assert not mine.alive(other.name)
     assert not mine.alive("never was")
+
+
+def test_a_lease_that_another_process_finds_before_it_is_locked_is_held_all_the_same(tmp_path, monkeypatch):
+    """Processes that start together each remove the files that have no lock."""
+    engine, flock, others = sa.create_engine("sqlite://"), fcntl.flock, []
+
+    def late(handle, how):
+        if how == fcntl.LOCK_EX and not others:  # of the first lease
+            monkeypatch.setattr(fcntl, "flock", flock)
+            others.append(take_lease(engine, tmp_path))
+        flock(handle, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    mine = take_lease(engine, tmp_path)
+    assert others[0].alive(mine.name)
+    assert mine.alive(others[0].name)
+
+
+def test_only_the_file_that_was_found_without_a_lock_is_removed(tmp_path, monkeypatch):
+    """It may have been removed and made anew, with a lock, since it was opened."""
+    lease, flock, path, made = take_lease(sa.create_engine("sqlite://"), tmp_path), fcntl.flock, tmp_path / "x", []
+    path.touch()
+    old = path.stat().st_ino
+
+    def replaced(handle, how):
+        if not made and os.fstat(handle).st_ino == old:
+            path.unlink()
+            made.append(os.open(path, os.O_CREAT | os.O_RDWR))
+            flock(made[0], fcntl.LOCK_EX)
+        flock(handle, how)
+
+    monkeypatch.setattr(fcntl, "flock", replaced)
+    assert not lease.alive("x")
+    assert lease.alive("x")
+    os.close(made[0])
+    assert not lease.alive("x")
+    assert not path.exists()
 
 
 def test_a_database_of_a_newer_layout_is_refused(tmp_path):

@@ -7,9 +7,14 @@ import signal
 import time
 
 import anyio
+import numpy as np
 import pytest
 
+import optiplan as op
+from optiplan.api import driving
+from optiplan.problem.load import load_problem
 from optiplan.robot.robot import load_robot
+from optiplan.service.execution.executing import Executing
 from optiplan.service.execution.solver_pool import SolverJob
 from optiplan.service.refusals import Refusal
 from optiplan.service.sessions import execution_sessions
@@ -250,6 +255,62 @@ def test_a_motion_that_breaks_a_limit_is_not_executed(server, planned):
     assert list(events(server, first))[-1]["clean"]
     execution = start(server, execution=first)
     assert list(events(server, execution))[-1]["clean"]
+
+
+class WithoutSensors:
+    """A robot whose states lack positions after a while; it waits for set-points."""
+
+    def __init__(self, run, *, state, rate=500.0):
+        self.names, self.rate, self.given, self.q = tuple(run.problem.robot.joint_names), rate, state, run.problem.start
+        self.sent = 0
+
+    def capabilities(self):
+        return op.Capabilities("without sensors", self.names, self.rate, measures=True, waits=True)
+
+    def state(self):
+        q = np.array(self.given) if self.sent > 20 else self.q
+        return op.Measurement(q, np.zeros(2), self.sent / self.rate)
+
+    def send(self, tick):
+        self.q, self.sent = tick.q, self.sent + 1
+
+    def stop(self, reason):
+        pass
+
+
+class Channel:
+    """Keeps what a process would tell the server, as text."""
+
+    def __init__(self):
+        self.states = []
+
+    def answered(self, answer, files):
+        self.about = answer
+
+    def heard(self, patience):
+        time.sleep(patience)
+        return []
+
+    def state(self, message):
+        self.states.append(json.loads(json.dumps(message, allow_nan=False))["state"])
+
+
+@pytest.mark.parametrize("state", [[np.nan, 1.0], [1.0]])
+def test_a_state_without_positions_ends_in_a_stop_that_is_seen(tmp_path, monkeypatch, state):
+    monkeypatch.setitem(driving.DRIVERS, "test", f"{__name__}:WithoutSensors")
+    (tmp_path / "quick.yaml").write_text(QUICK)
+    run = op.plan(load_problem(tmp_path / "quick.yaml"))
+    request = {"motion": json.dumps(run.trajectory.to_dict()), "driver": "test", "driver_options": {"state": state}}
+    request |= {"override": 0.5, "clearance": 0.0, "deviation": None, "paused": False, "lease": None}
+    executing, channel = Executing(lambda _: run.problem, {**request, "rate": 100.0, "patience": 0.1}), Channel()
+    assert executing._driver.rate == 100.0  # it is asked of the driver, too
+    end = executing.run(channel)
+    assert "2 finite positions" in end["reason"]
+    assert (channel.states[-1]["phase"], channel.states[-1]["reason"]) == ("stopped", end["reason"])
+    session = ExecutionSession({}, SolverJob({}, 1.0))
+    for one in channel.states:
+        session.take({"state": one})
+    assert {len(row) for row in session.seen._rows} == {1 + 3 * 2}
 
 
 def test_a_watcher_that_is_slow_still_sees_the_end():
