@@ -129,7 +129,7 @@ def _loader(robot: Robot) -> RobotLoader:
     def load(
         ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
     ) -> Robot:
-        if group in (robot.reference.group, None):
+        if group == robot.reference.group:  # of a task that moves more groups, the robot has the joints of all
             return robot
         return replace(load_robot(ref, base, locked, group), tool_frame=robot.tool_frame)
 

@@ -59,6 +59,20 @@ def test_source_python_and_file_are_one_problem(problem, tmp_path):
     assert repr(task).startswith("Task: reach, attach cube, close")
 
 
+def test_a_task_that_is_read_again_moves_the_same_joints(problem, tmp_path):
+    """The robot of a task has the joints of all its groups; steps without a group move those of the problem's own."""
+    task = [*problem.source["task"][:4], {"move": {"configuration": "ready"}}, *problem.source["task"][4:]]
+    first = problem.with_parts(task=task)
+    assert len(first.task[5].action.goal[0].q) == 7
+    for again in (first.with_limits(velocity=0.5), first.with_limits()):
+        for one, other in zip(first.task, again.task, strict=True):
+            assert getattr(one.action, "joints", ()) == getattr(other.action, "joints", ())
+    first.with_start("ready").save(tmp_path / "again.yaml")
+    assert load_problem(tmp_path / "again.yaml").hash == first.hash
+    listed = {"joints": problem.robot.configurations["ready"][:7].tolist()}
+    assert problem.with_parts(task=[{"move": listed}, *problem.source["task"]]).with_limits(velocity=0.5).task
+
+
 def test_what_is_held_goes_along_and_stays_where_it_is_released(problem):
     robot, q = problem.robot, np.array(problem.start)
     scene = scene_after(problem.scene, problem.task[2].action, robot, q)
