@@ -238,9 +238,10 @@ def _too_near(stage: Stage, touching: Stage, curve: Trajectory) -> Failure | Non
 
 
 def line_end(action: StraightLine, start: pin.SE3) -> pin.SE3:
-    """Return the pose at which a line from `start` ends: the nearest of its ends, or `start` moved by its vector."""
+    """Return the pose at which a line from `start` ends: that before which it begins, or `start` moved by `by`."""
     if action.by is None:
-        return min((end.X_WG for end in action.ends), key=lambda X: _miss(start, X))
+        X_GB = pin.SE3.Identity() if action.X_GB is None else action.X_GB
+        return min((end.X_WG for end in action.ends), key=lambda X: _miss(start, X * X_GB))
     by: Array = start.rotation @ action.by if action.in_tool else action.by
     return pin.SE3(start.rotation, start.translation + by)
 

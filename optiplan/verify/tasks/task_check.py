@@ -12,7 +12,8 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.constraints.statements import BY_SCENE
-from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
+from optiplan.problem.goals_and_vias import AllOfGoal
+from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal, Via, derived
 from optiplan.problem.task.scene_change import columns
 from optiplan.problem.task.scene_part import ScenePart
 from optiplan.problem.task.steps import Attach, Detach, Move, StraightLine, TaskStep
@@ -129,7 +130,7 @@ def _ends(parts: Sequence[StepPart]) -> Iterator[Check]:
         if isinstance(action, Move):
             ends = [_of_all(part.problem, action.joints, end, part.q) for end in _placed_goal(part, action)]
         elif isinstance(action, StraightLine) and part.way is not None and part.way.leaves is None:
-            ends = list(action.ends) or [PoseGoal(action.frame, part.way.end)]
+            ends = [AllOfGoal((part.way.goal, *([] if action.region is None else [action.region])))]
         else:
             continue
         check = limit_checks.goal(derived(part.problem, goal=tuple(ends)), standing_at(part.problem, part.q))
