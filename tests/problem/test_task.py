@@ -192,6 +192,26 @@ def test_a_replaced_tool_frame_stands_in_every_step(tmp_path):
     assert op.Problem(panda, "ready", task=op.Task().line(op.Pose((0.5, 0, 0.4), frame="panda_hand"))).task
 
 
+def test_a_replaced_tool_frame_stands_in_what_is_written_out_and_in_constraints(tmp_path):
+    upright = [{"orientation": {"axis": [0, 0, 1], "toward": [0, 0, -1], "within": 3.1}}]
+    down, other = (op.Pose((0.5, y, 0.4), rpy=(np.pi, 0, 0)) for y in (0.0, 0.1))
+    task = op.Task().approach(op.Grasps("cube", opening=0.08), 0.1, path_constraints=upright)
+    task = task.retreat(0.1).pick("cube", grasps=[op.Pose((0, 0, 0.1), rpy=(np.pi, 0, 0))], link="panda_hand")
+    task = task.place("cube", [down, other]).dwell(0.1, path_constraints=upright)
+    task = task.either(op.Task().move(down), op.Task().line(by=(0, 0, 0.1)))
+    panda = op.load_robot("panda").with_tool("panda_link8")
+    cube = [op.Box("cube", size=(0.05, 0.05, 0.05), position=(0.5, 0.2, 0.4))]
+    problem = op.Problem(panda, "ready", task=task, scene=cube, path_constraints=upright)
+    problem.save(tmp_path / "task.yaml")
+    for one in (problem, op.load_problem(tmp_path / "task.yaml")):
+        stated = [*one.path_constraints, *(part for step in one.task for part in step.constraints)]
+        stated += [end for step in one.task for end in getattr(step.action, "goal", ()) if hasattr(end, "frame")]
+        stated += [end for step in one.task for end in getattr(step.action, "ends", ())]
+        frames = [one.frame for one in stated] + [s.action.frame for s in one.task if hasattr(s.action, "frame")]
+        assert len(stated) > 15
+        assert set(frames) == {"panda_link8"}
+
+
 def test_a_retreat_goes_back_along_the_tool_and_up_in_the_world():
     steps = [{"retreat": {"distance": 0.1}}, {"retreat": {"distance": 0.1, "in": "world"}}]
     back, up = (step.action for step in op.Problem("panda", "ready", task=steps).task)

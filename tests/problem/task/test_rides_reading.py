@@ -84,6 +84,21 @@ def test_picks_and_places_are_steps_with_their_rides():
     assert again.hash == problem.hash
 
 
+@pytest.mark.parametrize("of", [{"arm": "right"}, {"group": "right"}])
+def test_an_arm_takes_objects_with_its_own_hand(of):
+    arms = op.Robot.side_by_side({"left": "panda", "right": {"use": "panda", "base": op.Pose((0, -1, 0))}})
+    cube = op.Box("cube", size=(0.04, 0.04, 0.04), position=(0.5, -1, 0.02))
+    higher, own = op.Pose((0.5, -1, 0.2), rpy=(np.pi, 0, 0)), {"hand": "right/hand", **of}
+    task = op.Task().pick("cube", **own).place("cube", higher, **own)
+    problem = op.Problem(arms, "ready", task=task, scene=[cube])
+    attach = next(step.action for step in problem.task if step.kind == "attach")
+    assert attach.link == "right/panda_hand"
+    assert attach.touch == {"right/panda_leftfinger", "right/panda_rightfinger"}
+    lines = [step.action for step in problem.task if isinstance(step.action, StraightLine)]
+    assert {line.frame for line in lines} == {"right/panda_hand_tcp"}
+    assert {step.arm for step in problem.task} == {of.get("arm", "")}
+
+
 def test_fingers_close_by_what_each_slides(tmp_path):
     """One by q, one by 2 q, and one that follows that: 4 q in all."""
     follower = LIMIT + '<mimic joint="{}" multiplier="{}"/>'
