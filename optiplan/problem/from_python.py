@@ -89,7 +89,7 @@ def read_arguments(robot: Any, arguments: Mapping[str, Any], labels: Mapping[str
     data |= {"robot": by.robot, "locked": by.locked} | ({} if by.group is None else {"group": by.group})
     own = robot.unmounted.model.existFrame(robot.tool_frame)  # else it is that of a tool of another problem
     if robot.tool_frame != by.tool_frame and own:
-        data = _with_frames(data, robot)
+        return read_data(_with_frames(data, robot), robot)
     return read_data(data, robot)
 
 

@@ -189,7 +189,7 @@ def tool_statements(data: Mapping[str, Any], own_tools: Container[str] = ()) -> 
     """
     from optiplan.problem.constraints.statements import KINDS
 
-    found = []
+    found: list[Any] = []
     for place, end in ends_of({**data, "start": None}, ("move", "line", "approach")):
         if place[0] != "task" or str(data["task"][place[1]][place[2]].get("group")) not in own_tools:
             several = [one for one in end.get("all_of") or () if isinstance(one, Mapping) and "frame" not in one]
@@ -201,6 +201,6 @@ def tool_statements(data: Mapping[str, Any], own_tools: Container[str] = ()) -> 
         if not any(str(one.get("group")) in own_tools for one in said.values()):
             found += [one for kind, one in said.items() if kind in _OF_TOOL and "pose" not in one]
             constraints += step.get("path_constraints") or ()
-    of_frames = [kind for kind, one in KINDS.items() if "frame" in one.keys()]  # noqa: SIM118  # a method
+    of_frames = [kind for kind, one in KINDS.items() if "frame" in one.keys()]
     found += [one.get(kind) for one in constraints if isinstance(one, Mapping) for kind in of_frames]
     return [one for one in found if isinstance(one, dict)]
