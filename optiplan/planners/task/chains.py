@@ -178,11 +178,13 @@ def _event(stages: Stages, state: WorldState, step: TaskStep, action: Event) -> 
     scene = scene_after(state.scene, action, stages.problem.robot, state.q)
     after = WorldState(state.q, scene)
     stage = stages.at(after, step, stages.problem.robot.joint_names)
+    failure = line_too_heavy(Gravity(stage.problem.robot, stage.problem.limits.torque), state.q[None], "there")
     if stage.model.collides(state.q):
         failure = end_collides(stage.model, state.q, "goal")
-        words = failure.detail.removeprefix("goal configuration: ")
-        return replace(failure, detail=f"as soon as '{action.body}' is {_PAST_TENSE[type(action)]}, {words}")
-    return PlannedStep(step, state, after)
+    if failure is None:
+        return PlannedStep(step, state, after)
+    words = failure.detail.removeprefix("goal configuration: ")
+    return replace(failure, detail=f"as soon as '{action.body}' is {_PAST_TENSE[type(action)]}, {words}")
 
 
 def _beside_rack(robot: Robot, state: WorldState, action: ChangeTool) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
+from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.constraints.statements import BY_SCENE
@@ -17,7 +18,7 @@ from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal, Vi
 from optiplan.problem.task.scene_change import columns
 from optiplan.problem.task.scene_part import ScenePart
 from optiplan.problem.task.steps import Attach, Detach, Move, StraightLine, TaskStep
-from optiplan.problem.task.timeline import mismatch, scene_parts, steps_in_time
+from optiplan.problem.task.timeline import mismatch, part_of_last_event, scene_parts, steps_in_time
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
@@ -46,7 +47,8 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
     if not steps.passed:
         return [steps]
     parts = list(step_parts(problem, trajectory))
-    scenes = scene_parts(problem, trajectory)
+    last = part_of_last_event(problem, trajectory)
+    scenes = scene_parts(problem, trajectory) + ([] if last is None else [last])
     return [
         steps,
         limit_checks.start_position(problem, trajectory, policy),
@@ -248,9 +250,9 @@ def _constraints(
             continue
         for scene in scenes:
             low, high = max(one.during[0] * T, scene.begin), min(one.during[1] * T, scene.end)
-            if high > low:
-                lasts = scene.end - scene.begin
-                during = ((low - scene.begin) / lasts, (high - scene.begin) / lasts)
+            lasts = scene.end - scene.begin
+            if high > low or high == low == lasts + low:
+                during = ((low - scene.begin) / lasts, (high - scene.begin) / lasts) if lasts > 0.0 else WHOLE
                 own = derived(scene.problem, path_constraints=(replace(one, during=during),))
                 for check in path_constraints(own, scene.motion(trajectory), policy):
                     yield replace(_later(check, scene.begin), covers=(constraint(k),))
