@@ -255,7 +255,7 @@ def _constraints(
                 during = ((low - scene.begin) / lasts, (high - scene.begin) / lasts) if lasts > 0.0 else WHOLE
                 own = derived(scene.problem, path_constraints=(replace(one, during=during),))
                 for check in path_constraints(own, scene.motion(trajectory), policy):
-                    yield replace(_later(check, scene.begin), covers=(constraint(k),))
+                    yield replace(_later(check, scene), covers=(constraint(k),))
     for k, part in enumerate(parts):
         own = derived(part.problem, path_constraints=part.step.constraints)
         for check in path_constraints(own, part.lasting(), policy):
@@ -272,7 +272,7 @@ def _in_scenes(
     """Return a check for every part of the motion with its own scene and load."""
     for scene in scenes:
         found = check(scene.problem, scene.motion(trajectory), policy)
-        yield _later(replace(found, detail=f"{scene.steps}: {found.detail}"), scene.begin)
+        yield _later(replace(found, detail=f"{scene.steps}: {found.detail}"), scene)
 
 
 def _worst_of(checks: Iterable[Check], name: str) -> list[Check]:
@@ -319,9 +319,9 @@ def _collision(checks: Iterable[Check]) -> Check:
 def _of_part(check: Check, part: StepPart) -> Check:
     """Return a check of a step in the time of the whole, which says of which step it is."""
     words = f"{part.step.words}: {check.detail}" if check.detail else part.step.words
-    return _later(replace(check, detail=words), part.begin)
+    return _later(replace(check, detail=words), part)
 
 
-def _later(check: Check, begin: float) -> Check:
+def _later(check: Check, part: StepPart | ScenePart) -> Check:
     """Return a check of a part of the motion in the time of the whole."""
-    return check if check.time is None else replace(check, time=check.time + begin)
+    return check if check.time is None else replace(check, time=min(check.time + part.begin, part.end))

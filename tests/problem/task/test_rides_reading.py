@@ -174,6 +174,12 @@ REFUSED = {
     "unknown key of a pick": ("from: belt, mass", "form: belt, mass", 13, "form"),
     "no fingers": ("object: cube, from", "object: cube, hand: arm, from", 13, "group of fingers"),
     "a line in the world": ("by: [0.05, 0, 0], in: belt", "pose: {position: [0.5, 0, 0.3]}", 14, "a pose in the world"),
+    "a direction in the world": (
+        "  - move: {configuration: ready}",
+        "  - line: {by: [0.05, 0, 0.05]}\n  - move: {configuration: ready}",
+        16,
+        "a direction in the world while the arm goes with 'table', which turns",
+    ),
     "motion in motion": ("{position: [0.4, 0.4, 0.1], motion", "{in: belt, motion", 6, "a motion in 'belt'"),
     "a base that moves": ("start:", "base: {in: belt}\nstart:", 3, "which moves"),
 }
@@ -183,6 +189,13 @@ REFUSED = {
 def test_what_does_not_fit_is_refused_with_its_line(old, new, line, words):
     found = wrong(old, new)
     assert any(one.startswith(f"{line}: ") and words in one for one in found), found
+
+
+def test_a_direction_in_the_world_along_the_axis_of_a_turn_is_one_in_what_turns():
+    end = "  - move: {configuration: ready}"
+    line = read(FILE.replace(end, f"  - line: {{by: [0, 0, 0.05]}}\n{end}")).task[-2]
+    assert line.ride.mover.name == "table"
+    assert line.action.by.tolist() == [0.0, 0.0, 0.05]
 
 
 def test_alternatives_end_alike():
