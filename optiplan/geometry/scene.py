@@ -225,6 +225,10 @@ class Scene:
             return self
         return replace(self, obstacles=tuple(_later(body, t) for body in self.obstacles))
 
+    def stopped(self, t: float) -> "Scene":
+        """Return the scene t seconds later, in which moving obstacles stand still from then on."""
+        return replace(self, obstacles=tuple(_stopped(body, t) for body in self.obstacles))
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of everything in the scene, obstacles first."""
@@ -306,6 +310,12 @@ def _later(body: Obstacle, t: float) -> Obstacle:
         return replace(
             body, motion=replace(body.motion, coefficients=body.motion.from_times(np.array([t]))[0], until=ahead)
         )
+    return _stopped(body, t)
+
+
+def _stopped(body: Obstacle, t: float) -> Obstacle:
+    if body.motion is None:
+        return body
     return replace(body, X_WO=body.motion.pose(t) * body.X_WO, stated=None, motion=None)
 
 

@@ -11,7 +11,7 @@ from optiplan.files import reading
 from optiplan.geometry.scene import Scene
 from optiplan.problem import to_data
 from optiplan.problem.builder import RobotLoader
-from optiplan.problem.from_data import read_problem
+from optiplan.problem.from_data import in_one_form, read_problem
 from optiplan.robot.reference import UNKNOWN
 from optiplan.robot.robot import Robot, load_robot
 
@@ -89,9 +89,21 @@ def read_arguments(robot: Any, arguments: Mapping[str, Any], labels: Mapping[str
     data |= {"robot": by.robot, "locked": by.locked} | ({} if by.group is None else {"group": by.group})
     own = robot.unmounted.model.existFrame(robot.tool_frame)  # else it is that of a tool of another problem
     if robot.tool_frame != by.tool_frame and own:
-        for statement in to_data.tool_statements(data, robot.tool_frames):
-            statement.setdefault("frame", robot.tool_frame)
+        return read_data(_with_frames(data, robot), robot)
     return read_data(data, robot)
+
+
+def _with_frames(data: Mapping[str, Any], robot: Robot) -> Mapping[str, Any]:
+    """Return the data of a problem with the tool frame of its robot, which no file has, at each place that uses it."""
+    try:
+        with reading(None):
+            stated = in_one_form(Document(Path(_HERE), plain(data), {}), Path.cwd(), _loader(robot)).data
+    except InputError:
+        return data  # reading it reports this, and all else that is wrong
+    others = [group for group in robot.tool_frames if set(robot.groups.get(group, ())) != set(robot.joint_names)]
+    for statement in to_data.tool_statements(stated, others):
+        statement.setdefault("frame", robot.tool_frame)
+    return dict(stated)
 
 
 def split_expressions(constraints: Any) -> "tuple[Any, list[Expression]]":
@@ -129,7 +141,7 @@ def _loader(robot: Robot) -> RobotLoader:
     def load(
         ref: str | Mapping[str, Any], base: Path | None, locked: Mapping[str, float] | None, group: str | None
     ) -> Robot:
-        if group in (robot.reference.group, None):
+        if group == robot.reference.group:  # of a task that moves more groups, the robot has the joints of all
             return robot
         return replace(load_robot(ref, base, locked, group), tool_frame=robot.tool_frame)
 

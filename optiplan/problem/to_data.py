@@ -175,26 +175,32 @@ def _pose(X: pin.SE3, stated: Mapping[str, Any] | None) -> dict[str, Any]:
     return dict(plain(stated)) if same else pose_to_data(X)
 
 
+_OF_TOOL = ("line", "retreat", "tour", "path")
+"""Steps with a `frame` of their own."""
+
+
 def tool_statements(data: Mapping[str, Any], own_tools: Container[str] = ()) -> list[dict[str, Any]]:
     """Return the mappings in a problem's data whose `frame` is the tool frame without one, to be changed in place.
 
     Args:
-        data: of the problem: poses and regions of goal, vias and steps, lines by a vector, retreats, tours and paths.
+        data: of the problem, in one form: poses and regions of goal, vias and steps, grasps, lines by a vector,
+            retreats, tours, paths and path constraints.
         own_tools: groups with a tool frame of their own; steps of these are left out.
     """
-    found = []
+    from optiplan.problem.constraints.statements import KINDS
+
+    found: list[Any] = []
     for place, end in ends_of({**data, "start": None}, ("move", "line", "approach")):
-        step = data["task"][place[1]] if place[0] == "task" else {}
-        if place[0] != "task" or str(step[place[2]].get("group", step.get("arm"))) not in own_tools:
+        if place[0] != "task" or str(data["task"][place[1]][place[2]].get("group")) not in own_tools:
             several = [one for one in end.get("all_of") or () if isinstance(one, Mapping) and "frame" not in one]
-            ends = [end, *several]
-            poses = [one.get(key) for one in ends for key in ("pose", "region")]
-            poses = [end] if place[2:4] == ("approach", "any_of") else poses
-            found += [pose for pose in poses if isinstance(pose, dict)]
-    for step in data.get("task") or ():
-        for kind in ("line", "retreat", "tour", "path"):
-            said = step.get(kind) if isinstance(step, Mapping) else None
-            own = isinstance(said, dict) and str(said.get("group", step.get("arm"))) in own_tools
-            if isinstance(said, dict) and "pose" not in said and not own:
-                found.append(said)
-    return found
+            poses = [one.get(key) for one in [end, *several] for key in ("pose", "region", "grasps")]
+            found += [end] if place[2:4] == ("approach", "any_of") else poses
+    constraints = list(data.get("path_constraints") or ())
+    for step in (one for one in data.get("task") or () if isinstance(one, Mapping)):
+        said = {kind: one for kind, one in step.items() if isinstance(one, Mapping)}
+        if not any(str(one.get("group")) in own_tools for one in said.values()):
+            found += [one for kind, one in said.items() if kind in _OF_TOOL and "pose" not in one]
+            constraints += step.get("path_constraints") or ()
+    of_frames = [kind for kind, one in KINDS.items() if "frame" in one.keys()]
+    found += [one.get(kind) for one in constraints if isinstance(one, Mapping) for kind in of_frames]
+    return [one for one in found if isinstance(one, dict)]

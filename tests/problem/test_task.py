@@ -59,6 +59,20 @@ def test_source_python_and_file_are_one_problem(problem, tmp_path):
     assert repr(task).startswith("Task: reach, attach cube, close")
 
 
+def test_a_task_that_is_read_again_moves_the_same_joints(problem, tmp_path):
+    """The robot of a task has the joints of all its groups; steps without a group move those of the problem's own."""
+    task = [*problem.source["task"][:4], {"move": {"configuration": "ready"}}, *problem.source["task"][4:]]
+    first = problem.with_parts(task=task)
+    assert len(first.task[5].action.goal[0].q) == 7
+    for again in (first.with_limits(velocity=0.5), first.with_limits()):
+        for one, other in zip(first.task, again.task, strict=True):
+            assert getattr(one.action, "joints", ()) == getattr(other.action, "joints", ())
+    first.with_start("ready").save(tmp_path / "again.yaml")
+    assert load_problem(tmp_path / "again.yaml").hash == first.hash
+    listed = {"joints": problem.robot.configurations["ready"][:7].tolist()}
+    assert problem.with_parts(task=[{"move": listed}, *problem.source["task"]]).with_limits(velocity=0.5).task
+
+
 def test_what_is_held_goes_along_and_stays_where_it_is_released(problem):
     robot, q = problem.robot, np.array(problem.start)
     scene = scene_after(problem.scene, problem.task[2].action, robot, q)
@@ -176,6 +190,26 @@ def test_a_replaced_tool_frame_stands_in_every_step(tmp_path):
         assert frames | ends == {"panda_link8"}
         assert one.task[0].action.vias[0].at.frame == "panda_link8"
     assert op.Problem(panda, "ready", task=op.Task().line(op.Pose((0.5, 0, 0.4), frame="panda_hand"))).task
+
+
+def test_a_replaced_tool_frame_stands_in_what_is_written_out_and_in_constraints(tmp_path):
+    upright = [{"orientation": {"axis": [0, 0, 1], "toward": [0, 0, -1], "within": 3.1}}]
+    down, other = (op.Pose((0.5, y, 0.4), rpy=(np.pi, 0, 0)) for y in (0.0, 0.1))
+    task = op.Task().approach(op.Grasps("cube", opening=0.08), 0.1, path_constraints=upright)
+    task = task.retreat(0.1).pick("cube", grasps=[op.Pose((0, 0, 0.1), rpy=(np.pi, 0, 0))], link="panda_hand")
+    task = task.place("cube", [down, other]).dwell(0.1, path_constraints=upright)
+    task = task.either(op.Task().move(down), op.Task().line(by=(0, 0, 0.1)))
+    panda = op.load_robot("panda").with_tool("panda_link8")
+    cube = [op.Box("cube", size=(0.05, 0.05, 0.05), position=(0.5, 0.2, 0.4))]
+    problem = op.Problem(panda, "ready", task=task, scene=cube, path_constraints=upright)
+    problem.save(tmp_path / "task.yaml")
+    for one in (problem, op.load_problem(tmp_path / "task.yaml")):
+        stated = [*one.path_constraints, *(part for step in one.task for part in step.constraints)]
+        stated += [end for step in one.task for end in getattr(step.action, "goal", ()) if hasattr(end, "frame")]
+        stated += [end for step in one.task for end in getattr(step.action, "ends", ())]
+        frames = [one.frame for one in stated] + [s.action.frame for s in one.task if hasattr(s.action, "frame")]
+        assert len(stated) > 15
+        assert set(frames) == {"panda_link8"}
 
 
 def test_a_retreat_goes_back_along_the_tool_and_up_in_the_world():

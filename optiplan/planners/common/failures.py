@@ -58,9 +58,9 @@ def end_too_heavy(gravity: Gravity, Q: Array, end: str) -> Failure:
     return _heavy("infeasible", gravity, Q, f"at the {end}")
 
 
-def line_too_heavy(gravity: Gravity, Q: Array) -> Failure | None:
+def line_too_heavy(gravity: Gravity, Q: Array, where: str = "along the line") -> Failure | None:
     """Return the failure for gravity above the torque limits at one of the configurations Q (N, n) along a line."""
-    return _heavy("limits", gravity, Q, "along the line") if any(map(gravity.too_much, Q)) else None
+    return _heavy("limits", gravity, Q, where) if any(map(gravity.too_much, Q)) else None
 
 
 def _heavy(kind: FailureKind, gravity: Gravity, Q: Array, where: str) -> Failure:

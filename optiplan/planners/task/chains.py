@@ -178,11 +178,13 @@ def _event(stages: Stages, state: WorldState, step: TaskStep, action: Event) -> 
     scene = scene_after(state.scene, action, stages.problem.robot, state.q)
     after = WorldState(state.q, scene)
     stage = stages.at(after, step, stages.problem.robot.joint_names)
+    failure = line_too_heavy(Gravity(stage.problem.robot, stage.problem.limits.torque), state.q[None], "there")
     if stage.model.collides(state.q):
         failure = end_collides(stage.model, state.q, "goal")
-        words = failure.detail.removeprefix("goal configuration: ")
-        return replace(failure, detail=f"as soon as '{action.body}' is {_PAST_TENSE[type(action)]}, {words}")
-    return PlannedStep(step, state, after)
+    if failure is None:
+        return PlannedStep(step, state, after)
+    words = failure.detail.removeprefix("goal configuration: ")
+    return replace(failure, detail=f"as soon as '{action.body}' is {_PAST_TENSE[type(action)]}, {words}")
 
 
 def _beside_rack(robot: Robot, state: WorldState, action: ChangeTool) -> str:
@@ -238,9 +240,10 @@ def _too_near(stage: Stage, touching: Stage, curve: Trajectory) -> Failure | Non
 
 
 def line_end(action: StraightLine, start: pin.SE3) -> pin.SE3:
-    """Return the pose at which a line from `start` ends: the nearest of its ends, or `start` moved by its vector."""
+    """Return the pose at which a line from `start` ends: that before which it begins, or `start` moved by `by`."""
     if action.by is None:
-        return min((end.X_WG for end in action.ends), key=lambda X: _miss(start, X))
+        X_GB = pin.SE3.Identity() if action.X_GB is None else action.X_GB
+        return min((end.X_WG for end in action.ends), key=lambda X: _miss(start, X * X_GB))
     by: Array = start.rotation @ action.by if action.in_tool else action.by
     return pin.SE3(start.rotation, start.translation + by)
 

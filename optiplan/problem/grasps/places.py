@@ -17,6 +17,9 @@ Source: M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2
 _SHARE = 0.9
 """Share of each width in which they lie; the rest is for the tolerance of the poses."""
 
+_SHIFT, _TURN = 0.03, 0.02
+"""Shares of the least width, m, by which the tolerances of position and rotation may move what the region bounds."""
+
 
 def unbounded(region: RegionGoal) -> str:
     """Return the axes along which a region has no bound, from which no even poses can be drawn; empty for none."""
@@ -30,7 +33,8 @@ def places(region: RegionGoal, count: int = PLACES) -> list[PoseGoal]:
     low, high = np.where(bounded, region.low, -np.pi), np.where(bounded, region.high, np.pi)
     width = high - low
     middle, half = 0.5 * (low + high), 0.5 * np.where(bounded, _SHARE, 1.0) * width
-    position = float(min(1e-4, 0.05 * np.min(width[:3])))
-    orientation = float(min(1e-3, 0.05 * np.min(width[3:])))
+    position = float(min(1e-4, _SHIFT * np.min(width[:3])))
+    arm = float(np.linalg.norm(region.X_RF.translation)) + 1e-12
+    orientation = float(min(1e-3, 0.05 * np.min(width[3:]), _TURN * np.min(width[:3]) / arm))
     shares = 2.0 * np.mod(0.5 + np.arange(count)[:, None] * _STEPS, 1.0) - 1.0
     return [PoseGoal(region.frame, region.pose(middle + half * share), position, orientation) for share in shares]

@@ -10,7 +10,8 @@ from optiplan.geometry.scene import Scene
 from optiplan.problem.builder import Compiler
 from optiplan.problem.goals_and_vias import PoseGoal
 from optiplan.problem.grasps.antipodal import graspable, grasps, gripper_in_frame, least_width
-from optiplan.problem.grasps.places import places, unbounded
+from optiplan.problem.grasps.places import unbounded
+from optiplan.problem.regions.region import RegionGoal
 from optiplan.problem.regions.schema import AXES, RegionSpec
 from optiplan.problem.schema.grasps import GraspsSpec
 from optiplan.robot.robot import Robot
@@ -59,12 +60,10 @@ def grasp_ends(
     return () if frame is None else tuple(PoseGoal(frame, body.X_WO * X_OG * X_GF) for X_OG in found)
 
 
-def region_ends(compiler: Compiler, robot: Robot, place: Place, spec: RegionSpec) -> tuple[PoseGoal, ...]:
-    """Return poses of a region at which a line may end; none, and an issue, where it has no bound along an axis."""
+def ending_region(compiler: Compiler, robot: Robot, place: Place, spec: RegionSpec) -> RegionGoal | None:
+    """Return a region in which a line may end; None, and an issue, where it has no bound along an axis."""
     region = compiler.region(robot, place, spec)
-    if region is None:
-        return ()
-    if endless := unbounded(region):
+    if region is not None and (endless := unbounded(region)):
         compiler.report((*place, "along"), f"no bound {endless}", "a bound along each axis, m, where a line ends")
-        return ()
-    return tuple(places(region))
+        return None
+    return region

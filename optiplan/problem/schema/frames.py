@@ -241,9 +241,11 @@ def _is_placed(value: Any) -> bool:
     return "in" in value or (isinstance(value.get("offset"), Mapping) and "position" in value and not _is_region(value))
 
 
-def _in_link(place: Place, key: str | int) -> bool:
-    """Whether the poses there are those of a tool, in the frame of its link."""
-    return key in ("tcp", "shapes") and bool(place) and place[0] in ("tool", "tools")
+def _never_in_world(place: Place, key: str | int) -> bool:
+    """Whether the poses there are in a frame of their own: a link, another frame, the pose that an offset goes on."""
+    of_tool = place[:1] in (("tool",), ("tools",)) and key in ("tcp", "shapes")
+    held = place[:2] == ("scene", "attached") and key == "pose"
+    return of_tool or held or (len(place) > 1 and key in ("relative_pose", "offset"))
 
 
 def _is_region(value: Mapping[str, Any]) -> bool:
@@ -257,7 +259,7 @@ def _placed(data: Any, place: Place = ()) -> Iterator[tuple[Place, Mapping[str, 
         return
     items = data.items() if isinstance(data, Mapping) else enumerate(data) if isinstance(data, list) else ()
     for key, value in items:
-        if (place or key not in APART) and not _in_link(place, key):
+        if (place or key not in APART) and not _never_in_world(place, key):
             yield from _placed(value, (*place, key))
 
 

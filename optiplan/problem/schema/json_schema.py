@@ -27,6 +27,15 @@ REPEATED = {
 }
 """Keys of a step that stands for several; see `loops.py`."""
 
+_NOT_IN_WORLD = (
+    ("AttachedSpec", "pose"),
+    ("FirstToolSpec", "tcp"),
+    ("ToolSpec", "tcp"),
+    ("ToolShapeSpec", "pose"),
+    ("RegionSpec", "offset"),
+)
+"""Poses in a frame of their own: see `frames.py`."""
+
 
 def as_written(schema: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of `ProblemSpec` with what files have beside it."""
@@ -34,8 +43,13 @@ def as_written(schema: dict[str, Any]) -> dict[str, Any]:
 
     stated = schema["$defs"]
     in_steps = _reached(stated, "TaskStepSpec", set())
-    definitions = {name: _in_frames(_calculated(one) if name in in_steps else one) for name, one in stated.items()}
-    definitions |= _picks()
+    plain = {name: _calculated(one) if name in in_steps else one for name, one in stated.items()}
+    definitions = {name: _in_frames(one) for name, one in plain.items()} | _picks()
+    definitions["BarePoseSpec"] = plain["PoseSpec"]
+    for name, key in _NOT_IN_WORLD:
+        own = definitions[name]["properties"]
+        bare = {**own[key], "$ref": "#/$defs/BarePoseSpec"}
+        definitions[name] = {**definitions[name], "properties": {**own, key: bare}}
     definitions["TaskStepSpec"] = _step(definitions["TaskStepSpec"])
     definitions["ArmSpec"] = {key: one for key, one in ArmSpec.model_json_schema().items() if key != "$defs"}
     definitions["FrameSpec"] = _frame(definitions["PoseSpec"])
@@ -52,12 +66,12 @@ def as_written(schema: dict[str, Any]) -> dict[str, Any]:
 def _in_frames(definition: dict[str, Any]) -> dict[str, Any]:
     """Return a definition; of a pose with the frame in which it is stated."""
     keys = definition.get("properties", {})
-    if not {"position", "quaternion"} <= keys.keys():
+    if not {"position", "quaternion"} <= keys.keys() or "to" in keys:  # of one frame in another
         return definition
     words = "The frame, obstacle or fixed link in which the pose is stated; the world without it."
     own = {"in": {"type": "string", "description": words}}
     words = "A pose from there on, in its own axes: position, m, and rotation."
-    offset = {} if "offset" in keys else {"offset": {"$ref": "#/$defs/PoseSpec", "description": words}}
+    offset = {} if "offset" in keys else {"offset": {"$ref": "#/$defs/BarePoseSpec", "description": words}}
     return {**definition, "properties": {**keys, **own, **offset}}
 
 

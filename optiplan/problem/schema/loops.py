@@ -34,7 +34,7 @@ MOST = 10_000
 _WIDEST = 10**12
 """Values of a range that are counted."""
 DEEPEST = 20
-"""Steps within steps."""
+"""Tasks that do each other, one within another."""
 RANGE = re.compile(r"(-?\d+)\.\.(-?\d+)")
 NAMED = re.compile(r"\{([A-Za-z_]\w*)\}")
 Place = tuple[str | int, ...]
@@ -67,7 +67,10 @@ class LoopReader:
         """The steps of a list, written out; `way` has the names that led to it."""
         for k, step in enumerate(given):
             here = (*place, k)
-            if self._count > MOST or len(way) > DEEPEST:
+            if len(way) > DEEPEST:
+                self.report(here, f"tasks that do tasks, {len(way)} deep", f"at most {DEEPEST}")
+                return
+            if self._count > MOST:
                 return
             if isinstance(step, Mapping) and "for" in step:
                 yield from self._repeated(step, here, values, way)

@@ -17,7 +17,8 @@ from optiplan.problem.builder import Compiler, frame_names, link_names
 from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.goals_and_vias import Goal, JointGoal, PoseGoal, Via
-from optiplan.problem.grasps.reading import grasp_ends, region_ends
+from optiplan.problem.grasps.places import places
+from optiplan.problem.grasps.reading import ending_region, grasp_ends
 from optiplan.problem.partial import LocatedValue
 from optiplan.problem.schema.ends import ENDS, AlternativeSpec, ViaSpec
 from optiplan.problem.schema.seam import SeamSpec
@@ -109,8 +110,8 @@ class TaskReader:
             self.rides.end(found[-1].place)
         self._choices.check([one.value for one in found])
         found = with_arms(self.compiler, self.robot, self.scene, found)
-        for places in steps_of_arms([one.value for one in found]).values():
-            for k, after in zip_longest(places, places[1:]):
+        for own in steps_of_arms([one.value for one in found]).values():
+            for k, after in zip_longest(own, own[1:]):
                 alike = after is not None and found[after].value.option == found[k].value.option
                 self._corner(found[k], found[after].value.action if alike and after is not None else None)
         return [one._replace(value=self._with_frame(one.value)) for one in found]
@@ -284,27 +285,22 @@ class TaskReader:
         given = [((*place, "pose"), spec.pose)] if spec.pose is not None else []
         given += [((*place, "any_of", i), one) for i, one in enumerate(spec.any_of or ())]
         ends = tuple(end for at, one in given if (end := self._pose(at, one, spec.group)) is not None)
-        ends += self._set_of_ends(place, spec)
+        robot, along = self._with_tool_of(spec.group), _unit(spec.along)
+        if spec.grasps is not None:
+            stated = (*place, "grasps"), spec.grasps, along
+            ends = grasp_ends(self.compiler, robot, stated, self.scene, self._moved)
+        region = None if spec.region is None else ending_region(self.compiler, robot, (*place, "region"), spec.region)
+        ends += () if region is None else tuple(places(region))
         if joints is None or not ends or len(ends) < len(given):
             return
         vias = self._vias(self._alone(joints, spec.group), place, spec.via)
         if len({end.frame for end in ends}) > 1:
             self.compiler.report((*place, "any_of"), "poses of several frames", "poses of one frame")
             return
-        back = pin.SE3(np.eye(3), -spec.distance * _unit(spec.along))
-        before = tuple(PoseGoal(end.frame, end.X_WG * back, end.position, end.orientation) for end in ends)
-        yield Move(joints, before, vias)
-        yield StraightLine(joints, ends[0].frame, ends, speed=_speed(spec), blend=spec.blend or 0.0)
-
-    def _set_of_ends(self, place: Place, spec: ApproachSpec) -> tuple[PoseGoal, ...]:
-        """Return the grasps of an object, or the poses of a region."""
-        robot = self._with_tool_of(spec.group)
-        if spec.grasps is not None:
-            stated = (*place, "grasps"), spec.grasps, _unit(spec.along)
-            return grasp_ends(self.compiler, robot, stated, self.scene, self._moved)
-        if spec.region is not None:
-            return region_ends(self.compiler, robot, (*place, "region"), spec.region)
-        return ()
+        X_GB = pin.SE3(np.eye(3), -spec.distance * along)
+        yield Move(joints, tuple(replace(end, X_WG=end.X_WG * X_GB) for end in ends), vias)
+        line = StraightLine(joints, ends[0].frame, ends, speed=_speed(spec), blend=spec.blend or 0.0)
+        yield replace(line, X_GB=X_GB, region=region)
 
     def _retreat(self, place: Place, spec: RetreatSpec) -> Iterator[StraightLine]:
         joints, frame = self._joints(place, spec.group), self._frame(place, spec)

@@ -28,6 +28,9 @@ FREE = frozenset({"move", "approach"})
 
 _AXES = ("world", "tool")
 
+_ALONG = 1e-6
+"""rad between a direction and the axis of a turn along which it counts as one along it."""
+
 
 @dataclass(frozen=True, eq=False)
 class RideState:
@@ -179,6 +182,11 @@ class RideReader:
         if line and action.by is None and rides is None:
             found = f"a pose in the world while the arm goes with '{ride.mover.name}'"
             self._report((*place, "pose"), found, f"`in: {ride.mover.name}`, or a move before")
+        turning = ride.mover.motion.axis
+        if turning is not None and action.by is not None and getattr(spec, "in_", "") == "world":
+            if np.linalg.norm(np.cross(action.by, turning)) > _ALONG * np.linalg.norm(action.by):
+                found = f"a direction in the world while the arm goes with '{ride.mover.name}', which turns"
+                self._report((*place, "in"), found, f"`in: {ride.mover.name}`, or a direction along the axis")
         if action.frame != ride.frame or not set(ride.joints) <= set(action.joints):
             found = f"a line of '{action.frame}' while '{ride.frame}' goes with '{ride.mover.name}'"
             self._report(place, found, "a line of the same frame with the same joints")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import JointGoal, Problem, derived
-from optiplan.trajectory.joining import cut_trajectory
+from optiplan.trajectory.joining import cut_trajectory, standstill
 from optiplan.trajectory.trajectory import Trajectory
 
 
@@ -15,7 +15,7 @@ class ScenePart:
     Attributes:
         problem: the task's own, with the scene and the payload of this part, and without a task.
         begin: s.
-        end: s.
+        end: s; `begin` of a part that is no more than an event at the end.
         steps: what is done in it, in words; empty for a motion to one goal.
     """
 
@@ -25,7 +25,9 @@ class ScenePart:
     steps: str = ""
 
     def motion(self, trajectory: Trajectory) -> Trajectory:
-        """Return this part of the motion."""
+        """Return this part of the motion; standing still for a second where it takes no time."""
+        if self.end == self.begin:
+            return standstill(trajectory.joint_names, trajectory(self.end), 1.0)
         whole = self.begin == 0.0 and self.end == trajectory.duration
         return trajectory if whole else cut_trajectory(trajectory, self.begin, self.end)
 

@@ -41,12 +41,15 @@ class StraightLine:
     Attributes:
         joints: names of the joints that move.
         frame: a link or fixed frame of the robot.
-        ends: poses of that frame, the nearest of which is meant; empty where `by` is given.
+        ends: poses of that frame; empty where `by` is given. Of several, an approach ends at the one before which it
+            began.
         by: (3,) m, in the axes of the world, or of the frame where `in_tool`; None where there are `ends`.
         in_tool: see `by`.
         speed: of the frame's origin at most, m/s; infinite: any.
         blend: m; within this distance of its end the line may be left for the next one, so that the arm need not stop
             in the corner; 0: it is exact.
+        X_GB: where an approach begins, in the frame at its end G; None for other lines.
+        region: in which the ends are, where an approach leads into one.
     """
 
     joints: tuple[str, ...]
@@ -56,6 +59,8 @@ class StraightLine:
     in_tool: bool = False
     speed: float = np.inf
     blend: float = 0.0
+    X_GB: pin.SE3 | None = None
+    region: RegionGoal | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -141,13 +141,27 @@ def scene_parts(problem: Problem, trajectory: Trajectory) -> list[ScenePart]:
     return list(_parts_with_ends(problem, found, _step_ends(problem, trajectory)))
 
 
+def part_of_last_event(problem: Problem, trajectory: Trajectory) -> ScenePart | None:
+    """Return the part, without duration, in which the scene is what the last event leaves; None of none at the end.
+
+    The motion has its end there, and obstacles that move stand where they are then.
+    """
+    T, found = trajectory.duration, list[_Stretch]()
+    for step, scene, begin, _ in steps_in_time(problem, trajectory):
+        if begin >= T and isinstance(step.action, Event):
+            left = scene_after(scene, step.action, problem.robot, trajectory(T), T)
+            found = [(left, scene_during(left, step), T, T, [step])]
+    return next(_parts_with_ends(problem, found, _step_ends(problem, trajectory)), None)
+
+
 def _parts_with_ends(
     problem: Problem, found: Iterable[_Stretch], ends: Iterable[tuple[float, Array]]
 ) -> Iterator[ScenePart]:
     """Yield the parts, each with those of the times, s, and configurations (n,) at which steps end that lie in it."""
     known = [] if problem.scene.safety is None else list(ends)
     for _, during, begin, end, steps in found:
-        scene = during.later(begin).ending_at(*(q for t, q in known if begin <= t <= end))
+        scene = during.later(begin) if end > begin else during.stopped(begin)
+        scene = scene.ending_at(*(q for t, q in known if begin <= t <= end))
         yield ScenePart(part_problem(problem, scene), begin, end, _words(steps))
 
 

@@ -12,7 +12,7 @@ from optiplan.geometry.poses import pose_error
 from optiplan.problem.constraints.points import OnLine
 from optiplan.problem.constraints.poses import OrientationCone
 from optiplan.problem.constraints.statements import PathConstraint
-from optiplan.problem.problem import Problem
+from optiplan.problem.problem import PoseGoal, Problem
 from optiplan.problem.task.steps import Action, StraightLine
 from optiplan.robot.batched.dynamics import inverse_dynamics
 from optiplan.robot.robot import Robot
@@ -45,7 +45,7 @@ class LineWay:
     Attributes:
         frame: that moves.
         start: its pose where the line begins: a corner that it need not touch, where `enters` is given.
-        end: its pose where the line ends, likewise with `leaves`.
+        goal: its pose where the line ends, likewise with `leaves`.
         enters: m, radius of the ball about the first corner in which the line need not be kept; None: it is exact.
         leaves: the same about the last corner; neither is more than half of either line.
         turns: rad, by which both lines of a corner turn at most, whose orientations it may mix.
@@ -53,10 +53,15 @@ class LineWay:
 
     frame: str
     start: pin.SE3
-    end: pin.SE3
+    goal: PoseGoal
     enters: float | None
     leaves: float | None
     turns: tuple[float, float]
+
+    @property
+    def end(self) -> pin.SE3:
+        """The last corner."""
+        return self.goal.X_WG
 
 
 def frame_at(robot: Robot, action: Action, q: Array) -> pin.SE3 | None:
@@ -81,14 +86,14 @@ def line_way(action: Action, after: Action | None, X: pin.SE3 | None, before: Li
         return None
     entered = before is not None and before.leaves is not None
     start = before.end if before is not None and entered else X
-    end = _end(action, start)
-    own, other, leaves = pose_error(start, end), 0.0, None
+    goal = _end(action, start)
+    own, other, leaves = pose_error(start, goal.X_WG), 0.0, None
     if action.blend > 0.0 and isinstance(after, StraightLine):
-        following = pose_error(end, _end(after, end))
+        following = pose_error(goal.X_WG, _end(after, goal.X_WG).X_WG)
         other = following.orientation
         leaves = min(action.blend, 0.5 * own.position, 0.5 * following.position)
     enters, turn = (before.leaves, before.turns[1]) if before is not None and entered else (None, own.orientation)
-    return LineWay(action.frame, start, end, enters, leaves, (turn, own.orientation + other))
+    return LineWay(action.frame, start, goal, enters, leaves, (turn, own.orientation + other))
 
 
 def line_constraints(way: LineWay, robot: Robot, motion: Trajectory) -> Iterator[PathConstraint]:
@@ -126,12 +131,13 @@ def _kept_axes(way: LineWay, at: "_Origin", during: tuple[float, float]) -> Iter
         yield axis, X.rotation
 
 
-def _end(action: StraightLine, start: pin.SE3) -> pin.SE3:
-    """Return the pose at which a line ends: the nearest of its ends, or `start` moved by its vector."""
+def _end(action: StraightLine, start: pin.SE3) -> PoseGoal:
+    """Return where a line ends: at the pose before which it begins, or at `start` moved by its vector."""
     if action.by is None:
-        return min((end.X_WG for end in action.ends), key=lambda X: sum(pose_error(start, X)))
+        begins = [end.X_WG if action.X_GB is None else end.X_WG * action.X_GB for end in action.ends]
+        return action.ends[int(np.argmin([sum(pose_error(start, X)) for X in begins]))]
     by = start.rotation @ action.by if action.in_tool else action.by
-    return pin.SE3(start.rotation, start.translation + by)
+    return PoseGoal(action.frame, pin.SE3(start.rotation, start.translation + by))
 
 
 class _Origin:

@@ -9,14 +9,16 @@ import numpy as np
 from optiplan.arrays import Array
 from optiplan.collision.named_pairs import NamedPairs
 from optiplan.geometry.scene import Scene
+from optiplan.problem.constraints.base import WHOLE
 from optiplan.problem.constraints.expression import Expression
 from optiplan.problem.constraints.motions import ToolSpeed
 from optiplan.problem.constraints.statements import BY_SCENE
-from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal, Via, derived
+from optiplan.problem.goals_and_vias import AllOfGoal
+from optiplan.problem.problem import GoalEnd, JointGoal, Problem, RegionGoal, Via, derived
 from optiplan.problem.task.scene_change import columns
 from optiplan.problem.task.scene_part import ScenePart
 from optiplan.problem.task.steps import Attach, Detach, Move, StraightLine, TaskStep
-from optiplan.problem.task.timeline import mismatch, scene_parts, steps_in_time
+from optiplan.problem.task.timeline import mismatch, part_of_last_event, scene_parts, steps_in_time
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
@@ -45,7 +47,8 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
     if not steps.passed:
         return [steps]
     parts = list(step_parts(problem, trajectory))
-    scenes = scene_parts(problem, trajectory)
+    last = part_of_last_event(problem, trajectory)
+    scenes = scene_parts(problem, trajectory) + ([] if last is None else [last])
     return [
         steps,
         limit_checks.start_position(problem, trajectory, policy),
@@ -129,7 +132,7 @@ def _ends(parts: Sequence[StepPart]) -> Iterator[Check]:
         if isinstance(action, Move):
             ends = [_of_all(part.problem, action.joints, end, part.q) for end in _placed_goal(part, action)]
         elif isinstance(action, StraightLine) and part.way is not None and part.way.leaves is None:
-            ends = list(action.ends) or [PoseGoal(action.frame, part.way.end)]
+            ends = [AllOfGoal((part.way.goal, *([] if action.region is None else [action.region])))]
         else:
             continue
         check = limit_checks.goal(derived(part.problem, goal=tuple(ends)), standing_at(part.problem, part.q))
@@ -247,12 +250,12 @@ def _constraints(
             continue
         for scene in scenes:
             low, high = max(one.during[0] * T, scene.begin), min(one.during[1] * T, scene.end)
-            if high > low:
-                lasts = scene.end - scene.begin
-                during = ((low - scene.begin) / lasts, (high - scene.begin) / lasts)
+            lasts = scene.end - scene.begin
+            if high > low or high == low == lasts + low:
+                during = ((low - scene.begin) / lasts, (high - scene.begin) / lasts) if lasts > 0.0 else WHOLE
                 own = derived(scene.problem, path_constraints=(replace(one, during=during),))
                 for check in path_constraints(own, scene.motion(trajectory), policy):
-                    yield replace(_later(check, scene.begin), covers=(constraint(k),))
+                    yield replace(_later(check, scene), covers=(constraint(k),))
     for k, part in enumerate(parts):
         own = derived(part.problem, path_constraints=part.step.constraints)
         for check in path_constraints(own, part.lasting(), policy):
@@ -269,7 +272,7 @@ def _in_scenes(
     """Return a check for every part of the motion with its own scene and load."""
     for scene in scenes:
         found = check(scene.problem, scene.motion(trajectory), policy)
-        yield _later(replace(found, detail=f"{scene.steps}: {found.detail}"), scene.begin)
+        yield _later(replace(found, detail=f"{scene.steps}: {found.detail}"), scene)
 
 
 def _worst_of(checks: Iterable[Check], name: str) -> list[Check]:
@@ -316,9 +319,9 @@ def _collision(checks: Iterable[Check]) -> Check:
 def _of_part(check: Check, part: StepPart) -> Check:
     """Return a check of a step in the time of the whole, which says of which step it is."""
     words = f"{part.step.words}: {check.detail}" if check.detail else part.step.words
-    return _later(replace(check, detail=words), part.begin)
+    return _later(replace(check, detail=words), part)
 
 
-def _later(check: Check, begin: float) -> Check:
+def _later(check: Check, part: StepPart | ScenePart) -> Check:
     """Return a check of a part of the motion in the time of the whole."""
-    return check if check.time is None else replace(check, time=check.time + begin)
+    return check if check.time is None else replace(check, time=min(check.time + part.begin, part.end))

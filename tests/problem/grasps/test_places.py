@@ -29,6 +29,17 @@ def test_places_are_in_the_region_with_their_tolerance_and_fill_it():
         assert np.ptp(at[:, k]) > 1.5 * off[k]
 
 
+def test_the_tolerance_of_rotation_moves_what_is_far_away_no_farther_than_the_region():
+    X_RF = pin.SE3(np.eye(3), np.array([0.2, 0.0, 0.0]))
+    off = np.array([0.1, 0.1, 2.5e-4, 0.25, 0.25, 0.25])
+    far = RegionGoal("tool", pin.SE3.Identity(), X_RF, -off, off)
+    for end in places(far):
+        for turn in np.vstack([np.eye(3), -np.eye(3)]) * end.orientation:
+            at = end.X_WG.translation + end.position * np.eye(3)[2]
+            X_WF = pin.SE3(end.X_WG.rotation @ pin.exp3(turn), at)
+            assert far.contains(X_WF)
+
+
 def test_a_region_without_a_bound_is_told_apart():
     assert unbounded(region([-np.inf, 0, -0.1, 0, 0, 0], [0.1, 0.1, 0.1, 1, 1, 1])) == "along x"
     assert unbounded(region([-0.1] * 6, [0.1] * 6)) == ""

@@ -98,11 +98,38 @@ def test_what_is_wrong_is_told_with_its_line(line, field, words):
     assert words in str(refused.value)
 
 
+OTHERS = {
+    "scene.attached[0].pose.in": {
+        "scene": {
+            "obstacles": [TABLE],
+            "attached": [{"name": "part", "link": "panda_hand", "shape": {"sphere": 0.02}, "pose": SLOT}],
+        }
+    },
+    "path_constraints[0].relative_pose.in": {
+        "path_constraints": [
+            {"relative_pose": {"to": "panda_link0", "tolerance": {"position": 1.0, "orientation": 3.0}, **SLOT}}
+        ]
+    },
+    "goal.region.offset.in": {"goal": {"region": {"position": [0.5, 0, 0.4], "along": {"x": 0.1}, "offset": SLOT}}},
+}
+
+
+@pytest.mark.parametrize("field", OTHERS)
+def test_a_pose_in_a_link_or_in_another_pose_has_no_frame(field):
+    with pytest.raises(InputError) as caught:
+        problem_from_dict(problem(**OTHERS[field]))
+    assert [issue.field for issue in caught.value.issues] == [field]
+    assert "unknown key 'in'" in str(caught.value)
+
+
 def test_editors_know_the_keys():
     schema = problem_schema()
     assert "frames" in schema["properties"]
     for name in ("PoseSpec", "PoseGoalSpec", "RegionSpec"):
         assert {"in", "offset"} <= set(schema["$defs"][name]["properties"])
+    for name, key in (("AttachedSpec", "pose"), ("ToolSpec", "tcp"), ("PoseSpec", "offset"), ("RegionSpec", "offset")):
+        kind = schema["$defs"][name]["properties"][key]["$ref"].split("/")[-1]
+        assert not {"in", "offset"} & set(schema["$defs"][kind]["properties"])
 
 
 def test_a_link_that_no_joint_moves_is_a_frame(tmp_path):

@@ -79,6 +79,17 @@ def test_what_is_wrong_is_told_with_its_line(old, new, line, words):
     assert any(at == line and words in said for at, said in found), found
 
 
+@pytest.mark.parametrize("deep", [20, 21])
+def test_tasks_that_do_each_other_all_count_or_are_refused(deep):
+    tasks = {f"t{k}": [{"dwell": 0.1}, {"do": f"t{k + 1}"}] for k in range(1, deep)} | {f"t{deep}": [{"dwell": 0.1}]}
+    data = {**YAML(typ="safe").load(GRID), "task": [{"do": "t1"}], "tasks": tasks}
+    if deep == 20:
+        assert len(problem_from_dict(data).task) == 20
+        return
+    with pytest.raises(InputError, match=r"tasks.t21\[0\]: tasks that do tasks, 21 deep; expected at most 20"):
+        problem_from_dict(data)
+
+
 def test_editors_know_the_keys():
     schema = problem_schema()
     assert "tasks" in schema["properties"]

@@ -84,6 +84,21 @@ def test_picks_and_places_are_steps_with_their_rides():
     assert again.hash == problem.hash
 
 
+@pytest.mark.parametrize("of", [{"arm": "right"}, {"group": "right"}])
+def test_an_arm_takes_objects_with_its_own_hand(of):
+    arms = op.Robot.side_by_side({"left": "panda", "right": {"use": "panda", "base": op.Pose((0, -1, 0))}})
+    cube = op.Box("cube", size=(0.04, 0.04, 0.04), position=(0.5, -1, 0.02))
+    higher, own = op.Pose((0.5, -1, 0.2), rpy=(np.pi, 0, 0)), {"hand": "right/hand", **of}
+    task = op.Task().pick("cube", **own).place("cube", higher, **own)
+    problem = op.Problem(arms, "ready", task=task, scene=[cube])
+    attach = next(step.action for step in problem.task if step.kind == "attach")
+    assert attach.link == "right/panda_hand"
+    assert attach.touch == {"right/panda_leftfinger", "right/panda_rightfinger"}
+    lines = [step.action for step in problem.task if isinstance(step.action, StraightLine)]
+    assert {line.frame for line in lines} == {"right/panda_hand_tcp"}
+    assert {step.arm for step in problem.task} == {of.get("arm", "")}
+
+
 def test_fingers_close_by_what_each_slides(tmp_path):
     """One by q, one by 2 q, and one that follows that: 4 q in all."""
     follower = LIMIT + '<mimic joint="{}" multiplier="{}"/>'
@@ -159,6 +174,12 @@ REFUSED = {
     "unknown key of a pick": ("from: belt, mass", "form: belt, mass", 13, "form"),
     "no fingers": ("object: cube, from", "object: cube, hand: arm, from", 13, "group of fingers"),
     "a line in the world": ("by: [0.05, 0, 0], in: belt", "pose: {position: [0.5, 0, 0.3]}", 14, "a pose in the world"),
+    "a direction in the world": (
+        "  - move: {configuration: ready}",
+        "  - line: {by: [0.05, 0, 0.05]}\n  - move: {configuration: ready}",
+        16,
+        "a direction in the world while the arm goes with 'table', which turns",
+    ),
     "motion in motion": ("{position: [0.4, 0.4, 0.1], motion", "{in: belt, motion", 6, "a motion in 'belt'"),
     "a base that moves": ("start:", "base: {in: belt}\nstart:", 3, "which moves"),
 }
@@ -168,6 +189,13 @@ REFUSED = {
 def test_what_does_not_fit_is_refused_with_its_line(old, new, line, words):
     found = wrong(old, new)
     assert any(one.startswith(f"{line}: ") and words in one for one in found), found
+
+
+def test_a_direction_in_the_world_along_the_axis_of_a_turn_is_one_in_what_turns():
+    end = "  - move: {configuration: ready}"
+    line = read(FILE.replace(end, f"  - line: {{by: [0, 0, 0.05]}}\n{end}")).task[-2]
+    assert line.ride.mover.name == "table"
+    assert line.action.by.tolist() == [0.0, 0.0, 0.05]
 
 
 def test_alternatives_end_alike():

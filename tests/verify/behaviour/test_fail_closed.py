@@ -287,7 +287,7 @@ def test_fields_of_what_a_problem_states_are_known():
         Target: {"name", "goal", "after", "cluster", "window"},
         Process: {"seconds", "name"},
         TargetTour: {"joints", "targets", "free", "first", "last", "closed", "at_each", "carried_by"},
-        StraightLine: {"joints", "frame", "ends", "by", "in_tool", "speed", "blend"},
+        StraightLine: {"joints", "frame", "ends", "by", "in_tool", "speed", "blend", "X_GB", "region"},
         Attach: {"body", "link", "touch", "mass", "centre", "inertia", "framed"},
         ChangeTool: {"leaves", "takes"},
         MountedTool: {"name", "link", "X_LT", "bodies", "X_WP", "mounted"},

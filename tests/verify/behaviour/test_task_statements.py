@@ -83,3 +83,25 @@ def test_an_expression_of_the_whole_is_judged_with_the_load_of_each_time():
     assert len(held) == 2
     assert abs(held[1] - held[0]) > 5.0
     assert [check.time < 0.1 for check in found[1]] == [True, False]
+
+
+FINGERS = ("panda_hand", "panda_leftfinger", "panda_rightfinger")
+TOUCHED = [("held", finger) for finger in FINGERS]
+LAST = {
+    "torque": lambda more: op.Task().move("ready").attach("cube", "panda_hand", mass=50.0 if more else 0.1),
+    "collision": lambda more: op.Task().move("ready").detach("held", allowed_collisions=[] if more else TOUCHED),
+}
+
+
+@pytest.mark.parametrize("check", LAST)
+def test_what_the_last_event_leaves_is_proved_too(check):
+    """What is held or released at the end is as heavy, and as near, as it would be in a step after that."""
+    aside = [0.4, *op.load_robot("panda").configurations["ready"][1:]]
+    cube = op.Box("cube", size=(0.05, 0.05, 0.05), position=(0.5, 0, 0.1))
+    held = op.Box("held", size=(0.05, 0.2, 0.05), position=(0, 0, 0.1)).attached_to("panda_hand", touch=FINGERS)
+    of = {more: op.Problem("panda", aside, scene=op.Scene([cube], [held]), task=LAST[check](more)) for more in (0, 1)}
+    run = op.plan(of[0], planner="quintic", budget=10.0)
+    assert run.verified
+    assert [one.name for one in op.verify(of[1], run.trajectory).failures] == [check]
+    refused = op.plan(of[1], planner="quintic", budget=10.0)
+    assert "as soon as '" in refused.failure.detail
