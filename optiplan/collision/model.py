@@ -141,6 +141,10 @@ class CollisionModel:
         """Return half widths D (N, n) with half width 0 for the obstacles, (N, n + K)."""
         return np.hstack([D, np.zeros((len(D), self.model.nq - D.shape[1]))])
 
+    def beyond_limits(self, q: Array) -> str | None:
+        """Return in words which joint may leave its limits of position near q (n,); None where none may."""
+        return None
+
     def collides(self, q: Array) -> bool:
         """Return whether any pair touches at q (n,); meshes are queried if their hulls touch.
 

@@ -122,7 +122,7 @@ class NativeCollisionModel(CollisionModel):
 
     def collides(self, q: Array) -> bool:
         """See `CollisionModel.collides`."""
-        if self.error is not None and self._leaves_limits(q, self.error):
+        if self.error is not None and self._beyond(q, self.error).any():
             return True
         return super().collides(q) if self.world is None else self.world.collides(_packed(self.full(q)))
 
@@ -132,10 +132,18 @@ class NativeCollisionModel(CollisionModel):
             return super().collides_at(Q)
         return self.world.touching(_packed(self.full(Q))).astype(bool)
 
-    def _leaves_limits(self, q: Array, error: Array) -> bool:
-        """Return whether joints that are off q (n,) by up to `error` (n,) leave their limits of position."""
+    def beyond_limits(self, q: Array) -> str | None:
+        """See `CollisionModel.beyond_limits`; of the joints that may be off by the tracking error, the first one."""
+        if self.error is None or not (beyond := self._beyond(q, self.error)).any():
+            return None
+        j, limits = int(np.argmax(beyond)), self.robot.limits
+        stated = f"the limits {limits.lower[j]:.6g} and {limits.upper[j]:.6g} {self.robot.unit('position', j)}"
+        return f"'{self.robot.joint_names[j]}' at {q[j]:.6g} is nearer to {stated} than its tracking error"
+
+    def _beyond(self, q: Array, error: Array) -> Flags:
+        """Return which joints (n,) leave their limits of position where they are off q by up to `error` (n,)."""
         own, limits = q[: self.robot.n], self.robot.limits
-        return bool((own - error < limits.lower).any() or (own + error > limits.upper).any())
+        return (own - error < limits.lower) | (own + error > limits.upper)
 
     def clearance(self, q: Array) -> Contact | None:
         """See `CollisionModel.clearance`."""

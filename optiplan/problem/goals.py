@@ -165,12 +165,17 @@ def _unreachable(goal: PoseGoal | RegionGoal | AllOfGoal, found: "IkResult") -> 
 
 
 def _all_collide(model: CollisionModel, candidates: list[Array]) -> GoalSet:
-    """Report the bodies of the candidate with the least penetration."""
-    contacts = [(q, contact) for q in candidates if (contact := model.clearance(q)) is not None]
+    """Report the bodies of the candidate with the least penetration, or a joint where all are too near a limit."""
+    many = "the goal configuration is" if len(candidates) == 1 else f"all {len(candidates)} goal configurations are"
+    within = [q for q in candidates if model.beyond_limits(q) is None]
+    if not within:
+        reason = f"{many} too near a limit of position: {model.beyond_limits(candidates[0])}"
+        return GoalSet([], "goal-in-collision", reason, {"q": candidates[0].tolist()})
+    contacts = [(q, contact) for q in within if (contact := model.clearance(q)) is not None]
     q, contact = max(contacts, key=lambda item: item[1].distance)
     names = [contact.pair.name_a, contact.pair.name_b]
-    many = "the goal configuration is" if len(candidates) == 1 else f"all {len(candidates)} goal configurations are"
-    reason = f"{many} in collision; the least of it: {contact.overlap}"
+    or_limits = "" if len(within) == len(candidates) else " or too near a limit of position"
+    reason = f"{many} in collision{or_limits}; the least of it: {contact.overlap}"
     witness = {
         "q": q.tolist(),
         "pair": names,

@@ -14,7 +14,7 @@ from optiplan.planners.common.limit_violations import excess
 from optiplan.planners.point_to_point.base import STEPS
 from optiplan.planners.registry import make_planner
 from optiplan.problem.load import problem_from_dict
-from optiplan.problem.problem import JointGoal, Problem, derived
+from optiplan.problem.problem import JointGoal, PoseGoal, Problem, derived
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.trajectory.timing.time_scaling import speed_ratio
 from optiplan.verify.verify import verify
@@ -272,3 +272,36 @@ def test_goals_are_tried_until_one_is_free():
     assert blocked.kind == "collision"
     assert "plate" in blocked.witness["pair"]
     assert result.trajectory.end == pytest.approx(away.q)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.99])
+def test_too_short_a_duration_between_states_is_refused_with_the_next(share):
+    swing = cases.swing()
+    problem = derived(swing, goal=(replace(swing.goal[0], velocity=0.3 * swing.limits.velocity),))
+    shortest = plan(problem, "scurve").trajectory.duration
+    failure = plan(problem, "scurve", duration=share * shortest).failure
+    assert failure.kind == "limits"
+    assert failure.witness["shortest_duration"] == pytest.approx(shortest)
+    assert plan(problem, "scurve", duration=2.0 * shortest).trajectory.duration == pytest.approx(2.0 * shortest)
+
+
+def test_what_is_too_heavy_is_on_the_motion_and_not_on_a_straight_line():
+    """The arm is raised first, stretched, and then folded."""
+    problem = cases.problem("planar2r", [-1.4, 0.1], [JointGoal(np.array([0.0, 2.6]))])
+    weak = derived(problem, limits=replace(problem.limits, torque=np.array([21.0, 100.0])))
+    assert plan(weak, "quintic").failure is None
+    failure = plan(weak, "quintic", motion="sequential").failure
+    assert failure.witness["torque"] > 21.0
+    assert failure.witness["q"][1] == pytest.approx(0.1)
+
+
+def test_goals_too_near_a_limit_for_the_tracking_error_name_the_joint():
+    q = np.array([0.3, cases.robot("planar2r").limits.upper[1] - 0.004])
+    goal = PoseGoal(cases.robot("planar2r").tool_frame, cases.tool_pose("planar2r", q), 1e-4, np.pi)
+    problem = derived(cases.problem("planar2r", [0.3, 0.3], [goal]), tracking_error=np.full(2, 0.01))
+    failure = make_planner("quintic").plan(problem, Budget(0.2), lambda stage, fraction: None).failure
+    assert "'elbow' at" in failure.detail
+    assert "tracking error" in failure.detail
+    there = plan(derived(problem, start=q), "quintic").failure
+    assert there.kind == "start-in-collision"
+    assert "'elbow' at 2.796 is nearer to the limits -2.8 and 2.8 rad" in there.detail

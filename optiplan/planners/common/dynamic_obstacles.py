@@ -2,20 +2,20 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
-from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
+from optiplan.planners.base import Budget, Failure, PlanResult
 from optiplan.planners.common.continuous_collision import Touch, first_contact
 from optiplan.planners.common.path_timing import within_torque
 from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.joining import join_trajectories, standstill
 from optiplan.trajectory.trajectory import Trajectory
 
-_STATIC = 0.6
+STATIC = 0.6
 """Share of the budget for the motion among static obstacles."""
 
 _HORIZON = 10.0
@@ -34,12 +34,12 @@ class Delayed(NamedTuple):
     slower: float
 
 
-def wait_for_obstacles(planner: Planner[Any], problem: Problem, budget: Budget, progress: Progress) -> PlanResult:
-    """Plan among static obstacles, then wait or slow down until the motion meets no dynamic one.
+def wait_for_obstacles(found: PlanResult, problem: Problem, budget: Budget) -> PlanResult:
+    """Delay what was found among static obstacles, or slow it down, until it meets no dynamic one.
 
-    A robot that moves at the start cannot wait. A motion that moves at either end cannot be slowed down.
+    A robot that moves at the start cannot wait. A motion that moves at either end cannot be slowed down. One with times
+    of vias is neither delayed nor slowed down.
     """
-    found = planner.plan(without_dynamic_obstacles(problem), budget.share(_STATIC), stages_of(progress))
     if found.trajectory is None:
         return found
     motions = [*(one.trajectory for one in reversed(found.earlier)), found.trajectory][::-1]
@@ -71,6 +71,9 @@ def delayed(
         touch = touch or met
     if touch is None:
         return Failure("budget", f"{budget.seconds:.3g} s ended while waiting times were tried")
+    if _states_times(problem):
+        detail = f"{touch.words} at {touch.t:.3f} s, and a motion with times of vias neither waits nor slows down"
+        return Failure("unsupported", detail, touch.witness(motions[0]))
     detail = (
         f"{touch.words} at {touch.t:.3f} s, and neither waiting up to "
         f"{_horizon(problem):.3g} s nor going {max(_SLOWER):g} times slower avoids what moves"
@@ -80,14 +83,20 @@ def delayed(
 
 def _in_order(problem: Problem, motions: Sequence[Trajectory]) -> Iterator[Delayed]:
     """Yield all motions with all delays that the ends allow, by their time of arrival."""
-    waits = [0.0] if problem.moving_start else np.linspace(0.0, _horizon(problem), _WAITS).tolist()
-    slower = (1.0,) if problem.nonzero_ends else _SLOWER
+    timed = _states_times(problem)
+    waits = [0.0] if problem.moving_start or timed else np.linspace(0.0, _horizon(problem), _WAITS).tolist()
+    slower = (1.0,) if problem.nonzero_ends or timed else _SLOWER
     ways = [
         (wait + factor * motion.duration, k, wait, factor)
         for (k, motion), wait, factor in product(enumerate(motions), waits, slower)
     ]
     for _, k, wait, factor in sorted(ways):
         yield _delay(problem, motions[k], wait, factor)
+
+
+def _states_times(problem: Problem) -> bool:
+    """Return whether a via states when it is passed."""
+    return any(via.time is not None for via in problem.vias)
 
 
 def _sooner(problem: Problem, good: Delayed, motions: Sequence[Trajectory], model: CollisionModel) -> Delayed:

@@ -28,13 +28,15 @@ def contact_witness(q: Array, contact: Contact) -> dict[str, Any]:
 
 
 def end_collides(model: CollisionModel, q: Array, end: Literal["start", "goal"]) -> Failure:
-    """Return the failure for a colliding `start` or `goal` configuration q (n,), naming the bodies."""
+    """Return the failure for a colliding `start` or `goal` configuration q (n,), naming bodies or joint."""
+    kind: FailureKind = "start-in-collision" if end == "start" else "goal-in-collision"
+    if (beyond := model.beyond_limits(q)) is not None:
+        return Failure(kind, f"{end} configuration: {beyond}", {"q": q.tolist()})
     contact = model.clearance(q)
     if contact is None:
         raise ValueError("a model without pairs does not collide")
     detail = f"{end} configuration: {contact.overlap}"
     detail += "" if model.error is None else ", where the joints may be within the tracking error"
-    kind: FailureKind = "start-in-collision" if end == "start" else "goal-in-collision"
     return Failure(kind, detail, contact_witness(q, contact))
 
 

@@ -225,9 +225,10 @@ class GoalSampler:
         return np.maximum(limits.lower, start - far), np.minimum(limits.upper, start + far)
 
     def add(self, q: Array) -> None:
-        """Add a free configuration (n,) in the goal from elsewhere, if gravity allows it."""
+        """Add a free configuration (n,) in the goal from elsewhere, if gravity allows it, in place of those near it."""
         if not self._gravity.too_much(q):
-            self._add([q])
+            far = [other for other in self.configurations if np.abs(q - other).max() > _DISTINCT_MOVED]
+            self.configurations = self._ranked([*far, q])
 
     def _add(self, found: list[Array]) -> list[Array]:
         """Insert new configurations by rank."""

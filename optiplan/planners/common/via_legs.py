@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from optiplan.errors import Issue, PlannerAnswerError, described
-from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
+from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
 from optiplan.planners.common.safety_ends import with_ends
 from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.trajectory.joining import join_trajectories
@@ -32,9 +32,11 @@ def plan_through(
         return PlanResult(None, refused)
     problem = with_ends(problem, budget)
     if problem.scene.dynamic_obstacles and not planner.times_obstacles:
-        from optiplan.planners.common.dynamic_obstacles import wait_for_obstacles
+        from optiplan.planners.common.dynamic_obstacles import STATIC, wait_for_obstacles, without_dynamic_obstacles
 
-        return wait_for_obstacles(planner, problem, budget, progress)
+        static = without_dynamic_obstacles(problem)
+        found = plan_through(planner, static, budget.share(STATIC), stages_of(progress))
+        return wait_for_obstacles(found, problem, budget)
     if not problem.vias or planner.passes_vias:
         return _answer(planner, problem, budget, progress, earlier)
     return leg_by_leg(planner, problem, budget, progress)

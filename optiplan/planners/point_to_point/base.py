@@ -4,8 +4,6 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-import numpy as np
-
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
 from optiplan.collision.model import CollisionModel
@@ -13,7 +11,7 @@ from optiplan.errors import InputError
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress
 from optiplan.planners.common.context import PlanContext
 from optiplan.planners.common.continuous_collision import Touch, first_contact
-from optiplan.planners.common.failures import out_of_time, too_heavy
+from optiplan.planners.common.failures import out_of_time, path_too_heavy
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.limit_violations import acceleration_steps, beyond_limits, beyond_torque, excess
 from optiplan.planners.common.path_timing import within_torque
@@ -26,6 +24,9 @@ from optiplan.trajectory.trajectory import Trajectory
 STEPS = "the acceleration jumps, which a finite jerk limit forbids; `limits: {jerk: none}` in the problem allows it"
 SIZE = {"least": 1e-6, "most": 1e7}
 """Range of options that are a time, a velocity or an acceleration; beyond it rounding would show in the polynomials."""
+
+_LONGER = 1e-9
+"""Share of the duration stated by which a motion may take longer: rounding."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +145,10 @@ class PointToPoint(Planner[Options]):
             over = excess(motion, profile.limits)
         if over is not None:
             return beyond_limits(model.robot, over, motion, self._shortest(model, profile))
+        duration = self.options.duration
+        if duration is not None and motion.duration > duration * (1.0 + _LONGER):
+            detail = f"no motion within limits takes {duration:.6g} s; the next longer takes {motion.duration:.6g} s"
+            return Failure("limits", detail, {"shortest_duration": motion.duration, "motion": motion.to_dict()})
         with watch.stage("collision"):
             touch = first_contact(model, motion, lambda: work.budget.over)
         if touch is not None:
@@ -151,7 +156,7 @@ class PointToPoint(Planner[Options]):
         with watch.stage("torque"):
             slower = within_torque(model.robot, limits, motion)
         if slower is None:
-            return too_heavy(model.robot, limits, np.array([motion.start, motion.end]))
+            return path_too_heavy(model.robot, limits, motion)
         if slower is motion or slower.duration == motion.duration:
             return motion
         if self.options.duration is None and profile.stretchable:

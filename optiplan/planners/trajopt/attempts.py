@@ -11,7 +11,7 @@ from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.continuous_collision import Touch
 from optiplan.planners.path_constraints.motion_check import Broken, broken_constraint
 from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
-from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser, attempt_record
+from optiplan.planners.trajopt.optimizer import Attempt, AttemptOptions, Optimiser, attempt_record, finer_basis
 from optiplan.planners.trajopt.speculative_attempts import SpeculativeAttempts
 from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.problem.problem import JointGoal
@@ -146,7 +146,7 @@ class Attempts:
         """Optimise a curve with twice the spans and, where the margin is active, this share of it; offer it."""
         rough, few = self.optimiser, self.optimiser.options
         if self._finer is None:
-            self._finer = Optimiser(rough.problem, rough.model, replace(few, spans=2 * few.spans))
+            self._finer = Optimiser(rough.problem, rough.model, few, basis=finer_basis(few))
         control = curve.control
         if len(control) == rough.basis.size:
             instants = np.linspace(0.0, 1.0, _FITTED)

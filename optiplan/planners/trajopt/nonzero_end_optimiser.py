@@ -86,7 +86,8 @@ class NonzeroEndOptimiser:
         """
         own, options = self.optimiser, self.optimiser.options
         control = self.ends.held(self.basis, control, duration)
-        descender, u = own.descender(control, margin, own.constraint_terms.begin()), own.instants(control)
+        descender = own.descender(control, margin, own.constraint_terms.begin(), duration)
+        u = own.instants(control)
         attempt, own.taken, own.log = None, 0, NOTHING
         for _ in range(options.refinements + 1):
             descender.set_samples(u)
@@ -127,8 +128,9 @@ class NonzeroEndOptimiser:
         return Trajectory.from_bspline(self.problem.robot.joint_names, self.basis.knots * duration, points, DEGREE)
 
     def timed(self, control: Array, duration: float) -> Trajectory | None:
-        """Return the curve in the least duration near this one within limits and torques; None where there is none."""
+        """Return the cheapest curve of durations up to about this one within limits and torques; None without one."""
         problem, limits, T = self.problem, self.problem.limits, duration
+        cost = self.optimiser.objective.cost
         best: Trajectory | None = None
         for _ in range(STRETCHES):
             curve = self.curve(control, T)
@@ -137,7 +139,7 @@ class NonzeroEndOptimiser:
             if not np.isfinite(torque) or (best is not None and not good) or T > LONGEST * duration:
                 break
             if good:
-                best = curve
+                best = curve if best is None else min(curve, best, key=cost)
                 if speed >= 1.0 - SETTLED:
                     break
                 T *= speed

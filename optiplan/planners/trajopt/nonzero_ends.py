@@ -1,5 +1,6 @@
 """Plan between states of motion: one curve between them, or a stop, a motion from rest to rest and a run-up."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from optiplan.arrays import Array
 from optiplan.collision.kept_models import kept_planning_model
+from optiplan.kinematics.ik.joint_wraps import endless_turns
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult, Progress, stages_of
 from optiplan.planners.common.context import Stopwatch
 from optiplan.planners.common.continuous_collision import first_contact
@@ -14,12 +16,14 @@ from optiplan.planners.common.failures import out_of_time
 from optiplan.planners.common.goal_ranking import ranked_goals
 from optiplan.planners.common.incumbent import Incumbent
 from optiplan.planners.common.limit_violations import excess
+from optiplan.planners.path_constraints.motion_check import Broken, broken_constraint
 from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, attempt_record
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.stopping_rule import Patience
 from optiplan.problem.problem import GoalEnd, JointGoal, Problem, derived
+from optiplan.robot.robot import Robot
 from optiplan.trajectory.joining import join_trajectories
 from optiplan.trajectory.profiles.state_to_state import BetweenStates, NoProfile, fastest_run_up, fastest_stop
 from optiplan.trajectory.state import State
@@ -27,6 +31,9 @@ from optiplan.trajectory.trajectory import Trajectory
 
 _DIRECT, _DETOUR = 1.0 / 3.0, 0.7
 """Share of the budget for curves from the direct profiles, and of the rest for the motion from rest to rest."""
+
+_SAME = 1e-6
+"""rad or m: configurations nearer than this are one."""
 
 
 def plan_nonzero_ends(
@@ -52,6 +59,7 @@ class _NonzeroEndRun:
         self.incumbent = Incumbent(problem, progress, self.watch)
         self.bound = 0.0
         self.curve: tuple[Attempt, NonzeroEndOptimiser] | None = None
+        self.breaking: tuple[Broken, Trajectory] | None = None  # the last motion refused for a path constraint
         self.patience = Patience(budget, self.options.good_enough)
         with self.watch.stage("set-up"):
             self.model = kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
@@ -61,6 +69,8 @@ class _NonzeroEndRun:
         """Search and return the best motion, or the failure."""
         failure = self._search()
         self.info["cut_short"] |= self.budget.over
+        if failure is None and self.breaking is not None:
+            failure = broken_constraint(*self.breaking, "no motion holds the path constraints")
         if self.budget.cancelled or failure is None:
             failure = out_of_time(self.budget, "looking for a trajectory")
         return self.incumbent.result(self.info, failure)
@@ -138,7 +148,7 @@ class _NonzeroEndRun:
             planned = self.planner.plan(still, self.budget.share(_DETOUR), stages_of(self.progress))
         if planned.trajectory is None:
             return planned.failure
-        run_up = next((one for q, one in run_ups if np.abs(q - planned.trajectory.end).max() < 1e-6), None)
+        run_up = _run_up_from(planned.trajectory.end, run_ups, problem.robot)
         parts = [part for part in (stop, planned.trajectory, run_up) if part is not None]
         whole = join_trajectories(parts)
         self._offer(whole)
@@ -186,7 +196,10 @@ class _NonzeroEndRun:
 
     def _offer(self, trajectory: Trajectory) -> bool:
         """Keep a free motion if it is better than the best; return whether it is."""
-        if not self.incumbent.improves(trajectory) or tuple(self.optimiser.constraints.broken(trajectory)):
+        if not self.incumbent.improves(trajectory):
+            return False
+        for broken in self.optimiser.constraints.broken(trajectory):
+            self.breaking = broken, trajectory
             return False
         return self.incumbent.offer(trajectory)
 
@@ -195,3 +208,14 @@ class _NonzeroEndRun:
         if self.budget.over:
             return False
         return not self.incumbent.candidates or self.patience.worth_another(self.incumbent.cost, self.bound)
+
+
+def _run_up_from(rest: Array, run_ups: Sequence[tuple[Array, Trajectory | None]], robot: Robot) -> Trajectory | None:
+    """Return the run-up that begins at `rest` (n,), up to whole turns of endless joints; None where there is none."""
+    for q, run_up in run_ups:
+        turned = endless_turns(robot, q, rest)[0]
+        if run_up is not None and np.abs(turned - rest).max() < _SAME:
+            coefficients = run_up.coefficients.copy()
+            coefficients[:, 0] += turned - q
+            return Trajectory(run_up.joint_names, run_up.breakpoints, coefficients)
+    return None

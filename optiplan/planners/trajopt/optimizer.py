@@ -100,6 +100,11 @@ class AttemptOptions(NamedTuple):
 _DEFAULTS = AttemptOptions()
 
 
+def finer_basis(options: TrajOptOptions) -> SplineBasis:
+    """Return the basis of refined curves, with twice the spans."""
+    return bunched_basis(2 * options.spans, options.bunching, False)
+
+
 class Optimiser:
     """Optimise curves of one problem from any seed; data of the problem alone are built once.
 
@@ -152,7 +157,7 @@ class Optimiser:
         attempt, self.taken, self.log = None, 0, NOTHING
         least = self.basis.shortest_duration(control, self.problem.limits.rates)
         best, first = options.best, options.first
-        longest = np.inf if options.patient or terms or self.costs else GROWN * least
+        longest = np.inf if options.patient or terms or not self.problem.objective.only_time else GROWN * least
         looked: Attempt | None = None
 
         def go_on(control: Array, duration: float) -> bool:
@@ -216,15 +221,19 @@ class Optimiser:
         u = _instants(self.basis, max(self.options.samples, int(self._length(control) / spacing)))
         return np.concatenate([u, self.constraints.instants, [] if self.end is None else [1.0]])
 
-    def descender(self, control: Array, margin: float | None = None, terms: Sequence[Term] = ()) -> Descender:
+    def descender(
+        self, control: Array, margin: float | None = None, terms: Sequence[Term] = (), duration: float = 0.0
+    ) -> Descender:
         """Return what descends from curves with the ends of this one (K, n).
 
         Args:
             control: (K, n).
             margin: m; instead of the option's.
             terms: of path constraints.
+            duration: s, after which dynamic obstacles are where the margins at the end regard them.
         """
-        margins = Margins.between(self.model, control[[0, -1]], self.options.margin if margin is None else margin)
+        middle = self.options.margin if margin is None else margin
+        margins = Margins.between(self.model, control[[0, -1]], middle, duration)
         transcription = Transcription(self.problem, self.model, self.basis, margins, terms, self.costs)
         if isinstance(self.options, CasadiOptions):
             from optiplan.planners.trajopt.nonlinear.subproblem import NlpDescent, NlpSubproblem
@@ -249,9 +258,13 @@ class Optimiser:
         return None if timed is None else self._at_its_best(self.constraints.slowed(timed), duration)
 
     def _at_its_best(self, fastest: Trajectory, duration: float) -> Trajectory:
-        """Return the motion at its cheapest duration, which is at most half longer than that of the descent."""
-        if self.problem.objective.plain:
+        """Return the motion at its cheapest duration: at most half longer than that of the descent, but for jerk."""
+        stated = self.problem.objective
+        if stated.only_time:
             return fastest
+        if stated.plain and stated.time:  # cost(T) = time T + jerk J (T_f / T)^5, with J at the fastest duration T_f
+            share = 5.0 * stated.jerk * fastest.squared_jerk() / (stated.time * fastest.duration)
+            return fastest.scaled(fastest.duration * share ** (1.0 / 6.0)) if share > 1.0 else fastest
         with loading():
             from scipy.optimize import minimize_scalar
 

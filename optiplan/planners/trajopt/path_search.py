@@ -195,7 +195,7 @@ class PathSearch:
             curve = self.coarse.descend(self._check(_DEPTHS[self.depth]).model, path, best)
             if curve is not None:
                 self._waiting.append((path, curve))
-                best = min(best, curve.duration)
+                best = min(best, self.incumbent.cost_bound(curve.duration))
                 if np.isfinite(rough) and self.incumbent.cost_bound(curve.duration) < _PROMISING * rough:
                     break
         self._waiting.sort(key=lambda one: one[1].duration)

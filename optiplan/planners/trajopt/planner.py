@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
-from dataclasses import replace
 from itertools import count
 from typing import Any
 
@@ -25,7 +24,7 @@ from optiplan.planners.trajopt.coarse_descents import CoarseDescents, GuessPath
 from optiplan.planners.trajopt.curve_incumbent import CurveIncumbent
 from optiplan.planners.trajopt.end_search import EndSearch
 from optiplan.planners.trajopt.initial_guess import with_bump
-from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser, finer_basis
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.program.sqp import WORSE
@@ -101,8 +100,7 @@ class TrajOpt(Planner[TrajOptOptions]):
         """Optimise an earlier motion; see `planners.base.Planner`. Twice the spans are those of a refined curve."""
         from optiplan.planners.trajopt.warm import WarmStart
 
-        finer = replace(self.options, spans=2 * self.options.spans)
-        return WarmStart(problem, earlier, finer, budget, silent).best
+        return WarmStart(problem, earlier, self.options, budget, silent, finer_basis(self.options)).best
 
 
 class _Run:

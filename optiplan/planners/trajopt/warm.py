@@ -14,6 +14,7 @@ from optiplan.planners.base import Budget, Candidate, PlanResult, Progress, anno
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.gravity import Gravity
 from optiplan.planners.common.limit_violations import excess
+from optiplan.planners.trajopt.bspline_basis import SplineBasis
 from optiplan.planners.trajopt.initial_guess import with_bump
 from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser, torque_ratio, with_reserve
 from optiplan.planners.trajopt.optimise_in_time import TimedOptimiser
@@ -69,15 +70,22 @@ class WarmStart:
     """
 
     def __init__(
-        self, problem: Problem, earlier: Trajectory, options: TrajOptOptions, budget: Budget, progress: Progress
+        self,
+        problem: Problem,
+        earlier: Trajectory,
+        options: TrajOptOptions,
+        budget: Budget,
+        progress: Progress,
+        basis: SplineBasis | None = None,
     ) -> None:
+        """Optimise the rest of an earlier motion, with the basis of the options or another one."""
         began = clock()
         self.problem, self.earlier, self.budget = problem, _ahead(problem, earlier), budget
         self.model = kept_planning_model(problem.robot, problem.scene, problem.tracking_error)
         self.in_time = bool(problem.scene.dynamic_obstacles)
         stated = with_reserve(problem) if problem.nonzero_ends or self.in_time else problem
         few = replace(options, iterations=min(MOST_STEPS, options.iterations))
-        self.optimiser = Optimiser(stated, self.model, few)
+        self.optimiser = Optimiser(stated, self.model, few, basis=basis)
         self.attempt: Attempt | None = None
         end = self._end()
         self.ahead = None if end is None or self.in_time or not self._still_good(end) else self.earlier
@@ -116,16 +124,16 @@ class WarmStart:
         """The better of that and what a search found after it."""
         info = {**found.info, "attempts": [self.info, *found.info.get("attempts", ())]}
         timings = {"from the earlier motion": self.seconds, **found.timings}
-        later = [replace(one, seconds=one.seconds + self.seconds) for one in found.earlier]
-        seconds = None if found.seconds is None else found.seconds + self.seconds
-        found = replace(found, info=info, timings=timings, earlier=tuple(later), seconds=seconds)
-        if self.best is None:
-            return found
-        cost, own = self.problem.cost, Candidate(self.best, self.seconds)
-        if found.trajectory is None or cost(found.trajectory) >= cost(own.trajectory):
-            return replace(found, trajectory=own.trajectory, failure=None, earlier=(), seconds=own.seconds)
-        better = [one for one in later if cost(one.trajectory) < cost(own.trajectory)]
-        return replace(found, earlier=(own, *better))
+        every = list(found.earlier)
+        if found.trajectory is not None:
+            every.append(Candidate(found.trajectory, found.seconds or 0.0))
+        every = [replace(one, seconds=one.seconds + self.seconds) for one in every]
+        if self.best is not None:
+            every.append(Candidate(self.best, self.seconds))
+        if not every:
+            return replace(found, info=info, timings=timings)
+        *earlier, last = sorted(every, key=lambda one: self.problem.cost(one.trajectory), reverse=True)
+        return PlanResult(last.trajectory, None, timings, info, tuple(earlier), last.seconds)
 
     def _optimised(self, end: State, margin: float, bump: int) -> Attempt | None:
         """Optimise the earlier motion, shifted by its start's shift and, increasingly, by its end's; or with a bump."""
@@ -163,7 +171,7 @@ class WarmStart:
     def _at_bound(self, end: State) -> bool:
         """Return whether the rest of the earlier motion is near the lower bound to this end."""
         problem = self.problem
-        if problem.nonzero_ends or not problem.objective.plain:
+        if problem.nonzero_ends or not problem.objective.only_time:
             return False
         return self.earlier.duration <= AT_BOUND * lower_bound(problem.start, end.q, problem.limits)
 

@@ -73,6 +73,11 @@ class Objective:
         return {field.name: weight for field in fields(self) if (weight := float(getattr(self, field.name))) != 0.0}
 
     @property
+    def only_time(self) -> bool:
+        """Whether nothing but time costs: the fastest motion along a curve is the cheapest."""
+        return self.weights.keys() <= {"time"}
+
+    @property
     def plain(self) -> bool:
         """Whether the cost follows from the trajectory alone: time and jerk."""
         return self.weights.keys() <= PLAIN

@@ -11,7 +11,7 @@ from optiplan.geometry.scene import Scene
 from optiplan.kinematics.manipulability import ToolKinematics
 from optiplan.problem.objectives.objective import PLAIN, Objective
 from optiplan.robot.batched.dynamics import inverse_dynamics
-from optiplan.robot.robot import Robot
+from optiplan.robot.robot import Limits, Robot
 from optiplan.trajectory.quadrature import gauss_points
 from optiplan.trajectory.trajectory import States, Trajectory
 
@@ -98,10 +98,15 @@ class ObjectiveParts:
 
     def _off_centre(self, states: States) -> Array:
         limits = self._robot.limits
-        limited = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+        limited = has_range(limits)
         low, high = limits.lower[limited], limits.upper[limited]
         share = (states.q[:, limited] - 0.5 * (low + high)) / (0.5 * (high - low))
         return np.asarray((share**2).sum(axis=1))
+
+
+def has_range(limits: Limits) -> Flags:
+    """Return which joints (n,) have a middle to be off: two finite limits of position that differ."""
+    return np.isfinite(limits.lower) & np.isfinite(limits.upper) & (limits.lower < limits.upper)
 
 
 def of_obstacles(model: CollisionModel) -> Flags:

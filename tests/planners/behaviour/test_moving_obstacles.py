@@ -6,10 +6,12 @@ import pytest
 import optiplan as op
 from optiplan.collision.native_model import planning_model
 from optiplan.planners.base import Budget
+from optiplan.planners.registry import make_planner
+from optiplan.planners.trajopt import optimise_in_time
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.initial_guess import along_path
 from optiplan.planners.trajopt.program.transcription import Transcription
-from optiplan.planners.trajopt.terms.contacts import Margins
+from optiplan.planners.trajopt.terms.contacts import CUTOFF, Margins
 from optiplan.problem.problem import derived
 from optiplan.robot.frames import frame_pose
 from optiplan.runs.pipeline import run
@@ -57,11 +59,44 @@ def test_what_never_leaves_is_said_to_be_in_the_way():
     assert "waiting" in found.failure.detail
 
 
+@pytest.mark.parametrize("name", ["trajopt", "quintic", "rrtconnect"])
 @pytest.mark.parametrize("with_vias", [False, True])
-def test_through_vias(with_vias):
-    middle = 0.5 * (REACH.start + REACH.goal[0].q)
+def test_through_vias(with_vias, name):
+    middle = 0.5 * (REACH.start + REACH.goal[0].q) + 0.1
     problem = HIT.with_vias(op.ViaPoint(middle, tolerance=0.01)) if with_vias else HIT
-    assert plan(problem, "trajopt").verified
+    assert plan(problem, name).verified
+
+
+def test_a_motion_with_times_of_vias_does_not_wait():
+    middle = 0.5 * (REACH.start + REACH.goal[0].q)
+    failure = plan(HIT.with_vias(op.ViaPoint(middle, tolerance=0.01, time=1.0)), "quintic").failure
+    assert failure.kind == "unsupported"
+    assert "times of vias" in failure.detail
+
+
+def test_a_motion_that_waits_has_to_hold_the_path_constraints(monkeypatch):
+    """In its second half it is near the goal; waiting at the start it is not."""
+    monkeypatch.setattr(optimise_in_time, "_curves", lambda *given: [])
+    wall = op.Box("wall", size=(1.2, 0.04, 1.2), position=tuple(MIDDLE)).moving([[0], [0], [0, 0, 0.2]], until=3.0)
+    there = {"box": {"size": [4.0, 2.0, 4.0], "pose": {"position": [0.0, 1.36, 0.5]}}, "during": [0.6, 1.0]}
+    problem = REACH.with_scene([wall]).with_constraints({"position": there})
+    found = make_planner("trajopt").plan(problem, Budget(3.0), lambda stage, fraction: None)
+    assert found.trajectory is None
+    assert found.failure.kind == "constraint"
+
+
+def test_margins_are_of_the_places_at_which_obstacles_are_then():
+    """One stands beside the goal at first and leaves, another comes there."""
+    goal = frame_pose(REACH.robot, MOTION.end, REACH.robot.tool_frame).translation
+    at = {"position": tuple(goal - np.array([0.0, 0.0, 0.07]))}
+    leaves = op.Sphere("leaves", 0.05, **at).moving([[0], [0], [0, 0, -1.0]], until=T)
+    comes = op.Sphere("comes", 0.05, **at).moving([[0], [0], [-(T**2), 0, 1.0]], until=T)
+    ends = np.array([MOTION.start, MOTION.end])
+    for body, near_then in ((leaves, False), (comes, True)):
+        model = planning_model(REACH.robot, op.Scene([body]))
+        own = [pair.index for pair in model.pairs if body.name in (pair.name_a, pair.name_b)]
+        end = Margins.between(model, ends, 0.005, T).end[own]
+        assert (end.min() < CUTOFF) == near_then
 
 
 def test_rows_in_time_against_differences():

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+import optiplan as op
+from optiplan.errors import PlannerAnswerError
 from optiplan.planners.base import Budget, Failure, Planner, PlanResult
 from optiplan.planners.common.via_legs import plan_through
 from optiplan.planners.registry import make_planner
@@ -98,3 +100,13 @@ def test_motions_of_different_degrees_are_joined_without_loss():
     t = np.linspace(0.0, 2.0, 21)
     assert both(1.0 + t)[1:] == pytest.approx(b(t)[1:], abs=1e-14)
     assert np.array_equal(both(t[:10]), a(t[:10]))
+
+
+def test_an_answer_among_moving_obstacles_is_checked_too():
+    class Nothing(Planner):
+        def plan(self, problem, budget, progress):
+            return None
+
+    falls = op.Sphere("ball", 0.05, position=(3.0, 0.0, 1.0)).moving([[0], [0], [0, -0.1]], until=1.0)
+    with pytest.raises(PlannerAnswerError, match="returned None"):
+        plan_through(Nothing(), derived(cases.free(), scene=op.Scene([falls])), Budget(1.0), quiet)

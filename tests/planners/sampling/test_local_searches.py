@@ -11,6 +11,7 @@ from optiplan.planners.base import Budget
 from optiplan.planners.sampling.edge_checker import PartialCheck
 from optiplan.planners.sampling.local_searches import box_of_paths, improved_path
 from optiplan.planners.sampling.ompl_search import rrt_connect
+from optiplan.planners.sampling.ompl_space import search_bounds
 from optiplan.planners.sampling.sample_path import path_check
 from optiplan.planners.sampling.shortcutting import path_time, shorten
 from optiplan.problem.problem import JointGoal
@@ -106,3 +107,25 @@ def test_searches_draw_configurations_that_short_motions_pass_through():
     assert _seconds_through(short).max() <= most
     assert _seconds_through(_searched(np.inf)).max() > 1.1 * most
     assert np.array_equal(short, _searched(least))
+
+
+@pytest.mark.skipif(core is None, reason="the native core is not built")
+def test_where_a_search_is_cut_changes_nothing():
+    """Also in the midst of a connection."""
+    problem = cases.duct()
+    check = path_check(planning_model(problem.robot, problem.scene), problem.limits).by_moment_arms()
+    still, joints = check.searched
+    goal, limits = problem.goal[0].q, problem.limits
+    bounds = search_bounds(limits, (problem.start, goal[None]))
+    rows = np.vstack([*bounds, check.units, limits.velocity, limits.acceleration])
+
+    def search():
+        ends = problem.start, goal[None]
+        return core.RrtConnect(check.native, still, np.flatnonzero(joints), rows, check.least, *ends, 0.4, 3)
+
+    whole, cut = search(), search()
+    whole.grow(20_000, 1e9)
+    while not cut.met:
+        cut.grow(20_000, 1e-4)
+    assert cut.iterations == whole.iterations
+    assert np.array_equal(cut.path(7), whole.path(7))

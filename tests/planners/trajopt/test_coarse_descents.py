@@ -17,7 +17,8 @@ from optiplan.planners.trajopt.coarse_descents import CoarseCurve, CoarseDescent
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.path_search import PathSearch
 from optiplan.planners.trajopt.stopping_rule import STEP
-from optiplan.problem.problem import Problem
+from optiplan.problem.objectives.objective import Objective
+from optiplan.problem.problem import Problem, derived
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
 from tests.planners import cases
@@ -177,3 +178,21 @@ def test_a_path_that_is_needed_soon_is_searched_on_short_motions_first(
         np.random.default_rng(0),
     )
     assert least == [expected or lower_bound(problem.start, goal, problem.limits)]
+
+
+def test_coarse_curves_are_compared_by_cost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a second costs 10 s, a curve of two seconds costs 20 s."""
+    run = _run(derived(cases.wall(), objective=Objective(10.0)))
+    compared: list[float] = []
+
+    def descend(self: CoarseDescents, model: object, path: object, best: float) -> CoarseCurve:
+        compared.append(best)
+        return CoarseCurve(np.zeros((0, 0)), 2.0)
+
+    monkeypatch.setattr(CoarseDescents, "descend", descend)
+    monkeypatch.setattr(run.paths, "_another", lambda sampler: SampledPath(np.zeros((3, 7)), 0, 1.0, {}))
+    monkeypatch.setattr(run.paths, "_first", lambda waypoints: None)
+    sampler = goal_sampler(run.problem, run.model, run.budget)
+    assert isinstance(sampler, GoalSampler)
+    run.paths._compared(sampler, None, 2)
+    assert compared == [np.inf, 20.0]

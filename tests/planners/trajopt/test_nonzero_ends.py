@@ -11,13 +11,16 @@ from optiplan.planners.base import Budget
 from optiplan.planners.registry import PLANNERS, make_planner, planner_entry
 from optiplan.planners.trajopt.bspline_basis import SplineBasis, bunched_breakpoints
 from optiplan.planners.trajopt.nonzero_end_optimiser import EndStates, NonzeroEndOptimiser
+from optiplan.planners.trajopt.nonzero_ends import _NonzeroEndRun, plan_nonzero_ends
 from optiplan.planners.trajopt.optimizer import Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
+from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.problem.problem import derived
 from optiplan.runs.pipeline import run
 from optiplan.trajectory.paths.hermite import hermite
 from optiplan.trajectory.profiles.state_to_state import BetweenStates
 from tests.planners import cases
+from tests.planners.test_point_to_point import one_joint
 
 
 def plan(problem, name, budget=3.0):
@@ -149,3 +152,32 @@ def test_a_goal_that_moves_by_a_rounding_needs_no_run_up(speed, blocked):
     run = op.plan(problem, budget=2.0)
     assert run.failure is None or run.failure.kind in ("no-path", "timeout", "collision")
     assert run.verified == (not blocked)
+
+
+def test_a_run_up_begins_where_an_endless_joint_arrives(tmp_path):
+    """The goal is at -3 rad; from 3 rad the way there goes on to 3.28 rad."""
+    at_rest = one_joint(tmp_path, "{name: turn, joint: revolute, a: 0.3}", -3.0)
+    goal = replace(at_rest.goal[0], velocity=np.array([0.5]))
+    problem = derived(at_rest, start=np.array([3.0]), goal=(goal,))
+    found = make_planner("trajopt", {"straight_goals": 0}).plan(problem, Budget(2.0), lambda stage, fraction: None)
+    for one in (*found.earlier, found):
+        end = one.trajectory.state(one.trajectory.duration)
+        assert end.q == pytest.approx([2.0 * np.pi - 3.0], abs=1e-6)
+        assert end.v == pytest.approx([0.5], abs=1e-6)
+
+
+def test_a_detour_that_breaks_a_constraint_is_a_failure_that_names_it(monkeypatch):
+    monkeypatch.setattr(_NonzeroEndRun, "_optimised", lambda *given: None)
+
+    class Careless(TrajOpt):
+        def plan(self, problem, budget, progress):
+            return super().plan(derived(problem, path_constraints=()), budget, progress)
+
+    upright = {"axis": [0, 0, 1], "toward": [0, 0, -1], "within": 0.01}
+    goal = op.Pose((0.4, 0.4, 0.5), rpy=(np.pi, 0.0, 0.0))
+    problem = op.Problem("panda", start="ready", goal=goal).with_constraints({"orientation": upright})
+    problem = derived(problem, start_velocity=0.1 * np.eye(7)[0])
+    planner = Careless(TrajOptOptions(straight_goals=0))
+    failure = plan_nonzero_ends(planner, problem, Budget(5.0), lambda stage, fraction: None).failure
+    assert failure.kind == "constraint"
+    assert failure.witness["constraint"] == "orientation"

@@ -1,6 +1,7 @@
 """The main planner as a whole: near the bound in the open, around obstacles, back to the sampled path, reasons."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -8,15 +9,19 @@ import pytest
 
 from optiplan.collision.native_model import planning_model
 from optiplan.geometry.scene import Box, Obstacle, Scene
-from optiplan.planners.base import Budget, PlanResult
+from optiplan.planners.base import Budget, PlanResult, silent
+from optiplan.planners.trajopt import planner, warm
+from optiplan.planners.trajopt.bspline_basis import SplineBasis
 from optiplan.planners.trajopt.initial_guess import along_path
-from optiplan.planners.trajopt.optimizer import Optimiser
+from optiplan.planners.trajopt.optimizer import Attempt, Optimiser
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
+from optiplan.problem.objectives.objective import Objective
 from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.robot.robot import Robot, load_robot
 from optiplan.trajectory.timing.lower_bound import lower_bound
 from optiplan.verify.verify import verify
+from tests.planners import cases
 from tests.unchecked_problem import unchecked_problem
 
 pytestmark = pytest.mark.usefixtures("processor_clock")
@@ -156,3 +161,26 @@ def test_a_curve_fitted_along_a_position_limit_does_not_exceed_it(robot: Robot) 
     assert attempt is not None
     held = verify(problem, attempt.trajectory).checks
     assert next(check for check in held if check.name == "position").passed
+
+
+def test_the_most_spans_are_doubled_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    options, problem, bases = TrajOptOptions(spans=501), cases.planar(), list[SplineBasis]()
+    run = planner._Run(problem, Budget(1.0), silent, options)
+    rest = run.optimiser.basis.trajectory(problem.robot.joint_names, np.zeros((run.optimiser.basis.size, 2)), 1.0)
+    monkeypatch.setattr(run.attempts, "optimised", lambda *given, optimiser, margin: bases.append(optimiser.basis))
+    run.attempts._refined("close", Attempt(np.zeros((2, 2)), rest, (), ()), 0.4)
+    monkeypatch.setattr(warm, "WarmStart", lambda *given: SimpleNamespace(best=bases.append(given[-1])))
+    TrajOpt(options).near(problem, rest, Budget(1.0))
+    assert [len(basis.breakpoints) - 1 for basis in bases] == [1002, 1002]
+
+
+@pytest.mark.parametrize("solver", ["auto", "piqp"])
+def test_jerk_is_weighed_against_time(robot: Robot, solver: str) -> None:
+    """No slower motion along the curve is cheaper, and it costs what the sum of both has to."""
+    problem = derived(make(robot), objective=Objective(1.0, 1e-2))
+    motion = plan(problem, seeds=1, solver=solver).trajectory
+    assert motion is not None
+    cost = problem.cost(motion)
+    slower = [problem.cost(motion.scaled(factor * motion.duration)) for factor in (1.02, 1.1, 1.5, 2.0)]
+    assert cost <= 1.001 * min(slower)
+    assert cost == pytest.approx(1.2 * motion.duration, rel=1e-3)

@@ -7,7 +7,7 @@ import pytest
 
 import optiplan as op
 from optiplan.collision.native_model import planning_model
-from optiplan.planners.base import Budget
+from optiplan.planners.base import Budget, Candidate, PlanResult
 from optiplan.planners.trajopt.options import TrajOptOptions
 from optiplan.planners.trajopt.planner import TrajOpt
 from optiplan.planners.trajopt.warm import WarmStart
@@ -188,3 +188,14 @@ def test_replanner():
         assert str(refused.value).startswith(f"op.Replanner.plan: {next(iter(wrong))}"), refused.value
     with pytest.raises(op.InputError, match="Replanner"):
         op.Replanner("12_planar")
+
+
+def test_what_a_search_found_is_kept_behind_a_better_motion(first):
+    """The verifier may refuse the best one."""
+    problem, earlier = first
+    warm = WarmStart(problem, earlier, TrajOptOptions(), Budget(4.0), silent)
+    slower, slowest = (warm.best.scaled(factor * warm.best.duration) for factor in (1.1, 1.2))
+    result = warm.with_search(PlanResult(slower, None, earlier=(Candidate(slowest, 0.1),), seconds=0.2))
+    assert result.trajectory is warm.best
+    assert [one.trajectory for one in result.earlier] == [slowest, slower]
+    assert [one.seconds for one in result.earlier] == pytest.approx([warm.seconds + 0.1, warm.seconds + 0.2])

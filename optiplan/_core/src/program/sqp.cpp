@@ -1,6 +1,7 @@
 #include "program/sqp.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace optiplan {
@@ -44,9 +45,13 @@ Step Sqp::solve(const CurvePoint &point, double radius) {
                          settings_.gap);
 }
 
-// Where no torque binds, the derivative control points alone determine the least T.
+// Where no torque binds, the control points alone determine T: the least one or, if that is longer, the minimum of
+// time T + jerk J / T^5.
 CurvePoint Sqp::follow(const CurvePoint &from, const Step &step) {
-    return evaluate(step.control, from.torques.value.empty() ? 0.0 : step.duration, span_);
+    const double time = spline_->time, jerk = spline_->jerk_cost(step.control.data(), 1.0);
+    double duration = from.torques.value.empty() ? 0.0 : step.duration;
+    if (jerk > 0.0) duration = std::max(duration, time > 0.0 ? std::pow(5.0 * jerk / time, 1.0 / 6.0) : step.duration);
+    return evaluate(step.control, duration, span_);
 }
 
 void Sqp::find_contacts(CurvePoint &point) {

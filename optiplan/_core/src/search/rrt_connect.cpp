@@ -116,7 +116,7 @@ bool RrtConnect::grow(int iterations, double seconds) {
         Step step;
         last_ = trees_[other].nearest(target_.data());
         do step = extend(other, last_);
-        while (step == Step::advanced && Clock::now() < end);
+        while (step == Step::advanced);
         if (step == Step::reached) met_[tree] = grown, met_[other] = last_;
     }
     return met();

@@ -37,10 +37,13 @@ class Margins:
     end: Array
 
     @classmethod
-    def between(cls, model: CollisionModel, ends: Array, middle: float) -> "Margins":
-        """Return the margins of a curve between two configurations, `ends` (2, n)."""
+    def between(cls, model: CollisionModel, ends: Array, middle: float, duration: float = 0.0) -> "Margins":
+        """Return the margins of a curve between two configurations, `ends` (2, n).
+
+        Dynamic obstacles are where they are at the start and, at the other end, after that duration, s.
+        """
         clearance = np.full((2, len(model.pairs)), CUTOFF)
-        found = model.near(ends, CUTOFF)
+        found = model.near(model.at_times(ends, np.array([0.0, duration])) if model.motions else ends, CUTOFF)
         clearance[found.rows, found.pairs] = np.maximum(found.distance, 0.0)
         return cls(middle, clearance[0], clearance[1])
 

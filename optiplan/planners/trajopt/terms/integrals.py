@@ -11,7 +11,7 @@ from optiplan.planners.trajopt.bspline_basis import REACH
 from optiplan.planners.trajopt.terms.term import Cost, CostModel, Curve
 from optiplan.planners.trajopt.terms.torques import TorqueTerm
 from optiplan.problem.objectives.objective import PLAIN
-from optiplan.problem.objectives.parts import CLEAR, SINGULAR, of_obstacles
+from optiplan.problem.objectives.parts import CLEAR, SINGULAR, has_range, of_obstacles
 from optiplan.problem.problem import Problem
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def integral_costs(problem: Problem, model: CollisionModel) -> tuple[Cost, ...]:
         return (rate.T @ rate + _STILL**2) ** 0.25
 
     def centring(k: "SymbolicState") -> Any:
-        limited = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+        limited = has_range(limits)
         half = np.where(limited, 0.5 * (limits.upper - limits.lower), np.inf)
         middle = np.where(limited, 0.5 * (limits.upper + limits.lower), 0.0)
         return (k.q - k.constant(middle)) * k.constant(1.0 / half)

@@ -10,7 +10,7 @@ class JerkCost:
     """w * (integral of squared jerk) = w T^-5 C' H C; exact at all times."""
 
     name = "jerk"
-    timed = False
+    timed = True
 
     def __init__(self, weight: float, basis: SplineBasis) -> None:
         self.weight, self.basis = weight, basis

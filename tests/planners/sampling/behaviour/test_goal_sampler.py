@@ -178,3 +178,13 @@ def test_many_joints_of_which_few_need_move(two_arms):
     assert not MotionCheck(model, around.limits).free(around.start, bent)
     path = sample_path(path_check(model, around.limits), around.start, [bent], SamplingOptions(Budget(20.0)))
     assert not path.waypoints[:, 20:].any()
+
+
+def test_what_is_added_takes_the_place_of_those_near_it():
+    """One projected by millimetres is added, since that which it comes from does not hold the constraint."""
+    found = sampler(cases.pose())
+    before, q = list(found.configurations), found.configurations[0] + 0.005
+    found.add(q)
+    assert any(one is q for one in found.configurations)
+    assert all(one is q or np.abs(one - q).max() > 0.02 for one in found.configurations)
+    assert len(found.configurations) <= len(before)

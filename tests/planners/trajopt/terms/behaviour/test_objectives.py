@@ -1,5 +1,7 @@
 """Parts of the objective: exact gradients, motions that cost less by them, and their values in the record of a run."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from optiplan.planners.trajopt.terms.integrals import integral_costs
 from optiplan.planners.trajopt.terms.jerk import JerkCost
 from optiplan.planners.trajopt.terms.term import Curve, Instants
 from optiplan.problem.objectives.objective import UNITS
+from optiplan.problem.problem import derived
 from optiplan.trajectory.trajectory import Trajectory
 from tests.planned import planned_until
 
@@ -103,3 +106,17 @@ def test_weights_that_are_not_given_leave_the_hash(problem):
     assert problem.with_objective(op.Objective(energy=0.1)).hash != problem.hash
     with pytest.raises(op.InputError, match="beauty"):
         problem.with_objective({"beauty": 1.0})
+
+
+def test_a_joint_that_its_limits_hold_has_no_middle_to_be_off(problem):
+    robot, held = problem.robot, np.arange(7) == 2
+    lower, upper = (np.where(held, 0.0, limit) for limit in (robot.limits.lower, robot.limits.upper))
+    fixed = replace(robot.limits, lower=lower, upper=upper)
+    free = op.Problem("panda", start="ready", goal=np.where(held, 0.0, GOAL)).with_objective({"time": 1, "centring": 1})
+    stated = derived(free, robot=replace(robot, limits=fixed), limits=fixed)
+    motion = op.plan(free, "quintic").trajectory
+    assert stated.cost(motion) == pytest.approx(free.cost(motion))
+    (cost,) = integral_costs(stated, planning_model(stated.robot, stated.scene))
+    control = along_path(BASIS, motion(np.array([0.0, motion.duration])), stated.limits.velocity)
+    here = cost.model(Curve(control, 1.0, Instants.of(BASIS, np.linspace(0.02, 0.98, 40))))
+    assert np.isfinite(here.gradient).all()
