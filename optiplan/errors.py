@@ -89,10 +89,12 @@ class Issue:
 
 def described(value: object) -> str:
     """Describe an argument of the wrong type in a few words: `the int 3`, `an array of shape (2, 3)`."""
-    shape = getattr(value, "shape", None)
+    try:
+        shape, text = getattr(value, "shape", None), " ".join(repr(value).split())
+    except Exception:  # an object may raise anything when it is asked for its text
+        return f"the {type(value).__name__}"
     if isinstance(shape, tuple) and shape:
         return f"an array of shape {shape}"
-    text = " ".join(repr(value).split())
     return "None" if value is None else f"the {type(value).__name__} {text if len(text) <= 60 else text[:59] + '…'}"
 
 

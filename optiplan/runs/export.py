@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array, number_argument
 from optiplan.errors import described, wrong_argument
 from optiplan.files import write_bytes
 from optiplan.runs.controller_formats import ros_json, ros_yaml, urscript
@@ -129,8 +129,8 @@ def export_trajectory(
             found = f"{str(path)!r}, whose ending names none"
         raise wrong_argument("Run.export", "format", found, f"one of: {', '.join(FORMATS)}")
     kind = FORMATS[name]
-    if rate is not None and (not is_finite(rate) or not 0.0 < rate <= 1e6):
-        raise wrong_argument("Run.export", "rate", described(rate), "a number of samples a second in (0, 1e6]")
+    if rate is not None:
+        number_argument("Run.export", "rate", rate, "a number of samples a second in (0, 1e6]", above=0.0, most=1e6)
     cyclic = cyclic or kind.cyclic
     motion = on_cycle(trajectory, float(rate or kind.rate)) if cyclic else trajectory
     if motion.duration != trajectory.duration and proof is not None:
