@@ -1,7 +1,6 @@
 """The robot does not tip over at any time, proved from the wrench at its base and a bound on its curvature."""
 
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -9,6 +8,7 @@ from optiplan.arrays import Array, Flags, Index
 from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.problem import Problem
 from optiplan.robot.batched.base_reaction import HOLDING, base_reaction, held_robot
+from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.intervals import derivative_bounds
@@ -20,16 +20,17 @@ from optiplan.verify.tolerances import POSITION_ROUNDING, TORQUE_ROUNDING
 _FIRST_RATE, _MOST_FIRST = 100.0, 20_000  # intervals a second to begin with, and at most
 _PARTS = 4  # into which an open interval is divided
 
-_bounds: WeakKeyDictionary[Robot, TorqueBounds] = WeakKeyDictionary()
+
+@once_for_each
+def _torque_bounds(robot: Robot) -> TorqueBounds:
+    return TorqueBounds(*held_robot(robot))
 
 
 class _BaseBounds:
     """Bounds on the wrench at the base of a robot, from `TorqueBounds` of the `HeldRobot`."""
 
     def __init__(self, robot: Robot) -> None:
-        if robot not in _bounds:
-            _bounds[robot] = TorqueBounds(*held_robot(robot))
-        self._of = _bounds[robot]
+        self._of = _torque_bounds(robot)
 
     def over(self, motion: Array) -> tuple[Array, Array]:
         """Bounds on the sizes of force, N, and moment, N·m, and on their second derivatives: (K, 2) each.
