@@ -7,7 +7,6 @@ import numpy as np
 
 from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.problem.constraints.base import WHOLE
-from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion
 from optiplan.verify.continuous.intervals import derivative_bounds, step_sizes
@@ -95,12 +94,10 @@ class FrameProof:
         self.motion, self.trajectory, self.policy = motion, trajectory, policy
         self._jump = step_sizes(trajectory, policy.jump_tolerance) + error
         self.tubed = bool(np.any(error))
-        self._pieces = [trajectory.derivatives(order) for order in range(2)]
 
     def state(self, spans: TimeParts, share: float, order: int = 0) -> Array:
         """Return q, or its derivative, at a share of each interval: (K, n)."""
-        local = (spans.begin + share * spans.width)[:, None]
-        return polynomial.evaluate(np.swapaxes(self._pieces[order][spans.piece], 1, 2), local)
+        return self.trajectory.derivative_in(spans.piece, spans.begin + share * spans.width, order)
 
     def time(self, spans: TimeParts, share: float) -> Array:
         """Return times at a share of each interval (K,), s."""
