@@ -5,7 +5,8 @@ An invalid *input* is an exception from this file. "No solution" is a value: see
 
 import os
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from numbers import Integral
@@ -188,6 +189,16 @@ def seed_argument(function: str, value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, Integral) or value < 0:
         raise wrong_argument(function, "seed", described(value), "a whole number >= 0")
     return int(value)
+
+
+@contextmanager
+def writing(function: str, path: Path | str) -> Iterator[None]:
+    """Turn an `OSError` within into an `InputError` about the argument `path`, a file that is written."""
+    try:
+        yield
+    except OSError as error:
+        found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
+        raise wrong_argument(function, "path", found, "a file that can be written") from None
 
 
 class InputError(OptiPlanError):

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from optiplan.arrays import Array, number_argument
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import described, writing, wrong_argument
 from optiplan.files import write_bytes
 from optiplan.runs.controller_formats import ros_json, ros_yaml, urscript
 from optiplan.trajectory.fixed_rate import interpolation_errors, on_cycle
@@ -137,11 +137,8 @@ def export_trajectory(
         _refuse_unproved(proof(motion), trajectory, motion)
     t = motion.sample_times(kind.rate) if rate is None and not cyclic else _times(motion, float(rate or kind.rate))
     content = ros_json if name == "ros" and path.suffix.lower() == ".json" else kind.content
-    try:
+    with writing("Run.export", path):
         write_bytes(path, content(motion, t))
-    except OSError as error:
-        found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
-        raise wrong_argument("Run.export", "path", found, "a file that can be written") from None
     errors = {key: float(error.max()) for key, error in interpolation_errors(motion, t).items()}
     return Exported(path, motion.duration, len(t), errors)
 
