@@ -26,7 +26,6 @@ import optiplan as op
 from optiplan.config.document import read_yaml
 from optiplan.robot.frames import frame_poses
 from optiplan.simulation.log import Log
-from optiplan.simulation.pictures import response_picture
 from optiplan.simulation.simulation import Simulation, run_control
 from optiplan.simulation.step_response import step_response
 
@@ -217,6 +216,20 @@ def errors_picture(loops: Mapping[str, Simulation]) -> Figure:
     ax.set_xlabel("t, s")
     ax.grid(visible=True, lw=0.3)
     figure.legend(fontsize=7, ncols=2, loc="outside lower center")
+    return figure
+
+
+def response_picture(logs: Mapping[str, Log], joint: int, unit: str) -> Figure:
+    """Answers of one joint, whose unit is `unit`, to the same step, by name of the controller."""
+    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
+    ax = figure.subplots()
+    for name, log in logs.items():
+        ax.plot(log.t, log.q[:, joint], lw=0.9, label=name)
+    first = next(iter(logs.values()))
+    ax.plot(first.t, first.wanted[:, joint], color="black", ls="--", lw=0.8, label="asked for")
+    ax.set_xlabel("t, s")
+    ax.set_ylabel(f"{first.joint_names[joint]}, {unit}")
+    figure.legend(fontsize=7, ncols=4, loc="outside lower center")
     return figure
 
 

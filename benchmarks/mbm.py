@@ -20,6 +20,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is imported: figures are for one core
 
 import argparse
+import json
 import tempfile
 import time
 from pathlib import Path
@@ -43,7 +44,7 @@ from rich.progress import track
 
 import optiplan
 from optiplan.bench.execution.run_task import hash_and_pack
-from optiplan.bench.results.best_known import BestKnown, BestKnownTable, options_text
+from optiplan.bench.results.best_known import BestKnown, BestKnownTable
 from optiplan.collision.model import CollisionModel
 from optiplan.errors import InputError
 from optiplan.planners.base import Budget
@@ -159,7 +160,7 @@ def entry(name: str, done: Run, arguments: argparse.Namespace) -> BestKnown:
         hash=done.problem.hash,
         duration=done.duration,
         planner=arguments.planner,
-        options=options_text(done.options),
+        options=json.dumps(dict(done.options), sort_keys=True),
         seed=arguments.seed,
         budget=arguments.budget,
         version=f"{optiplan.__version__} {commit()}",

@@ -7,6 +7,8 @@ from typing import Any, TypeGuard
 import numpy as np
 import numpy.typing as npt
 
+from optiplan.errors import described, wrong_argument
+
 Array = npt.NDArray[np.float64]
 """Array of float64."""
 
@@ -38,6 +40,26 @@ def is_finite(value: Any) -> TypeGuard[float]:
         return math.isfinite(value)
     except OverflowError:  # a whole number of hundreds of digits
         return False
+
+
+def number_argument(
+    function: str,
+    argument: str,
+    value: Any,
+    expected: str,
+    least: float = -math.inf,
+    *,
+    above: float = -math.inf,
+    most: float = math.inf,
+) -> float:
+    """Return an argument as a float.
+
+    Raises:
+        InputError: it is no finite number, less than `least`, not above `above`, or more than `most`.
+    """
+    if not is_finite(value) or not least <= value <= most or value <= above:
+        raise wrong_argument(function, argument, described(value), expected)
+    return float(value)
 
 
 def parts_of(counts: Index) -> tuple[Index, Index]:

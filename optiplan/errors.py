@@ -5,7 +5,8 @@ An invalid *input* is an exception from this file. "No solution" is a value: see
 
 import os
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from numbers import Integral
@@ -89,10 +90,12 @@ class Issue:
 
 def described(value: object) -> str:
     """Describe an argument of the wrong type in a few words: `the int 3`, `an array of shape (2, 3)`."""
-    shape = getattr(value, "shape", None)
+    try:
+        shape, text = getattr(value, "shape", None), " ".join(repr(value).split())
+    except Exception:  # an object may raise anything when it is asked for its text
+        return f"the {type(value).__name__}"
     if isinstance(shape, tuple) and shape:
         return f"an array of shape {shape}"
-    text = " ".join(repr(value).split())
     return "None" if value is None else f"the {type(value).__name__} {text if len(text) <= 60 else text[:59] + '…'}"
 
 
@@ -186,6 +189,16 @@ def seed_argument(function: str, value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, Integral) or value < 0:
         raise wrong_argument(function, "seed", described(value), "a whole number >= 0")
     return int(value)
+
+
+@contextmanager
+def writing(function: str, path: Path | str) -> Iterator[None]:
+    """Turn an `OSError` within into an `InputError` about the argument `path`, a file that is written."""
+    try:
+        yield
+    except OSError as error:
+        found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
+        raise wrong_argument(function, "path", found, "a file that can be written") from None
 
 
 class InputError(OptiPlanError):

@@ -4,7 +4,8 @@ import coal
 import numpy as np
 import pytest
 
-from optiplan.errors import InputError, plain_reason
+from optiplan.arrays import number_argument
+from optiplan.errors import InputError, described, plain_reason
 from optiplan.robot.robot import load_robot
 from tests.robot.robots import BARE, joint, write_robot
 
@@ -45,3 +46,27 @@ def test_a_mesh_that_cannot_be_read_is_told_without_cpp(tmp_path):
     assert "bad.stl" in told
     assert ".cpp" not in told
     assert "From file" not in told
+
+
+class Silent:
+    def __repr__(self):
+        raise RuntimeError("no text")
+
+
+def test_what_has_no_text_is_described_by_its_type():
+    assert described(Silent()) == "the Silent"
+
+
+def test_a_number_among_arguments_is_finite_and_in_its_range():
+    assert number_argument("plan", "budget", np.int64(2), "1 to 2", 1.0, most=2.0) == 2.0
+    assert number_argument("plan", "budget", 1e-9, "a number > 0", above=0.0) == 1e-9
+    for value, ends in (
+        (np.nan, {}),
+        (True, {}),
+        ("1", {}),
+        (0.9, {"least": 1.0}),
+        (0.0, {"above": 0.0}),
+        (3, {"most": 2}),
+    ):
+        with pytest.raises(InputError, match=r"op\.plan: budget: found the .*; expected so much"):
+            number_argument("plan", "budget", value, "so much", **ends)

@@ -13,7 +13,7 @@ from optiplan.api.imports.robot_files import (
     refuse_files,
     write_robot,
 )
-from optiplan.arrays import is_finite
+from optiplan.arrays import number_argument
 from optiplan.errors import (
     OptiPlanError,
     UnknownChoiceError,
@@ -95,11 +95,9 @@ def init_robot(  # noqa: PLR0913  # one keyword for each flag of the command
     if not isinstance(group, Sequence) or isinstance(group, str) or not all(isinstance(joint, str) for joint in group):
         raise wrong_argument("init_robot", "group", described(group), "names of joints, base to tip")
     for joint, q in (locked or {}).items():
-        if not is_finite(q):
-            raise wrong_argument("init_robot", f"locked[{joint!r}]", described(q), "a finite number, rad or m")
+        number_argument("init_robot", f"locked[{joint!r}]", q, "a finite number, rad or m")
     for key, value in (limits or {}).items():
-        if not is_finite(value):
-            raise wrong_argument("init_robot", f"limits[{key!r}]", described(value), "a finite number > 0")
+        number_argument("init_robot", f"limits[{key!r}]", value, "a finite number > 0")
     checked = tuple(checked_limit(key, value) for key, value in (limits or {}).items())
     refuse_files(folder, replace_files)
     pairs = () if isinstance(allow_pairs, str) else tuple(link_pair(*pair) for pair in allow_pairs)

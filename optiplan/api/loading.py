@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from optiplan.arrays import is_finite
+from optiplan.arrays import number_argument
 from optiplan.config.messages import choices
 from optiplan.errors import UnknownChoiceError, described, wrong_argument
 from optiplan.problem import load
@@ -64,8 +64,7 @@ def load_robot(source: Path | str, *, group: str | None = None, locked: Mapping[
     if locked is not None and not isinstance(locked, Mapping):
         raise wrong_argument("load_robot", "locked", described(locked), "positions by joint, such as {'lift': 0.2}")
     for joint, q in (locked or {}).items():
-        if not is_finite(q):
-            raise wrong_argument("load_robot", f"locked[{joint!r}]", described(q), "a finite number, rad or m")
+        number_argument("load_robot", f"locked[{joint!r}]", q, "a finite number, rad or m")
     if Path(source).suffix.lower() == ".urdf":
         if group is not None:
             raise wrong_argument("load_robot", "group", f"'{group}'", "none, since a URDF alone has no groups")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array, number_argument
 from optiplan.config.messages import choices
 from optiplan.errors import (
     InputError,
@@ -209,9 +209,7 @@ def retime(problem: Problem, waypoints: Array | Sequence[Sequence[float]], devia
             "retime", "problem", "a problem with a task", "one with a goal, which the last waypoint replaces"
         )
     points = _waypoints(problem, waypoints)
-    if not is_finite(deviation) or deviation < 0.0:
-        raise wrong_argument("retime", "deviation", described(deviation), "a number >= 0")
-    hit = max(float(deviation), _HIT)
+    hit = max(number_argument("retime", "deviation", deviation, "a number >= 0", 0.0), _HIT)
     vias = [Via(JointGoal(q, hit)) for q in points[1:-1]]
     try:
         task = problem.with_vias().with_start(points[0]).with_goal(JointGoal(points[-1])).with_vias(*vias)
@@ -255,9 +253,7 @@ def positive_seconds(function: str, budget: Any) -> float:
     Raises:
         InputError: it is none, or not above 0.
     """
-    if not is_finite(budget) or budget <= 0.0:
-        raise wrong_argument(function, "budget", described(budget), "a number of seconds above 0")
-    return float(budget)
+    return number_argument(function, "budget", budget, "a number of seconds above 0", above=0.0)
 
 
 def _known(warm_start: Any) -> Trajectory | None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
-from optiplan.arrays import is_finite
+from optiplan.arrays import is_finite, number_argument
 from optiplan.errors import choice_argument, described, flag_argument, progress_argument, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.simulation.execution import Engine, ExecutionOptions
@@ -94,8 +94,7 @@ def execute(
         raise wrong_argument("execute", "run", found, "a run of op.plan(…) with a trajectory")
     choice_argument("execute", "engine", engine, get_args(Engine))
     for name, value, least in (("delay", delay, 0.0), ("payload", payload, 0.0), ("frequency", frequency, 1e-3)):
-        if not is_finite(value) or value < least:
-            raise wrong_argument("execute", name, described(value), f"a finite number >= {least:g}")
+        number_argument("execute", name, value, f"a finite number >= {least:g}", least)
     steps = delay / ExecutionOptions.step
     if delay > MOST_DELAY or abs(steps - round(steps)) > 1e-6:
         expected = f"a multiple of the plant's step of {ExecutionOptions.step:g} s, up to {MOST_DELAY:g} s"

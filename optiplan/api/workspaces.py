@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from optiplan.arrays import is_finite
+from optiplan.arrays import number_argument
 from optiplan.errors import (
     described,
     flag_argument,
@@ -82,8 +82,8 @@ def workspace(  # noqa: PLR0913  # one keyword for each option of the command
     flag_argument("workspace", "collision", collision)
     if not callable(progress):
         raise wrong_argument("workspace", "progress", described(progress), "a function of a fraction")
-    if floor is not None and not is_finite(floor):
-        raise wrong_argument("workspace", "floor", described(floor), "a height in m")
+    if floor is not None:
+        number_argument("workspace", "floor", floor, "a height in m")
     if resolution is not None and not isinstance(resolution, str):
         raise wrong_argument("workspace", "resolution", described(resolution), "text, such as '17bit' or '1e-4'")
     if not isinstance(robot, Robot | str | Path):

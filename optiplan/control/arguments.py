@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array, Flags, is_finite
+from optiplan.arrays import Array, Flags, number_argument
 from optiplan.errors import UnknownChoiceError, described, wrong_argument
 from optiplan.robot.robot import Robot
 
@@ -23,9 +23,7 @@ def checked_number(owner: object, argument: str, value: object, least: float) ->
     Raises:
         InputError: it is none.
     """
-    if not is_finite(value) or value < least:
-        raise wrong_argument(type(owner).__name__, argument, described(value), f"a finite number >= {least:g}")
-    return float(value)
+    return number_argument(type(owner).__name__, argument, value, f"a finite number >= {least:g}", least)
 
 
 def checked_vector(owner: object, argument: str, value: object, size: int, least: float = -np.inf) -> Array:

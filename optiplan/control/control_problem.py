@@ -13,7 +13,7 @@ from optiplan.control.qp.program import Program
 from optiplan.control.qp.solvers import qpsolvers_problem
 from optiplan.control.row_stack import RowStack
 from optiplan.control.step_report import StepOutcome
-from optiplan.errors import wrong_argument
+from optiplan.errors import writing, wrong_argument
 
 SHOWN_ROWS = 12
 """Rows of each kind that `repr` prints."""
@@ -83,11 +83,8 @@ class ControlProblem:
         file = Path(path)
         if file.suffix != ".npz":
             raise wrong_argument("ControlProblem.save", "path", repr(str(path)), "a file that ends with .npz")
-        try:
+        with writing("ControlProblem.save", path):
             self.to_qpsolvers().save(str(file))
-        except OSError as error:
-            found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
-            raise wrong_argument("ControlProblem.save", "path", found, "a file that can be written") from None
         return file
 
     def __repr__(self) -> str:

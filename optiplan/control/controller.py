@@ -6,7 +6,7 @@ from copy import copy
 
 import numpy as np
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array, number_argument
 from optiplan.control.configuration import Configuration
 from optiplan.control.control_problem import ControlProblem, control_problem
 from optiplan.control.controller_arguments import (
@@ -35,7 +35,7 @@ from optiplan.control.stopping_guard import StoppingGuard
 from optiplan.control.tasks.base import ControlTask
 from optiplan.control.tasks.motion_task import FOLLOW_GAIN, MotionTask
 from optiplan.control.tasks.tool_abilities import response_time
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import wrong_argument
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Scene
 from optiplan.robot.robot import Robot
@@ -120,8 +120,7 @@ class Controller:
         wanted = default_limits(scene) if limits is None else limits
         self.limits = all_of(wanted, ControlLimit, "limits", "a limit, such as op.VelocityLimit()")
         response = response_time(robot) if response is None else response
-        if not is_finite(response) or response < 0.0:
-            raise wrong_argument("Controller", "response", described(response), "a finite number of seconds >= 0")
+        number_argument("Controller", "response", response, "a finite number of seconds >= 0", 0.0)
         first = solver == NATIVE if guess is None else guess
         self._programs, self._longest = QpSequence(make_solver(solver), first), float(longest_step)
         for part in (*self.tasks, *self.limits):

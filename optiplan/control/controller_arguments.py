@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array, number_argument
 from optiplan.control.arguments import squares_are_finite
 from optiplan.control.defaults import ORDER
 from optiplan.control.limits.base import ControlLimit
@@ -26,8 +26,7 @@ def check_step(robot: Robot, state: State, dt: float, function: str) -> None:
     """Refuse a state or a step that cannot be."""
     if not isinstance(state, State):
         raise wrong_argument(function, "state", described(state), "an op.State")
-    if not is_finite(dt) or dt <= 0.0:
-        raise wrong_argument(function, "dt", described(dt), "a finite number of seconds > 0")
+    number_argument(function, "dt", dt, "a finite number of seconds > 0", above=0.0)
     if state.n != robot.n:
         found = f"{state.n} joints"
         raise wrong_argument(function, "state.q", found, f"{robot.n}, those of {robot.name}")
@@ -57,11 +56,8 @@ def check_options(robot: Any, scene: Any, form: Any, damping: Any, relax: Any, g
         words = "op.Controller: guess is deprecated; solver='native' begins at the active limits of the last step"
         warnings.warn(words, DeprecationWarning, stacklevel=3)
     choice_argument("Controller", "form", form, get_args(Form))
-    if not is_finite(damping) or damping <= 0.0:
-        raise wrong_argument("Controller", "damping", described(damping), "a finite number > 0")
-    if not is_finite(longest_step) or longest_step <= 0.0:
-        expected = "a finite number of seconds > 0"
-        raise wrong_argument("Controller", "longest_step", described(longest_step), expected)
+    number_argument("Controller", "damping", damping, "a finite number > 0", above=0.0)
+    number_argument("Controller", "longest_step", longest_step, "a finite number of seconds > 0", above=0.0)
 
 
 def all_of(parts: Iterable[object], kind: type, argument: str, expected: str) -> tuple:  # type: ignore[type-arg]

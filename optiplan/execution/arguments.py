@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array, is_finite, number_argument
 from optiplan.errors import described, wrong_argument
 from optiplan.runs.run import Run
 from optiplan.trajectory.state import State
@@ -35,14 +35,6 @@ def numbers(values: Any) -> Array:
         return np.empty(0)
 
 
-def shown(value: Any) -> str:
-    """Describe a value, also one that cannot be printed."""
-    try:
-        return described(value)
-    except Exception:
-        return f"the {type(value).__name__}"
-
-
 def same_state(a: State, b: State) -> bool:
     """Whether two states are one, but for rounding."""
     return all(np.allclose(x, y, rtol=0.0, atol=SAME_STATE) for x, y in ((a.q, b.q), (a.v, b.v), (a.a, b.a)))
@@ -55,37 +47,25 @@ def checked_arguments(run: Any, override: Any, deviation: Any, clearance: Any) -
         InputError: the first one.
     """
     if not isinstance(run, Run):
-        raise wrong_argument("Executor", "run", shown(run), "a verified run of op.plan(…)")
+        raise wrong_argument("Executor", "run", described(run), "a verified run of op.plan(…)")
     if not is_share(override):
-        raise wrong_argument("Executor", "override", shown(override), "a speed from 0 to 1")
-    if deviation is not None and not (is_finite(deviation) and deviation > 0.0):
-        raise wrong_argument("Executor", "deviation", shown(deviation), "a distance > 0, rad or m, or None")
-    if not (is_finite(clearance) and clearance >= 0.0):
-        raise wrong_argument("Executor", "clearance", shown(clearance), "a distance >= 0, m")
+        raise wrong_argument("Executor", "override", described(override), "a speed from 0 to 1")
+    if deviation is not None:
+        number_argument("Executor", "deviation", deviation, "a distance > 0, rad or m, or None", above=0.0)
+    number_argument("Executor", "clearance", clearance, "a distance >= 0, m", 0.0)
 
 
 def checked_step(dt: Any) -> tuple[float, str]:
     """Return the length of a tick, s; where it cannot be, 0 or the longest, and why the robot must stop."""
     if not is_finite(dt) or dt < 0.0:
-        return 0.0, f"tick: found a step of {shown(dt)}; expected seconds >= 0"
+        return 0.0, f"tick: found a step of {described(dt)}; expected seconds >= 0"
     if dt > LONGEST_TICK + ROUNDED:
         return LONGEST_TICK, f"tick: found a step of {dt:.3f} s; expected at most {LONGEST_TICK} s"
     return float(dt), ""
 
 
-def checked_seconds(function: str, argument: str, value: Any) -> float:
-    """Require a number of seconds.
-
-    Raises:
-        InputError: another value.
-    """
-    if not is_finite(value) or value < 0.0:
-        raise wrong_argument(function, argument, shown(value), "seconds >= 0")
-    return float(value)
-
-
 def stop_words(reason: Any, how: Any) -> tuple[str, bool]:
     """Return the reason of a stop in words, whatever it is, and whether the joints are to stop off the path."""
     if not isinstance(how, str) or how not in ("path", "joints"):
-        return f"stop: found {shown(how)}; expected 'path' or 'joints'", False
-    return reason if isinstance(reason, str) else shown(reason), how == "joints"
+        return f"stop: found {described(how)}; expected 'path' or 'joints'", False
+    return reason if isinstance(reason, str) else described(reason), how == "joints"

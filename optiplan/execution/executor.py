@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from optiplan.errors import wrong_argument
+from optiplan.arrays import number_argument
+from optiplan.errors import described, wrong_argument
 from optiplan.execution import arguments
 from optiplan.execution.due_events import DueEvents
 from optiplan.execution.law_follower import ELSEWHERE, LawFollower
@@ -90,7 +91,7 @@ class Executor(LawFollower):
     ) -> None:
         arguments.checked_arguments(run, override, deviation, clearance)
         if tracking is not None and not isinstance(tracking, TrackingPolicy):
-            raise wrong_argument("Executor", "tracking", arguments.shown(tracking), "an op.TrackingPolicy(…), or None")
+            raise wrong_argument("Executor", "tracking", described(tracking), "an op.TrackingPolicy(…), or None")
         self._path = ProvedPath(run, "Executor")
         self._policy = Policy.of(policy, separation)
         watch = SceneWatch(self._path, float(clearance), self._policy.linger)
@@ -134,7 +135,7 @@ class Executor(LawFollower):
     @override.setter
     def override(self, speed: float) -> None:
         if not arguments.is_share(speed):
-            self.stop(f"override: found {arguments.shown(speed)}; expected a speed from 0 to 1")
+            self.stop(f"override: found {described(speed)}; expected a speed from 0 to 1")
             return
         self._override = float(speed)
         self._aim()
@@ -258,7 +259,7 @@ class Executor(LawFollower):
         Raises:
             InputError: the latency is no number of seconds >= 0.
         """
-        then = self.time + arguments.checked_seconds("Executor.state_in", "latency", latency)
+        then = self.time + number_argument("Executor.state_in", "latency", latency, "seconds >= 0", 0.0)
         point = self._stretch.laws.set_point(self._law, then)
         state = State(point.q, point.v, point.a)
         self._predicted.append((then, state, self._law))
@@ -266,9 +267,8 @@ class Executor(LawFollower):
 
     def ahead(self, lead: float) -> Ahead:
         """Return the next `lead` s, if nothing is changed, and the stop along the path from there, for a driver."""
-        return way_ahead(
-            self._stretch.laws, self._law, self.time, arguments.checked_seconds("Executor.ahead", "lead", lead)
-        )
+        lead = number_argument("Executor.ahead", "lead", lead, "seconds >= 0", 0.0)
+        return way_ahead(self._stretch.laws, self._law, self.time, lead)
 
     def is_along(self, ahead: Ahead) -> bool:
         """Whether the law is still the one that leads to `ahead`."""

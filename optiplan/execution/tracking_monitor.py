@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import Array, is_finite
-from optiplan.errors import wrong_argument
-from optiplan.execution.arguments import numbers, shown
+from optiplan.arrays import Array, is_finite, number_argument
+from optiplan.errors import described
+from optiplan.execution.arguments import numbers
 from optiplan.execution.clearance_left import ClearanceLeft
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.paths.proved_path import ProvedPath
@@ -62,12 +62,9 @@ class TrackingPolicy:
 
     def __post_init__(self) -> None:
         for name in ("most_lag", "latency", "oldest"):
-            value = getattr(self, name)
-            if not is_finite(value) or not 0.0 <= value <= 10.0:
-                raise wrong_argument("TrackingPolicy", name, shown(value), "0 to 10 s")
-        least = self.least_clearance
-        if least is not None and not (is_finite(least) and least >= 0.0):
-            raise wrong_argument("TrackingPolicy", "least_clearance", shown(least), "a distance >= 0, m, or None")
+            number_argument("TrackingPolicy", name, getattr(self, name), "0 to 10 s", 0.0, most=10.0)
+        if (least := self.least_clearance) is not None:
+            number_argument("TrackingPolicy", "least_clearance", least, "a distance >= 0, m, or None", 0.0)
 
 
 class TrackingMonitor:
@@ -137,7 +134,7 @@ class TrackingMonitor:
             found = measured.q
         at = np.array(found if type(found) is np.ndarray and found.dtype == np.float64 else numbers(found))  # is kept
         if at.shape != q.shape or not np.isfinite(at).all():
-            return f"measured: found {shown(found)}; expected {len(q)} finite positions"
+            return f"measured: found {described(found)}; expected {len(q)} finite positions"
         if self._endless is not None:
             at = at + np.where(self._endless, 2.0 * np.pi * np.round((q - at) / (2.0 * np.pi)), 0.0)
         return self._compare(at, now - age) or self._jump(at, stamp)
@@ -146,7 +143,8 @@ class TrackingMonitor:
         """Return what is wrong with the times of a state, or nothing; `now`, s, is that of the ticks."""
         stamp, age, last = measured.stamp, measured.age, self._stamp
         if not (is_finite(stamp) and is_finite(age) and age >= 0.0):
-            return f"measured: found a stamp of {shown(stamp)}, an age of {shown(age)}; expected seconds, an age >= 0"
+            found = f"a stamp of {described(stamp)}, an age of {described(age)}"
+            return f"measured: found {found}; expected seconds, an age >= 0"
         self._stamp, passed = stamp, now - self._fresh
         if last is None or stamp != last:
             self._fresh = now

@@ -5,7 +5,7 @@ from functools import cached_property
 import coal
 import numpy as np
 
-from optiplan.arrays import Array, Flags, Index
+from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.geometry.coal_queries import coal_mesh
 
 _GRIDS = (256, 128, 64, 32)
@@ -74,8 +74,7 @@ class _Columns:
             wide, many = last[:, 0] - first[:, 0] + 1, (last - first + 1).prod(axis=1)
             if many.sum() <= allowed:
                 break
-        triangle = np.repeat(np.arange(len(triangles)), many)
-        place = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+        triangle, place = parts_of(many)
         column = (
             (first[triangle, 0] + place % wide[triangle]) * self._grid + first[triangle, 1] + place // wide[triangle]
         )
@@ -103,8 +102,7 @@ class _Columns:
         """Return pairs of points (p, 2) and triangles of the point's column, point by point."""
         column = self._column(points) @ np.array([self._grid, 1])
         count = self._start[column + 1] - self._start[column]
-        point = np.repeat(np.arange(len(points)), count)
-        place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        point, place = parts_of(count)
         return point, self._triangles[self._start[column][point] + place]
 
     def _column(self, points: Array) -> Index:

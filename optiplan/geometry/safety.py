@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array, number_argument
 from optiplan.errors import described, wrong_argument
 
 MOST = 1.0
@@ -119,8 +119,7 @@ class Safety:
             if not isinstance(pair, SafePairs):
                 raise wrong_argument("Safety", f"pairs[{k}]", described(pair), "op.SafePairs(…)")
             _distance(f"pairs[{k}].at_least", pair.at_least)
-        if not (is_finite(self.within) and self.within > 0.0):
-            raise wrong_argument("Safety", "within", described(self.within), "a number > 0, rad or m")
+        number_argument("Safety", "within", self.within, "a number > 0, rad or m", above=0.0)
 
     @classmethod
     def of(cls, value: Any) -> "Safety | None":
@@ -189,5 +188,4 @@ def _names(stated: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def _distance(argument: str, value: Any, of: str = "Safety") -> None:
-    if not (is_finite(value) and 0.0 <= value <= MOST):
-        raise wrong_argument(of, argument, described(value), f"a distance in [0, {MOST:g}] m")
+    number_argument(of, argument, value, f"a distance in [0, {MOST:g}] m", 0.0, most=MOST)

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array, is_finite, number_argument
 from optiplan.errors import described, wrong_argument
 from optiplan.geometry.file_shapes import Mesh, Octree, PointCloud
 from optiplan.geometry.obstacle_motion import ObstacleMotion
@@ -275,8 +275,7 @@ class Scene:
         """
         self._known(name)
         for axis, distance in (("x", x), ("y", y), ("z", z)):
-            if not is_finite(distance):
-                raise wrong_argument("Scene.moved", axis, repr(distance), "a finite number of metres")
+            number_argument("Scene.moved", axis, distance, "a finite number of metres")
         by = np.array([x, y, z], float)
         return Scene(
             [_moved(body, by) if body.name == name else body for body in self.obstacles],

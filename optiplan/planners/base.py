@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
-from optiplan.arrays import is_finite
+from optiplan.arrays import number_argument
 from optiplan.errors import described, wrong_argument
 from optiplan.libraries import clock
 from optiplan.problem.problem import Problem
@@ -110,8 +110,7 @@ class Budget:
     """
 
     def __init__(self, seconds: float, cancel: threading.Event | None = None) -> None:
-        if not is_finite(seconds) or seconds < 0.0:
-            raise wrong_argument("Budget", "seconds", described(seconds), "a number of seconds >= 0")
+        number_argument("Budget", "seconds", seconds, "a number of seconds >= 0", 0.0)
         if cancel is not None and not hasattr(cancel, "is_set"):
             raise wrong_argument("Budget", "cancel", described(cancel), "a threading.Event")
         self._cancel = cancel or threading.Event()

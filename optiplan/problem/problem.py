@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optiplan.arrays import Array, ReadOnlyArrays
-from optiplan.errors import path_argument, seed_argument, wrong_argument
+from optiplan.errors import path_argument, seed_argument, writing, wrong_argument
 from optiplan.files import write_text
 from optiplan.geometry.pose import Pose, Values
 from optiplan.geometry.scene import Obstacle, Scene
@@ -337,11 +337,8 @@ class Problem(ReadOnlyArrays, FreeSpace):
         if names := expression_names(self.path_constraints):
             found = f"a problem with the expression '{names[0]}'"
             raise wrong_argument("Problem.save", "problem", found, "constraints that a file can hold")
-        try:
+        with writing("Problem.save", path):
             write_text(path_argument("Problem.save", "path", path, "the path of a file"), problem_text(self.source))
-        except OSError as error:
-            found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
-            raise wrong_argument("Problem.save", "path", found, "a file that can be written") from None
 
     def _with(self, **changes: Any) -> "Problem":
         from optiplan.problem.from_python import ARGUMENT_WRITERS, arguments_data, read_data, split_expressions

@@ -26,6 +26,7 @@ the folders that may be read."""
 
 
 Made = TypeVar("Made")
+Thing = TypeVar("Thing")
 
 
 class LoadedRobots:
@@ -82,14 +83,19 @@ def once_for_each_robot(make: Callable[["Robot"], Made]) -> Callable[["Robot"], 
 
     `make` gets the robot without base and load; its result is kept as long as that robot.
     """
-    kept: WeakKeyDictionary[Robot, Made] = WeakKeyDictionary()
+    made_of = once_for_each(make)
+    return wraps(make)(lambda robot: made_of(robot.unmounted))
+
+
+def once_for_each(make: Callable[[Thing], Made]) -> Callable[[Thing], Made]:
+    """Decorate a function of one object so that its result is made once for each, and kept as long as the object."""
+    kept: WeakKeyDictionary[Thing, Made] = WeakKeyDictionary()
 
     @wraps(make)
-    def made_of(robot: "Robot") -> Made:
-        bare = robot.unmounted
-        if bare not in kept:
-            kept[bare] = make(bare)
-        return kept[bare]
+    def made_of(thing: Thing) -> Made:
+        if thing not in kept:
+            kept[thing] = make(thing)
+        return kept[thing]
 
     return made_of
 

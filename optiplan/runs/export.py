@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from optiplan.arrays import Array, is_finite
-from optiplan.errors import described, wrong_argument
+from optiplan.arrays import Array, number_argument
+from optiplan.errors import described, writing, wrong_argument
 from optiplan.files import write_bytes
 from optiplan.runs.controller_formats import ros_json, ros_yaml, urscript
 from optiplan.trajectory.fixed_rate import interpolation_errors, on_cycle
@@ -129,19 +129,16 @@ def export_trajectory(
             found = f"{str(path)!r}, whose ending names none"
         raise wrong_argument("Run.export", "format", found, f"one of: {', '.join(FORMATS)}")
     kind = FORMATS[name]
-    if rate is not None and (not is_finite(rate) or not 0.0 < rate <= 1e6):
-        raise wrong_argument("Run.export", "rate", described(rate), "a number of samples a second in (0, 1e6]")
+    if rate is not None:
+        number_argument("Run.export", "rate", rate, "a number of samples a second in (0, 1e6]", above=0.0, most=1e6)
     cyclic = cyclic or kind.cyclic
     motion = on_cycle(trajectory, float(rate or kind.rate)) if cyclic else trajectory
     if motion.duration != trajectory.duration and proof is not None:
         _refuse_unproved(proof(motion), trajectory, motion)
     t = motion.sample_times(kind.rate) if rate is None and not cyclic else _times(motion, float(rate or kind.rate))
     content = ros_json if name == "ros" and path.suffix.lower() == ".json" else kind.content
-    try:
+    with writing("Run.export", path):
         write_bytes(path, content(motion, t))
-    except OSError as error:
-        found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
-        raise wrong_argument("Run.export", "path", found, "a file that can be written") from None
     errors = {key: float(error.max()) for key, error in interpolation_errors(motion, t).items()}
     return Exported(path, motion.duration, len(t), errors)
 

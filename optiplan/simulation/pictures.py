@@ -1,7 +1,5 @@
 """Pictures of a log: errors, limits in use, slack."""
 
-from collections.abc import Mapping
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -64,17 +62,6 @@ def slack_picture(log: Log) -> Figure:
     for k, (name, values) in enumerate(log.slack.items()):
         axes[0].plot(log.t[rows], values[rows], label=name, **line_style(k))
     axes[0].set_ylabel("slack, in the limit's unit")
-    return _finished(figure, axes)
-
-
-def response_picture(logs: Mapping[str, Log], joint: int, unit: str) -> Figure:
-    """Answers of one joint, whose unit is `unit`, to the same step, by name of the controller."""
-    figure, axes = _figure(1)
-    for k, (name, log) in enumerate(logs.items()):
-        axes[0].plot(log.t, log.q[:, joint], label=name, **line_style(k))
-    first = next(iter(logs.values()))
-    axes[0].plot(first.t, first.wanted[:, joint], color="black", ls="--", lw=0.8, label="asked for")
-    axes[0].set_ylabel(f"{first.joint_names[joint]}, {unit}")
     return _finished(figure, axes)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from optiplan.arrays import Array
+from optiplan.arrays import Array, parts_of
 from optiplan.trajectory.trajectory import Trajectory
 
 _STEP = 1e-3  # s, at most, between samples
@@ -26,7 +26,6 @@ def samples_of_pieces(trajectory: Trajectory, step: float, least: int) -> Array:
     edges, widths = trajectory.breakpoints, trajectory.widths
     step = max(step, trajectory.duration / _MOST)
     counts = np.maximum(least, np.ceil(widths / step).astype(int) + 1)
-    piece = np.repeat(np.arange(len(widths)), counts)
-    place = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
+    piece, place = parts_of(counts)
     t = edges[piece] + widths[piece] * (place / (counts - 1)[piece])
     return np.asarray(np.minimum(t, np.nextafter(edges[1:], edges[:-1])[piece]))

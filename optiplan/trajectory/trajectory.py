@@ -194,13 +194,18 @@ class Trajectory(ReadOnlyArrays):
         if not (everywhere or (clamp and not np.isnan(t).any())):
             raise _Refused.of("t", f"[{t.min()}, {t.max()}]", f"times in [0, {self.duration}], or clamp=True")
         piece = np.searchsorted(self.breakpoints[1:-1], t, side="right")
-        c = self.derivatives(int(order))
-        local = (np.minimum(np.maximum(t, 0.0), self.duration) - self.breakpoints[piece])[:, None]
-        value = c[piece, -1]
-        for k in range(c.shape[1] - 2, -1, -1):
-            value *= local
-            value += c[piece, k]
-        return value if order == 0 or everywhere else np.where(inside[:, None], value, 0.0)
+        local = np.minimum(np.maximum(t, 0.0), self.duration) - self.breakpoints[piece]
+        value = self.derivative_in(piece, local, int(order))
+        return value if order == 0 or everywhere else np.asarray(np.where(inside[:, None], value, 0.0))
+
+    def derivative_in(self, piece: Index, local: Array, order: int) -> Array:
+        """Return a derivative (k, n) at times `local` (k,), s, since the beginning of pieces (k,)."""
+        c = self.derivatives(order)
+        value: Array = c[piece, -1]
+        for power in range(c.shape[1] - 2, -1, -1):
+            value *= local[:, None]
+            value += c[piece, power]
+        return value
 
     def states(self, t: Array) -> States:
         """States at times t (k,) in [0, duration], s: (k, n) each."""

@@ -1,35 +1,35 @@
 """The robot does not tip over at any time, proved from the wrench at its base and a bound on its curvature."""
 
-from dataclasses import dataclass
-from weakref import WeakKeyDictionary
-
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index
 from optiplan.problem.constraints.balance import TipOver
 from optiplan.problem.problem import Problem
 from optiplan.robot.batched.base_reaction import HOLDING, base_reaction, held_robot
+from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.intervals import derivative_bounds
 from optiplan.verify.continuous.torque_bounds import TorqueBounds
-from optiplan.verify.joint_constraint_check import of_the_motion, part_of, title
+from optiplan.verify.halving import TimeParts
+from optiplan.verify.joint_constraint_check import of_the_motion, title
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.tolerances import POSITION_ROUNDING, TORQUE_ROUNDING
 
-_FIRST_RATE, _MOST_FIRST = 100.0, 20_000  # intervals a second to begin with, and at most
+_FIRST, _MOST_FIRST = 0.01, 20_000  # s of the intervals to begin with, and about how many at most
 _PARTS = 4  # into which an open interval is divided
 
-_bounds: WeakKeyDictionary[Robot, TorqueBounds] = WeakKeyDictionary()
+
+@once_for_each
+def _torque_bounds(robot: Robot) -> TorqueBounds:
+    return TorqueBounds(*held_robot(robot))
 
 
 class _BaseBounds:
     """Bounds on the wrench at the base of a robot, from `TorqueBounds` of the `HeldRobot`."""
 
     def __init__(self, robot: Robot) -> None:
-        if robot not in _bounds:
-            _bounds[robot] = TorqueBounds(*held_robot(robot))
-        self._of = _bounds[robot]
+        self._of = _torque_bounds(robot)
 
     def over(self, motion: Array) -> tuple[Array, Array]:
         """Bounds on the sizes of force, N, and moment, N·m, and on their second derivatives: (K, 2) each.
@@ -40,21 +40,6 @@ class _BaseBounds:
         held = np.concatenate([np.zeros((*motion.shape[:2], HOLDING)), motion], axis=2)
         size, curvature = self._of.over(held)
         return size[:, [0, 3]], curvature[:, [0, 3]]
-
-
-@dataclass(frozen=True, eq=False)
-class _BalanceSpans:
-    """K intervals, each within a piece: `begin` and `width` (K,), s, in the time of the piece."""
-
-    piece: Index
-    begin: Array
-    width: Array
-
-    def divided(self, chosen: Flags, parts: int) -> "_BalanceSpans":
-        """Return the intervals chosen by (K,) flags, each in equal parts."""
-        piece, width = np.repeat(self.piece[chosen], parts), np.repeat(self.width[chosen] / parts, parts)
-        within = np.tile(np.arange(parts), int(chosen.sum()))
-        return _BalanceSpans(piece, np.repeat(self.begin[chosen], parts) + within * width, width)
 
 
 class _BalanceProof:
@@ -68,7 +53,7 @@ class _BalanceProof:
         self._weight = max(mass * float(np.linalg.norm(robot.model.gravity.linear)), 1e-9)
         self.evaluated, self.least, self.time = 0, np.inf, 0.0
 
-    def proved(self, spans: _BalanceSpans) -> Flags:
+    def proved(self, spans: TimeParts) -> Flags:
         """Return on which intervals all rows stay positive, (K,).
 
         A function with |f''| <= B is nowhere more than B w² / 8 below the chord between its ends.
@@ -108,14 +93,8 @@ def tip_over(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one
     name, robot = title(one), problem.robot
     if trouble := _trouble(robot, one):
         return Check(name, "continuous", False, limit=one.margin, unit="m", place="base", detail=trouble)
-    part, begin = part_of(trajectory, one.during)
-    proof = _BalanceProof(robot, part, one)
-    rate = min(_FIRST_RATE, _MOST_FIRST / part.duration)
-    counts = np.maximum(np.ceil(part.widths * rate), 1.0).astype(np.intp)
-    piece = np.repeat(np.arange(len(counts)), counts)
-    width = (part.widths / counts)[piece]
-    within = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
-    spans, reason = _BalanceSpans(piece, within * width, width), ""
+    proof, reason = _BalanceProof(robot, trajectory, one), ""
+    spans = TimeParts.of(trajectory, _FIRST, _MOST_FIRST, one.during)
     while len(spans.piece) and not reason:
         held = proof.proved(spans)
         if not proof.least >= one.margin - POSITION_ROUNDING:
@@ -127,10 +106,9 @@ def tip_over(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one
         else:
             spans = spans.divided(~held, _PARTS)
     words = f"{reason or 'proved at all times'}: {proof.evaluated} wrenches{of_the_motion(one)}"
-    when = begin + proof.time
     worst = proof.least if np.isfinite(proof.least) else None
-    witness = {"q": trajectory(when).tolist()}
-    return Check(name, "continuous", not reason, worst, one.margin, "m", when, "base", words, witness)
+    witness = {"q": trajectory(proof.time).tolist()}
+    return Check(name, "continuous", not reason, worst, one.margin, "m", proof.time, "base", words, witness)
 
 
 def _trouble(robot: Robot, one: TipOver) -> str:

@@ -7,7 +7,6 @@ import numpy as np
 
 from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.problem.constraints.base import WHOLE
-from optiplan.trajectory import polynomial
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.frame_motion import FrameBounds, FrameMotion
 from optiplan.verify.continuous.intervals import derivative_bounds, step_sizes
@@ -40,10 +39,11 @@ class TimeParts:
         width = (length / parts)[which]
         return cls(piece[which], begin[which] + within * width, width)
 
-    def halved(self, open_: Flags) -> "TimeParts":
-        """Return both halves of the intervals that are still open."""
-        piece, begin, width = self.piece[open_], self.begin[open_], 0.5 * self.width[open_]
-        return TimeParts(np.tile(piece, 2), np.concatenate([begin, begin + width]), np.tile(width, 2))
+    def divided(self, open_: Flags, parts: int = 2) -> "TimeParts":
+        """Return the intervals that are still open, each in equal parts."""
+        piece, begin, width = self.piece[open_], self.begin[open_], self.width[open_] / parts
+        begins = begin + np.arange(parts)[:, None] * width
+        return TimeParts(np.tile(piece, parts), begins.ravel(), np.tile(width, parts))
 
     def chunks(self) -> "list[TimeParts]":
         """Return them in parts that fit into memory."""
@@ -94,12 +94,10 @@ class FrameProof:
         self.motion, self.trajectory, self.policy = motion, trajectory, policy
         self._jump = step_sizes(trajectory, policy.jump_tolerance) + error
         self.tubed = bool(np.any(error))
-        self._pieces = [trajectory.derivatives(order) for order in range(2)]
 
     def state(self, spans: TimeParts, share: float, order: int = 0) -> Array:
         """Return q, or its derivative, at a share of each interval: (K, n)."""
-        local = (spans.begin + share * spans.width)[:, None]
-        return polynomial.evaluate(np.swapaxes(self._pieces[order][spans.piece], 1, 2), local)
+        return self.trajectory.derivative_in(spans.piece, spans.begin + share * spans.width, order)
 
     def time(self, spans: TimeParts, share: float) -> Array:
         """Return times at a share of each interval (K,), s."""
@@ -143,7 +141,7 @@ class FrameProof:
                 reason = f"not proved on intervals of {policy.min_interval:g} s"
             elif evaluated > policy.max_queries:
                 reason = f"not proved with {policy.max_queries} poses"
-            spans = spans.halved(open_)
+            spans = spans.divided(open_)
         if not evaluated:
             reason, worst = "nothing of the motion is in its part", np.nan
         return HalvingOutcome(worst, when, evaluated, reason)

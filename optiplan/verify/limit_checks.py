@@ -11,6 +11,7 @@ from optiplan.arrays import Array
 from optiplan.geometry.poses import pose_error
 from optiplan.problem.goals_and_vias import AllOfGoal
 from optiplan.problem.problem import GoalEnd, JointGoal, PoseGoal, Problem, RegionGoal
+from optiplan.robot.frames import frame_pose
 from optiplan.robot.limits import ORDERS
 from optiplan.trajectory.pieces import Defect, defect
 from optiplan.trajectory.trajectory import Trajectory
@@ -112,9 +113,7 @@ def miss(problem: Problem, one: GoalEnd, q: Array) -> list[Miss]:
         return [found for part in parts for found in part] if parts and all(parts) else []
     if not isinstance(one, PoseGoal | RegionGoal):
         return []
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    X_WF = data.oMf[robot.frame_id(one.frame)]
+    X_WF = frame_pose(robot, q, one.frame)
     if isinstance(one, RegionGoal):
         return _out_of_region(one, X_WF)
     offset, angle = pose_error(one.X_WG, X_WF)

@@ -2,21 +2,18 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.problem.problem import Problem
+from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.mounting import GRAVITY
 from optiplan.robot.robot import Robot
 from optiplan.robot.self_collision.pairs import FILE, count_reasons, reasons_in_words
 from optiplan.verify.report import Check
 from optiplan.verify.safety_words import safety_scope
-
-_told: WeakKeyDictionary[Robot, tuple[str, ...]] = WeakKeyDictionary()
-"""What is the same of every motion of a robot."""
 
 
 def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str, ...]:
@@ -24,17 +21,21 @@ def scope(problem: Problem, robot: Robot, checks: Sequence[Check]) -> tuple[str,
 
     `robot` is the problem's as it was checked: with other pairs where some of its proofs do not hold.
     """
-    if robot not in _told:
-        _told[robot] = (*_unchecked(robot), *_shapes(robot), *_mounting(robot))
     return (
         *_pairs(checks),
         *(said for check in checks if check.name == "collision" for said in safety_scope(check.witness)),
         *_tube(problem, checks),
-        *_told[robot],
+        *_of_the_robot(robot),
         *_moving(problem),
         *_torque(problem, checks),
         *_allowed(problem),
     )
+
+
+@once_for_each
+def _of_the_robot(robot: Robot) -> tuple[str, ...]:
+    """Return what is the same of every motion of a robot."""
+    return (*_unchecked(robot), *_shapes(robot), *_mounting(robot))
 
 
 def _pairs(checks: Sequence[Check]) -> list[str]:

@@ -14,7 +14,15 @@ from optiplan.planners.registry import make_planner
 from optiplan.planners.sclerp.bounded_least_squares import bounded_least_squares
 from optiplan.planners.sclerp.options import SclerpOptions
 from optiplan.planners.sclerp.qp_stepping import ScrewMotion
-from optiplan.planners.sclerp.schemes import REFLECTION, aim, b_matrix, iterate_scheme, reflected, spatial_J1
+from optiplan.planners.sclerp.schemes import (
+    REFLECTION,
+    _least_motion,
+    aim,
+    iterate_scheme,
+    rates_to_twist,
+    reflected,
+    spatial_J1,
+)
 from optiplan.planners.sclerp.screw_kinematics import ScrewTool
 from optiplan.problem.problem import PoseGoal
 from optiplan.robot.batched.kinematics import BatchKinematics
@@ -166,6 +174,11 @@ def test_sclerp_J1(arms):
         expected.check(len(converged[key]), "random_starts_converged", key)
     median = np.median(converged["corrected"])  # of another 40 starts than the table's, which are not recorded
     assert abs(median - expected["median_iterations_corrected"]) <= 20
+
+
+def b_matrix(J, p, J1):
+    """B(θ) = J_sᵀ (J_s J_sᵀ)⁻¹ [[I, 2 p̂ J1], [0, 2 J1]], (n, 7): joint rates from those of position and quaternion."""
+    return _least_motion(J, rates_to_twist(p, J1))
 
 
 def test_sclerp_B_matrix(tool):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from optiplan.api.planning import plan, positive_seconds
-from optiplan.arrays import is_finite
+from optiplan.arrays import number_argument
 from optiplan.errors import InputError, described, path_argument, progress_argument, whole_argument, wrong_argument
 from optiplan.files import write_bytes
 from optiplan.geometry.poses import pose_to_data
@@ -218,9 +218,9 @@ def _checked(where: PlaceRange) -> PlaceRange:
     if not isinstance(where, PlaceRange):
         raise wrong_argument("place", "where", described(where), "an op.PlaceRange")
     for name in ("x", "y", "z", "yaw"):
-        value = getattr(where, name)
-        if not is_finite(value) or not 0.0 <= value <= (np.pi if name == "yaw" else 100.0):
-            raise wrong_argument("place", f"where.{name}", described(value), "a number >= 0 (yaw: at most pi)")
+        most = np.pi if name == "yaw" else 100.0
+        expected = "a number >= 0 (yaw: at most pi)"
+        number_argument("place", f"where.{name}", getattr(where, name), expected, 0.0, most=most)
     whole_argument("place", "where.points", where.points, 2)
     return replace(where)
 

@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
-from typing import Any
 
 from optiplan.bench.results.database import Store
 from optiplan.errors import InputError, Issue
@@ -130,11 +129,6 @@ def hold_against(store: Store, table: BestKnownTable) -> Standing:
     best = {row["problem"]: known.duration for row in runs if (known := table.get(row["hash"]))}
     store.set_meta("best_known", best)  # a report measures quality against these
     return Standing(len(every), len(every - before), len(beaten & before), {k: sorted(v) for k, v in ratio.items()})
-
-
-def options_text(options: Mapping[str, Any]) -> str:
-    """Options of a planner as they stand in a table."""
-    return json.dumps(dict(options), sort_keys=True)
 
 
 _VERIFIED = """

@@ -13,7 +13,7 @@ from typing import Any
 
 from optiplan.bench.results.database import Store
 from optiplan.bench.results.records import Key
-from optiplan.bench.suite.suite import code_differences, hash_of_parts
+from optiplan.bench.suite.suite import code_differences, hash_of_parts, suite_differences
 from optiplan.config.messages import some
 from optiplan.errors import InputError, Issue
 
@@ -29,11 +29,7 @@ Parts = Mapping[str, Any]
 
 def grown(old: Parts, new: Parts) -> tuple[dict[str, Any], list[str]]:
     """Parts of both suites together, and what prevents that, one sentence each."""
-    conflicts = [
-        f"{part}: {json.dumps(old.get(part))} there, {json.dumps(new[part])} here"
-        for part in SAME
-        if old.get(part) != new[part]
-    ]
+    conflicts = suite_differences(old, {part: new[part] for part in SAME})
     together: dict[str, Any] = {part: old.get(part) for part in SAME}
     for part in ("planners", "problems"):
         changed = [name for name, value in new[part].items() if old[part].get(name, value) != value]

@@ -4,11 +4,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from optiplan.arrays import Array, Index, is_finite
+from optiplan.arrays import Array, Index, number_argument
 from optiplan.control.arguments import checked_direction, checked_number, checked_vector, frame_index
 from optiplan.control.configuration import Configuration
 from optiplan.control.limits.stop_limits import StopLimit
-from optiplan.errors import described, wrong_argument
 from optiplan.robot.robot import Robot
 
 
@@ -33,9 +32,7 @@ class HalfSpaceLimit(StopLimit):
     ) -> None:
         self.frame = frame
         self.normal = checked_direction(self, "normal", normal, "a direction of the world")
-        if not is_finite(offset):
-            raise wrong_argument("HalfSpaceLimit", "offset", described(offset), "a finite number, m")
-        self.offset = float(offset)
+        self.offset = number_argument("HalfSpaceLimit", "offset", offset, "a finite number, m")
         self.point = checked_vector(self, "point", point, 3)
         self.rate = checked_number(self, "rate", rate, 1e-3)
         self.at_least, self.influence = 0.0, np.inf

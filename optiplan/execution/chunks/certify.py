@@ -8,9 +8,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, is_finite
+from optiplan.arrays import Array, number_argument
 from optiplan.errors import OptiPlanError, described, wrong_argument
-from optiplan.execution.arguments import numbers, shown
+from optiplan.execution.arguments import numbers
 from optiplan.execution.chunks.chunk import Chunk
 from optiplan.execution.chunks.search import ChunkSearch, Prepared
 from optiplan.geometry.pose import Pose
@@ -82,8 +82,7 @@ def certify(
         Chunk: proved as it is, 10 set-points, 0.500 s
     """
     prepared = _prepared(problem)
-    if not is_finite(clearance) or clearance < 0.0:
-        raise wrong_argument("certify", "clearance", described(clearance), "a distance >= 0, m")
+    number_argument("certify", "clearance", clearance, "a distance >= 0, m", 0.0)
     n = problem.robot.n
     Q, times = _numbers("q", q), None if t is None else _numbers("t", t)
     if Q.ndim != 2 or Q.shape[1] != n or not 1 <= len(Q) <= MOST_SET_POINTS:
@@ -139,7 +138,7 @@ def _numbers(name: str, values: object) -> Array:
         return np.array(values, order="C")
     found = numbers(values)
     if not found.size:
-        raise wrong_argument("certify", name, shown(values), "an array of numbers")
+        raise wrong_argument("certify", name, described(values), "an array of numbers")
     return np.ascontiguousarray(found)
 
 
@@ -173,7 +172,7 @@ def _poses(proof: WarmProof, poses: Mapping[str, Pose] | None) -> dict[str, pin.
     if poses is None:
         return {}
     if not isinstance(poses, Mapping) or not all(isinstance(pose, Pose) for pose in poses.values()):
-        raise wrong_argument("certify", "poses", shown(poses), "poses by name")
+        raise wrong_argument("certify", "poses", described(poses), "poses by name")
     for name in poses:
         if name not in proof.obstacles:
             expected = f"one of: {', '.join(proof.obstacles)}" if proof.obstacles else "a scene with obstacles"

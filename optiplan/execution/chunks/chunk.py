@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, is_finite
-from optiplan.errors import described, wrong_argument
+from optiplan.arrays import Array, number_argument
+from optiplan.errors import wrong_argument
 from optiplan.geometry.scene import Scene
 from optiplan.problem.goals_and_vias import JointGoal
 from optiplan.problem.problem import Problem, derived
@@ -96,11 +96,10 @@ class Chunk:
             InputError: the chunk was refused, or t is no number >= 0.
         """
         motion = self._motion("rest")
-        if not is_finite(t) or t < 0.0:
-            raise wrong_argument("Chunk.rest", "t", described(t), "a time >= 0, s")
+        t = number_argument("Chunk.rest", "t", t, "a time >= 0, s", 0.0)
         if t >= motion.duration - _SHORTEST:
             return standstill(motion.joint_names, motion.end, _SHORTEST)
-        return cut_trajectory(motion, float(t), motion.duration)
+        return cut_trajectory(motion, t, motion.duration)
 
     def state(self, t: float) -> State:
         """Return the state of the robot at a time t of the motion, s; after its end it stands.
@@ -109,9 +108,7 @@ class Chunk:
             InputError: the chunk was refused, or t is no number >= 0.
         """
         motion = self._motion("state")
-        if not is_finite(t) or t < 0.0:
-            raise wrong_argument("Chunk.state", "t", described(t), "a time >= 0, s")
-        return motion.state(min(float(t), motion.duration))
+        return motion.state(min(number_argument("Chunk.state", "t", t, "a time >= 0, s", 0.0), motion.duration))
 
     def _motion(self, what: str) -> Trajectory:
         if self.trajectory is None:

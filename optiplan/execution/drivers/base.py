@@ -1,11 +1,10 @@
 """The four calls of every driver."""
 
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
-from optiplan.arrays import is_finite
-from optiplan.errors import OptiPlanError, flag_argument, text_argument, wrong_argument
-from optiplan.execution.arguments import shown
+from optiplan.arrays import number_argument
+from optiplan.errors import OptiPlanError, described, flag_argument, text_argument, wrong_argument
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Tick
 
@@ -53,23 +52,16 @@ class Capabilities:
     def __post_init__(self) -> None:
         """Check the values: a driver may be anybody's."""
         if self.name is None:
-            raise _wrong("name", self.name, "text")
+            raise wrong_argument("Capabilities", "name", "None", "text")
         text_argument("Capabilities", "name", self.name, "text")
         names = self.joint_names
         if not isinstance(names, tuple | list) or not all(isinstance(one, str) for one in names):
-            raise _wrong("joint_names", names, "names of joints")
-        if not is_finite(self.rate) or self.rate <= 0.0:
-            raise _wrong("rate", self.rate, "a finite number > 0, Hz")
+            raise wrong_argument("Capabilities", "joint_names", described(names), "names of joints")
+        number_argument("Capabilities", "rate", self.rate, "a finite number > 0, Hz", above=0.0)
         for key, most in (("latency", MOST_LATENCY), ("lead", MOST_LEAD)):
-            value = getattr(self, key)
-            if not is_finite(value) or not 0.0 <= value <= most:
-                raise _wrong(key, value, f"0 to {most:g} s")
+            number_argument("Capabilities", key, getattr(self, key), f"0 to {most:g} s", 0.0, most=most)
         for key in ("measures", "waits", "tried_on_hardware"):
             flag_argument("Capabilities", key, getattr(self, key))
-
-
-def _wrong(argument: str, found: Any, expected: str) -> OptiPlanError:
-    return wrong_argument("Capabilities", argument, shown(found), expected)
 
 
 class Driver(Protocol):

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import is_finite
-from optiplan.errors import OptiPlanError, described, wrong_argument
+from optiplan.arrays import is_finite, number_argument
+from optiplan.errors import OptiPlanError, described
 from optiplan.execution.drivers.base import Capabilities, DriverError
 from optiplan.execution.loop.clock_offset import ClockOffset
 from optiplan.execution.measurement import Measurement
@@ -75,9 +75,8 @@ class Ros2ControlDriver:
         scaling: str = "/speed_scaling_state_broadcaster/speed_scaling",
         full_speed: float = 100.0,
     ) -> None:
-        if not is_finite(full_speed) or full_speed <= 0.0:
-            raise wrong_argument("driver", "full_speed", described(full_speed), "a finite number > 0")
-        self._names, self._full = tuple(run.problem.robot.joint_names), float(full_speed)
+        self._full = number_argument("driver", "full_speed", full_speed, "a finite number > 0", above=0.0)
+        self._names = tuple(run.problem.robot.joint_names)
         self._lock, self._fault = threading.Lock(), ""
         self._latest: tuple[float, Measurement] | None = None  # when it came
         self._robot, self._pace = ClockOffset(), ClockOffset()

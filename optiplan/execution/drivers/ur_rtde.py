@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from optiplan.arrays import is_finite
+from optiplan.arrays import number_argument
 from optiplan.errors import OptiPlanError, described, wrong_argument
 from optiplan.execution.drivers.base import Capabilities, DriverError
 from optiplan.execution.measurement import Measurement
@@ -73,8 +73,7 @@ class UrRtdeDriver:
             raise wrong_argument("driver", "host", described(host), "the name or address of the robot")
         ranges = {"rate": (rate, LEAST_RATE, 500.0), "lookahead": (lookahead, 0.03, 0.2), "gain": (gain, 100.0, 2000.0)}
         for name, (value, least, most) in ranges.items():
-            if not is_finite(value) or not least <= value <= most:
-                raise wrong_argument("driver", name, described(value), f"a number from {least:g} to {most:g}")
+            number_argument("driver", name, value, f"a number from {least:g} to {most:g}", least, most=most)
         self._names, self._rate, self._lookahead, self._gain = names, float(rate), float(lookahead), float(gain)
         self._stamp, self._came, self._watched = -1.0, time.monotonic(), False
         self._receive, self._control = self._connect(host)

@@ -4,8 +4,8 @@ from dataclasses import replace
 from typing import Any
 
 from optiplan.arrays import is_finite
-from optiplan.errors import OptiPlanError, named_reason, wrong_argument
-from optiplan.execution.arguments import LONGEST_TICK, shown
+from optiplan.errors import OptiPlanError, described, named_reason, wrong_argument
+from optiplan.execution.arguments import LONGEST_TICK
 from optiplan.execution.drivers.base import Capabilities, Driver, DriverError
 from optiplan.execution.measurement import Measurement
 
@@ -39,7 +39,7 @@ def checked_capabilities(driver: Driver, names: tuple[str, ...], rate: Any) -> C
     missing = [call for call in CALLS if not callable(getattr(driver, call, None))]
     if missing:
         expected = f"an object with the calls {', '.join(CALLS)}"
-        raise wrong_argument("Execution", "driver", f"{shown(driver)} without '{missing[0]}'", expected)
+        raise wrong_argument("Execution", "driver", f"{described(driver)} without '{missing[0]}'", expected)
     try:
         found = driver.capabilities()
     except OptiPlanError:
@@ -47,7 +47,7 @@ def checked_capabilities(driver: Driver, names: tuple[str, ...], rate: Any) -> C
     except Exception as error:
         raise DriverError(f"the driver does not say what it can do: {in_words(error)}") from error
     if not isinstance(found, Capabilities):
-        given = f"a driver that returns {shown(found)} for its capabilities"
+        given = f"a driver that returns {described(found)} for its capabilities"
         raise wrong_argument("Execution", "driver", given, "one that returns an op.Capabilities")
     if tuple(found.joint_names) != names:
         other = f"a driver '{found.name}' of the joints {', '.join(found.joint_names)}"
@@ -55,7 +55,7 @@ def checked_capabilities(driver: Driver, names: tuple[str, ...], rate: Any) -> C
     wanted = found.rate if rate is None else rate
     least = max(1.0 / LONGEST_TICK, IN_A_LEAD / found.lead if found.lead else 0.0)
     if not is_finite(wanted) or not least <= wanted * (1.0 + 1e-9) or wanted > MOST_RATE:
-        given = f"the driver's own, {shown(wanted)}" if rate is None else shown(rate)
+        given = f"the driver's own, {described(wanted)}" if rate is None else described(rate)
         lead = f", at least {IN_A_LEAD:g} set-points in the driver's lead of {found.lead:g} s" if found.lead else ""
         raise wrong_argument("Execution", "rate", given, f"{least:g} to {MOST_RATE:g} Hz{lead}")
     return replace(found, rate=float(wanted))
@@ -70,5 +70,5 @@ def measured_by(driver: Driver) -> Measurement | None:
     """
     found: Any = driver.state()
     if found is not None and not isinstance(found, Measurement):
-        raise DriverError(f"state() returned {shown(found)}; expected an op.Measurement, or None")
+        raise DriverError(f"state() returned {described(found)}; expected an op.Measurement, or None")
     return found

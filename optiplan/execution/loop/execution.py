@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from optiplan.arrays import is_finite
+from optiplan.arrays import is_finite, number_argument
 from optiplan.cores import keeping_time
 from optiplan.errors import described, whole_argument, wrong_argument
-from optiplan.execution.arguments import LONGEST_TICK, checked_seconds, numbers
+from optiplan.execution.arguments import LONGEST_TICK, numbers
 from optiplan.execution.drivers.base import Driver, DriverError
 from optiplan.execution.executor import Executor
 from optiplan.execution.loop.driver_checks import checked_capabilities, in_words, measured_by
@@ -92,9 +92,8 @@ class Execution:
     ) -> None:
         if not isinstance(executor, Executor):
             raise wrong_argument("Execution", "executor", described(executor), "an op.Executor(run)")
-        if not is_finite(patience) or not 0.0 < patience <= LONGEST_TICK:
-            expected = f"seconds above 0, up to {LONGEST_TICK:g}"
-            raise wrong_argument("Execution", "patience", described(patience), expected)
+        expected = f"seconds above 0, up to {LONGEST_TICK:g}"
+        number_argument("Execution", "patience", patience, expected, above=0.0, most=LONGEST_TICK)
         self._executor, self._driver = executor, driver
         self.capabilities = checked_capabilities(driver, tuple(executor.run.problem.robot.joint_names), rate)
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
@@ -136,8 +135,9 @@ class Execution:
         Raises:
             InputError: the timeout is no number of seconds >= 0, infinity or None, which are for ever.
         """
-        most = None if timeout is None or timeout == np.inf else checked_seconds("Execution.wait", "timeout", timeout)
-        self._over.wait(None if most is None else min(most, threading.TIMEOUT_MAX))
+        if timeout is not None and timeout != np.inf:
+            timeout = number_argument("Execution.wait", "timeout", timeout, "seconds >= 0", 0.0)
+        self._over.wait(None if timeout is None else min(timeout, threading.TIMEOUT_MAX))
         return self.snapshot()
 
     @property

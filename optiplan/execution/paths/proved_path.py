@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from optiplan.collision.native_model import NativeCollisionModel
-from optiplan.errors import wrong_argument
-from optiplan.execution.arguments import shown
+from optiplan.errors import described, wrong_argument
 from optiplan.execution.clearance_left import ClearanceLeft
 from optiplan.execution.paths.path_laws import Load, PathLaws
 from optiplan.problem.constraints.balance import TipOver
@@ -87,7 +86,7 @@ class ProvedPath:
 
     def __init__(self, run: Run, called: str) -> None:
         if not isinstance(run, Run):
-            raise wrong_argument(called, "run", shown(run), "a verified run of op.plan(…)")
+            raise wrong_argument(called, "run", described(run), "a verified run of op.plan(…)")
         if run.trajectory is None or not run.verified:
             raise wrong_argument(called, "run", "a run that is not verified", "a verified run of op.plan(…)")
         problem = run.problem

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from optiplan.arrays import is_finite
+from optiplan.arrays import number_argument
 from optiplan.errors import choice_argument, described, wrong_argument
 from optiplan.execution.paths.path_laws import PathLaws, PathPlace
 from optiplan.execution.scene.separation import Separation
@@ -54,11 +54,8 @@ class Policy:
     def __post_init__(self) -> None:
         choice_argument("Policy", "reaction", self.reaction, get_args(Reaction))
         for name in ("period", "latency"):
-            value = getattr(self, name)
-            if not (is_finite(value) and value > 0.0):
-                raise wrong_argument("Policy", name, described(value), "seconds > 0")
-        if not (is_finite(self.linger) and self.linger >= 0.0):
-            raise wrong_argument("Policy", "linger", described(self.linger), "seconds >= 0")
+            number_argument("Policy", name, getattr(self, name), "seconds > 0", above=0.0)
+        number_argument("Policy", "linger", self.linger, "seconds >= 0", 0.0)
 
     @classmethod
     def of(cls, policy: Any, separation: Any = None) -> "Policy":

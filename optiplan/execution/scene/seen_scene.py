@@ -7,7 +7,8 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array, is_finite
-from optiplan.execution.arguments import numbers, shown
+from optiplan.errors import described
+from optiplan.execution.arguments import numbers
 from optiplan.execution.paths.next_path import NextPath
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene.scene_watch import BlockedPlace, SceneWatch, SeenObstacle, is_at
@@ -40,40 +41,41 @@ class SeenScene:
     ) -> str:
         """Remember where obstacles were `age` s ago; return why that is not possible, or nothing."""
         if not isinstance(poses, Mapping):
-            return f"update_scene: found {shown(poses)}; expected poses by name"
+            return f"update_scene: found {described(poses)}; expected poses by name"
         for value, word, unit in ((spread, "a spread", "a speed >= 0, m/s"), (age, "an age", "seconds >= 0")):
             if not is_finite(value) or value < 0.0:
-                return f"update_scene: found {word} of {shown(value)}; expected {unit}"
+                return f"update_scene: found {word} of {described(value)}; expected {unit}"
         if not isinstance(velocities, Mapping):
-            return f"update_scene: found {shown(velocities)}; expected velocities by name"
+            return f"update_scene: found {described(velocities)}; expected velocities by name"
         lost = next((name for name in velocities if name not in poses), None)
         for name, place in poses.items():
             velocity = np.array(numbers(velocities.get(name, np.zeros(3))))  # the caller may write into its own again
             if velocity.shape != (3,) or not np.isfinite(velocity).all():
-                found = shown(velocities[name])
+                found = described(velocities[name])
                 return f"update_scene: found {found} as the velocity of '{name}'; expected (3,), m/s"
             if name in velocities and self._is_person(name):
                 return f"update_scene: found a velocity of '{name}'; expected none: the course of people is not known"
             reason = self._see(name, place, velocity, float(spread), now - float(age))
             if reason:
                 return reason
-        return "" if lost is None else f"update_scene: found a velocity of {shown(lost)} without a pose; expected both"
+        without = "without a pose; expected both"
+        return "" if lost is None else f"update_scene: found a velocity of {described(lost)} {without}"
 
     def _see(self, name: str, place: Pose | Obstacle | None, velocity: Array, spread: float, time: float) -> str:
         known = {one.name: one.shape for one in self._watch.scene.obstacles}
         known |= {one.name: one.shape for one in self._obstacles.values()}
         known |= {} if self.people is None else self.people.shapes
         if not isinstance(place, Pose | Obstacle | None):
-            return f"update_scene: found {shown(place)} as '{name}'; expected poses by name, obstacles, or None"
+            return f"update_scene: found {described(place)} as '{name}'; expected poses by name, obstacles, or None"
         if isinstance(place, Obstacle) and isinstance(name, str) and place.motion is None:
             shape, X_WO = place.shape, place.X_WO
         elif isinstance(place, Obstacle):
-            return f"update_scene: found {shown(place)} as {shown(name)}; expected one that stands, and a name"
+            return f"update_scene: found {described(place)} as {described(name)}; expected one that stands, and a name"
         elif place is None and self.people is not None and self._is_person(name):
             self.people.see(name, None, time)
             return ""
         elif name not in known:
-            return f"update_scene: found an obstacle {shown(name)}; expected one of: {', '.join(sorted(known))}"
+            return f"update_scene: found an obstacle {described(name)}; expected one of: {', '.join(sorted(known))}"
         elif place is None:
             self._obstacles.pop(name, None)
             self._gone.add(name)

@@ -22,9 +22,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from optiplan._core import core
-from optiplan.arrays import is_finite
-from optiplan.errors import wrong_argument
-from optiplan.execution.arguments import shown
+from optiplan.arrays import number_argument
+from optiplan.errors import described, wrong_argument
 from optiplan.execution.paths.proved_path import PathStretch, ProvedPath
 from optiplan.execution.scene.scene_watch import SceneWatch, SeenObstacle
 from optiplan.execution.status import KeptSeparation
@@ -74,13 +73,12 @@ class Separation:
         """Check the values."""
         names = (self.people,) if isinstance(self.people, str) else self.people
         if not isinstance(names, Sequence) or not names or not all(isinstance(name, str) for name in names):
-            raise wrong_argument("Separation", "people", shown(self.people), "names of obstacles")
+            raise wrong_argument("Separation", "people", described(self.people), "names of obstacles")
         object.__setattr__(self, "people", tuple(names))
-        for key in ("reaction", "intrusion", "sensor_uncertainty", "robot_uncertainty", "human_speed"):
-            value, unit = getattr(self, key), {"reaction": "s", "human_speed": "m/s"}.get(key, "m")
-            least = "> 0" if key in ("reaction", "human_speed") else ">= 0"
-            if not is_finite(value) or value < 0.0 or (value == 0.0 and least == "> 0"):
-                raise wrong_argument("Separation", key, shown(value), f"a number {least}, {unit}")
+        for key, unit in (("reaction", "s"), ("human_speed", "m/s")):
+            number_argument("Separation", key, getattr(self, key), f"a number > 0, {unit}", above=0.0)
+        for key in ("intrusion", "sensor_uncertainty", "robot_uncertainty"):
+            number_argument("Separation", key, getattr(self, key), "a number >= 0, m", 0.0)
 
     @property
     def margin(self) -> float:

@@ -24,6 +24,7 @@ from optiplan.importers.robots.description import Description
 from optiplan.importers.robots.ros_packages import RosPackages
 from optiplan.importers.robots.srdf_groups import read_groups
 from optiplan.importers.robots.xacro_files import expand_xacro
+from optiplan.robot.urdf.elements import parsed_xml
 from optiplan.robot.urdf.reader import UrdfSource, read_urdf, with_found_meshes
 
 SRDF_FILE = "moveit.srdf"
@@ -61,11 +62,7 @@ def describe_moveit(folder: Path) -> Description:
     text = _xml(named.urdf, packages, named.arguments)
     srdf_text = _xml(named.srdf, packages, {})
     urdf = read_urdf(named.urdf, folder, text)
-    try:
-        srdf = ET.fromstring(srdf_text)
-    except (ET.ParseError, ValueError, LookupError) as error:
-        line = error.position[0] if isinstance(error, ET.ParseError) else None
-        raise InputError([Issue(str(named.srdf), line, "srdf", str(error), "well-formed XML")]) from error
+    srdf = parsed_xml(named.srdf, "srdf", srdf_text)
     groups = read_groups(srdf, named.srdf, urdf)
     limits, positions, notes = _joint_limits(folder, urdf)
     root = ET.fromstring(with_found_meshes(named.urdf, folder, text))

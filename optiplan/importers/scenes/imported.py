@@ -1,6 +1,6 @@
 """What an importer makes of another program's scene: obstacles, mesh files beside the problem file, remarks."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.config.messages import some
 from optiplan.geometry.meshes.triangles import Triangles
 from optiplan.geometry.poses import pose_to_data
 
@@ -35,6 +36,14 @@ class ImportedScene:
         n = X_WP.rotation @ (np.array(list(normal), float) / np.linalg.norm(list(normal)))
         offset = float(n @ X_WP.translation)
         self.add(name, {"half_space": {"normal": [float(x) for x in n], "offset": offset}}, pin.SE3.Identity())
+
+    def note_bodies(self, robots: Sequence[str], loose: Sequence[str]) -> None:
+        """Note the bodies with joints, which are left out, and those that lie loose."""
+        if robots:
+            command = f"`optiplan robots init {self.source.name}` makes a robot"
+            self.notes.append(f"left out: {some(robots, 6)}, which have joints; {command}")
+        if loose:
+            self.notes.append(f"stand still where they are drawn: the loose bodies {some(loose, 6)}")
 
     def mesh(self, name: str, vertices: Array, triangles: Triangles) -> dict[str, Any]:
         """Keep a mesh as an OBJ file beside the problem file, and return the shape."""

@@ -34,12 +34,9 @@ def read_mjcf_scene(path: Path) -> ImportedScene:
             scene.add(name, shape, X_WG)
         else:
             scene.notes.append(f"left out: {name}, a height field or signed distance field")
-    if robots:
-        names = ", ".join(str(model.body(b).name) for b in sorted(robots) if int(model.body_parentid[b]) not in robots)
-        scene.notes.append(f"left out: {names}, which have joints; `optiplan robots init {path.name}` makes a robot")
+    left_out = [str(model.body(b).name) for b in sorted(robots) if int(model.body_parentid[b]) not in robots]
     loose = [str(model.body(b).name) for b in range(model.nbody) if len(_joints(model, b)) and b not in robots]
-    if loose:
-        scene.notes.append(f"stand still where they are drawn: the loose bodies {', '.join(loose)}")
+    scene.note_bodies(left_out, loose)
     return scene
 
 

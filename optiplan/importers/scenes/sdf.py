@@ -12,10 +12,11 @@ import numpy as np
 import pinocchio as pin
 
 from optiplan.errors import InputError, Issue
-from optiplan.files import is_file, read_bytes
+from optiplan.files import is_file
 from optiplan.geometry.meshes.reading import open_mesh, read_mesh, read_together
 from optiplan.importers.robots.polyhedra import ellipsoid_hull
 from optiplan.importers.scenes.imported import ImportedScene
+from optiplan.robot.urdf.elements import parsed_xml
 
 DEEPEST = 8
 """Models within models."""
@@ -31,7 +32,7 @@ def read_sdf_scene(path: Path) -> ImportedScene:
         InputError: no SDF, a shape without its sizes, a model or mesh that is not found, a frame that is not known.
     """
     scene = ImportedScene(path)
-    root = _parsed(path)
+    root = parsed_xml(path, "sdf")
     worlds = root.findall("world")
     for parent in worlds or [root]:
         _read_models(parent, pin.SE3.Identity(), _Place(path, "", 0), scene)
@@ -69,7 +70,7 @@ def _read_models(parent: ET.Element, X_WP: pin.SE3, place: _Place, scene: Import
         file = _model_file(uri, place, include)
         if place.depth >= DEEPEST:
             raise place.issue(include, f"models nested more than {DEEPEST} deep", "a world")
-        included = _parsed(file).find("model")
+        included = parsed_xml(file, "sdf").find("model")
         if included is None:
             raise place.issue(include, f"no <model> in {file}", "a model")
         name = (include.findtext("name") or included.get("name") or "model").strip()
@@ -219,7 +220,7 @@ def _model_file(uri: str, place: _Place, include: ET.Element) -> Path:
     if folder.is_file():
         return folder
     config = folder / "model.config"
-    listed = [(_parsed(config).findtext("sdf") or "").strip()] if is_file(config) else []
+    listed = [(parsed_xml(config, "sdf").findtext("sdf") or "").strip()] if is_file(config) else []
     for name in (*listed, "model.sdf"):
         if name and is_file(folder / name):
             return folder / name
@@ -231,14 +232,3 @@ def _found(uri: str, place: _Place, folders: bool = False) -> Path | None:
     roots = [place.file.resolve().parent, *list(place.file.resolve().parents)[1:UP]]
     candidates = [root / part / rest for root in roots for part in ("", "models")] if rest else []
     return next((path for path in candidates if is_file(path) or (folders and path.is_dir())), None)
-
-
-def _parsed(path: Path) -> ET.Element:
-    try:
-        return ET.fromstring(read_bytes(path))
-    except OSError as error:
-        found = error.strerror or str(error)
-        raise InputError([Issue(str(path), None, "sdf", found, "a readable SDF file")]) from error
-    except (ET.ParseError, ValueError, LookupError) as error:
-        line = error.position[0] if isinstance(error, ET.ParseError) else None
-        raise InputError([Issue(str(path), line, "sdf", str(error), "well-formed XML")]) from error

@@ -37,13 +37,7 @@ def read_usd_scene(path: Path) -> ImportedScene:
             scene.notes.append("no collider in the stage: all shapes that it shows are obstacles")
     for prim in solid:
         _add(stage, prim, scene)
-    if moving:
-        names = ", ".join(sorted(moving)[:6]) + (" and others" if len(moving) > 6 else "")
-        scene.notes.append(f"left out: {names}, which have joints; `optiplan robots init {path.name}` makes a robot")
-    loose = sorted(body for body in bodies if body not in moving)
-    if loose:
-        names = ", ".join(loose[:6]) + (" and others" if len(loose) > 6 else "")
-        scene.notes.append(f"stand still where they are drawn: the loose bodies {names}")
+    scene.note_bodies(sorted(moving), sorted(bodies.keys() - moving))
     return scene
 
 

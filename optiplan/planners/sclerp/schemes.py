@@ -91,15 +91,6 @@ def rates_to_twist(p: Array, J1: Array) -> Array:
     return matrix
 
 
-def b_matrix(J: Array, p: Array, J1: Array) -> Array:
-    """B(θ) = J_sᵀ (J_s J_sᵀ)⁻¹ [[I, 2 p̂ J1], [0, 2 J1]], (n, 7): joint rates from those of position and quaternion.
-
-    Raises:
-        LinAlgError: there is no inverse.
-    """
-    return _least_motion(J, rates_to_twist(p, J1))
-
-
 def spatial_J1(Q: Array) -> Array:
     """J1 (3, 4) with the angular velocity in world axes w = 2 J1 Q̇, for a unit quaternion Q (4,), scalar first."""
     q0, q1, q2, q3 = Q

@@ -5,6 +5,8 @@ Before the first point every joint gains its speed along v(tau) = v (3 tau² - 2
 and loses it likewise after the last one. With ramps that law is s(t) itself, next to corners and ends.
 """
 
+import itertools
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,17 +70,15 @@ def run_up(problem: Problem, state: Array, *, out: bool) -> Trajectory | Excess 
 
     What passes a limit in the gentlest one tried, otherwise; None where torques do.
     """
-    names, (q, v, a) = problem.robot.joint_names, state
-    worst: Excess | None = None
-    for T in _TIMES:
+    q, v, a = state
+
+    def lasting(T: float) -> Trajectory:
         rest = q - 0.5 * T * v + T * T / 12.0 * a if not out else q + 0.5 * T * v + T * T / 12.0 * a
         standing = np.stack([rest, 0.0 * q, 0.0 * q])
         ends = [state, standing] if out else [standing, state]
-        motion = hermite_trajectory(names, np.array([0.0, T]), np.array(ends))
-        worst = excess(motion, problem.limits)
-        if worst is None and _held(problem, motion):
-            return motion
-    return worst
+        return hermite_trajectory(problem.robot.joint_names, np.array([0.0, T]), np.array(ends))
+
+    return first_within_limits(problem, map(lasting, _TIMES))
 
 
 def ramped(problem: Problem, one: SeamCurveOfJoints, speed: float, ramp: float) -> Trajectory | Excess | None:
@@ -88,17 +88,11 @@ def ramped(problem: Problem, one: SeamCurveOfJoints, speed: float, ramp: float) 
     """
     length = one.curve.duration
     longest = min(ramp, 0.5 * length)
-    worst: Excess | None = None
     speeds = [speed]
     while 2.0 * ramp >= length and speeds[-1] > 1e-3 * speed:
         speeds.append(_SLOWER * speeds[-1])
-    for own in speeds:
-        for share in (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0):
-            motion = _with_ramps(problem, one, own, share * longest)
-            worst = excess(motion, problem.limits)
-            if worst is None and _held(problem, motion):
-                return motion
-    return worst
+    tried = itertools.product(speeds, (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0))
+    return first_within_limits(problem, (_with_ramps(problem, one, own, share * longest) for own, share in tried))
 
 
 def _with_ramps(problem: Problem, one: SeamCurveOfJoints, speed: float, way: float) -> Trajectory:
@@ -131,10 +125,14 @@ def _held(problem: Problem, motion: Trajectory) -> bool:
     return slowed is not None and slowed.duration <= motion.duration * (1.0 + 1e-9)
 
 
-def within_limits(problem: Problem, motion: Trajectory) -> Trajectory | Excess | None:
-    """Return the motion if it keeps all limits, else what passes one; None where torques do."""
-    over = excess(motion, problem.limits)
-    return over if over is not None else motion if _held(problem, motion) else None
+def first_within_limits(problem: Problem, motions: Iterable[Trajectory]) -> Trajectory | Excess | None:
+    """Return the first motion that keeps all limits, else what passes one in the last; None where torques do."""
+    worst: Excess | None = None
+    for motion in motions:
+        worst = excess(motion, problem.limits)
+        if worst is None and _held(problem, motion):
+            return motion
+    return worst
 
 
 def joined(parts: list[Trajectory]) -> Trajectory:

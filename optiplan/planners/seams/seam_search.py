@@ -18,7 +18,7 @@ from optiplan.planners.sampling.edge_checker import MotionCheck
 from optiplan.planners.seams.posture_ladder import Posture, PostureLadder, rounded_down
 from optiplan.planners.seams.posture_smoothing import PostureSmoothing, Stations
 from optiplan.planners.seams.rungs import Rungs
-from optiplan.planners.seams.seam_motion import joined, joint_curves, ramped, run_up, steady, within_limits
+from optiplan.planners.seams.seam_motion import first_within_limits, joined, joint_curves, ramped, run_up, steady
 from optiplan.planners.seams.seam_tool import SeamTool
 from optiplan.problem.problem import JointGoal, Problem, derived
 from optiplan.problem.seams.actions import SeamPath
@@ -234,7 +234,7 @@ class SeamSearch:
                 t += motion.duration
                 continue
             motion = steady(one, path.speed)
-            kept = within_limits(self.problem, motion)
+            kept = first_within_limits(self.problem, [motion])
             if not isinstance(kept, Trajectory):
                 return self._too_fast(kept, motion.start, 0.0, "along the path", motion)
             state = one.state(np.array([one.low, high]))

@@ -91,14 +91,13 @@ class SeamTool:
             turning = turning * (kept > 0.0)[:, None, None]
         return ToolRows(np.concatenate([off, turn], axis=1), np.concatenate([J[:, :3], turning], axis=1), tilt)
 
-    def corrected(self, Q: Array, at: ToolPlaces, steps: int, cone: float | None = None) -> tuple[Array, Array]:
+    def corrected(self, Q: Array, at: ToolPlaces, steps: int) -> tuple[Array, Array]:
         """Return configurations (N, n) with the tool in place, and the largest error (N,) that is left, m or rad."""
-        cone = self.path.cone if cone is None else cone
         Q, worst = Q.copy(), np.full(len(Q), np.inf)
         left = np.arange(len(Q))
         low, high = self.robot.limits.lower, self.robot.limits.upper
         for _ in range(steps):
-            rows = self.rows(Q[left], at.take(left), cone)
+            rows = self.rows(Q[left], at.take(left), self.path.cone)
             worst[left] = np.abs(rows.e).max(axis=1)
             going = worst[left] > _MET
             left, e, J = left[going], rows.e[going], rows.J[going]
@@ -109,7 +108,7 @@ class SeamTool:
             step *= np.minimum(1.0, _LONGEST / np.maximum(size, 1e-12))[:, None]
             Q[left] = np.clip(Q[left] + step, low, high)
         if len(left):
-            worst[left] = np.abs(self.rows(Q[left], at.take(left), cone).e).max(axis=1)
+            worst[left] = np.abs(self.rows(Q[left], at.take(left), self.path.cone).e).max(axis=1)
         return Q, worst
 
     def shortest(self, J: Array, e: Array, damping: Array | float) -> Array:

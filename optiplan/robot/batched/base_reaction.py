@@ -1,13 +1,13 @@
 """The wrench that the ground exerts on a robot's base, of many states at once."""
 
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.robot.batched.dynamics import torques_of
+from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.mimic_joints import unfold
 from optiplan.robot.robot import Robot
 
@@ -36,9 +36,6 @@ class HeldRobot(NamedTuple):
         return Q @ coupling + self.b, V @ coupling, A @ coupling
 
 
-_held: WeakKeyDictionary[Robot, HeldRobot] = WeakKeyDictionary()
-
-
 def base_reaction(robot: Robot, Q: Array, V: Array, A: Array) -> Array:
     """Wrenches [F; M] (N, 6) of the ground on the base, about the world's origin, in world axes: N and N·m.
 
@@ -56,14 +53,13 @@ def base_reaction(robot: Robot, Q: Array, V: Array, A: Array) -> Array:
     return torques_of(held.model, *held.joints(Q, V, A))[:, :HOLDING]
 
 
+@once_for_each
 def held_robot(robot: Robot) -> HeldRobot:
-    """Return the robot held by six joints, made once."""
-    if robot not in _held:
-        plain = unfold(robot.model)
-        A = np.eye(HOLDING + len(plain.A), HOLDING + plain.A.shape[1])
-        A[HOLDING:, HOLDING:] = plain.A
-        _held[robot] = HeldRobot(_held_by_six(plain.model), A, np.concatenate([np.zeros(HOLDING), plain.b]))
-    return _held[robot]
+    """Return the robot held by six joints."""
+    plain = unfold(robot.model)
+    A = np.eye(HOLDING + len(plain.A), HOLDING + plain.A.shape[1])
+    A[HOLDING:, HOLDING:] = plain.A
+    return HeldRobot(_held_by_six(plain.model), A, np.concatenate([np.zeros(HOLDING), plain.b]))
 
 
 def _held_by_six(model: pin.Model) -> pin.Model:

@@ -1,12 +1,34 @@
-"""Elements of a URDF that is written: poses, inertias, rows of numbers."""
+"""XML files that are read, and elements of a URDF that is written: poses, inertias, rows of numbers."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from optiplan.arrays import Array
+from optiplan.errors import InputError, Issue
+from optiplan.files import read_bytes
+
+
+def parsed_xml(
+    path: Path, kind: str, text: str | None = None, broken: Callable[[Path], None] = lambda path: None
+) -> ET.Element:
+    """Return the root of an XML file, or of the text in place of its own; `kind` is `urdf`, `srdf` or `sdf`.
+
+    Raises:
+        InputError: it cannot be read, or is no XML; then `broken` is called first, which may know better.
+    """
+    try:
+        return ET.fromstring(read_bytes(path) if text is None else text.encode())
+    except OSError as error:
+        found = error.strerror or str(error)
+        raise InputError([Issue(str(path), None, kind, found, f"a readable {kind.upper()} file")]) from error
+    except (ET.ParseError, ValueError, LookupError) as error:
+        broken(path)
+        line = error.position[0] if isinstance(error, ET.ParseError) else None
+        raise InputError([Issue(str(path), line, kind, str(error), "well-formed XML")]) from error
 
 
 def number_words(values: Sequence[float] | Array) -> str:

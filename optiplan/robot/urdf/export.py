@@ -1,15 +1,11 @@
-"""A robot as a URDF and an SRDF for other programs."""
+"""A robot as a URDF for other programs."""
 
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import numpy as np
 
-from optiplan.files import write_text
 from optiplan.robot.robot import Robot
-from optiplan.robot.self_collision.pairs import srdf_words
 from optiplan.robot.urdf.reader import ENDLESS
-from optiplan.robot.urdf.srdf import srdf_text
 
 _RATES = {"acceleration": "acceleration", "deceleration": "acceleration", "jerk": "jerk"}
 """Attributes of <limit> in URDF 1.2, and the limits of a robot that they state."""
@@ -42,11 +38,6 @@ def export_urdf(robot: Robot) -> str:
     _add_wheels(root, robot)
     ET.indent(root)
     return f'<?xml version="1.0" encoding="utf-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
-
-
-def write_srdf(robot: Robot, path: Path) -> None:
-    """Write the pairs of links that are not checked as an SRDF."""
-    write_text(path, srdf_text(robot.name, srdf_words(robot.allowed)))
 
 
 def _add_wheels(root: ET.Element, robot: Robot) -> None:

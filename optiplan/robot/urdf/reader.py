@@ -21,6 +21,7 @@ from optiplan.errors import InputError, Issue, plain_reason
 from optiplan.files import is_file, read_bytes
 from optiplan.robot.mimic_joints import Mimic, MimicError, leaders_first, resolve
 from optiplan.robot.reference import DESCRIPTION
+from optiplan.robot.urdf.elements import parsed_xml
 from optiplan.robot.urdf.mesh_geometries import UrdfBodies, read_bodies
 from optiplan.robot.urdf.unused_elements import leave_out
 from optiplan.robot.urdf.validation import MOVING, faults, odd_inertias
@@ -203,21 +204,13 @@ def _unreadable(source: UrdfSource, error: Exception, expected: str) -> InputErr
 
 
 def _parse(path: Path, text: str | None) -> ET.Element:
-    try:
-        root = ET.fromstring(read_bytes(path) if text is None else text.encode())
-    except OSError as error:
-        found = error.strerror or str(error)
-        raise InputError([Issue(str(path), None, "urdf", found, "a readable URDF file")]) from error
-    except (ET.ParseError, ValueError, LookupError) as error:
-        _refuse_xacro(path, None)
-        line = error.position[0] if isinstance(error, ET.ParseError) else None
-        raise InputError([Issue(str(path), line, "urdf", str(error), "well-formed XML")]) from error
+    root = parsed_xml(path, "urdf", text, broken=_refuse_xacro)
     if root.tag != "robot":
         raise InputError([Issue(str(path), 1, "urdf", f"an XML file of <{root.tag}>", "a URDF, whose root is <robot>")])
     return root
 
 
-def _refuse_xacro(path: Path, root: ET.Element | None) -> None:
+def _refuse_xacro(path: Path, root: ET.Element | None = None) -> None:
     """Raise an `InputError` for a file of macros, which another program turns into a URDF."""
     tags = () if root is None else (str(element.tag) for element in root.iter())
     if path.suffix == ".xacro" or any(tag.startswith("{") and "xacro" in tag for tag in tags):

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from optiplan.errors import InputError, Issue
-from optiplan.files import read_bytes
+from optiplan.robot.urdf.elements import parsed_xml
 
 LinkPair = tuple[str, str]
 """Two link names in alphabetical order."""
@@ -35,14 +34,7 @@ def read_srdf(path: Path, renamed: Mapping[str, str]) -> Srdf:
     Raises:
         InputError: a missing file or broken XML.
     """
-    try:
-        root = ET.fromstring(read_bytes(path))
-    except OSError as error:
-        found = error.strerror or str(error)
-        raise InputError([Issue(str(path), None, "srdf", found, "a readable SRDF file")]) from error
-    except (ET.ParseError, ValueError, LookupError) as error:
-        line = error.position[0] if isinstance(error, ET.ParseError) else None
-        raise InputError([Issue(str(path), line, "srdf", str(error), "well-formed XML")]) from error
+    root = parsed_xml(path, "srdf")
     disabled = {}
     for item in root.iter("disable_collisions"):
         a, b = (renamed.get(name, name) for name in (item.get("link1", ""), item.get("link2", "")))

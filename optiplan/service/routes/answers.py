@@ -6,8 +6,10 @@ import zipfile
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any
 
+import anyio
 from fastapi import Depends, Path, Request
 from fastapi.responses import JSONResponse, Response
+from sse_starlette.sse import EventSourceResponse
 
 from optiplan.service.archive import Archive
 from optiplan.service.models import ErrorAnswer, RunAnswer
@@ -15,6 +17,7 @@ from optiplan.service.planner_service import PlannerService
 from optiplan.service.refusals import Refusal
 from optiplan.service.sessions.sessions import Session
 from optiplan.service.store.run_table import Record
+from optiplan.service.streams import Lines, event_stream
 from optiplan.viewer.safety import DRAWN_POLICY, PAGE_POLICY
 
 ERRORS = {
@@ -47,6 +50,11 @@ def files(*kinds: str) -> Responses:
 
 PACKED = files("application/zip") | errors(404, 409, 422, 503)
 """Of a route that packs what was seen of a session."""
+
+WATCHED: Responses = errors(404, 422) | {
+    200: {"content": {"text/event-stream": {}}, "description": "state, 25 times a second; end"}
+}
+"""Of a route that streams the events of a session."""
 
 
 def service(request: Request) -> PlannerService:
@@ -93,6 +101,16 @@ async def recorded(service: PlannerService, session: Session, problem: Mapping[s
     if asked is None:
         raise Refusal(409, f"nothing has been seen of '{session.id}' yet")
     return zipped((await service.requests.ask({**problem, **asked}, "recording")).files)
+
+
+def watched(session: Session) -> EventSourceResponse:
+    """Return the events of a session as they come."""
+
+    async def lines(stopping: anyio.Event) -> Lines:
+        async for event in session.events(stopping):
+            yield {"event": event["type"], "data": json.dumps(event, allow_nan=False)}
+
+    return event_stream(lines)
 
 
 def whole_page(page: bytes, drawn: bool = False) -> Response:

@@ -1,9 +1,7 @@
 """Routes of motions that are executed: start one, watch it, steer it, stop it."""
 
-import json
 from typing import Annotated, Any
 
-import anyio
 from fastapi import APIRouter, Path
 from fastapi.responses import Response
 from sse_starlette.sse import EventSourceResponse
@@ -22,16 +20,12 @@ from optiplan.service.execution_models import (
     SpliceInput,
     StopInput,
 )
-from optiplan.service.routes.answers import PACKED, Json, Service, errors, recorded
+from optiplan.service.routes.answers import PACKED, WATCHED, Json, Service, errors, recorded, watched
 from optiplan.service.sessions.execution_sessions import PROOF, ExecutionSession
-from optiplan.service.streams import Lines, event_stream
 
 router = APIRouter(prefix="/api/executions", default_response_class=Json)
 
 ExecutionPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="Id of an execution")]
-STREAM: dict[int | str, dict[str, Any]] = {
-    200: {"content": {"text/event-stream": {}}, "description": "state, 25 times a second; end"}
-}
 STEERED = errors(404, 409, 413, 422, 503)
 """What may go wrong with words to an execution."""
 
@@ -79,19 +73,10 @@ async def recording(execution: ExecutionPath, service: Service) -> Response:
     return await recorded(service, session, session.motions[0], f"executed ({session.about['driver']})")
 
 
-@router.get("/{execution}/events", response_class=EventSourceResponse, responses=STREAM | errors(404, 422))
+@router.get("/{execution}/events", response_class=EventSourceResponse, responses=WATCHED)
 async def events(execution: ExecutionPath, service: Service) -> EventSourceResponse:
     """Watch an execution: `state`, as in its own answer, and `end` with a reason and whether it was `clean`."""
-    session = service.executions.get(execution)
-
-    async def lines(stopping: anyio.Event) -> Lines:
-        if session.ended is not None:
-            yield _line({"type": "end", "reason": session.ended, "clean": session.clean})
-            return
-        async for event in session.events(stopping):
-            yield _line(event)
-
-    return event_stream(lines)
+    return watched(service.executions.get(execution))
 
 
 @router.post("/{execution}/override", response_model=ExecutionState, responses=STEERED)
@@ -156,7 +141,3 @@ async def _steer(service: Service, execution: str, what: str, **given: Any) -> J
 
 def _answer(session: ExecutionSession) -> dict[str, Any]:
     return {"id": session.id, **session.about, "ended": session.ended, "clean": session.clean}
-
-
-def _line(event: dict[str, Any]) -> dict[str, Any]:
-    return {"event": event["type"], "data": json.dumps(event, allow_nan=False)}

@@ -1,24 +1,18 @@
 """Routes of controllers that run: start one, watch its states, move its target, stop it."""
 
-import json
 from typing import Annotated, Any
 
-import anyio
 from fastapi import APIRouter, Path
 from fastapi.responses import Response
 from sse_starlette.sse import EventSourceResponse
 
 from optiplan.service.models import LiveAnswer, LiveRequest, LiveTarget, LiveView
-from optiplan.service.routes.answers import PACKED, Json, Service, errors, recorded
+from optiplan.service.routes.answers import PACKED, WATCHED, Json, Service, errors, recorded, watched
 from optiplan.service.sessions.live_sessions import LiveSession
-from optiplan.service.streams import Lines, event_stream
 
 router = APIRouter(prefix="/api/live", default_response_class=Json)
 
 SessionPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="Id of a controller that runs")]
-STREAM: dict[int | str, dict[str, Any]] = {
-    200: {"content": {"text/event-stream": {}}, "description": "state, 25 times a second; end"}
-}
 
 
 @router.post("", status_code=201, response_model=LiveAnswer, responses=errors(404, 413, 422, 503))
@@ -51,19 +45,10 @@ async def recording(session: SessionPath, service: Service) -> Response:
     return await recorded(service, found, found.request, f"controller ({found.about['engine']})")
 
 
-@router.get("/{session}/events", response_class=EventSourceResponse, responses=STREAM | errors(404, 422))
+@router.get("/{session}/events", response_class=EventSourceResponse, responses=WATCHED)
 async def events(session: SessionPath, service: Service) -> EventSourceResponse:
     """Watch a controller: `state` (joints, poses, tool, target, errors, status, nearest pair), `end` with a reason."""
-    found = service.live.get(session)
-
-    async def lines(stopping: anyio.Event) -> Lines:
-        if found.ended is not None:
-            yield _line({"type": "end", "reason": found.ended})
-            return
-        async for event in found.events(stopping):
-            yield _line(event)
-
-    return event_stream(lines)
+    return watched(service.live.get(session))
 
 
 @router.post("/{session}/target", status_code=204, responses=errors(404, 413, 422))
@@ -82,7 +67,3 @@ async def stop(session: SessionPath, service: Service) -> Response:
 
 def _answer(session: LiveSession) -> dict[str, Any]:
     return {"id": session.id, **session.about}
-
-
-def _line(event: dict[str, Any]) -> dict[str, Any]:
-    return {"event": event["type"], "data": json.dumps(event, allow_nan=False)}

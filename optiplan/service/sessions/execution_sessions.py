@@ -45,7 +45,6 @@ class ExecutionSession(Session):
         about: what `ExecutionAnswer` lists, apart from how it ended.
         motions: requests for the problem and the motion, first that which it began with, then those that took over.
         state: the last one; None before the first.
-        ended: why it has ended; None while it runs.
         clean: whether it ended with the robot at rest, as was asked.
     """
 
@@ -53,7 +52,6 @@ class ExecutionSession(Session):
         super().__init__(about, job)
         self.motions: list[State] = [dict(job.request)]
         self.state: State | None = None
-        self.ended: str | None = None
         self.clean: bool | None = None
         self.heard = time.monotonic()
         self._questions: dict[int, asyncio.Future[State]] = {}
@@ -116,7 +114,7 @@ class ExecutionSession(Session):
 
     def end(self, reason: str, clean: bool) -> None:
         """Remember the end, and report it to all who watch or wait for an answer."""
-        self.ended, self.clean = reason, clean
+        self.clean = clean
         for waiting in self._questions.values():
             if not waiting.done():
                 waiting.set_result({"error": f"the execution '{self.id}' has ended: {reason}", "status": 409})

@@ -20,21 +20,13 @@ class LiveSession(Session):
     Attributes:
         about: `engine`, `period`, `joint_names`, `frame`.
         problem: as it was given; `request`: as processes take it.
-        ended: why it has ended; None while it runs.
     """
 
     def __init__(self, about: State, job: SolverJob) -> None:
         super().__init__(about, job)
         self.request = dict(job.request)
         self.problem: str | dict[str, Any] = self.request["problem"]
-        self.ended: str | None = None
         self._unseen: float | None = None
-
-    def publish(self, event: State) -> None:
-        """Hand an event to all watchers; an end is kept for those who are about to watch."""
-        if event["type"] == "end":
-            self.ended = event["reason"]
-        super().publish(event)
 
     def aim(self, pose: list[float]) -> None:
         """Move the target to a pose (x, y, z, qx, qy, qz, qw)."""

@@ -30,10 +30,13 @@ class Session:
         id: of the session.
         about: what is reported of it before it begins.
         seen: its last states.
+        ended: why it has ended; None while it runs.
     """
 
     def __init__(self, about: State, job: SolverJob) -> None:
         self.id, self.about, self.seen = uuid.uuid4().hex, about, SeenStates()
+        self.ended: str | None = None
+        self._end: State = {}
         self._job = job
         self._watchers: set[asyncio.Queue[State]] = set()
 
@@ -51,7 +54,9 @@ class Session:
         self.publish({"type": "state", **message})
 
     def publish(self, event: State) -> None:
-        """Hand an event to all watchers; a slow one misses the oldest, never the last."""
+        """Hand an event to all watchers; a slow one misses the oldest, never the last. Later ones get the end."""
+        if event["type"] == "end":
+            self._end, self.ended = event, event["reason"]
         for queue in self._watchers:
             if queue.full():
                 queue.get_nowait()
@@ -59,6 +64,9 @@ class Session:
 
     async def events(self, stopping: anyio.Event) -> AsyncIterator[State]:
         """States as they come, until it has ended or the server stops."""
+        if self._end:
+            yield self._end
+            return
         queue: asyncio.Queue[State] = asyncio.Queue(4)
         self._watchers.add(queue)
         try:

@@ -19,6 +19,7 @@ from optiplan.geometry.convex import pieces_of, soup_of
 from optiplan.geometry.scene import Scene
 from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.robot.robot import Robot
+from optiplan.robot.urdf.elements import number_words
 from optiplan.simulation.plants.base import NOMINAL, PlantOptions
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def mjcf(
     """
     root = ET.Element("mujoco", model=robot.name)
     ET.SubElement(root, "compiler", angle="radian", inertiafromgeom="false", balanceinertia="false", boundmass="0")
-    option = ET.SubElement(root, "option", timestep=repr(step), gravity=text_of(robot.model.gravity.linear))
+    option = ET.SubElement(root, "option", timestep=repr(step), gravity=number_words(robot.model.gravity.linear))
     option.set("integrator", "implicitfast")
     ET.SubElement(option, "flag", eulerdamp="disable", autoreset="disable")  # what diverges is to be seen
     assets, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
@@ -103,7 +104,7 @@ def _joints(robot: Robot, world: ET.Element, options: PlantOptions) -> list[ET.E
         node = ET.SubElement(nodes[model.parents[j]], "body", {"name": f"body {name}", **pose_of(X)})
         turning = bool(np.linalg.norm(axes[j - 1, 3:]) > 0.5)
         joint = ET.SubElement(node, "joint", name=name, type="hinge" if turning else "slide", limited="false")
-        joint.set("axis", text_of(axes[j - 1, 3:] if turning else axes[j - 1, :3]))
+        joint.set("axis", number_words(axes[j - 1, 3:] if turning else axes[j - 1, :3]))
         k = planned.get(name)
         if k is not None and friction is not None:
             joint.set("damping", repr(float(friction.viscous[k])))
@@ -119,12 +120,16 @@ def _joints(robot: Robot, world: ET.Element, options: PlantOptions) -> list[ET.E
 def inertial_of(node: ET.Element, inertia: pin.Inertia) -> None:
     """Mass, centre and inertia about it; MuJoCo wants some of each of every body that moves."""
     if inertia.mass <= 0.0:
-        ET.SubElement(node, "inertial", pos="0 0 0", mass=repr(_LEAST), diaginertia=text_of([_LEAST] * 3))
+        ET.SubElement(node, "inertial", pos="0 0 0", mass=repr(_LEAST), diaginertia=number_words([_LEAST] * 3))
         return
     moments = physical(np.array(inertia.inertia))
     full = moments[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     ET.SubElement(
-        node, "inertial", pos=text_of(inertia.lever), mass=repr(float(inertia.mass)), fullinertia=text_of(full)
+        node,
+        "inertial",
+        pos=number_words(inertia.lever),
+        mass=repr(float(inertia.mass)),
+        fullinertia=number_words(full),
     )
 
 
@@ -170,23 +175,23 @@ def _shapes(shape: coal.CollisionGeometry) -> Iterator[tuple[str, dict[str, str]
     here = pin.SE3.Identity()
     match shape:
         case coal.Box():
-            yield "box", {"size": text_of(shape.halfSide)}, here
+            yield "box", {"size": number_words(shape.halfSide)}, here
         case coal.Sphere():
             yield "sphere", {"size": repr(float(shape.radius))}, here
         case coal.Capsule():
-            yield "capsule", {"size": text_of([shape.radius, shape.halfLength])}, here
+            yield "capsule", {"size": number_words([shape.radius, shape.halfLength])}, here
         case coal.Cylinder():
-            yield "cylinder", {"size": text_of([shape.radius, shape.halfLength])}, here
+            yield "cylinder", {"size": number_words([shape.radius, shape.halfLength])}, here
         case coal.Halfspace():
             up = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), shape.n).matrix(), shape.d * shape.n)
-            yield "plane", {"size": text_of([_REACH, _REACH, 1.0])}, up
+            yield "plane", {"size": number_words([_REACH, _REACH, 1.0])}, up
         case coal.BVHModelBase():
             soup = soup_of(shape)
             for vertices in pieces_of(soup, soup.vertices.tobytes() + soup.triangles.tobytes()).vertices:
-                yield "mesh", {"vertex": text_of(vertices.ravel())}, here
+                yield "mesh", {"vertex": number_words(vertices.ravel())}, here
         case coal.ConvexBase():
             points = np.array([shape.point(k) for k in range(shape.num_points)])
-            yield "mesh", {"vertex": text_of(points.ravel())}, here
+            yield "mesh", {"vertex": number_words(points.ravel())}, here
         case _:
             raise ValueError(f"no shape of MuJoCo for a {type(shape).__name__}")
 
@@ -199,16 +204,11 @@ def _followers(robot: Robot, equality: ET.Element) -> None:
     for name, mimic in robot.followers.items():
         row = robot.model.getJointId(name) - 1
         k = robot.joint_names.index(mimic.source)
-        polynomial = text_of([b[row], A[row, k], 0.0, 0.0, 0.0])
+        polynomial = number_words([b[row], A[row, k], 0.0, 0.0, 0.0])
         ET.SubElement(equality, "joint", joint1=name, joint2=mimic.source, polycoef=polynomial, solref="0.001 1")
 
 
 def pose_of(X: pin.SE3) -> dict[str, str]:
     """Return the attributes of a pose."""
     x, y, z, w = pin.Quaternion(X.rotation).normalized().coeffs()
-    return {"pos": text_of(X.translation), "quat": text_of([w, x, y, z])}
-
-
-def text_of(values: Sequence[float] | Array) -> str:
-    """Return numbers as an attribute, to the last bit."""
-    return " ".join(repr(float(value)) for value in values)
+    return {"pos": number_words(X.translation), "quat": number_words([w, x, y, z])}

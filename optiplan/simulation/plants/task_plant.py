@@ -7,8 +7,7 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from optiplan.arrays import Array, is_finite
-from optiplan.errors import described, wrong_argument
+from optiplan.arrays import Array, number_argument
 from optiplan.geometry.scene import Scene
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_change import carrying, scene_after
@@ -48,8 +47,7 @@ class FrictionGrip:
 
     def __post_init__(self) -> None:
         for name, value in (("force", self.force), ("friction", self.friction)):
-            if not is_finite(value) or value <= 0.0:
-                raise wrong_argument("FrictionGrip", name, described(value), "a finite number > 0")
+            number_argument("FrictionGrip", name, value, "a finite number > 0", above=0.0)
 
 
 class TaskPlant(Protocol):

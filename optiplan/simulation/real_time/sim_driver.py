@@ -10,8 +10,8 @@ from typing import Any, get_args
 
 import numpy as np
 
-from optiplan.arrays import is_finite
-from optiplan.errors import choice_argument, described, wrong_argument
+from optiplan.arrays import number_argument
+from optiplan.errors import choice_argument
 from optiplan.execution.drivers.base import Capabilities, DriverError
 from optiplan.execution.measurement import Measurement
 from optiplan.execution.status import Tick
@@ -74,8 +74,7 @@ class SimDriver:
         if engine is not None:
             choice_argument("driver", "engine", engine, get_args(SimEngine))
         for name, value, least in (("rate", rate, 10.0), ("frequency", frequency, 0.1), ("payload", payload, 0.0)):
-            if not is_finite(value) or value < least:
-                raise wrong_argument("driver", name, described(value), f"a finite number >= {least:g}")
+            number_argument("driver", name, value, f"a finite number >= {least:g}", least)
         assert run.trajectory is not None
         problem = run.problem
         chosen = engine or ("mujoco" if find_spec("mujoco") is not None else "own")

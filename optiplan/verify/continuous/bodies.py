@@ -18,7 +18,7 @@ from optiplan.geometry.convex import soup_of
 from optiplan.geometry.meshes.mesh_parts import parts_of_mesh
 from optiplan.geometry.shape import Shape
 from optiplan.geometry.shapes import Box, Capsule, Cylinder, Sphere, shape_of_body
-from optiplan.robot.loaded_robots import once_for_each_robot
+from optiplan.robot.loaded_robots import once_for_each, once_for_each_robot
 from optiplan.robot.robot import Robot
 from optiplan.verify.continuous.pair_tree import ClusterHull, PairTree
 
@@ -76,14 +76,9 @@ def _shapes_of(model: CollisionModel) -> list[BodyShape]:
     return [*links, *(BodyShape.of(body.geometry) for body in others)]
 
 
-_of_hulls: WeakKeyDictionary[ClusterHull, BodyShape] = WeakKeyDictionary()
-
-
+@once_for_each
 def _shape_of_hull(hull: ClusterHull) -> BodyShape:
-    """The hull of a cluster, looked at once."""
-    if hull not in _of_hulls:
-        _of_hulls[hull] = BodyShape.of(hull.shape)
-    return _of_hulls[hull]
+    return BodyShape.of(hull.shape)
 
 
 _MANY = 200

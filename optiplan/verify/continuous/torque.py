@@ -1,13 +1,13 @@
 """Joint torques stay within their limits at all times, proved from their values and a bound on their curvature."""
 
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index, parts_of
 from optiplan.problem.problem import Problem
 from optiplan.robot.batched.dynamics import inverse_dynamics
+from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.mimic_joints import unfold
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
@@ -22,15 +22,12 @@ _TOGETHER = 8  # neighbouring intervals bounded as one at first, which costs an 
 _MOST_PARTS = 8  # into which an interval is divided at once
 _MORE = 1.05  # parts than would do: within an interval torques may be larger than at its ends
 
-_bounds: WeakKeyDictionary[Robot, TorqueBounds] = WeakKeyDictionary()
 
-
+@once_for_each
 def bounds_of(robot: Robot) -> TorqueBounds:
-    """The bounds of a robot, made once."""
-    if robot not in _bounds:
-        plain = unfold(robot.model)
-        _bounds[robot] = TorqueBounds(plain.model, plain.A, plain.b)
-    return _bounds[robot]
+    """The bounds of a robot."""
+    plain = unfold(robot.model)
+    return TorqueBounds(plain.model, plain.A, plain.b)
 
 
 @dataclass(frozen=True, eq=False)

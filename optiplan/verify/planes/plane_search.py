@@ -18,6 +18,7 @@ from optiplan._core import core
 from optiplan.arrays import Array, Flags, Index, distinct
 from optiplan.collision.model import CollisionModel, SameBodies
 from optiplan.collision.native_model import native_shape
+from optiplan.robot.loaded_robots import once_for_each
 from optiplan.robot.mimic_joints import coupling, screws
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.bodies import BodyShape, parts_of_link
@@ -81,7 +82,7 @@ class PlaneSearch:
         volumes = np.column_stack([bodies.centre, bodies.half, bodies.radius])
         if self.known:
             self._core: PlaneProof = core.PlaneProof.of(
-                *_tree(model),
+                *_joints_of(model.model),
                 shapes,
                 bodies.joints[self._carriers].astype(np.int64),
                 self._poses(tools),
@@ -246,17 +247,9 @@ class _EveryPair(NamedTuple):
         )
 
 
-_proved_shapes: "WeakKeyDictionary[BodyShape, ProvedShape | None]" = WeakKeyDictionary()
-
-
+@once_for_each
 def _proved(known: BodyShape) -> "ProvedShape | None":
-    """Return a body for the core, made once; None for a shape that it does not know."""
-    if known not in _proved_shapes:
-        _proved_shapes[known] = _made(known)
-    return _proved_shapes[known]
-
-
-def _made(known: BodyShape) -> "ProvedShape | None":
+    """Return a body for the core; None for a shape that it does not know."""
     points = np.ascontiguousarray(known.vertices, dtype=np.float64).reshape(-1, 3)
     round_ = np.array(known.round or (0.0,) * 5)
     flat = isinstance(known.shape, coal.Halfspace)
@@ -277,25 +270,19 @@ class _Joints(NamedTuple):
     offset: Array
 
 
-_trees: "WeakKeyDictionary[pin.Model, _Joints]" = WeakKeyDictionary()
-
-
-def _tree(model: CollisionModel) -> _Joints:
-    """Return the joints of a model."""
-    plain = model.model
-    if plain not in _trees:
-        screw = screws(plain)
-        turns = np.linalg.norm(screw[:, 3:], axis=1) > 0.5
-        A, b = coupling(plain)
-        _trees[plain] = _Joints(
-            np.array([int(parent) for parent in plain.parents], dtype=np.int64),
-            np.array([np.array(M.homogeneous) for M in plain.jointPlacements]),
-            np.ascontiguousarray(np.where(turns[:, None], screw[:, 3:], screw[:, :3])),
-            turns.astype(np.float64),
-            np.ascontiguousarray(A, dtype=np.float64),
-            np.ascontiguousarray(b, dtype=np.float64),
-        )
-    return _trees[plain]
+@once_for_each
+def _joints_of(model: pin.Model) -> _Joints:
+    screw = screws(model)
+    turns = np.linalg.norm(screw[:, 3:], axis=1) > 0.5
+    A, b = coupling(model)
+    return _Joints(
+        np.array([int(parent) for parent in model.parents], dtype=np.int64),
+        np.array([np.array(M.homogeneous) for M in model.jointPlacements]),
+        np.ascontiguousarray(np.where(turns[:, None], screw[:, 3:], screw[:, :3])),
+        turns.astype(np.float64),
+        np.ascontiguousarray(A, dtype=np.float64),
+        np.ascontiguousarray(b, dtype=np.float64),
+    )
 
 
 _searches: "WeakKeyDictionary[MotionTools, PlaneSearch]" = WeakKeyDictionary()

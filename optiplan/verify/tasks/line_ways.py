@@ -15,6 +15,7 @@ from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.problem import PoseGoal, Problem
 from optiplan.problem.task.steps import Action, StraightLine
 from optiplan.robot.batched.dynamics import inverse_dynamics
+from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.samples import sample_times
 from optiplan.trajectory.trajectory import Trajectory
@@ -66,11 +67,7 @@ class LineWay:
 
 def frame_at(robot: Robot, action: Action, q: Array) -> pin.SE3 | None:
     """Return the pose of the frame of a line in a configuration (n,); None for another step."""
-    if not isinstance(action, StraightLine):
-        return None
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    return data.oMf[robot.frame_id(action.frame)].copy()
+    return frame_pose(robot, q, action.frame) if isinstance(action, StraightLine) else None
 
 
 def line_way(action: Action, after: Action | None, X: pin.SE3 | None, before: LineWay | None) -> LineWay | None:

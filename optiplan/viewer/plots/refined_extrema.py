@@ -52,14 +52,7 @@ class PieceSamples:
 
     def states(self) -> States:
         """Positions to jerks (k, n), of the pieces themselves."""
-        found = []
-        for order in range(4):
-            c = self.trajectory.derivatives(order)[self.piece]  # (k, d + 1, n)
-            value = c[:, -1]
-            for power in range(c.shape[1] - 2, -1, -1):
-                value = value * self.local[:, None] + c[:, power]
-            found.append(value)
-        return tuple(found)
+        return tuple(self.trajectory.derivative_in(self.piece, self.local, order) for order in range(4))
 
 
 def refined_extrema(samples: PieceSamples, values: Array, of: Callable[[PieceSamples], Array]) -> Extrema:

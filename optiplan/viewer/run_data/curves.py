@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from optiplan.arrays import Array
 from optiplan.kinematics.manipulability import JacobianRows, ToolKinematics, manipulability_measures, scaled
 from optiplan.kinematics.mecanum import WHEELS, wheel_rates_along
 from optiplan.problem.problem import Problem
+from optiplan.robot.frames import frame_poses
 from optiplan.robot.limits import ORDERS, Limits, joint_units
 from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Extrema, Trajectory
@@ -142,11 +142,4 @@ def tool_frames(robot: Robot) -> tuple[str, ...]:
 
 def tool_points(robot: Robot, Q: Array) -> Mapping[str, Array]:
     """Positions, m, of each tool frame at Q (k, n): (k, 3)."""
-    data = robot.model.createData()
-    frames = {name: robot.model.getFrameId(name) for name in tool_frames(robot)}
-    points = {name: np.empty((len(Q), 3)) for name in frames}
-    for k, q in enumerate(Q):
-        pin.framesForwardKinematics(robot.model, data, q)
-        for name, frame in frames.items():
-            points[name][k] = data.oMf[frame].translation
-    return points
+    return {name: frame_poses(robot, Q, name)[:, :3, 3] for name in tool_frames(robot)}

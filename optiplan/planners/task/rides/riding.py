@@ -16,7 +16,7 @@ from optiplan.planners.cartesian.path_following import follow
 from optiplan.planners.cartesian.tool_path import line
 from optiplan.planners.common.continuous_collision import first_contact
 from optiplan.planners.common.limit_violations import Excess
-from optiplan.planners.seams.seam_motion import within_limits
+from optiplan.planners.seams.seam_motion import first_within_limits
 from optiplan.planners.task.chains import line_end, of_step
 from optiplan.planners.task.planned_steps import PlannedStep, object_and_link
 from optiplan.planners.task.rides.ride_path import PEAK_ACCELERATION, PEAK_SPEED, RidePath, RideSection
@@ -142,7 +142,7 @@ class Rider:
         if isinstance(curve, Failure):
             return of_step(curve, self._step_at(rows, curve), state, robot, stage)
         timed = curve.scaled(path_in_time.duration)
-        kept = within_limits(stage.problem, timed)
+        kept = first_within_limits(stage.problem, [timed])
         if not isinstance(kept, Trajectory):
             return of_step(self._too_fast(stage.problem, kept, timed), self._step_when(rows, kept), state, robot, stage)
         return self._in_scenes(state, t, rows, timed)

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from optiplan.arrays import Array
-from optiplan.errors import described, wrong_argument
+from optiplan.errors import described, writing, wrong_argument
 from optiplan.planners.trajopt.bspline_basis import DEGREE
 from optiplan.planners.trajopt.nonlinear.casadi_file import write_program
 from optiplan.planners.trajopt.nonlinear.curve_program import CurveProgram
@@ -120,11 +120,8 @@ class TrajectoryNlp:
         Raises:
             InputError: the file cannot be written.
         """
-        try:
+        with writing("TrajectoryNlp.save", path):
             write_program(self, self.arguments(reach=KEPT_NEAR), Path(path))
-        except OSError as error:
-            found = f"{str(path)!r} ({(error.strerror or str(error)).lower()})"
-            raise wrong_argument("TrajectoryNlp.save", "path", found, "a file that can be written") from None
         return Path(path)
 
     def violations(self, x: Any, tolerance: float = 1e-6) -> dict[str, float]:
