@@ -324,3 +324,22 @@ def test_an_empty_list_of_checks_never_stands_for_a_constraint(problem, swing):
         found = path_constraints(derived(problem, path_constraints=(one,)), swing, VerifyPolicy())
         assert found
         assert all(check.covers == ("path_constraints[0]",) for check in found)
+
+
+@pytest.mark.parametrize(
+    ("row", "T"), [([0.0, 1e308], 10.0), ([0.0, 1e308, 1e308], 1.0), ([0.0, 1e99], 1.0), ([0.1, 0.0, 0.0], 1e300)]
+)
+def test_numbers_that_overflow_within_a_piece_are_refused(planar, problem, row, T):
+    c = np.tile(np.array(row)[None, :, None], (1, 1, 2))
+    endless = replace(planar, limits=replace(planar.limits, lower=np.full(2, -np.inf), upper=np.full(2, np.inf)))
+    ball = Obstacle("ball", Sphere(0.1), pin.SE3(np.eye(3), np.array([9.0, 0.0, 0.0])))
+    steps = [move(planar, [-1.0, 0.0]), replace(move(planar, [1.0, 0.0]), number=2)]
+    for one in (
+        derived(problem, start_velocity=np.array([0.1, 0.0])),
+        derived(problem, robot=endless, goal=(JointGoal(np.zeros(2), velocity=np.full(2, 0.1)),)),
+        derived(problem, scene=Scene((ball.moving([[0.0, 0.1], [0.0], [0.0]], until=0.3 * T),))),
+        task_of(problem, *steps),
+    ):
+        motion = Trajectory(planar.joint_names, np.array([0.0, T]), c)
+        report = verify(one, in_time(motion, *steps) if one.task else motion)
+        assert failed(report) == ["finite"]
