@@ -47,7 +47,8 @@ def mismatch(problem: Problem, trajectory: Trajectory) -> str:
         if held := _other_object(problem, step, segment):
             return held
         lasts = segment.end - segment.begin
-        if not (0.0 <= lasts if not step.event else lasts == 0.0) or not -MEETING <= segment.begin:
+        timed = math.isfinite(lasts) and (lasts == 0.0 if step.event else lasts >= 0.0)
+        if not timed or segment.begin < -MEETING:
             return f"{step.words} from {segment.begin:.6g} to {segment.end:.6g} s"
     if several_arms(task):
         late = trajectory.segments != in_time_order(task, segments)

@@ -292,10 +292,13 @@ def _share(check: Check) -> float:
 
 
 def _collision(checks: Iterable[Check]) -> Check:
-    """Return one check of contacts of several parts, with the least clearance and the work of all."""
+    """Return one check of contacts of several parts, with the work of all.
+
+    It has the least clearance; where parts fail, that of these alone, and first of one of which nothing was measured.
+    """
     found = list(checks)
-    measured = [check for check in found if check.worst is not None] or found
-    worst = min(measured, key=lambda check: (check.passed, np.inf if check.worst is None else check.worst))
+    unmeasured = np.inf if all(check.passed for check in found) else -np.inf
+    worst = min(found, key=lambda check: (check.passed, unmeasured if check.worst is None else check.worst))
     witness: dict[str, Any] = dict(worst.witness)
     for key in ("intervals", "queries", "believed"):
         witness[key] = sum(int(check.witness[key]) for check in found)
