@@ -19,6 +19,7 @@ from optiplan.problem.task.steps import Attach, Detach, Move, StraightLine, Task
 from optiplan.problem.task.timeline import mismatch, scene_parts, steps_in_time
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.segments import ON_PATH, TOUR
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import collision
@@ -34,6 +35,8 @@ from optiplan.verify.tasks.task_parts import StepPart, standing_at, step_parts
 from optiplan.verify.via_check import vias
 
 End = TypeVar("End", bound=GoalEnd)
+
+_WAYS = {ON_PATH: ", the ways to its path and from it included", TOUR: ", the ways between its targets included"}
 
 WITHIN_REACH = 0.02
 """m: what is taken from farther off is named beside the verdict; open fingers are a centimetre from what they take."""
@@ -79,11 +82,12 @@ def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
             said.append(f"{step.action.body} is {done} from {begin:.3f} s")
         if isinstance(step.action, Attach) and step.action.mass:
             weights.append(f"{step.action.body} of {step.action.mass:g} kg")
-    allowed: dict[str, list[int]] = {}
+    allowed: dict[str, dict[int, str]] = {}
     for step in problem.task:
         for pair in step.allowed:
-            allowed.setdefault(" – ".join(sorted(pair)), []).append(step.number)
-    pairs = [f"{pair} in step {', '.join(map(str, numbers))}" for pair, numbers in sorted(allowed.items())]
+            numbers = allowed.setdefault(" – ".join(sorted(pair)), {})
+            numbers.setdefault(step.number, f"{step.number}{_WAYS.get(step.kind, '')}")
+    pairs = [f"{pair} in step {', '.join(numbers.values())}" for pair, numbers in sorted(allowed.items())]
     touch = sorted(
         {
             " – ".join(sorted((s.action.body, link)))
