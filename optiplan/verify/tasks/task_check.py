@@ -31,7 +31,7 @@ from optiplan.verify.tasks.arms_check import arms_check
 from optiplan.verify.tasks.line_ways import LineSpeed, line_constraints, line_speed
 from optiplan.verify.tasks.ride_check import ride_checks
 from optiplan.verify.tasks.standstill_check import standstill
-from optiplan.verify.tasks.task_parts import StepPart, standing_at, step_parts
+from optiplan.verify.tasks.task_parts import StepPart, standing_at
 from optiplan.verify.via_check import vias
 
 End = TypeVar("End", bound=GoalEnd)
@@ -42,12 +42,16 @@ WITHIN_REACH = 0.02
 """m: what is taken from farther off is named beside the verdict; open fingers are a centimetre from what they take."""
 
 
-def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
-    """Return the checks of a motion that does a task; only the first where its segments are not the task's steps."""
+def task_checks(
+    problem: Problem, trajectory: Trajectory, parts: Sequence[StepPart], policy: VerifyPolicy
+) -> list[Check]:
+    """Return the checks of a motion that does a task; only the first where its segments are not the task's steps.
+
+    `parts` as of `step_parts`; none where the segments are not the steps.
+    """
     steps = _segments(problem, trajectory)
     if not steps.passed:
         return [steps]
-    parts = list(step_parts(problem, trajectory))
     scenes = scene_parts(problem, trajectory)
     return [
         steps,
@@ -67,9 +71,12 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
     ]
 
 
-def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
-    """Return what the verdict on a task is about besides: when what is held changes, and what steps let touch."""
-    if mismatch(problem, trajectory):
+def task_scope(problem: Problem, trajectory: Trajectory, parts: Sequence[StepPart]) -> tuple[str, ...]:
+    """Return what the verdict on a task is about besides: when what is held changes, and what steps let touch.
+
+    `parts` as of `task_checks`.
+    """
+    if not parts:
         return ()
     said, weights, afar = [], [], []
     for step, scene, begin, _ in steps_in_time(problem, trajectory):
@@ -96,7 +103,7 @@ def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
             for link in s.action.touch
         }
     )
-    slow = [f"{step.words}: {speed}" for step, speed in _speeds_held(step_parts(problem, trajectory)) if speed.why]
+    slow = [f"{step.words}: {speed}" for step, speed in _speeds_held(parts) if speed.why]
     return (
         *([f"lines slower than asked: {'; '.join(slow)}"] if slow else []),
         *([f"what is held: {'; '.join(said)}"] if said else []),

@@ -1,12 +1,14 @@
 """Checks and scope of a motion that does a task: its alternatives, its tours and its steps."""
 
 from optiplan.problem.problem import Problem
+from optiplan.problem.task.timeline import mismatch
 from optiplan.problem.task.tour_steps import chosen, in_order
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import choices, tours
 from optiplan.verify.tasks.choice_check import choice_checks, choice_scope
 from optiplan.verify.tasks.task_check import task_checks, task_scope
+from optiplan.verify.tasks.task_parts import step_parts
 from optiplan.verify.tasks.tour_check import tour_checks, tour_scope
 
 
@@ -20,13 +22,15 @@ class WholeTask:
     def __init__(self, problem: Problem, trajectory: Trajectory) -> None:
         self._problem, self._trajectory = problem, trajectory
         self._chosen, self.in_order = chosen(problem, trajectory), in_order(problem, trajectory)
+        done = not mismatch(self.in_order, trajectory)
+        self._parts = list(step_parts(self.in_order, trajectory)) if done else []
 
     def checks(self, policy: VerifyPolicy) -> list[Check]:
         """Return the checks of alternatives, tours and steps."""
         return [
             *choice_checks(self._problem, self._trajectory),
             *tour_checks(self._chosen, self._trajectory),
-            *task_checks(self.in_order, self._trajectory, policy),
+            *task_checks(self.in_order, self._trajectory, self._parts, policy),
         ]
 
     def statements(self) -> list[str]:
@@ -38,5 +42,5 @@ class WholeTask:
         return (
             *choice_scope(self._problem, self._trajectory),
             *tour_scope(self._chosen, self._trajectory),
-            *task_scope(self.in_order, self._trajectory),
+            *task_scope(self.in_order, self._trajectory, self._parts),
         )

@@ -20,6 +20,7 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.collision_check import collision
 from optiplan.verify.report import VerifyPolicy
 from optiplan.verify.tasks.task_check import task_scope
+from optiplan.verify.tasks.task_parts import step_parts
 from tests.verify.tasks.test_arms_check import FIRST, SECOND, problem_of
 
 BEND, RATE, T = 0.6, 0.5, 2.0
@@ -61,7 +62,8 @@ def test_the_scope_says_that_contacts_are_allowed_on_the_way_to_a_path_too(on_pa
     problem, motion = on_path
     (step,) = problem.task
     touching = derived(problem, task=(replace(step, allowed=frozenset({frozenset({"tool", "part"})})),))
-    (said,) = task_scope(in_order(touching, motion), motion)
+    ordered = in_order(touching, motion)
+    (said,) = task_scope(ordered, motion, list(step_parts(ordered, motion)))
     assert said.endswith("part – tool in step 1, the ways to its path and from it included")
 
 
