@@ -1,6 +1,5 @@
 """The robot does not tip over at any time, proved from the wrench at its base and a bound on its curvature."""
 
-from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,11 +12,12 @@ from optiplan.robot.robot import Robot
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.intervals import derivative_bounds
 from optiplan.verify.continuous.torque_bounds import TorqueBounds
+from optiplan.verify.halving import TimeParts
 from optiplan.verify.joint_constraint_check import of_the_motion, part_of, title
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.tolerances import POSITION_ROUNDING, TORQUE_ROUNDING
 
-_FIRST_RATE, _MOST_FIRST = 100.0, 20_000  # intervals a second to begin with, and at most
+_FIRST, _MOST_FIRST = 0.01, 20_000  # s, intervals to begin with, and about how many at most
 _PARTS = 4  # into which an open interval is divided
 
 _bounds: WeakKeyDictionary[Robot, TorqueBounds] = WeakKeyDictionary()
@@ -42,21 +42,6 @@ class _BaseBounds:
         return size[:, [0, 3]], curvature[:, [0, 3]]
 
 
-@dataclass(frozen=True, eq=False)
-class _BalanceSpans:
-    """K intervals, each within a piece: `begin` and `width` (K,), s, in the time of the piece."""
-
-    piece: Index
-    begin: Array
-    width: Array
-
-    def divided(self, chosen: Flags, parts: int) -> "_BalanceSpans":
-        """Return the intervals chosen by (K,) flags, each in equal parts."""
-        piece, width = np.repeat(self.piece[chosen], parts), np.repeat(self.width[chosen] / parts, parts)
-        within = np.tile(np.arange(parts), int(chosen.sum()))
-        return _BalanceSpans(piece, np.repeat(self.begin[chosen], parts) + within * width, width)
-
-
 class _BalanceProof:
     """The rows g_i = R_i w of a motion, N·m: at times, and over intervals."""
 
@@ -68,7 +53,7 @@ class _BalanceProof:
         self._weight = max(mass * float(np.linalg.norm(robot.model.gravity.linear)), 1e-9)
         self.evaluated, self.least, self.time = 0, np.inf, 0.0
 
-    def proved(self, spans: _BalanceSpans) -> Flags:
+    def proved(self, spans: TimeParts) -> Flags:
         """Return on which intervals all rows stay positive, (K,).
 
         A function with |f''| <= B is nowhere more than B w² / 8 below the chord between its ends.
@@ -110,12 +95,7 @@ def tip_over(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, one
         return Check(name, "continuous", False, limit=one.margin, unit="m", place="base", detail=trouble)
     part, begin = part_of(trajectory, one.during)
     proof = _BalanceProof(robot, part, one)
-    rate = min(_FIRST_RATE, _MOST_FIRST / part.duration)
-    counts = np.maximum(np.ceil(part.widths * rate), 1.0).astype(np.intp)
-    piece = np.repeat(np.arange(len(counts)), counts)
-    width = (part.widths / counts)[piece]
-    within = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
-    spans, reason = _BalanceSpans(piece, within * width, width), ""
+    spans, reason = TimeParts.of(part, _FIRST, _MOST_FIRST), ""
     while len(spans.piece) and not reason:
         held = proof.proved(spans)
         if not proof.least >= one.margin - POSITION_ROUNDING:

@@ -40,10 +40,11 @@ class TimeParts:
         width = (length / parts)[which]
         return cls(piece[which], begin[which] + within * width, width)
 
-    def halved(self, open_: Flags) -> "TimeParts":
-        """Return both halves of the intervals that are still open."""
-        piece, begin, width = self.piece[open_], self.begin[open_], 0.5 * self.width[open_]
-        return TimeParts(np.tile(piece, 2), np.concatenate([begin, begin + width]), np.tile(width, 2))
+    def divided(self, open_: Flags, parts: int) -> "TimeParts":
+        """Return the intervals that are still open, each in equal parts."""
+        piece, begin, width = self.piece[open_], self.begin[open_], self.width[open_] / parts
+        begins = begin + np.arange(parts)[:, None] * width
+        return TimeParts(np.tile(piece, parts), begins.ravel(), np.tile(width, parts))
 
     def chunks(self) -> "list[TimeParts]":
         """Return them in parts that fit into memory."""
@@ -143,7 +144,7 @@ class FrameProof:
                 reason = f"not proved on intervals of {policy.min_interval:g} s"
             elif evaluated > policy.max_queries:
                 reason = f"not proved with {policy.max_queries} poses"
-            spans = spans.halved(open_)
+            spans = spans.divided(open_, 2)
         if not evaluated:
             reason, worst = "nothing of the motion is in its part", np.nan
         return HalvingOutcome(worst, when, evaluated, reason)

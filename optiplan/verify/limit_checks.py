@@ -20,7 +20,7 @@ from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import covering, masses, tube
 from optiplan.verify.tolerances import POSITION_ROUNDING
 
-_MOST_SIZE, _MOST_TIME = 1e15, 1e9  # rad or m, s: sums and powers of larger numbers overflow, or have no digits
+_MOST_SIZE, _MOST_TIME = 1e15, 1e13  # rad or m, s: sums and powers of larger numbers overflow, or have no digits
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
 
 
@@ -40,7 +40,7 @@ def form(trajectory: Trajectory) -> Check:
     """Check that the data form a trajectory: shapes fit, every number is finite, time increases.
 
     Sums and shifts of finite numbers may overflow. So sum_k |c_k| h^k
-    is below 1e15 in every piece of h seconds, and the motion is shorter than 1e9 s.
+    is below 1e15 in every piece of h seconds, and the motion lasts at most 1e13 s.
     """
     try:
         problem = defect(tuple(trajectory.joint_names), trajectory.breakpoints, trajectory.coefficients)
