@@ -34,7 +34,8 @@ def cut_trajectory(trajectory: Trajectory, begin: float, end: float) -> Trajecto
     if not end > begin:
         raise ValueError(f"found a part from {begin} to {end} s; expected an end after the beginning")
     own = trajectory.breakpoints
-    t = np.concatenate([[begin], own[(own > begin) & (own < end)], [end]])
+    first, last = np.searchsorted(own, begin, side="right"), np.searchsorted(own, end, side="left")
+    t = np.concatenate([[begin], own[first:last], [end]])
     t = t[np.append(np.diff(t - begin) > 0.0, True)]  # two times a rounding apart may be one in the part's own time
     return Trajectory(trajectory.joint_names, t - begin, _coefficients_between(trajectory, t))
 

@@ -39,13 +39,25 @@ def derivative(coefficients: Array) -> Array:
 
 def shifted(coefficients: Array, x: Array) -> Array:
     """Return the coefficients (m, d + 1, n) of p(x + tau) in powers of tau, from those of p; x (m,)."""
-    size = coefficients.shape[1]
-    powers = x[:, None] ** np.arange(size)
-    result = np.zeros_like(coefficients)
-    for k in range(size):
-        for j in range(k, size):
-            result[:, k] += comb(j, k) * powers[:, j - k, None] * coefficients[:, j]
-    return result
+    return np.ascontiguousarray(taylor(coefficients, x[:, None]).swapaxes(0, 1))
+
+
+def taylor(c: Array, x: Array) -> Array:
+    """Taylor coefficients p^(k)(x) / k!, (degree + 1, K, n), of polynomials c (K, degree + 1, n).
+
+    By Horner's rule, again and again (synthetic division).
+
+    Args:
+        c: ascending powers.
+        x: (K, 1) where.
+    """
+    b = np.array(c.swapaxes(0, 1), order="C")
+    degree = len(b) - 1
+    term = np.empty_like(b[0])
+    for k in range(degree):
+        for i in range(degree - 1, k - 1, -1):
+            b[i] += np.multiply(b[i + 1], x, out=term)
+    return b
 
 
 def unit_roots(coefficients: Array) -> Array:

@@ -18,13 +18,13 @@ def sample_times(trajectory: Trajectory) -> Array:
     return samples_of_pieces(trajectory, _STEP, max(_LEAST, _LEAST_IN_ALL // len(trajectory.coefficients)))
 
 
-def samples_of_pieces(trajectory: Trajectory, step: float, least: int) -> Array:
-    """Return times (k,), s, of every piece: `step` apart at most (in motions of up to 20,000 steps), `least` or more.
+def samples_of_pieces(trajectory: Trajectory, step: float, least: int, most: int = _MOST) -> Array:
+    """Return times (k,), s, of every piece: `step` apart at most (in motions of up to `most` steps), `least` or more.
 
     The ends of a piece are among them. The second is just before it, because there the acceleration may jump.
     """
     edges, widths = trajectory.breakpoints, trajectory.widths
-    step = max(step, trajectory.duration / _MOST)
+    step = max(step, trajectory.duration / most)
     counts = np.maximum(least, np.ceil(widths / step).astype(int) + 1)
     piece, place = parts_of(counts)
     t = edges[piece] + widths[piece] * (place / (counts - 1)[piece])

@@ -1,7 +1,7 @@
 """Check that bodies stay apart, by the certificate."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from optiplan.robot.self_collision.pair_proof import BEYOND, GAP
 from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.certificate import certify
+from optiplan.verify.continuous.clearance_record import ClearanceRecord
 from optiplan.verify.continuous.proof import SCENE, SELF, Moment, Proof
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.safety_words import asked_words
@@ -34,6 +35,28 @@ def checked_robot(problem: Problem, policy: VerifyPolicy) -> Robot:
     return problem.robot if covered and within else problem.robot.with_proved_checked()
 
 
+class Certified(NamedTuple):
+    """A proof with its work space, the motion of joints and obstacles, floors, and how far these joints may be off."""
+
+    model: CollisionModel
+    motion: Trajectory
+    floors: Floors | None
+    error: Array
+    proof: Proof
+
+
+def certified(
+    problem: Problem, trajectory: Trajectory, policy: VerifyPolicy, record: ClearanceRecord | None = None
+) -> Certified:
+    """Ask the certificate for a motion of a problem without a task; `record` is filled with what it proves."""
+    model = collision_model(checked_robot(problem, policy), problem.scene)
+    error = np.append(problem.tracking_error, np.zeros(joint_count(model.motions)))
+    floors = floors_of(model, problem.scene.safety, problem.tracking_error)
+    moved = with_obstacles(trajectory, model.motions)
+    proof = certify(model, moved, policy, record, error=error, floors=floors)
+    return Certified(model, moved, floors, error, proof)
+
+
 def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> Check:
     """Check that every pair of bodies stays apart at all times, by the certificate.
 
@@ -43,10 +66,7 @@ def collision(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) ->
     at which bodies touch. The witness has it of the robot with what it holds (`self_clearance`) and from obstacles
     (`scene_clearance`), too.
     """
-    model = collision_model(checked_robot(problem, policy), problem.scene)
-    error = np.append(problem.tracking_error, np.zeros(joint_count(model.motions)))
-    floors = floors_of(model, problem.scene.safety, problem.tracking_error)
-    proof = certify(model, with_obstacles(trajectory, model.motions), policy, error=error, floors=floors)
+    model, _, floors, error, proof = certified(problem, trajectory, policy)
     near = _deepest(model, proof.nearest) if proof.nearest is not None and proof.contact else proof.nearest
     witness: dict[str, Any] = {
         "pairs": len(model.pairs),

@@ -1,6 +1,7 @@
 """Checks of path constraints on joints, wheels, accelerations and manipulability."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -15,15 +16,16 @@ from optiplan.problem.constraints.statements import PathConstraint
 from optiplan.problem.problem import Problem
 from optiplan.robot.limits import joint_units
 from optiplan.trajectory.joining import cut_trajectory
-from optiplan.trajectory.trajectory import Trajectory
+from optiplan.trajectory.samples import samples_of_pieces
+from optiplan.trajectory.trajectory import States, Trajectory
 from optiplan.verify.report import Check
 from optiplan.verify.tolerances import POSITION_ROUNDING, RATE_SHARE
 
-RATE = 1000.0
-"""Hz, at which sampled quantities are looked at …"""
+_STEP, _LEAST, _MOST = 1e-3, 200, 200_000
+"""s between samples, at most; samples in all at least, and about at most: a motion of minutes is slow."""
 
-LEAST, MOST = 200, 200_000
-"""… and at so many instants at least, and about so many at most: a motion of minutes is slow."""
+_IN_A_PIECE = 5
+"""Samples of every piece, at least."""
 
 
 def joint_coupling(problem: Problem, trajectory: Trajectory, one: JointCoupling) -> Check:
@@ -53,21 +55,21 @@ def joint_coupling(problem: Problem, trajectory: Trajectory, one: JointCoupling)
 
 def manipulability(problem: Problem, trajectory: Trajectory, one: ManipulabilityAbove) -> Check:
     """Check Yoshikawa's measure of the frame's Jacobian at samples."""
-    times = _times(trajectory, one)
-    J = ToolKinematics(problem.robot, one.frame).evaluate(trajectory(times))[1]
+    sampled = _Sampled.of(trajectory, one)
+    J = ToolKinematics(problem.robot, one.frame).evaluate(sampled.states[0])[1]
     value = np.prod(np.linalg.svd(J, compute_uv=False), axis=1)
     k = int(np.argmin(value))
     passed = bool(value[k] >= one.at_least - POSITION_ROUNDING)
     found = Check(title(one), "sampled", passed, float(value[k]), one.at_least, place=one.frame)
-    return _at_sample(found, trajectory, times, k, one)
+    return sampled.worst(found, k, one)
 
 
 def tool_acceleration(problem: Problem, trajectory: Trajectory, one: ToolAcceleration) -> list[Check]:
     """Check the acceleration of the frame's origin and its angular acceleration at samples."""
-    times, model = _times(trajectory, one), problem.robot.model
+    sampled, model = _Sampled.of(trajectory, one), problem.robot.model
     data, frame = model.createData(), problem.robot.frame_id(one.frame)
-    found = np.empty((len(times), 6))
-    for k, state in enumerate(zip(*(trajectory(times, order) for order in range(3)), strict=True)):
+    found = np.empty((len(sampled.times), 6))
+    for k, state in enumerate(zip(*sampled.states, strict=True)):
         pin.forwardKinematics(model, data, *state)
         pin.updateFramePlacement(model, data, frame)
         found[k] = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).vector
@@ -82,15 +84,15 @@ def tool_acceleration(problem: Problem, trajectory: Trajectory, one: ToolAcceler
             k = int(np.argmax(value))
             passed, place = bool(value[k] <= limit * (1.0 + RATE_SHARE)), f"{one.frame}: {quantity}"
             check = Check(title(one), "sampled", passed, float(value[k]), limit, unit, place=place)
-            checks.append(_at_sample(check, trajectory, times, k, one))
+            checks.append(sampled.worst(check, k, one))
     return checks
 
 
 def expression(problem: Problem, trajectory: Trajectory, one: Expression) -> Check:
     """Check a user's own expression at samples."""
-    times = _times(trajectory, one)
+    sampled = _Sampled.of(trajectory, one)
     try:
-        value, _ = one.batched(problem.robot)([trajectory(times, order) for order in range(3)])
+        value, _ = one.batched(problem.robot)(list(sampled.states))
     except InputError as error:  # such as a frame of an object that is not held then
         return Check(f"{one.name} constraint", "unchecked", False, detail=str(error))
     violation = one.violations(value)
@@ -102,22 +104,29 @@ def expression(problem: Problem, trajectory: Trajectory, one: Expression) -> Che
     )
     worst, limit = (value[k].min(), one.lower) if below else (value[k].max(), one.upper)
     check = Check(f"{one.name} constraint", "sampled", passed, float(worst), float(limit), place=one.name)
-    found = _at_sample(check, trajectory, times, k, one)
+    found = sampled.worst(check, k, one)
     return replace(found, detail="not finite") if wrong.any() else found
 
 
-def _times(trajectory: Trajectory, one: PathConstraint) -> Array:
-    low, high = (share * trajectory.duration for share in one.during)
-    even = np.linspace(low, high, max(LEAST, int(np.ceil(min((high - low) * RATE, MOST)))))
-    knots = trajectory.breakpoints
-    return np.unique(np.concatenate([even, knots[(knots > low) & (knots < high)]]))
+class _Sampled(NamedTuple):
+    """Samples of a part of a motion, both sides of every knot among them: times (k,), s, and `states` (k, n) there."""
 
+    times: Array
+    states: States
 
-def _at_sample(check: Check, trajectory: Trajectory, times: Array, k: int, one: PathConstraint) -> Check:
-    """Return a check with the time and the configuration of its worst sample k, and their number."""
-    time, words = float(times[k]), "holds" if check.passed else "beyond its limit"
-    detail = f"{words} at {len(times)} samples{of_the_motion(one)}"
-    return replace(check, time=time, detail=detail, witness={"q": trajectory(time).tolist()})
+    @classmethod
+    def of(cls, trajectory: Trajectory, one: PathConstraint) -> "_Sampled":
+        """Return those of the part that a constraint is about."""
+        part, begin = part_of(trajectory, one.during)
+        least = max(_IN_A_PIECE, -(-_LEAST // len(part.widths)))
+        times = samples_of_pieces(part, _STEP, least, _MOST)
+        return cls(begin + times, States(*(part(times, order) for order in range(3))))
+
+    def worst(self, check: Check, k: int, one: PathConstraint) -> Check:
+        """Return a check with the time and the configuration of its worst sample k, and the number of samples."""
+        words = "holds" if check.passed else "beyond its limit"
+        detail = f"{words} at {len(self.times)} samples{of_the_motion(one)}"
+        return replace(check, time=float(self.times[k]), detail=detail, witness={"q": self.states.q[k].tolist()})
 
 
 def title(one: PathConstraint) -> str:
@@ -135,4 +144,4 @@ def part_of(trajectory: Trajectory, during: tuple[float, float]) -> tuple[Trajec
     low, high = (share * trajectory.duration for share in during)
     if (low, high) == (0.0, trajectory.duration):
         return trajectory, 0.0
-    return cut_trajectory(trajectory, low, high), low
+    return cut_trajectory(trajectory, low, max(high, np.nextafter(low, np.inf))), low

@@ -21,6 +21,7 @@ from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import covering, masses, tube
 from optiplan.verify.tolerances import POSITION_ROUNDING
 
+_MOST_SIZE, _MOST_TIME = 1e15, 1e13  # rad or m, s: sums and powers of larger numbers overflow, or have no digits
 _LIFTED = "; `limits: {jerk: none}` in the problem lifts this"
 
 
@@ -37,7 +38,11 @@ def same_problem(record: Mapping[str, Any], problem: Problem) -> Check:
 
 
 def form(trajectory: Trajectory) -> Check:
-    """Check that the data form a trajectory: shapes fit, every number is finite, time increases."""
+    """Check that the data form a trajectory: shapes fit, every number is finite, time increases.
+
+    Sums and shifts of finite numbers may overflow. So sum_k |c_k| h^k
+    is below 1e15 in every piece of h seconds, and the motion lasts at most 1e13 s.
+    """
     try:
         problem = defect(tuple(trajectory.joint_names), trajectory.breakpoints, trajectory.coefficients)
     except (AttributeError, TypeError, ValueError, IndexError) as error:
@@ -46,9 +51,25 @@ def form(trajectory: Trajectory) -> Check:
     if problem is None and kinds != {np.dtype(np.float64)}:
         problem = Defect("coefficients", f"numbers of type {', '.join(sorted(map(str, kinds)))}", "float64")
     if problem is None:
+        problem = _overflow(trajectory)
+    if problem is None:
         return Check("finite", "exact", True, detail="shapes fit, numbers are finite, time increases")
     detail = f"found {problem.found}; expected {problem.expected}"
     return Check("finite", "exact", False, place=problem.field, detail=detail)
+
+
+def _overflow(trajectory: Trajectory) -> Defect | None:
+    """Return where numbers are too large to compute with; None where they are not."""
+    if trajectory.breakpoints[-1] > _MOST_TIME:
+        return Defect("breakpoints", f"a motion of {trajectory.breakpoints[-1]:.3g} s", f"at most {_MOST_TIME:g} s")
+    powers = np.diff(trajectory.breakpoints)[:, None] ** np.arange(trajectory.coefficients.shape[1])
+    with np.errstate(over="ignore"):
+        size = np.einsum("mkn,mk->mn", np.abs(trajectory.coefficients), powers).max(axis=1)
+    piece = int(np.argmax(size))
+    if size[piece] < _MOST_SIZE:
+        return None
+    found = f"terms of {size[piece]:.3g} rad or m in piece {piece + 1}"
+    return Defect("coefficients", found, f"terms below {_MOST_SIZE:g}, so that sums of them mean something")
 
 
 def joints(problem: Problem, trajectory: Trajectory) -> Check:

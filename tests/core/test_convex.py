@@ -276,6 +276,17 @@ def test_meshes_are_coals(ring, other):
     assert (core.overlaps_within(mesh, X_WA, shape, X_WB, 0.05) == (found <= 0.05)).all()
 
 
+def test_a_hull_has_more_corners_than_sixteen_bits_count():
+    rng = np.random.default_rng(11)
+    corners = rng.normal(size=(70_000, 3))
+    corners /= np.linalg.norm(corners, axis=1)[:, None]
+    hull, ball = core.Shape.convex_hull(corners), core.Shape.sphere(0.1)
+    away = corners[[5, 65_535, 65_536, 69_999]]
+    X_WA, X_WB = np.tile(np.eye(4), (4, 1, 1)), np.tile(np.eye(4), (4, 1, 1))
+    X_WB[:, :3, 3] = 2.0 * away
+    assert core.distances(hull, X_WA, ball, X_WB)[0] == pytest.approx(0.9, abs=1e-9)
+
+
 def test_every_build_gives_the_same_bits():
     built = [import_module(f"optiplan._core._core_{name}") for name in variants() if name != "none"]
     for kind in ("random", "aligned", "nested"):
@@ -297,7 +308,7 @@ def test_bad_shapes_are_refused():
         ("sphere", (-1.0,), "not negative"),
         ("box", (np.array([1.0, np.nan, 1.0]),), "finite"),
         ("half_space", (np.array([0.0, 0.0, 2.0]), 0.0), "unit normal"),
-        ("convex_hull", (np.zeros((0, 3)),), "1 to 65535 points"),
+        ("convex_hull", (np.zeros((0, 3)),), "one point or more"),
         ("convex_hull", (np.full((4, 3), np.inf),), "not finite"),
         ("triangles", (CORNERS, np.zeros((0, 3), np.int64)), "without triangles"),
         ("triangles", (CORNERS[:2], triangle), "indices of vertices"),

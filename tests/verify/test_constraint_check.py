@@ -9,6 +9,8 @@ from optiplan.problem.constraints.measures import measures
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.frame_motion import FrameMotion
 from optiplan.verify.continuous.motion_bounds import Boxes
+from optiplan.verify.joint_constraint_check import tool_acceleration
+from tests.unchecked_problem import unchecked_problem
 
 TOOL = "panda_hand_tcp"
 GOAL = op.Pose((0.45, 0.3, 0.45), rpy=(3.14159, 0, 0))
@@ -242,3 +244,19 @@ def test_half_a_turn_allows_every_orientation():
     one = op.FixedOrientation("tool0", np.eye(3), np.pi)
     turned = pin.SE3(pin.exp3(np.pi * np.array([0.6, 0.0, 0.8])), np.zeros(3)).homogeneous
     assert measures(one)[0].value(turned[None])[0] <= measures(one)[0].allowed
+
+
+def test_a_peak_of_acceleration_before_a_knot_is_found(planar):
+    """In a piece shorter than the step between samples q'' grows to 32 rad/s² just before the next piece begins."""
+    edges, c, q, v = np.array([0.0, 0.25, 0.2503, 0.5]), np.zeros((3, 4, 2)), 0.0, 0.0
+    for k, (h, slope) in enumerate(zip(np.diff(edges), (0.0, 1e5, 0.0), strict=True)):
+        c[k, :, 0] = q, v, 1.0, slope / 6.0
+        q, v = q + v * h + h**2 + slope * h**3 / 6.0, v + 2.0 * h + slope * h**2 / 2.0
+    motion = Trajectory(planar.joint_names, edges, c)
+    problem = unchecked_problem(planar, motion.start, (op.JointGoal(motion.end),))
+    arm = float(np.hypot(*place(planar, planar.tool_frame, motion.start).translation[:2]))
+    for during in ((0.0, 1.0), (0.2, 0.9)):
+        (check,) = tool_acceleration(problem, motion, op.ToolAcceleration(planar.tool_frame, 3.0 * arm, during=during))
+        assert not check.passed
+        assert check.worst > 31.0 * arm
+        assert check.time == pytest.approx(0.2503, abs=1e-9)

@@ -57,6 +57,13 @@ def test_the_proved_curve_is_the_certificate_and_its_least_the_reports_figure(pr
     assert shown["contacts"] == []
 
 
+def test_the_proved_curve_is_about_the_tracking_error_too(proof):
+    problem = proof.problem.with_parts(tracking_error=2e-4)
+    witness = next(one for one in op.verify(problem, proof.trajectory).checks if one.name == "collision").witness
+    assert witness["proved_clearance"] < collision(proof).witness["proved_clearance"]
+    assert clearance_of(problem, proof.trajectory, even=8)["proved_least"] == witness["proved_clearance"]
+
+
 def test_recording_changes_no_proof_and_covers_every_pair_at_all_times(proof):
     model, record = CollisionModel(proof.problem.robot, proof.problem.scene), ClearanceRecord()
     plain = certify(model, proof.trajectory, VerifyPolicy())

@@ -17,7 +17,7 @@ static void make_closing(BoxClosing *self, const Tree &tree, const Matrix &ends,
     expect(ends.shape(0) == 2 * M && ends.shape(1) == 3 && joint.size() == M && body.size() == M, "rods (M,)");
     expect(turns.shape(1) == 3 && turns.shape(2) == 3, "turns (T, 3, 3)");
     expect((K == 0 || boxes.shape(1) == 7) && turn_of.size() == K, "boxes (K, 7)");
-    expect(arms.shape(0) == 2 * M && arms.shape(1) == J && J <= 64, "arms (2 M, J)");
+    expect(arms.shape(0) == 2 * M && arms.shape(1) == J, "arms (2 M, J)");
     std::vector<Rod> rods(M);
     std::vector<RodBody> bodies;
     for (std::size_t k = 0; k < M; ++k) {

@@ -1,8 +1,10 @@
 """A task in time: what the scene is, and what is done, in each part of a motion."""
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
+from operator import itemgetter
 from typing import TypeAlias
 
 import numpy as np
@@ -23,7 +25,6 @@ from optiplan.problem.task.scene_change import carrying, columns, scene_after, s
 from optiplan.problem.task.scene_part import ScenePart, whole_motion
 from optiplan.problem.task.steps import Action, Attach, ChangeTool, Detach, Event, Move, StraightLine, TaskStep
 from optiplan.problem.task.tour_steps import in_order
-from optiplan.trajectory.segments import Segment
 from optiplan.trajectory.trajectory import Trajectory
 
 MEETING = 1e-9
@@ -41,13 +42,14 @@ def mismatch(problem: Problem, trajectory: Trajectory) -> str:
     segments = in_task_order(task, trajectory.segments)
     if len(segments) != len(task):
         return f"{len(segments)} segments for {len(task)} of the task"
-    for step, segment in zip(task, segments, strict=True):
+    for step, segment, named in zip(task, segments, _objects(problem), strict=True):
         if (segment.step, segment.kind) != (step.number, step.kind):
             return f"a segment of step {segment.step} ({segment.kind}) instead of {step.number} ({step.kind})"
-        if held := _other_object(problem, step, segment):
-            return held
+        if (found := (segment.object, segment.link)) not in (("", ""), named):
+            return f"'{found[0]}' and '{found[1]}' of {step.words} instead of {named}"
         lasts = segment.end - segment.begin
-        if not (0.0 <= lasts if not step.event else lasts == 0.0) or not -MEETING <= segment.begin:
+        timed = math.isfinite(lasts) and (lasts == 0.0 if step.event else lasts >= 0.0)
+        if not timed or segment.begin < -MEETING:
             return f"{step.words} from {segment.begin:.6g} to {segment.end:.6g} s"
     if several_arms(task):
         late = trajectory.segments != in_time_order(task, segments)
@@ -70,23 +72,16 @@ def _taken_by_others(problem: Problem, trajectory: Trajectory) -> str:
     return ""
 
 
-def _other_object(problem: Problem, step: TaskStep, segment: Segment) -> str:
-    """Return in words which other object or link a segment names than its step has; empty if none or nothing."""
-    if segment.object == segment.link == "":
-        return ""
+def _objects(problem: Problem) -> Iterator[tuple[str, str]]:
+    """Yield the object and the link that the segment of each step names, if it names any."""
     links = {held.name: held.link for held in problem.scene.attached}
-    for one in problem.task:
-        if one is step:
-            break
-        if isinstance(one.action, Attach):
-            links[one.action.body] = one.action.link
-    expected = ("", "")
-    if isinstance(step.action, Attach | ChangeTool):
-        expected = step.action.body, step.action.link
-    elif isinstance(step.action, Detach):
-        expected = step.action.body, links[step.action.body]
-    found = segment.object, segment.link
-    return "" if found == expected else f"'{found[0]}' and '{found[1]}' of {step.words} instead of {expected}"
+    for action in (step.action for step in problem.task):
+        if isinstance(action, Attach):
+            links[action.body] = action.link
+        if isinstance(action, Attach | ChangeTool):
+            yield action.body, action.link
+        else:
+            yield (action.body, links.get(action.body, "")) if isinstance(action, Detach) else ("", "")
 
 
 def _apart(a: float, b: float) -> bool:
@@ -158,10 +153,12 @@ def _parts_with_ends(
     problem: Problem, found: Iterable[_Stretch], ends: Iterable[tuple[float, Array]]
 ) -> Iterator[ScenePart]:
     """Yield the parts, each with those of the times, s, and configurations (n,) at which steps end that lie in it."""
-    known = [] if problem.scene.safety is None else list(ends)
+    known = [] if problem.scene.safety is None else sorted(ends, key=itemgetter(0))
+    times = [t for t, _ in known]
     for _, during, begin, end, steps in found:
+        own = known[bisect_left(times, begin) : bisect_right(times, end)]
         scene = during.later(begin) if end > begin else during.stopped(begin)
-        scene = scene.ending_at(*(q for t, q in known if begin <= t <= end))
+        scene = scene.ending_at(*(q for _, q in own))
         yield ScenePart(part_problem(problem, scene), begin, end, _words(steps))
 
 
@@ -175,8 +172,11 @@ def _step_ends(problem: Problem, trajectory: Trajectory) -> Iterator[tuple[float
     rows = list(steps_in_time(problem, trajectory))
     of_arms = joints_of_arms(problem.task, problem.robot.joint_names)
 
+    lasting = [(begin, end) for _, _, begin, end in rows if end > begin]
+    begun, over = sorted(begin for begin, _ in lasting), sorted(end for _, end in lasting)
+
     def resting(t: float) -> bool:
-        return not any(since < t < until for _, _, since, until in rows)
+        return bisect_left(begun, t) == bisect_right(over, t)
 
     for step, _, begin, end in rows:
         action = step.action

@@ -8,6 +8,7 @@ from math import perm
 import numpy as np
 
 from optiplan.arrays import Array, Flags, Index, parts_of
+from optiplan.trajectory.polynomial import taylor
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.continuous.motion_bounds import Boxes
 from optiplan.verify.continuous.proof import least_of_kinds
@@ -138,24 +139,6 @@ def boxes(trajectory: Trajectory, items: Intervals, jump: Array) -> Boxes:
     jump = jump[items.piece]
     reach += jump + 1e-15
     return Boxes(half[:, 0], b[0], b[1] if len(b) > 1 else np.zeros_like(b[0]), reach, speed, acceleration, jump)
-
-
-def taylor(c: Array, x: Array) -> Array:
-    """Taylor coefficients p^(k)(x) / k!, (degree + 1, K, n), of polynomials c (K, degree + 1, n).
-
-    By Horner's rule, again and again (synthetic division).
-
-    Args:
-        c: ascending powers.
-        x: (K, 1) where.
-    """
-    b = np.array(c.swapaxes(0, 1), order="C")
-    degree = len(b) - 1
-    term = np.empty_like(b[0])
-    for k in range(degree):
-        for i in range(degree - 1, k - 1, -1):
-            b[i] += np.multiply(b[i + 1], x, out=term)
-    return b
 
 
 def derivative_bounds(c: Array, middle: Array, half: Array, orders: int) -> Array:

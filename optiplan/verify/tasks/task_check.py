@@ -21,6 +21,7 @@ from optiplan.problem.task.steps import Attach, Detach, Move, StraightLine, Task
 from optiplan.problem.task.timeline import mismatch, part_of_last_event, scene_parts, steps_in_time
 from optiplan.robot.frames import frame_pose
 from optiplan.robot.robot import Robot
+from optiplan.trajectory.segments import ON_PATH, TOUR
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import limit_checks
 from optiplan.verify.collision_check import collision
@@ -32,21 +33,27 @@ from optiplan.verify.tasks.arms_check import arms_check
 from optiplan.verify.tasks.line_ways import LineSpeed, line_constraints, line_speed
 from optiplan.verify.tasks.ride_check import ride_checks
 from optiplan.verify.tasks.standstill_check import standstill
-from optiplan.verify.tasks.task_parts import StepPart, standing_at, step_parts
+from optiplan.verify.tasks.task_parts import StepPart, standing_at
 from optiplan.verify.via_check import vias
 
 End = TypeVar("End", bound=GoalEnd)
+
+_WAYS = {ON_PATH: ", the ways to its path and from it included", TOUR: ", the ways between its targets included"}
 
 WITHIN_REACH = 0.02
 """m: what is taken from farther off is named beside the verdict; open fingers are a centimetre from what they take."""
 
 
-def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) -> list[Check]:
-    """Return the checks of a motion that does a task; only the first where its segments are not the task's steps."""
+def task_checks(
+    problem: Problem, trajectory: Trajectory, parts: Sequence[StepPart], policy: VerifyPolicy
+) -> list[Check]:
+    """Return the checks of a motion that does a task; only the first where its segments are not the task's steps.
+
+    `parts` as of `step_parts`; none where the segments are not the steps.
+    """
     steps = _segments(problem, trajectory)
     if not steps.passed:
         return [steps]
-    parts = list(step_parts(problem, trajectory))
     last = part_of_last_event(problem, trajectory)
     scenes = scene_parts(problem, trajectory) + ([] if last is None else [last])
     return [
@@ -67,9 +74,12 @@ def task_checks(problem: Problem, trajectory: Trajectory, policy: VerifyPolicy) 
     ]
 
 
-def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
-    """Return what the verdict on a task is about besides: when what is held changes, and what steps let touch."""
-    if mismatch(problem, trajectory):
+def task_scope(problem: Problem, trajectory: Trajectory, parts: Sequence[StepPart]) -> tuple[str, ...]:
+    """Return what the verdict on a task is about besides: when what is held changes, and what steps let touch.
+
+    `parts` as of `task_checks`.
+    """
+    if not parts:
         return ()
     said, weights, afar = [], [], []
     for step, scene, begin, _ in steps_in_time(problem, trajectory):
@@ -82,11 +92,12 @@ def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
             said.append(f"{step.action.body} is {done} from {begin:.3f} s")
         if isinstance(step.action, Attach) and step.action.mass:
             weights.append(f"{step.action.body} of {step.action.mass:g} kg")
-    allowed: dict[str, list[int]] = {}
+    allowed: dict[str, dict[int, str]] = {}
     for step in problem.task:
         for pair in step.allowed:
-            allowed.setdefault(" – ".join(sorted(pair)), []).append(step.number)
-    pairs = [f"{pair} in step {', '.join(map(str, numbers))}" for pair, numbers in sorted(allowed.items())]
+            numbers = allowed.setdefault(" – ".join(sorted(pair)), {})
+            numbers.setdefault(step.number, f"{step.number}{_WAYS.get(step.kind, '')}")
+    pairs = [f"{pair} in step {', '.join(numbers.values())}" for pair, numbers in sorted(allowed.items())]
     touch = sorted(
         {
             " – ".join(sorted((s.action.body, link)))
@@ -95,7 +106,7 @@ def task_scope(problem: Problem, trajectory: Trajectory) -> tuple[str, ...]:
             for link in s.action.touch
         }
     )
-    slow = [f"{step.words}: {speed}" for step, speed in _speeds_held(step_parts(problem, trajectory)) if speed.why]
+    slow = [f"{step.words}: {speed}" for step, speed in _speeds_held(parts) if speed.why]
     return (
         *([f"lines slower than asked: {'; '.join(slow)}"] if slow else []),
         *([f"what is held: {'; '.join(said)}"] if said else []),
@@ -295,10 +306,13 @@ def _share(check: Check) -> float:
 
 
 def _collision(checks: Iterable[Check]) -> Check:
-    """Return one check of contacts of several parts, with the least clearance and the work of all."""
+    """Return one check of contacts of several parts, with the work of all.
+
+    It has the least clearance; where parts fail, that of these alone, and first of one of which nothing was measured.
+    """
     found = list(checks)
-    measured = [check for check in found if check.worst is not None] or found
-    worst = min(measured, key=lambda check: (check.passed, np.inf if check.worst is None else check.worst))
+    unmeasured = np.inf if all(check.passed for check in found) else -np.inf
+    worst = min(found, key=lambda check: (check.passed, unmeasured if check.worst is None else check.worst))
     witness: dict[str, Any] = dict(worst.witness)
     for key in ("intervals", "queries", "believed"):
         witness[key] = sum(int(check.witness[key]) for check in found)

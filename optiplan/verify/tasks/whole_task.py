@@ -6,12 +6,14 @@ from optiplan.config.messages import some
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.choices import choices_of, taken_by
 from optiplan.problem.task.steps import TargetTour
+from optiplan.problem.task.timeline import mismatch
 from optiplan.problem.task.tour_order import wrong_order
 from optiplan.problem.task.tour_steps import arrivals, chosen, in_order
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.statements import choice, choices, covering, tour, tours
 from optiplan.verify.tasks.task_check import task_checks, task_scope
+from optiplan.verify.tasks.task_parts import step_parts
 
 _NAMED = 12
 """Targets of a tour that a report names, in their order."""
@@ -27,13 +29,15 @@ class WholeTask:
     def __init__(self, problem: Problem, trajectory: Trajectory) -> None:
         self._problem, self._trajectory = problem, trajectory
         self._chosen, self.in_order = chosen(problem, trajectory), in_order(problem, trajectory)
+        done = not mismatch(self.in_order, trajectory)
+        self._parts = list(step_parts(self.in_order, trajectory)) if done else []
 
     def checks(self, policy: VerifyPolicy) -> list[Check]:
         """Return the checks of alternatives, tours and steps."""
         return [
             *choice_checks(self._problem, self._trajectory),
             *tour_checks(self._chosen, self._trajectory),
-            *task_checks(self.in_order, self._trajectory, policy),
+            *task_checks(self.in_order, self._trajectory, self._parts, policy),
         ]
 
     def statements(self) -> list[str]:
@@ -45,7 +49,7 @@ class WholeTask:
         return (
             *choice_scope(self._problem, self._trajectory),
             *tour_scope(self._chosen, self._trajectory),
-            *task_scope(self.in_order, self._trajectory),
+            *task_scope(self.in_order, self._trajectory, self._parts),
         )
 
 

@@ -7,16 +7,12 @@ import numpy as np
 
 from optiplan.arrays import Array, Flags
 from optiplan.collision.contacts import Contact
-from optiplan.collision.floors import floors_of
-from optiplan.collision.kept_models import collision_model
 from optiplan.collision.model import CollisionModel
 from optiplan.problem.problem import Problem
 from optiplan.problem.task.scene_part import ScenePart
 from optiplan.problem.task.timeline import mismatch, scene_parts
-from optiplan.trajectory.joining import with_obstacles
 from optiplan.trajectory.trajectory import Trajectory
-from optiplan.verify.collision_check import checked_robot
-from optiplan.verify.continuous.certificate import certify
+from optiplan.verify.collision_check import certified
 from optiplan.verify.continuous.clearance_record import ClearanceBound, ClearanceRecord
 from optiplan.verify.report import VerifyPolicy
 from optiplan.viewer.surfaces import base64_of
@@ -117,13 +113,10 @@ def _proved(bounds: list[ClearanceBound]) -> dict[str, Any]:
 
 def _measured(part: ScenePart, motion: Trajectory, duration: float, even: int) -> _Measured | None:
     """Prove and measure a part of a motion; None where no two bodies can meet."""
-    policy = VerifyPolicy()
-    model = collision_model(checked_robot(part.problem, policy), part.problem.scene)
+    record = ClearanceRecord()
+    model, motion, _, _, proof = certified(part.problem, motion, VerifyPolicy(), record)
     if not model.pairs:
         return None
-    motion, record = with_obstacles(motion, model.motions), ClearanceRecord()
-    floors = floors_of(model, part.problem.scene.safety)
-    proof = certify(model, motion, policy, record, floors=floors)
     bound = record.bound(motion.duration, len(model.pairs)) if proof.proved else None
     own = max(4, int(np.ceil(even * motion.duration / duration)))
     t = _times(motion, bound, own, None if proof.nearest is None else proof.nearest.time)

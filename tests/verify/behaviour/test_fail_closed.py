@@ -42,8 +42,9 @@ from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify import constraint_check, limit_checks, statements, via_check
 from optiplan.verify import verify as verifier
 from optiplan.verify.constraint_check import _checks_of, _poses, path_constraints
-from optiplan.verify.report import VerifyPolicy
+from optiplan.verify.report import Check, VerifyPolicy
 from optiplan.verify.tasks import tool_check
+from optiplan.verify.tasks.task_check import _collision
 from optiplan.verify.verify import verify
 from tests.verify.motions import problem_of, quintic, within_limits
 
@@ -324,3 +325,48 @@ def test_an_empty_list_of_checks_never_stands_for_a_constraint(problem, swing):
         found = path_constraints(derived(problem, path_constraints=(one,)), swing, VerifyPolicy())
         assert found
         assert all(check.covers == ("path_constraints[0]",) for check in found)
+
+
+@pytest.mark.parametrize(
+    ("row", "T"), [([0.0, 1e308], 10.0), ([0.0, 1e308, 1e308], 1.0), ([0.0, 1e99], 1.0), ([0.1, 0.0, 0.0], 1e300)]
+)
+def test_numbers_that_overflow_within_a_piece_are_refused(planar, problem, row, T):
+    c = np.tile(np.array(row)[None, :, None], (1, 1, 2))
+    endless = replace(planar, limits=replace(planar.limits, lower=np.full(2, -np.inf), upper=np.full(2, np.inf)))
+    ball = Obstacle("ball", Sphere(0.1), pin.SE3(np.eye(3), np.array([9.0, 0.0, 0.0])))
+    steps = [move(planar, [-1.0, 0.0]), replace(move(planar, [1.0, 0.0]), number=2)]
+    for one in (
+        derived(problem, start_velocity=np.array([0.1, 0.0])),
+        derived(problem, robot=endless, goal=(JointGoal(np.zeros(2), velocity=np.full(2, 0.1)),)),
+        derived(problem, scene=Scene((ball.moving([[0.0, 0.1], [0.0], [0.0]], until=0.3 * T),))),
+        task_of(problem, *steps),
+    ):
+        motion = Trajectory(planar.joint_names, np.array([0.0, T]), c)
+        report = verify(one, in_time(motion, *steps) if one.task else motion)
+        assert failed(report) == ["finite"]
+
+
+def test_a_segment_without_end_is_refused(planar, problem, swing):
+    one, two = move(planar, [-1.0, 0.0]), TaskStep(2, "dwell", "dwell", Dwell(0.0))
+    T = swing.duration
+    for begin, end in ((0.0, np.inf), (0.0, np.nan), (np.inf, np.inf)):
+        segments = Segment(1, "move", "move", begin, end), Segment(2, "dwell", "dwell", T, T)
+        motion = Trajectory(swing.joint_names, swing.breakpoints, swing.coefficients, segments)
+        assert failed(verify(task_of(problem, one, two), motion)) == ["steps"]
+
+
+def test_the_reason_of_a_part_that_is_refused_without_a_distance_is_told():
+    work = {"intervals": 1, "queries": 1, "believed": 0, "pairs": 1, "proved_by_robot": 0}
+    none = dict.fromkeys(("proved_clearance", "self_clearance", "scene_clearance", "met_clearance"))
+    passed = Check("collision", "continuous", True, 0.01, 0.0, "m", detail="clear", witness=work | none)
+    touches = replace(passed, passed=False, worst=-0.002, detail="touches")
+    unbounded = replace(passed, passed=False, worst=None, detail="a shape without bounds")
+    for found, reason in (
+        ([passed, unbounded], "a shape without bounds"),
+        ([touches, passed], "touches"),
+        ([touches, unbounded], "a shape without bounds"),
+        ([passed, replace(passed, worst=None)], "clear"),
+    ):
+        check = _collision(found)
+        assert check.detail.endswith(reason)
+        assert check.passed is all(one.passed for one in found)

@@ -12,12 +12,15 @@ from optiplan.problem.seams.actions import PathEvent, SeamPath
 from optiplan.problem.seams.building import SeamShape
 from optiplan.problem.task.steps import TaskStep
 from optiplan.problem.task.timeline import mismatch, scene_parts
+from optiplan.problem.task.tour_steps import in_order
 from optiplan.robot.frames import frame_pose
 from optiplan.trajectory.joining import standstill
 from optiplan.trajectory.segments import ON_PATH, PASSING, Segment
 from optiplan.trajectory.trajectory import Trajectory
 from optiplan.verify.collision_check import collision
 from optiplan.verify.report import VerifyPolicy
+from optiplan.verify.tasks.task_check import task_scope
+from optiplan.verify.tasks.task_parts import step_parts
 from tests.verify.tasks.test_arms_check import FIRST, SECOND, problem_of
 
 BEND, RATE, T = 0.6, 0.5, 2.0
@@ -53,6 +56,15 @@ def test_a_path_has_its_ends_and_no_place_to_which_the_robot_goes_freely(on_path
     problem, motion = on_path
     assert not mismatch(problem, motion)
     assert times(motion, scene_parts(problem, motion)) == [0.0, 0.2, 1.8]
+
+
+def test_the_scope_says_that_contacts_are_allowed_on_the_way_to_a_path_too(on_path):
+    problem, motion = on_path
+    (step,) = problem.task
+    touching = derived(problem, task=(replace(step, allowed=frozenset({frozenset({"tool", "part"})})),))
+    ordered = in_order(touching, motion)
+    (said,) = task_scope(ordered, motion, list(step_parts(ordered, motion)))
+    assert said.endswith("part – tool in step 1, the ways to its path and from it included")
 
 
 def test_an_arm_on_its_way_is_at_no_end_of_another():

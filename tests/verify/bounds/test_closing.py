@@ -1,11 +1,13 @@
 """Closed boxes: every configuration in them is in collision, or too far from both ends."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import optiplan as op
 from optiplan._core import core
 from optiplan.collision.model import CollisionModel
+from optiplan.robot.native_tree import native_tree
 from optiplan.verify.bounds.bound import _passage
 from optiplan.verify.bounds.closing import CLOSED, Closing
 from optiplan.verify.bounds.inner_shapes import boxes_inside, rods_inside
@@ -73,3 +75,27 @@ def test_bodies_smaller_than_what_rounding_takes_have_no_rods():
     rods = rods_inside(CollisionModel(op.load_robot("two_links"), op.Scene(attached=[dot])))
     assert len(rods.radius)
     assert rods.radius.min() > 0.0
+
+
+def test_robots_of_many_joints_have_closed_boxes():
+    """A rod behind seventy joints, as of eight arms with hands, of which the first leads it into a box."""
+    model = pin.Model()
+    for k in range(70):
+        model.addJoint(k, pin.JointModelRZ(), pin.SE3.Identity(), f"joint {k}")
+    zeros, ones = np.zeros(1, dtype=np.int64), np.ones(1, dtype=np.int64)
+    closing = core.BoxClosing(
+        native_tree(model),
+        np.array([[0.5, 0.0, 0.0], [1.0, 0.0, 0.0]]),
+        np.array([0.05]),
+        70 * ones,
+        zeros,
+        np.array([[0, 0]], dtype=np.int64),
+        np.eye(3)[None],
+        np.array([[0.8, 0.0, 0.0, 0.2, 0.2, 0.2, 0.0]]),
+        zeros,
+        np.full((2, 70), 1.0),
+    )
+    wide, near, far = np.full((70, 1), 9.0), np.zeros((1, 70)), np.zeros((1, 70))
+    near[0, 0], far[0, 0] = 0.01, 1.5
+    assert closing.close(-wide, wide, near, near, 4) == CLOSED
+    assert closing.close(-wide, wide, far, far, 4) != CLOSED

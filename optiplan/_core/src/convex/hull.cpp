@@ -1,8 +1,8 @@
 #include "hull.hpp"
 
 #include <algorithm>
-#include <limits>
 #include <map>
+#include <numeric>
 #include <stdexcept>
 
 namespace optiplan {
@@ -10,6 +10,8 @@ namespace optiplan {
 namespace {
 
 constexpr std::uint32_t kBlock = 4;  // cells along an edge of a block
+constexpr std::uint32_t kNone = 0;   // others of a cell of two
+constexpr std::size_t kMany = 2000;  // candidates of a cell that are not compared with each other, one by one
 constexpr double kRounding =
     1e-13;  // of a dot product, as a part of the extent: a vertex is left out by more than that
 
@@ -30,8 +32,7 @@ struct Hull::Square {
 };
 
 Hull::Hull(std::vector<Vec3> points) : points_(std::move(points)), edge_cells_(cells_for(points_.size())) {
-    if (points_.empty() || points_.size() > std::numeric_limits<std::uint16_t>::max())
-        throw std::invalid_argument("a hull takes 1 to 65535 points");
+    if (points_.empty()) throw std::invalid_argument("a hull takes one point or more");
     Vec3 low = points_[0], high = points_[0];
     for (const Vec3 &p : points_) {
         if (!std::isfinite(p.x + p.y + p.z)) throw std::invalid_argument("a hull of points that are not finite");
@@ -47,25 +48,27 @@ const Hull::Cell *Hull::list(std::uint32_t asked) const {
     const std::lock_guard<std::mutex> one(listing_);
     const std::uint32_t in_face = edge_cells_ * edge_cells_, block = std::min(edge_cells_, kBlock);
     if (!all_) all_ = std::make_unique<Cell[]>(6 * in_face), cells_.store(all_.get(), std::memory_order_release);
-    if (all_[asked].listed.load(std::memory_order_relaxed)) return all_.get();
+    if (all_[asked].others.load(std::memory_order_relaxed)) return all_.get();
     const std::uint32_t face = asked / in_face, i = asked % in_face / edge_cells_, j = asked % edge_cells_;
     Candidates all(points_.size());
-    for (std::size_t k = 0; k < all.size(); ++k) all[k] = std::uint16_t(k);
+    std::iota(all.begin(), all.end(), 0u);
     std::map<std::uint32_t, Candidates> cells;
     divide({face, i - i % block, j - j % block, block}, all, cells);
     Candidates &more = more_.emplace_back();
-    for (const auto &[at, cell] : cells) {
-        if (cell.size() > 2) more.insert(more.end(), cell.begin() + 2, cell.end());
-        if (cell.size() > 2 && cell.size() % 2) more.push_back(cell.back());
-    }
-    const std::uint16_t *next = more.data();
+    std::vector<std::pair<Cell *, std::size_t>> places;
     for (const auto &[at, cell] : cells) {
         Cell &listed = all_[at];
         listed.first[0] = cell[0], listed.first[1] = cell[cell.size() > 1];
-        listed.others = std::uint16_t(cell.size() > 2 ? (cell.size() - 1) / 2 * 2 : 0);
-        listed.more = next, next += listed.others;
-        listed.listed.store(true, std::memory_order_release);
+        if (cell.size() <= 2) {
+            listed.others.store(&kNone, std::memory_order_release);
+            continue;
+        }
+        places.emplace_back(&listed, more.size());
+        more.push_back(std::uint32_t((cell.size() - 1) / 2 * 2));
+        more.insert(more.end(), cell.begin() + 2, cell.end());
+        if (cell.size() % 2) more.push_back(cell.back());
     }
+    for (const auto &[listed, place] : places) listed->others.store(&more[place], std::memory_order_release);
     return all_.get();
 }
 
@@ -89,8 +92,8 @@ Hull::Candidates Hull::kept_in(const Square &square, const Candidates &candidate
     const Vec3 corners[4] = {square.direction(u, v), square.direction(u + side, v), square.direction(u, v + side),
                              square.direction(u + side, v + side)};
     Candidates kept = candidates;
-    const auto drop_beaten_by = [&](std::uint16_t best) {
-        const auto beaten = [&](std::uint16_t other) {
+    const auto drop_beaten_by = [&](std::uint32_t best) {
+        const auto beaten = [&](std::uint32_t other) {
             const Vec3 ahead = points_[best] - points_[other];
             return std::all_of(corners, corners + 4, [&](const Vec3 &corner) { return dot(ahead, corner) > slack; });
         };
@@ -98,11 +101,11 @@ Hull::Candidates Hull::kept_in(const Square &square, const Candidates &candidate
     };
     const Vec3 middle = square.direction(u + 0.5 * side, v + 0.5 * side);
     for (const Vec3 &d : {middle, corners[0], corners[1], corners[2], corners[3]})
-        drop_beaten_by(*std::max_element(kept.begin(), kept.end(), [&](std::uint16_t a, std::uint16_t b) {
+        drop_beaten_by(*std::max_element(kept.begin(), kept.end(), [&](std::uint32_t a, std::uint32_t b) {
             return dot(points_[a], d) < dot(points_[b], d);
         }));
-    if (square.size == 1)
-        for (std::uint16_t one : Candidates(kept)) drop_beaten_by(one);
+    if (square.size == 1 && kept.size() <= kMany)
+        for (std::uint32_t one : Candidates(kept)) drop_beaten_by(one);
     return kept;
 }
 

@@ -29,11 +29,12 @@ class Hull {
     Vec3 support(const Vec3 &d) const {
         const std::uint32_t asked = cell_of(d);
         const Cell *cells = cells_.load(std::memory_order_acquire);
-        if (!cells || !cells[asked].listed.load(std::memory_order_acquire)) cells = list(asked);
+        if (!cells || !cells[asked].others.load(std::memory_order_acquire)) cells = list(asked);
         const Cell &cell = cells[asked];
+        const std::uint32_t *others = cell.others.load(std::memory_order_relaxed), count = *others;
         const Vec3 *best = farther(&points_[cell.first[0]], &points_[cell.first[1]], d);
-        for (std::uint32_t k = 0; k != cell.others; k += 2)
-            best = farther(best, farther(&points_[cell.more[k]], &points_[cell.more[k + 1]], d), d);
+        for (std::uint32_t k = 1; k <= count; k += 2)
+            best = farther(best, farther(&points_[others[k]], &points_[others[k + 1]], d), d);
         return *best;
     }
 
@@ -43,11 +44,10 @@ class Hull {
     double radius() const { return radius_; }       // of the ball about `centre` that holds all points
 
   private:
-    // Candidates of a cell: two, and `others`, an even number, from `more` on.
+    // Candidates of a cell: two, and `others`: how many, an even number, followed by these; null until it is listed.
     struct Cell {
-        std::atomic<bool> listed{false};
-        std::uint16_t first[2] = {}, others = 0;
-        const std::uint16_t *more = nullptr;
+        std::uint32_t first[2] = {};
+        std::atomic<const std::uint32_t *> others{nullptr};
     };
 
     static const Vec3 *farther(const Vec3 *a, const Vec3 *b, const Vec3 &d) { return dot(*b, d) > dot(*a, d) ? b : a; }
@@ -64,7 +64,7 @@ class Hull {
         return ((2 * axis + (major < 0.0)) * edge_cells_ + (i < last ? i : last)) * edge_cells_ + (j < last ? j : last);
     }
 
-    using Candidates = std::vector<std::uint16_t>;
+    using Candidates = std::vector<std::uint32_t>;
     struct Square;
     const Cell *list(std::uint32_t asked) const;
     Candidates kept_in(const Square &square, const Candidates &candidates) const;
