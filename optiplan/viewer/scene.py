@@ -143,7 +143,8 @@ def build_scene(problem: Problem, runs: Sequence[RunLike]) -> SceneData:
             raise OptiPlanError(f"run '{run.label}' moves {found} joints; robot '{problem.robot.name}' has {n}")
     parts = _Parts()
     several = len({(run.problem or problem).hash for run in viewed}) > 1
-    moving = frozenset(problem.scene.names) if several else moved_by(problem.task)
+    moved = moved_by(problem.task) if viewed else frozenset()  # each run draws what it moves
+    moving = frozenset(problem.scene.names) if several else moved
     bare = not problem.robot.visual.geometryObjects and not problem.robot.geometry.geometryObjects
     (_add_frames if bare else _add_robot)(parts, problem.robot)
     _add_objects(parts, problem, moving)
