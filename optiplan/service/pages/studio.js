@@ -1,7 +1,7 @@
 "use strict";
 // The studio: the text is the truth; the scene shows what it says, and writes into it.
 (() => {
-  const { byId, make, post, get, latest } = Page, DRAFT = "optiplan.draft", SURFACE_GAP = 0.01; // m between a surface and the goal on it
+  const { byId, make, post, get, latest } = Page, SURFACE_GAP = 0.01; // m between a surface and the goal on it
   const ELSEWHERE = "No ways to reach it are shown: at the start the robot lacks the frame of this pose, or this step does not move all joints that carry it.";
   const state = { valid: "", problem: null, hash: "", q: [], start: [], asked: 0, handles: [], active: 0, chosen: null, coming: null, branches: [], branch: -1, examples: {}, opened: "" };
   const names = { robots: [], planners: [] };
@@ -297,8 +297,7 @@
 
   function keep(text) {
     byId("stored").textContent = "";
-    if (text === state.opened) localStorage.removeItem(DRAFT);
-    else localStorage.setItem(DRAFT, JSON.stringify({ text, at: Date.now(), opened: state.opened }));
+    if (!Drafts.keep(text, state.opened)) byId("stored").textContent = "this browser keeps no draft";
   }
 
   function open(text, undoable) {
@@ -307,17 +306,20 @@
     Object.assign(state, { start: [], branches: [], branch: -1, chosen: null, active: 0 });
     scene.framed = false;
     if (undoable) editor.replace(text); else editor.begin(text);
-    notice(edited ? "Your text is one undo away." : "", "Bring it back", () => editor.undo());
+    notice(edited ? "Your text is one undo away." : "", ["Bring it back", () => editor.undo()]);
     check();
   }
 
-  function notice(words, action, act) {
+  // Words, and buttons of [what they say, what they do].
+  function notice(words, ...actions) {
     byId("notice").hidden = !words;
-    byId("notice").replaceChildren(words + " ", make("button", { type: "button", textContent: action, onclick: () => { byId("notice").hidden = true; act(); } }));
+    byId("notice").replaceChildren(words, ...actions.flatMap(([textContent, act]) => [" ", make("button", { type: "button", textContent, onclick: () => { byId("notice").hidden = true; act(); } })]));
   }
 
-  function draft() {
-    try { return JSON.parse(localStorage.getItem(DRAFT)); } catch (broken) { return null; }
+  // A draft in place of the text; what it began from is what it is told apart from.
+  function resume(draft, undoable) {
+    open(draft.text, undoable);
+    state.opened = draft.opened || "";
   }
 
   // ---- buttons
@@ -350,15 +352,15 @@
     Object.assign(names, { planners: planners.map(({ name }) => name), robots: robots.map(({ name }) => name) });
     byId("example").append(...Object.keys(examples).map((name) => make("option", { value: name, textContent: name })));
     byId("planner").append(...names.planners.map((name) => make("option", { value: name, textContent: name })));
-    const named = await Page.named(), kept = draft();
-    if (named === null && kept && kept.text) {
-      open(kept.text, false);
-      state.opened = kept.opened || "";
-      notice(`Your draft of ${new Date(kept.at).toLocaleString()}.`, "Begin anew", () => open(examples["02_shelf"], true));
-      return;
-    }
-    open(named || examples["02_shelf"], false);
-    if (kept && kept.text && kept.text !== named) notice("This browser keeps a draft of yours.", "Open it", () => { open(kept.text, true); state.opened = kept.opened || ""; });
+    const named = await Page.named(), mine = Drafts.left(), kept = mine || Drafts.all()[0], when = ({ at }) => new Date(at).toLocaleString();
+    if (named === null && kept) {
+      if (mine) Drafts.take(mine);
+      resume(kept, false);
+    } else open(named || examples["02_shelf"], false);
+    const others = Drafts.all().filter((one) => one.text !== editor.text()), offers = others.map((one) => [`Open that of ${when(one)}`, () => resume(one, true)]);
+    if (others.length) offers.push(["Forget the others", () => confirm("Forget the other drafts? They cannot be brought back.") && others.forEach(Drafts.drop)]);
+    if (named === null && kept) notice(`Your draft of ${when(kept)}.`, ["Begin anew", () => { Drafts.drop(kept); open(examples["02_shelf"], true); }], ...offers);
+    else if (others.length) notice("This browser keeps drafts of yours.", ...offers);
   }
   byId("joints").open = byId("chosen").open = innerWidth > 760; // else they hide the scene
   byId("joints").addEventListener("toggle", () => scene.resize());

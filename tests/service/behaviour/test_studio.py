@@ -238,12 +238,14 @@ def test_a_scene_that_is_drawn_again_takes_no_more_memory(page, server):
     assert later == [first, first]
 
 
+TYPED = """words => optiplanStudio.editor.view.dispatch(
+  { changes: { from: 0, insert: words + "\\n" }, userEvent: "input.type" })"""
+
+
 @wide
 def test_drafts_survive_a_reload_and_another_example(page, server):
     open_studio(page, server)
-    page.evaluate(
-        "optiplanStudio.editor.view.dispatch({ changes: { from: 0, insert: '# mine\\n' }, userEvent: 'input.type' })"
-    )
+    page.evaluate(TYPED, "# mine")
     mine = text_of(page)
     page.reload()
     page.wait_for_function("window.optiplanStudio && optiplanStudio.editor.text().startsWith('# mine')")
@@ -257,6 +259,41 @@ def test_drafts_survive_a_reload_and_another_example(page, server):
     page.reload()  # an example as it is, is no draft
     page.wait_for_selector("#issues .fine")
     assert page.is_hidden("#notice")
+
+
+@wide
+def test_drafts_of_several_problems_are_kept(page, server):
+    open_studio(page, server)
+    page.evaluate(TYPED, "# first")
+    stored = server.http.post("/api/problems", json={"problem": QUICK}).json()["hash"]
+    page.goto(f"{server.url}/benches")
+    page.goto(f"{server.url}/studio#{stored}")
+    page.wait_for_selector("#issues .fine")
+    assert text_of(page) == QUICK
+    page.evaluate(TYPED, "# second")
+    page.goto(f"{server.url}/benches")
+    page.goto(f"{server.url}/studio")
+    page.wait_for_function("window.optiplanStudio && optiplanStudio.editor.text().startsWith('# second')")
+    page.locator("#notice button", has_text="Open that").click()
+    assert text_of(page).startswith("# first")
+    page.wait_for_selector("#issues .fine")
+
+
+FULL = """() => {
+  Storage.prototype.setItem = () => { throw new Error("full"); };
+  optiplanStudio.editor.replace("name: 3");
+  document.getElementById("theme").click();
+}"""
+
+
+@wide
+def test_a_browser_that_keeps_nothing_still_checks(page, server):
+    open_studio(page, server)
+    theme = page.evaluate("document.documentElement.dataset.theme")
+    page.evaluate(FULL)
+    page.wait_for_selector("#issues button")
+    assert page.is_disabled("#plan")
+    assert page.evaluate("document.documentElement.dataset.theme") != theme
 
 
 @wide

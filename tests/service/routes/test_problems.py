@@ -156,6 +156,13 @@ def test_stored_problems_are_found_by_their_hash(server):
     moved = server.http.post("/api/plan", json={"problem": hash, "start": {"joints": [0.4, 1.0]}}).json()
     assert moved["problem"] != hash
     assert moved["trajectory"]["q"][0] == pytest.approx([0.4, 1.0])
+    planned = server.http.get(f"/api/runs/{moved['id']}/problem").text  # with the start that it was planned from
+    assert server.http.post("/api/problems/validate", json={"problem": planned}).json()["hash"] == moved["problem"]
+    assert server.http.get(f"/api/runs/{run['id']}/problem").text == QUICK
+    asked = {"problem": hash, "goal": {"joints": [-0.4, 1.2]}, "name": "not its own"}
+    other = server.http.post("/api/problems", json=asked).json()["hash"]
+    again = server.http.get(f"/api/problems/{other}").json()["problem"]
+    assert server.http.post("/api/problems/validate", json={"problem": again}).json()["hash"] == other
     assert server.http.delete(f"/api/problems/{hash}").status_code == 204
     assert server.http.post("/api/runs", json={"problem": hash}).status_code == 404
     assert server.ended(run["id"])["status"] == "done"
