@@ -212,16 +212,13 @@
   }
 
   function draw(found) {
-    const fresh = JSON.stringify(found.start) !== JSON.stringify(state.start), known = new Set(found.problem.scene.obstacles.map((one) => one.name));
+    const fresh = JSON.stringify(found.start) !== JSON.stringify(state.start), known = new Set(found.problem.scene.obstacles.map((one) => one.name)), had = state.handles.length;
     Object.assign(state, { drawn: found, problem: found.problem, start: found.start, tool: found.tool, joints: found.joints, handles: asWritten(found) });
     state.active = Math.min(state.active, Math.max(0, state.handles.length - 1));
     scene.show(found.scene, null);
     if (state.handles.length) scene.handles(state.handles.map((one) => one.pose), state.active);
-    if (!scene.framed) {
-      scene.frame();
-      scene.framed = true;
-      if (!state.handles.length) tell("This text has no pose to be dragged. Obstacles can be dragged, with shift up and down; a click chooses one.");
-    }
+    if (!state.handles.length && (had || !scene.framed)) tell("This text has no pose to be dragged. Obstacles can be dragged, with shift up and down; a click chooses one.");
+    if (!scene.framed) { scene.frame(); scene.framed = true; }
     if (fresh || state.q.length !== found.start.length) Object.assign(state, { q: [...found.start], branches: [], branch: -1 });
     const aim = state.handles[state.active]; // ghosts stay as long as they reach what the text says
     if (state.branches.length && aim && aim.pose.some((x, k) => Math.abs(x - state.solved[k]) > 2e-3)) {

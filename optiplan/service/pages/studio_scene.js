@@ -176,6 +176,7 @@ const StudioScene = (() => {
     }
 
     frame() {
+      this.root.updateMatrixWorld(true); // what was placed since it was drawn
       const box = new THREE.Box3().setFromObject(this.robot), one = new THREE.Box3(), { camera, controls } = this.viewer;
       if (this.handle.visible) box.expandByObject(this.handle.ball);
       for (const ball of this.others.children) box.expandByObject(ball);

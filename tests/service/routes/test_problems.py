@@ -287,3 +287,11 @@ def test_what_there_is_to_choose_from(server):
     metrics = server.http.get("/metrics").text
     assert 'optiplan_requests_total{method="GET",status="200"}' in metrics
     assert json.dumps(server.http.get("/openapi.json").json())
+
+
+def test_a_frame_that_the_robot_lacks_is_refused_with_those_that_it_has(server):
+    asked = {"problem": QUICK, "pose": [0.5, 0.18, 0.5, 0, 0, 0, 1], "frame": "tol"}
+    answer = server.http.post("/api/ik", json=asked)
+    assert answer.status_code == 422
+    assert "did you mean 'tool'?" in answer.text
+    assert server.http.post("/api/ik", json=asked | {"frame": "tool"}).status_code == 200
